@@ -1,0 +1,1 @@
+//! The world outside the firmware: bodies, tyres, motors, battery, rails.

@@ -1,0 +1,1 @@
+//! Pseudo-terminals and serial ports: the only crate with system calls.

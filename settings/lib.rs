@@ -1,0 +1,1 @@
+//! Time, quantities with units, and named settings.
