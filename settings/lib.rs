@@ -1,1 +1,108 @@
 //! Time, quantities with units, and named settings.
+//!
+//! Every number that a user may change is declared once, with its default, its unit, its range
+//! and the reason we believe it, in a [`settings!`] block beside the code that uses it. From that
+//! one declaration come the struct, `--set`, `--config`, and `sim config`.
+//!
+//! A setting is either *documented* (the manual says so) or *assumed* (we decided); [`Basis`]
+//! carries which, and where it comes from, so that the two are never mixed up.
+
+mod choice;
+mod document;
+mod error;
+mod macros;
+mod quantity;
+mod time;
+mod value;
+
+pub use document::{Root, load_toml, parse_assignment, set, show_toml};
+pub use error::{Origin, SettingsError};
+pub use quantity::parse_quantity;
+pub use time::{SimTime, show_duration};
+pub use value::{Bounds, SettingValue, Value, read_in};
+
+/// Why we believe a default.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Basis {
+    /// The manual says so; the text names the place.
+    Documented(&'static str),
+    /// The manual is silent and we decided; the text says on what ground.
+    Assumed(&'static str),
+}
+
+impl Basis {
+    /// `documented` or `assumed`.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Documented(_) => "documented",
+            Self::Assumed(_) => "assumed",
+        }
+    }
+
+    /// Where it comes from.
+    #[must_use]
+    pub fn source(&self) -> &'static str {
+        match self {
+            Self::Documented(source) | Self::Assumed(source) => source,
+        }
+    }
+}
+
+/// One setting as it stands, handed to the visitor of [`Settings::visit`].
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// Full dotted key, such as `r150.heartbeat_timeout`.
+    pub key: String,
+    /// What it means, in the words of its documentation comment.
+    pub doc: String,
+    /// The effective value as a TOML literal.
+    pub value: String,
+    /// The default as a TOML literal.
+    pub default: String,
+    /// The allowed values in words.
+    pub allowed: String,
+    /// Documented behaviour or our assumption.
+    pub basis: Basis,
+}
+
+/// What was wrong with an attempt to set one key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Problem {
+    /// No setting has this name.
+    UnknownKey,
+    /// The name is that of a group, which has no value of its own.
+    IsGroup,
+    /// The value is not one of those allowed.
+    Invalid {
+        /// What is wrong with it.
+        why: String,
+        /// The allowed values in words.
+        allowed: String,
+    },
+}
+
+/// A tree of settings, as [`settings!`] declares it.
+pub trait Settings {
+    /// Hands every setting to `visit` in order of declaration; `prefix` goes before each key.
+    fn visit(&self, prefix: &str, visit: &mut dyn FnMut(Entry));
+
+    /// Sets the one at `path` (dotted, relative to this tree).
+    ///
+    /// # Errors
+    /// Says what is wrong with the key or the value; nothing has changed then.
+    fn assign(&mut self, path: &str, value: &Value) -> Result<(), Problem>;
+}
+
+/// Puts a group's key before a name in it; the root's key is empty.
+#[must_use]
+pub fn join(prefix: &str, name: &str) -> String {
+    if prefix.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{prefix}.{name}")
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,71 @@
+//! Settings that are one of a few words.
+
+/// Declares an enum whose variants are words in files and flags.
+///
+/// ```
+/// sim_settings::choices! {
+///     /// What happens to a request that comes too soon.
+///     pub enum OverRate {
+///         /// It gets no reply.
+///         Silent = "silent",
+///         /// It is answered like any other.
+///         Answer = "answer",
+///     }
+/// }
+/// assert_eq!(OverRate::Silent.word(), "silent");
+/// ```
+#[macro_export]
+macro_rules! choices {
+    (
+        $(#[$meta:meta])*
+        $vis:vis enum $name:ident {
+            $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        $vis enum $name {
+            $( $(#[$variant_meta])* $variant ),+
+        }
+
+        impl $name {
+            /// Every choice, in order of declaration.
+            pub const ALL: &'static [Self] = &[$( Self::$variant ),+];
+
+            /// The word that stands for it in files and flags.
+            #[must_use]
+            pub fn word(self) -> &'static str {
+                match self { $( Self::$variant => $word ),+ }
+            }
+        }
+
+        impl $crate::SettingValue for $name {
+            type Bound = Self;
+
+            fn read(value: &$crate::Value, _unit: &str) -> Result<Self, String> {
+                let $crate::Value::Text(text) = value else {
+                    return Err(format!("{value} is not a word"));
+                };
+                Self::ALL
+                    .iter()
+                    .copied()
+                    .find(|choice| choice.word() == text)
+                    .ok_or_else(|| format!("{value} is not one of the choices"))
+            }
+
+            fn show(&self, _unit: &str) -> String {
+                format!("\"{}\"", self.word())
+            }
+
+            fn within(&self, bounds: &$crate::Bounds<Self>) -> bool {
+                bounds.contains(self)
+            }
+
+            fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self>>) -> String {
+                let words: Vec<String> =
+                    Self::ALL.iter().map(|choice| format!("\"{}\"", choice.word())).collect();
+                words.join(", ")
+            }
+        }
+    };
+}

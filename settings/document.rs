@@ -1,0 +1,221 @@
+//! Settings from TOML files and flags, and back to TOML.
+
+use std::fmt::Write as _;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::error::{Origin, SettingsError};
+use crate::value::Value;
+use crate::{Problem, Settings};
+
+/// The most errors that one file reports.
+const MOST_ERRORS: usize = 20;
+
+/// Applies a TOML document to `settings`, whose keys are the document's dotted keys.
+///
+/// # Errors
+/// Every refused key or value (20 at the most), each naming `file` and the line. What was not
+/// refused has been applied, so use the settings only if there was no error.
+pub fn load_toml(
+    text: &str,
+    file: &str,
+    settings: &mut dyn Root,
+) -> Result<(), Vec<SettingsError>> {
+    let place = |at: usize| {
+        let before = text.get(..at).unwrap_or(text);
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Origin::File {
+            file: file.to_owned(),
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+        }
+    };
+    let table = DeTable::parse(text).map_err(|error| {
+        let origin = place(error.span().map_or(0, |span| span.start));
+        vec![SettingsError::Syntax {
+            origin,
+            why: error.message().to_owned(),
+        }]
+    })?;
+    let mut errors = Vec::new();
+    walk(table.get_ref(), "", &mut |key, key_at, value| {
+        if errors.len() >= MOST_ERRORS {
+            return;
+        }
+        let origin = |problem: &Problem| match problem {
+            Problem::Invalid { .. } => place(value.span().start),
+            Problem::UnknownKey | Problem::IsGroup => place(key_at),
+        };
+        let plain = plain(value.get_ref());
+        if let Err(problem) = settings.assign(key, &plain) {
+            errors.push(explain(settings, key, origin(&problem), problem));
+        }
+    });
+    if errors.is_empty() {
+        Ok(())
+    } else {
+        Err(errors)
+    }
+}
+
+/// Splits `KEY=VALUE` as a flag gives it; the value may be a TOML literal or a bare word.
+///
+/// # Errors
+/// When there is no `=`.
+pub fn parse_assignment(flag: &str, text: &str) -> Result<(String, Value), SettingsError> {
+    let (key, value) = text
+        .split_once('=')
+        .ok_or_else(|| SettingsError::NotAnAssignment {
+            origin: Origin::Flag(format!("{flag} {text}")),
+        })?;
+    let value = value.trim();
+    let value = DeValue::parse(value).map_or_else(
+        |_| Value::Text(value.to_owned()),
+        |parsed| plain(parsed.get_ref()),
+    );
+    Ok((key.trim().to_owned(), value))
+}
+
+/// Sets one key.
+///
+/// # Errors
+/// Names the key, the origin and the allowed values.
+pub fn set(
+    settings: &mut dyn Root,
+    key: &str,
+    value: &Value,
+    origin: Origin,
+) -> Result<(), SettingsError> {
+    settings
+        .assign(key, value)
+        .map_err(|problem| explain(settings, key, origin, problem))
+}
+
+/// The root of a tree of settings: its keys have no prefix.
+pub trait Root {
+    /// Hands every setting to `visit`, with its full key.
+    fn visit(&self, visit: &mut dyn FnMut(crate::Entry));
+
+    /// Sets the one with this full key.
+    ///
+    /// # Errors
+    /// Says what is wrong with the key or the value; nothing has changed then.
+    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem>;
+}
+
+impl<T: Settings> Root for T {
+    fn visit(&self, visit: &mut dyn FnMut(crate::Entry)) {
+        Settings::visit(self, "", visit);
+    }
+
+    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem> {
+        Settings::assign(self, key, value)
+    }
+}
+
+/// The effective settings as a TOML document that [`load_toml`] takes back, each with its
+/// meaning, its allowed values, and whether it is documented or assumed.
+#[must_use]
+pub fn show_toml(settings: &dyn Root) -> String {
+    let mut text = String::new();
+    let mut group = String::new();
+    settings.visit(&mut |entry| {
+        let (table, name) = entry.key.rsplit_once('.').unwrap_or(("", &entry.key));
+        if table != group {
+            table.clone_into(&mut group);
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{}[{table}]", if text.is_empty() { "" } else { "\n" });
+        }
+        text.push('\n');
+        for line in entry.doc.trim().lines() {
+            let _ = writeln!(text, "# {}", line.trim());
+        }
+        let _ = writeln!(text, "# {}: {}", entry.basis.word(), entry.basis.source());
+        let _ = writeln!(text, "# allowed: {}", entry.allowed);
+        if entry.value != entry.default {
+            let _ = writeln!(text, "# default: {}", entry.default);
+        }
+        let _ = writeln!(text, "{name} = {}", entry.value);
+    });
+    text
+}
+
+/// Calls `leaf` with each value that is not a table, its dotted key, and where the key stands.
+fn walk<'t>(
+    table: &'t DeTable<'_>,
+    prefix: &str,
+    leaf: &mut dyn FnMut(&str, usize, &'t Spanned<DeValue<'_>>),
+) {
+    for (name, value) in table {
+        let key = if prefix.is_empty() {
+            name.get_ref().to_string()
+        } else {
+            format!("{prefix}.{}", name.get_ref())
+        };
+        match value.get_ref() {
+            DeValue::Table(inner) => walk(inner, &key, leaf),
+            _ => leaf(&key, name.span().start, value),
+        }
+    }
+}
+
+fn plain(value: &DeValue<'_>) -> Value {
+    match value {
+        DeValue::String(text) => Value::Text(text.to_string()),
+        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
+            .map_or(Value::Other("a number too large"), Value::Integer),
+        DeValue::Float(number) => number
+            .as_str()
+            .parse()
+            .map_or(Value::Other("a number too large"), Value::Float),
+        DeValue::Boolean(flag) => Value::Bool(*flag),
+        DeValue::Array(values) => Value::List(values.iter().map(|v| plain(v.get_ref())).collect()),
+        DeValue::Datetime(_) => Value::Other("a date"),
+        DeValue::Table(_) => Value::Other("a table"),
+    }
+}
+
+fn explain(settings: &dyn Root, key: &str, origin: Origin, problem: Problem) -> SettingsError {
+    let key = key.to_owned();
+    match problem {
+        Problem::Invalid { why, allowed } => SettingsError::Invalid {
+            origin,
+            key,
+            why,
+            allowed,
+        },
+        Problem::IsGroup => {
+            let mut example = String::new();
+            settings.visit(&mut |entry| {
+                if example.is_empty() && entry.key.starts_with(&format!("{key}.")) {
+                    example = entry.key;
+                }
+            });
+            SettingsError::IsGroup {
+                origin,
+                key,
+                example,
+            }
+        }
+        Problem::UnknownKey => {
+            let mut nearest: Option<(f64, String)> = None;
+            settings.visit(&mut |entry| {
+                // A forgotten group in front is as common as a misspelling.
+                let likeness = if entry.key.ends_with(&format!(".{key}")) {
+                    1.0
+                } else {
+                    strsim::jaro_winkler(&entry.key, &key)
+                };
+                if likeness > 0.85 && nearest.as_ref().is_none_or(|(best, _)| likeness > *best) {
+                    nearest = Some((likeness, entry.key));
+                }
+            });
+            SettingsError::UnknownKey {
+                origin,
+                key,
+                nearest: nearest.map(|(_, key)| key),
+            }
+        }
+    }
+}

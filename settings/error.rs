@@ -1,0 +1,82 @@
+//! What to tell a user whose setting was refused.
+
+use std::fmt;
+
+/// Where a value came from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Origin {
+    /// A place in a file; line and column count from 1.
+    File {
+        /// The file's name as the user gave it.
+        file: String,
+        /// Line of the key or value.
+        line: usize,
+        /// Column in characters.
+        column: usize,
+    },
+    /// A command-line flag, as the user wrote it.
+    Flag(String),
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File { file, line, column } => write!(f, "{file}:{line}:{column}"),
+            Self::Flag(flag) => write!(f, "{flag}"),
+        }
+    }
+}
+
+/// A setting or a settings file that was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SettingsError {
+    /// The file is not TOML.
+    #[error("{origin}: not valid TOML: {why}")]
+    Syntax {
+        /// Where.
+        origin: Origin,
+        /// What the parser said.
+        why: String,
+    },
+    /// The flag is not of the form `KEY=VALUE`.
+    #[error("{origin}: write it as KEY=VALUE, as in --set r150.heartbeat_timeout=5s")]
+    NotAnAssignment {
+        /// Where.
+        origin: Origin,
+    },
+    /// No setting has this name.
+    #[error("{origin}: no setting is named `{key}`{}; `sim config` lists them all",
+        nearest.as_ref().map(|near| format!(", did you mean `{near}`?")).unwrap_or_default())]
+    UnknownKey {
+        /// Where.
+        origin: Origin,
+        /// The key as written.
+        key: String,
+        /// The existing key most like it.
+        nearest: Option<String>,
+    },
+    /// The name is that of a group.
+    #[error(
+        "{origin}: `{key}` is a group of settings, not a setting: name one in it, as in `{example}`"
+    )]
+    IsGroup {
+        /// Where.
+        origin: Origin,
+        /// The key as written.
+        key: String,
+        /// A setting in that group.
+        example: String,
+    },
+    /// The value is not allowed.
+    #[error("{origin}: `{key}`: {why}; allowed: {allowed}")]
+    Invalid {
+        /// Where.
+        origin: Origin,
+        /// The full key.
+        key: String,
+        /// What is wrong.
+        why: String,
+        /// The allowed values in words.
+        allowed: String,
+    },
+}

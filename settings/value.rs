@@ -1,0 +1,305 @@
+//! Values as files and flags give them, and the types that settings may have.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+use crate::quantity::parse_quantity;
+use crate::time::show_duration;
+
+/// A value as a file or a flag gives it, before its setting has judged it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// A string, perhaps a quantity with its unit.
+    Text(String),
+    /// A bare integer.
+    Integer(i64),
+    /// A bare number with a fraction.
+    Float(f64),
+    /// `true` or `false`.
+    Bool(bool),
+    /// Several values in brackets.
+    List(Vec<Value>),
+    /// Something that no setting takes, such as a date; the text names it.
+    Other(&'static str),
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Text(text) => write!(f, "{text:?}"),
+            Self::Integer(number) => write!(f, "{number}"),
+            Self::Float(number) => write!(f, "{number}"),
+            Self::Bool(flag) => write!(f, "{flag}"),
+            Self::List(values) => {
+                let shown: Vec<String> = values.iter().map(ToString::to_string).collect();
+                write!(f, "[{}]", shown.join(", "))
+            }
+            Self::Other(what) => write!(f, "{what}"),
+        }
+    }
+}
+
+/// Lowest and highest allowed value.
+pub type Bounds<T> = RangeInclusive<T>;
+
+/// A type that a setting may have.
+///
+/// `unit` is the unit of its declaration, empty where it has none.
+pub trait SettingValue: Sized + Clone {
+    /// What its range is made of: the type itself, or the element of a list.
+    type Bound: PartialOrd;
+
+    /// Takes `value` if it has the right form.
+    ///
+    /// # Errors
+    /// Says in words what is wrong.
+    fn read(value: &Value, unit: &str) -> Result<Self, String>;
+
+    /// The value as a TOML literal that [`SettingValue::read`] takes back unchanged.
+    fn show(&self, unit: &str) -> String;
+
+    /// Whether it lies in the range.
+    fn within(&self, bounds: &Bounds<Self::Bound>) -> bool;
+
+    /// The allowed values in words.
+    fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> String;
+}
+
+/// Reads a value and checks its range.
+///
+/// # Errors
+/// Says in words what is wrong.
+pub fn read_in<T: SettingValue>(
+    value: &Value,
+    unit: &str,
+    bounds: Option<&Bounds<T::Bound>>,
+) -> Result<T, String> {
+    let read = T::read(value, unit)?;
+    match bounds {
+        Some(bounds) if !read.within(bounds) => Err(format!("{value} is out of range")),
+        _ => Ok(read),
+    }
+}
+
+fn in_words(what: &str, unit: &str, bounds: Option<(String, String)>) -> String {
+    let unit = if unit.is_empty() {
+        String::new()
+    } else {
+        format!(" in {unit}")
+    };
+    match bounds {
+        Some((low, high)) => format!("{what}{unit} from {low} to {high}"),
+        None => format!("{what}{unit}"),
+    }
+}
+
+impl SettingValue for f64 {
+    type Bound = f64;
+
+    fn read(value: &Value, unit: &str) -> Result<Self, String> {
+        match value {
+            Value::Text(text) => parse_quantity(text, unit),
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "a setting beyond 2^53 is out of range"
+            )]
+            Value::Integer(number) => Ok(*number as f64),
+            Value::Float(number) if number.is_finite() => Ok(*number),
+            other => Err(format!("{other} is not a finite number")),
+        }
+    }
+
+    fn show(&self, unit: &str) -> String {
+        if unit.is_empty() {
+            format!("{self:?}")
+        } else {
+            format!("\"{self} {unit}\"")
+        }
+    }
+
+    fn within(&self, bounds: &Bounds<f64>) -> bool {
+        bounds.contains(self)
+    }
+
+    fn allowed(unit: &str, bounds: Option<&Bounds<f64>>) -> String {
+        in_words(
+            "a number",
+            unit,
+            bounds.map(|b| (b.start().to_string(), b.end().to_string())),
+        )
+    }
+}
+
+impl SettingValue for u32 {
+    type Bound = u32;
+
+    fn read(value: &Value, unit: &str) -> Result<Self, String> {
+        let number = match value {
+            Value::Integer(number) => u32::try_from(*number).ok(),
+            Value::Text(text) => {
+                let number = parse_quantity(text, unit)?;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "checked to be a whole number in range"
+                )]
+                let whole = (number.fract() == 0.0
+                    && (0.0..=f64::from(u32::MAX)).contains(&number))
+                .then_some(number as u32);
+                whole
+            }
+            _ => None,
+        };
+        number.ok_or_else(|| format!("{value} is not a whole number"))
+    }
+
+    fn show(&self, unit: &str) -> String {
+        if unit.is_empty() {
+            self.to_string()
+        } else {
+            format!("\"{self} {unit}\"")
+        }
+    }
+
+    fn within(&self, bounds: &Bounds<u32>) -> bool {
+        bounds.contains(self)
+    }
+
+    fn allowed(unit: &str, bounds: Option<&Bounds<u32>>) -> String {
+        let bounds = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
+        in_words("a whole number", unit, bounds)
+    }
+}
+
+impl SettingValue for bool {
+    type Bound = bool;
+
+    fn read(value: &Value, _unit: &str) -> Result<Self, String> {
+        match value {
+            Value::Bool(flag) => Ok(*flag),
+            Value::Text(text) if text == "true" => Ok(true),
+            Value::Text(text) if text == "false" => Ok(false),
+            other => Err(format!("{other} is neither true nor false")),
+        }
+    }
+
+    fn show(&self, _unit: &str) -> String {
+        self.to_string()
+    }
+
+    fn within(&self, bounds: &Bounds<bool>) -> bool {
+        bounds.contains(self)
+    }
+
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<bool>>) -> String {
+        "true or false".to_owned()
+    }
+}
+
+impl SettingValue for Duration {
+    type Bound = Duration;
+
+    fn read(value: &Value, _unit: &str) -> Result<Self, String> {
+        let seconds = match value {
+            Value::Text(text) => parse_quantity(text, "s")?,
+            Value::Integer(0) => 0.0,
+            other => return Err(format!("{other} lacks a unit, as in \"5s\" or \"250ms\"")),
+        };
+        if seconds < 0.0 {
+            return Err(format!("{value} is negative"));
+        }
+        // Whole nanoseconds, so that 0.1 s is exactly 100 ms.
+        let nanos = (seconds * 1e9).round();
+        if nanos >= 1.8e19 {
+            return Err(format!("{value} is longer than 500 years"));
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "checked above to fit"
+        )]
+        Ok(Duration::from_nanos(nanos as u64))
+    }
+
+    fn show(&self, _unit: &str) -> String {
+        format!("\"{}\"", show_duration(*self))
+    }
+
+    fn within(&self, bounds: &Bounds<Duration>) -> bool {
+        bounds.contains(self)
+    }
+
+    fn allowed(_unit: &str, bounds: Option<&Bounds<Duration>>) -> String {
+        let bounds = bounds.map(|b| (show_duration(*b.start()), show_duration(*b.end())));
+        in_words("a time", "", bounds)
+    }
+}
+
+/// A list of a fixed length; the range holds for each element.
+impl<T: SettingValue, const N: usize> SettingValue for [T; N] {
+    type Bound = T::Bound;
+
+    fn read(value: &Value, unit: &str) -> Result<Self, String> {
+        let Value::List(values) = value else {
+            return Err(format!("{value} is not a list of {N} values"));
+        };
+        let read: Vec<T> = values
+            .iter()
+            .map(|v| T::read(v, unit))
+            .collect::<Result<_, _>>()?;
+        let found = read.len();
+        read.try_into()
+            .map_err(|_| format!("{N} values are wanted, {found} given"))
+    }
+
+    fn show(&self, unit: &str) -> String {
+        let shown: Vec<String> = self.iter().map(|v| v.show(unit)).collect();
+        format!("[{}]", shown.join(", "))
+    }
+
+    fn within(&self, bounds: &Bounds<T::Bound>) -> bool {
+        self.iter().all(|v| v.within(bounds))
+    }
+
+    fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
+        format!("a list of {N}, each {}", T::allowed(unit, bounds))
+    }
+}
+
+/// A number that `"off"` switches off.
+impl<T: SettingValue> SettingValue for Option<T> {
+    type Bound = T::Bound;
+
+    fn read(value: &Value, unit: &str) -> Result<Self, String> {
+        match value {
+            Value::Text(text) if text == "off" => Ok(None),
+            other => T::read(other, unit).map(Some),
+        }
+    }
+
+    fn show(&self, unit: &str) -> String {
+        self.as_ref()
+            .map_or_else(|| "\"off\"".to_owned(), |v| v.show(unit))
+    }
+
+    fn within(&self, bounds: &Bounds<T::Bound>) -> bool {
+        self.as_ref().is_none_or(|v| v.within(bounds))
+    }
+
+    fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
+        format!("\"off\", or {}", T::allowed(unit, bounds))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_shown_reads_back() {
+        for span in ["250ms", "3s", "1us", "1h", "0s", "1500ms"] {
+            let read = Duration::read(&Value::Text(span.into()), "s").unwrap();
+            assert_eq!(read.show(""), format!("\"{span}\""));
+        }
+    }
+}
