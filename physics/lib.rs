@@ -1,1 +1,44 @@
 //! The world outside the firmware: bodies, tyres, motors, battery, rails.
+//!
+//! A [`World`] holds every body in one top-down rapier2d world. A plant, such as [`R150Plant`], is
+//! the hardware of one vehicle: it takes the pins that the firmware drives, solves the electrics
+//! and the tyres, and gives back what the firmware's sensors would read. The world and its plants
+//! advance together:
+//!
+//! ```
+//! use sim_physics::{Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
+//!
+//! let mut world = World::new(&WorldSettings::default());
+//! let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+//! let mut commands = R150Commands::default();
+//! commands.motor_duty.right = 0.5;
+//! commands.motor_duty.left = 0.5;
+//! plant.set_commands(&commands);
+//! for _ in 0..200 {
+//!     plant.before_step(&mut world);
+//!     world.step()?;
+//!     plant.after_step(&mut world);
+//! }
+//! assert!(plant.truth(&world).pose.x > 0.3);
+//! # Ok::<(), sim_physics::PhysicsError>(())
+//! ```
+//!
+//! # Conventions
+//!
+//! SI units throughout; x points forward (east for the world), y to the left, angles and yaw rates
+//! are counter-clockwise. The state that this crate owns is `f64`; rapier's is `f32`.
+//!
+//! # Determinism
+//!
+//! The same calls in the same order give bit-identical results in debug and release builds and on
+//! every platform with IEEE 754 arithmetic: rapier is built with `enhanced-determinism`, and the
+//! transcendental functions here come from `libm`, never from the platform.
+
+mod pose;
+//pub mod r150;
+pub mod traction;
+pub mod world;
+
+pub use pose::{BodyMotion, Pose};
+//pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
+pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldSettings};

@@ -1,0 +1,182 @@
+//! Wheels on the ground: tyre forces from slip, limited by friction.
+//!
+//! # Model
+//!
+//! Each contact patch has a deflection `z` along two axes, as if the tread were a brush between the
+//! wheel and the ground. It grows with the slip velocity `v` (the ground's view of the patch) and is
+//! shed as fresh tread rolls in:
+//!
+//! ```text
+//! dz/dt = v − |rolling speed| / relaxation length · z
+//! F     = −k (z + t_d v)          per axis, k = slip stiffness · load / relaxation length
+//! |F|   ≤ friction · load         both axes together
+//! ```
+//!
+//! Rolling steadily this is the linear tyre `F = −slip stiffness · load · v / rolling speed` up to
+//! the friction limit; standing still it is a spring, so a parked vehicle stays where it is and does
+//! not creep as it would with a force from slip alone. The damping `t_d` keeps the spring from
+//! ringing and fades out as the wheel starts to roll. Source: H. B. Pacejka, *Tire and Vehicle
+//! Dynamics*, 3rd ed. 2012, sections 7.2 and 8.6 (single contact point transient model, standstill).
+//!
+//! The forces are stiff against a 5 ms step, so they are found together with the velocities they
+//! lead to: every patch is a soft constraint, solved by projected Gauss–Seidel iteration over the
+//! impulses of one step (E. Catto, *Soft Constraints*, GDC 2011, for the constraint; M. Anitescu and
+//! F. A. Potra, *Nonlinear Dynamics* 14, 1997, for time stepping with Coulomb friction). The
+//! constraints are far softer than the bodies they join, so a few rounds suffice.
+//!
+//! Nothing here knows which vehicle it is: a wheel turns several patches or one, and the axes of a
+//! patch are free, which is what a wheel with slanted rollers needs.
+
+mod settings;
+mod solve;
+
+pub use settings::TyreSettings;
+
+/// A place where a wheel meets the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Patch {
+    /// Metres ahead of the body's centre.
+    pub x: f64,
+    /// Metres left of the body's centre.
+    pub y: f64,
+    /// Which wheel speed turns it.
+    pub wheel: usize,
+}
+
+/// A wheel, or several geared together, as the drive presents it for one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wheel {
+    /// Speed at the end of the step if the ground did nothing, rad/s; on return with the ground.
+    pub speed: f64,
+    /// What one N·m·s changes of the speed at the end of the step, 1/(kg·m²). Zero for a wheel that
+    /// cannot turn. A motor that opposes speed makes it smaller.
+    pub compliance: f64,
+    /// The most that dry friction and brakes can hold, N·m.
+    pub hold_torque: f64,
+}
+
+/// The body for one step, in its own axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chassis {
+    /// kg
+    pub mass: f64,
+    /// kg·m²
+    pub inertia: f64,
+    /// Forward, left (m/s) and yaw rate (rad/s) at the end of the step if the ground did nothing; on
+    /// return with the ground.
+    pub velocity: [f64; 3],
+}
+
+/// The patches of one vehicle with their state.
+#[derive(Debug, Clone)]
+pub struct Traction<const WHEELS: usize, const PATCHES: usize> {
+    patches: [PatchState; PATCHES],
+    hold: [f64; WHEELS],
+    law: TyreLaw,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct PatchState {
+    place: Patch,
+    /// Along and across, m.
+    deflection: [f64; 2],
+    /// Of the last step, along and across, N·s; the next solution starts from it.
+    impulse: [f64; 2],
+    /// Spring stiffness of the last step, N/m.
+    stiffness: [f64; 2],
+    /// What is left of a deflection after the step's rolling.
+    shed: f64,
+    /// Friction limit of the last step, N.
+    limit: f64,
+}
+
+/// [`TyreSettings`] in the form that the solver wants.
+#[derive(Debug, Clone, Copy)]
+struct TyreLaw {
+    radius: f64,
+    stiffness_per_load: [f64; 2],
+    relaxation_length: f64,
+    damping_time: f64,
+    damping_fade_speed: f64,
+}
+
+impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
+    /// Undeflected tyres.
+    #[must_use]
+    pub fn new(settings: &TyreSettings, patches: [Patch; PATCHES]) -> Self {
+        Self {
+            patches: patches.map(|place| PatchState {
+                place,
+                deflection: [0.0; 2],
+                impulse: [0.0; 2],
+                stiffness: [0.0; 2],
+                shed: 1.0,
+                limit: 0.0,
+            }),
+            hold: [0.0; WHEELS],
+            law: TyreLaw::new(settings),
+        }
+    }
+
+    /// Forgets deflections, as after lifting the vehicle off the ground.
+    pub fn relax(&mut self) {
+        self.hold = [0.0; WHEELS];
+        for patch in &mut self.patches {
+            patch.deflection = [0.0; 2];
+            patch.impulse = [0.0; 2];
+        }
+    }
+
+    /// The force of every patch on the body in the last step, along and across, N.
+    #[must_use]
+    pub fn forces(&self, dt: f64) -> [[f64; 2]; PATCHES] {
+        self.patches
+            .map(|patch| patch.impulse.map(|impulse| impulse / dt))
+    }
+
+    /// Lets the deflections follow the velocities that the step really ended with.
+    ///
+    /// These differ from the solver's where the body met an obstacle: a vehicle that pushes a wall
+    /// keeps its tyres strained and stands still.
+    pub fn follow(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS], dt: f64) {
+        for patch in &mut self.patches {
+            let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);
+            let mut force = [0.0; 2];
+            for axis in 0..2 {
+                patch.deflection[axis] = patch.shed * (patch.deflection[axis] + dt * slip[axis]);
+                force[axis] = patch.stiffness[axis] * patch.deflection[axis];
+            }
+            let size = (force[0] * force[0] + force[1] * force[1]).sqrt();
+            if size > patch.limit {
+                let kept = patch.limit / size;
+                patch.deflection[0] *= kept;
+                patch.deflection[1] *= kept;
+            }
+        }
+    }
+}
+
+impl PatchState {
+    /// Velocity of the patch over the ground, along and across, m/s.
+    fn slip(&self, [forward, left, yaw_rate]: [f64; 3], rolling: f64) -> [f64; 2] {
+        [
+            forward - yaw_rate * self.place.y - rolling,
+            left + yaw_rate * self.place.x,
+        ]
+    }
+}
+
+impl TyreLaw {
+    fn new(settings: &TyreSettings) -> Self {
+        Self {
+            radius: settings.wheel_radius,
+            stiffness_per_load: [
+                settings.longitudinal_stiffness / settings.relaxation_length,
+                settings.lateral_stiffness / settings.relaxation_length,
+            ],
+            relaxation_length: settings.relaxation_length,
+            damping_time: settings.damping_time.as_secs_f64(),
+            damping_fade_speed: settings.damping_fade_speed,
+        }
+    }
+}

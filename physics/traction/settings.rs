@@ -1,0 +1,31 @@
+//! What may be chosen about tyres.
+
+use std::time::Duration;
+
+sim_settings::settings! {
+    /// Wheels and tyres.
+    pub struct TyreSettings {
+        /// Rolling radius of a wheel.
+        wheel_radius: f64 = 0.25, unit "m", range 0.01..=2.0,
+            assumed "the manual's 1.4 m/s then needs about 1513 motor rpm";
+        /// Force along the wheel per unit of slip, as a multiple of the load.
+        longitudinal_stiffness: f64 = 10.0, range 0.5..=100.0,
+            assumed "tyres on soil, 5 to 20 in the literature";
+        /// Force across the wheel per radian of slip angle, as a multiple of the load.
+        lateral_stiffness: f64 = 6.0, range 0.5..=100.0,
+            assumed "tyres on soil give sideways sooner than along, about 0.6 to 1";
+        /// Distance rolled in which the tyre takes up most of a change of slip.
+        relaxation_length: f64 = 0.1, unit "m", range 0.005..=2.0,
+            assumed "a fraction of the wheel radius for a stout low-pressure tyre";
+        /// Time over which the carcass of a standing tyre damps its own ringing.
+        damping_time: Duration = Duration::from_millis(30),
+            range Duration::ZERO..=Duration::from_millis(500),
+            assumed "settles a parked vehicle in about one swing";
+        /// Rolling speed above which that damping is gone.
+        damping_fade_speed: f64 = 0.3, unit "m/s", range 0.01..=5.0,
+            assumed "below walking speed";
+        /// Rolling resistance, as a share of the load.
+        rolling_resistance: f64 = 0.05, range 0.0..=0.5,
+            assumed "tyres on grass or firm soil, 0.03 to 0.08 in textbooks";
+    }
+}

@@ -1,0 +1,319 @@
+//! The plane that all vehicles share.
+
+mod ground;
+mod settings;
+
+use std::time::Duration;
+
+use rapier2d::prelude as rapier;
+
+pub use ground::Ground;
+pub use settings::WorldSettings;
+
+use crate::pose::{BodyMotion, Pose};
+
+/// A body of this world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct BodyId(usize);
+
+/// What a body is made of, as far as collisions are concerned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyShape {
+    /// Extent along the body's forward axis, m.
+    pub length: f64,
+    /// Extent across, m.
+    pub width: f64,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Moment of inertia about the vertical through the centre, kg·m².
+    pub inertia: f64,
+}
+
+/// Why the world could not go on.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PhysicsError {
+    /// A body's position or velocity is not a number.
+    #[error("the physics of `{body}` broke down: its position or velocity is no longer finite")]
+    NotFinite {
+        /// The name that the body was added under.
+        body: String,
+    },
+}
+
+/// One rapier2d world without gravity, seen from above.
+pub struct World {
+    rapier: rapier::PhysicsWorld,
+    step: Duration,
+    gravity: f64,
+    ground: Ground,
+    wall_friction: f64,
+    bodies: Vec<Body>,
+    steps: u64,
+}
+
+struct Body {
+    name: String,
+    handle: rapier::RigidBodyHandle,
+    collider: rapier::ColliderHandle,
+    touching: bool,
+    collisions: u64,
+}
+
+impl World {
+    /// An empty plane.
+    #[must_use]
+    pub fn new(settings: &WorldSettings) -> Self {
+        let mut world = rapier::PhysicsWorld::new();
+        world.gravity = rapier::Vector::ZERO;
+        world.integration_parameters.dt = narrow(settings.step.as_secs_f64());
+        Self {
+            rapier: world,
+            step: settings.step,
+            gravity: settings.gravity,
+            ground: Ground::new(
+                settings.friction,
+                settings.slope.to_radians(),
+                settings.uphill.to_radians(),
+            ),
+            wall_friction: settings.wall_friction,
+            bodies: Vec::new(),
+            steps: 0,
+        }
+    }
+
+    /// Adds a movable box at rest; `name` is what errors call it.
+    pub fn add_body(&mut self, name: &str, shape: BodyShape, pose: Pose) -> BodyId {
+        let body = rapier::RigidBodyBuilder::dynamic()
+            .pose(rapier_pose(pose))
+            .additional_mass_properties(mass_properties(shape.mass, shape.inertia))
+            // Resting is decided by the plant, which knows about brakes and slopes.
+            .can_sleep(false)
+            .build();
+        let collider = rapier::ColliderBuilder::cuboid(
+            narrow(shape.length / 2.0),
+            narrow(shape.width / 2.0),
+        )
+        .density(0.0)
+        .friction(narrow(self.wall_friction))
+        .build();
+        let handle = self.rapier.insert_body(body);
+        let collider = self.rapier.insert_collider(collider, Some(handle));
+        self.bodies.push(Body {
+            name: name.to_owned(),
+            handle,
+            collider,
+            touching: false,
+            collisions: 0,
+        });
+        BodyId(self.bodies.len() - 1)
+    }
+
+    /// Adds an immovable box, `length` along its heading and `width` across, m.
+    pub fn add_box(&mut self, pose: Pose, length: f64, width: f64) {
+        self.add_fixed(
+            rapier::ColliderBuilder::cuboid(narrow(length / 2.0), narrow(width / 2.0))
+                .position(rapier_pose(pose)),
+        );
+    }
+
+    /// Adds an immovable disc of `radius` metres.
+    pub fn add_disc(&mut self, x: f64, y: f64, radius: f64) {
+        self.add_fixed(
+            rapier::ColliderBuilder::ball(narrow(radius)).translation(rapier_vector([x, y])),
+        );
+    }
+
+    /// Adds a wall of `thickness` metres whose middle line runs between two points.
+    ///
+    /// A wall has a thickness because a fast body cannot slip through one; rapier's line segment
+    /// has none.
+    pub fn add_wall(&mut self, from: [f64; 2], to: [f64; 2], thickness: f64) {
+        let radius = narrow(thickness / 2.0);
+        self.add_fixed(rapier::ColliderBuilder::capsule_from_endpoints(
+            rapier_vector(from),
+            rapier_vector(to),
+            radius,
+        ));
+    }
+
+    /// Advances by one step of [`World::step_length`].
+    ///
+    /// # Errors
+    /// Names a body that is no longer finite. The world is not to be used after that.
+    pub fn step(&mut self) -> Result<(), PhysicsError> {
+        self.rapier.step();
+        self.steps += 1;
+        self.check_finite()?;
+        self.note_contacts();
+        Ok(())
+    }
+
+    /// The fixed step.
+    #[must_use]
+    pub fn step_length(&self) -> Duration {
+        self.step
+    }
+
+    /// Steps taken so far.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Acceleration of gravity, m/s².
+    #[must_use]
+    pub fn gravity(&self) -> f64 {
+        self.gravity
+    }
+
+    /// The ground at a point. Every wheel asks here, so that patches of other ground need one
+    /// change only.
+    #[must_use]
+    pub fn ground_at(&self, _x: f64, _y: f64) -> Ground {
+        self.ground
+    }
+
+    /// Replaces the ground everywhere. Plants that rest must be woken by their owner.
+    pub fn set_ground(&mut self, ground: Ground) {
+        self.ground = ground;
+    }
+
+    /// Where a body is and how it moves.
+    #[must_use]
+    pub fn motion(&self, id: BodyId) -> BodyMotion {
+        let body = self.rigid_body(id);
+        let position = body.position();
+        let velocity = body.linvel();
+        BodyMotion {
+            x: f64::from(position.translation.x),
+            y: f64::from(position.translation.y),
+            cos: f64::from(position.rotation.re),
+            sin: f64::from(position.rotation.im),
+            vx: f64::from(velocity.x),
+            vy: f64::from(velocity.y),
+            yaw_rate: f64::from(body.angvel()),
+        }
+    }
+
+    /// Whether nothing of a body moves; cheaper than [`World::motion`].
+    #[must_use]
+    pub fn is_still(&self, id: BodyId) -> bool {
+        !self.rigid_body(id).is_moving()
+    }
+
+    /// Gives a body a velocity: along the world's axes, and yaw rate.
+    ///
+    /// A plant hands its tyre forces over as the velocity that they lead to, since an impulse would
+    /// be rounded twice on its way through rapier's `f32`.
+    pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
+        let handle = self.bodies[id.0].handle;
+        let body = &mut self.rapier.bodies[handle];
+        body.set_linvel(rapier_vector(velocity), true);
+        body.set_angvel(narrow(yaw_rate), true);
+    }
+
+    /// Puts a body somewhere else, at rest.
+    pub fn place(&mut self, id: BodyId, pose: Pose) {
+        let handle = self.bodies[id.0].handle;
+        let body = &mut self.rapier.bodies[handle];
+        body.set_position(rapier_pose(pose), true);
+        body.set_linvel(rapier::Vector::ZERO, true);
+        body.set_angvel(0.0, true);
+    }
+
+    /// Changes what a body weighs: kg and kg·m².
+    pub fn set_mass(&mut self, id: BodyId, mass: f64, inertia: f64) {
+        let handle = self.bodies[id.0].handle;
+        self.rapier.bodies[handle]
+            .set_additional_mass_properties(mass_properties(mass, inertia), true);
+    }
+
+    /// Whether a body touched anything at the end of the last step.
+    #[must_use]
+    pub fn is_touching(&self, id: BodyId) -> bool {
+        self.bodies[id.0].touching
+    }
+
+    /// How often a body came to touch something after touching nothing.
+    #[must_use]
+    pub fn collisions(&self, id: BodyId) -> u64 {
+        self.bodies[id.0].collisions
+    }
+
+    /// The name that a body was added under.
+    #[must_use]
+    pub fn name(&self, id: BodyId) -> &str {
+        &self.bodies[id.0].name
+    }
+
+    fn rigid_body(&self, id: BodyId) -> &rapier::RigidBody {
+        &self.rapier.bodies[self.bodies[id.0].handle]
+    }
+
+    fn add_fixed(&mut self, collider: rapier::ColliderBuilder) {
+        let collider = collider.friction(narrow(self.wall_friction)).build();
+        self.rapier.insert_collider(collider, None);
+    }
+
+    /// rapier disables a body that is not finite and goes on with the others; for us that would be
+    /// a vehicle standing still for no visible reason.
+    fn check_finite(&self) -> Result<(), PhysicsError> {
+        if self.rapier.quarantine().is_empty() {
+            return Ok(());
+        }
+        let quarantine = self.rapier.quarantine();
+        let broken = self.bodies.iter().find(|body| {
+            quarantine.bodies().contains(&body.handle)
+                || quarantine.colliders().contains(&body.collider)
+        });
+        Err(PhysicsError::NotFinite {
+            body: broken.map_or_else(|| "an obstacle".to_owned(), |body| body.name.clone()),
+        })
+    }
+
+    fn note_contacts(&mut self) {
+        let narrow_phase = &self.rapier.narrow_phase;
+        let anything_near = narrow_phase.contact_pairs().next().is_some();
+        for body in &mut self.bodies {
+            let touching = anything_near
+                && narrow_phase
+                    .contact_pairs_with(body.collider)
+                    .any(pair_touches);
+            if touching && !body.touching {
+                body.collisions += 1;
+            }
+            body.touching = touching;
+        }
+    }
+}
+
+/// Whether two shapes really meet: rapier lists contacts a little before they do.
+fn pair_touches(pair: &rapier::ContactPair) -> bool {
+    pair.solver_manifolds()
+        .iter()
+        .flat_map(|manifold| &manifold.points)
+        .any(|point| point.data.impulse > 0.0)
+}
+
+fn mass_properties(mass: f64, inertia: f64) -> rapier::MassProperties {
+    rapier::MassProperties::new(rapier::Vector::ZERO, narrow(mass), narrow(inertia))
+}
+
+fn rapier_pose(pose: Pose) -> rapier::Pose {
+    rapier::Pose::new(rapier_vector([pose.x, pose.y]), narrow(pose.heading))
+}
+
+fn rapier_vector([x, y]: [f64; 2]) -> rapier::Vector {
+    rapier::Vector::new(narrow(x), narrow(y))
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rapier computes in f32; rounding to it is meant"
+)]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
+#[cfg(test)]
+mod tests;
