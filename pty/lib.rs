@@ -1,1 +1,63 @@
 //! Pseudo-terminals and serial ports: the only crate with system calls.
+//!
+//! A simulated device is reached over a [`Port`]: a pseudo-terminal that an
+//! unmodified client opens like a serial port ([`PtyPort`]), or a real serial
+//! port with the client at the other end of a cable ([`SerialPort`]). The
+//! caller treats both the same: a [`Waiter`] says which ports have news, and
+//! [`Port::read`] returns that news one [`Event`] at a time.
+//!
+//! ```no_run
+//! use sim_pty::{Event, Port, PtyPort, Waiter};
+//!
+//! # fn main() -> Result<(), sim_pty::PortError> {
+//! let mut port = Port::from(PtyPort::open_at("/tmp/r150", 115_200)?);
+//! let mut waiter = Waiter::new()?;
+//! waiter.catch_signals()?;
+//! waiter.add(0, &mut port)?;
+//!
+//! let mut buf = [0; 4096];
+//! loop {
+//!     let wake = waiter.wait(None)?;
+//!     if wake.signal().is_some() {
+//!         return Ok(()); // Dropping the port removes the link.
+//!     }
+//!     for _token in wake.ready() {
+//!         match port.read(&mut buf)? {
+//!             Event::Data(n) => drop(port.write(&buf[..n])?),
+//!             Event::Attached | Event::Detached | Event::Idle => {}
+//!         }
+//!     }
+//! }
+//! # }
+//! ```
+//!
+//! # What the crate promises
+//!
+//! - No call blocks, except [`Waiter::wait`].
+//! - A client that does not read never stalls the caller. The kernel keeps
+//!   about 20 kB for it; what does not fit is dropped and counted, as a UART
+//!   without flow control would lose it.
+//! - Bytes meant for one client are never handed to the next.
+//! - Nobody else's file is replaced or removed; [`PtyPort::open_at`] says
+//!   which link counts as our own.
+//! - Waiting costs nothing while nobody is attached.
+
+mod error;
+mod hub;
+mod line;
+mod link;
+mod lock;
+mod pair;
+mod port;
+mod pty_port;
+mod serial_port;
+mod signals;
+mod waiter;
+
+pub use error::{PortError, PortErrorKind};
+pub use line::{LineSettings, Parity};
+pub use port::{Counters, Event, Port, Written};
+pub use pty_port::PtyPort;
+pub use serial_port::SerialPort;
+pub use signals::TerminationSignal;
+pub use waiter::{Waiter, Wake, sharpen_timers};

@@ -1,0 +1,266 @@
+//! What a waiter and its ports share: an epoll instance for the bytes, an
+//! inotify instance for clients that come and go.
+//!
+//! A hung-up master is readable for ever as far as epoll is concerned, so a
+//! port is in the epoll set only while a client is attached; the rest of the
+//! time inotify reports who opens its node. The same reports show what the
+//! master alone cannot: that one client has left and another has come in
+//! between two looks.
+
+use std::collections::BTreeMap;
+use std::mem::MaybeUninit;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rustix::event::epoll;
+use rustix::fd::{AsFd, OwnedFd};
+use rustix::fs::inotify::{self, ReadFlags, WatchFlags};
+use rustix::io::Errno;
+
+use crate::error::PortErrorKind;
+
+/// Epoll's name for the inotify instance.
+pub(crate) const INOTIFY: u64 = u64::MAX;
+/// Epoll's name for the signal pipe.
+pub(crate) const SIGNALS: u64 = u64::MAX - 1;
+
+/// Reads of the inotify queue per call. One read takes about 250 reports, so
+/// this is more than the queue holds and only bounds the loop.
+const MAX_READS: usize = 128;
+
+/// The shared half of a waiter.
+#[derive(Debug)]
+pub(crate) struct Hub {
+    epoll: OwnedFd,
+    inotify: OwnedFd,
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    nodes: BTreeMap<i32, Node>,
+    /// Tokens with news that no descriptor stands for.
+    ready: Vec<usize>,
+}
+
+/// What is known about who has a watched node open.
+#[derive(Debug)]
+struct Node {
+    token: usize,
+    openers: u32,
+    closed: bool,
+    emptied: bool,
+}
+
+/// What happened to a node since its port last asked.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Visits {
+    /// Somebody closed the node.
+    pub(crate) closed: bool,
+    /// The last one who had the node open closed it.
+    pub(crate) emptied: bool,
+}
+
+impl Hub {
+    pub(crate) fn new() -> Result<Arc<Self>, PortErrorKind> {
+        let epoll = epoll::create(epoll::CreateFlags::CLOEXEC)
+            .map_err(PortErrorKind::call("epoll_create1"))?;
+        let inotify = inotify::init(inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK)
+            .map_err(|errno| match errno {
+                Errno::MFILE => PortErrorKind::WatchLimit,
+                errno => PortErrorKind::call("inotify_init1")(errno),
+            })?;
+        let data = epoll::EventData::new_u64(INOTIFY);
+        epoll::add(&epoll, &inotify, data, epoll::EventFlags::IN)
+            .map_err(PortErrorKind::call("epoll_ctl"))?;
+        Ok(Arc::new(Self {
+            epoll,
+            inotify,
+            state: Mutex::default(),
+        }))
+    }
+
+    pub(crate) fn epoll(&self) -> &OwnedFd {
+        &self.epoll
+    }
+
+    /// Takes the tokens that have news without a readable descriptor.
+    pub(crate) fn take_ready(&self, into: &mut Vec<usize>) {
+        into.append(&mut self.lock().ready);
+    }
+
+    pub(crate) fn has_ready(&self) -> bool {
+        !self.lock().ready.is_empty()
+    }
+
+    /// Takes note of everything that inotify has to report.
+    pub(crate) fn drain(&self) -> Result<(), Errno> {
+        let mut buf = [MaybeUninit::<u8>::uninit(); 4096];
+        let mut state = self.lock();
+        let mut reader = inotify::Reader::new(&self.inotify, &mut buf);
+        for _ in 0..MAX_READS {
+            // The reader calls the system once its buffer is used up.
+            loop {
+                match reader.next() {
+                    Ok(event) => state.note(event.wd(), event.events()),
+                    Err(Errno::AGAIN) => return Ok(()),
+                    Err(Errno::INTR) => {}
+                    Err(errno) => return Err(errno),
+                }
+                if reader.is_buffer_empty() {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Each change to the state is whole in itself, so that a panic
+        // elsewhere leaves nothing half done.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn note(&mut self, wd: i32, events: ReadFlags) {
+        if events.contains(ReadFlags::QUEUE_OVERFLOW) {
+            // Who came and went is lost: every port has a look for itself.
+            for node in self.nodes.values_mut() {
+                node.closed = true;
+                self.ready.push(node.token);
+            }
+            return;
+        }
+        let Some(node) = self.nodes.get_mut(&wd) else {
+            return;
+        };
+        if events.contains(ReadFlags::OPEN) {
+            node.openers += 1;
+        }
+        if events.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
+            node.closed = true;
+            node.openers = node.openers.saturating_sub(1);
+            node.emptied |= node.openers == 0;
+        }
+        self.ready.push(node.token);
+    }
+}
+
+/// A port's place in a waiter. Dropping it gives the place up.
+#[derive(Debug)]
+pub(crate) struct Registration {
+    hub: Arc<Hub>,
+    token: usize,
+    wd: Option<i32>,
+    polling: bool,
+}
+
+impl Registration {
+    pub(crate) fn new(hub: Arc<Hub>, token: usize) -> Self {
+        Self {
+            hub,
+            token,
+            wd: None,
+            polling: false,
+        }
+    }
+
+    /// Has the waiter report the port once, whatever its descriptors say.
+    pub(crate) fn mark_ready(&self) {
+        self.hub.lock().ready.push(self.token);
+    }
+
+    /// Starts or stops reporting that `fd` is readable. A descriptor that is
+    /// about to be closed must be taken out first.
+    pub(crate) fn poll_input(&mut self, fd: impl AsFd, wanted: bool) -> Result<(), PortErrorKind> {
+        if wanted == self.polling {
+            return Ok(());
+        }
+        if wanted {
+            let data = epoll::EventData::new_u64(self.token as u64);
+            epoll::add(&self.hub.epoll, fd, data, epoll::EventFlags::IN)
+        } else {
+            epoll::delete(&self.hub.epoll, fd)
+        }
+        .map_err(PortErrorKind::call("epoll_ctl"))?;
+        self.polling = wanted;
+        Ok(())
+    }
+
+    /// Starts watching who opens and closes `node`.
+    pub(crate) fn watch(&mut self, node: &Path) -> Result<(), PortErrorKind> {
+        self.unwatch();
+        let wd = self.add_watch(node, Self::everybody())?;
+        let node = Node {
+            token: self.token,
+            openers: 0,
+            closed: false,
+            emptied: false,
+        };
+        self.hub.lock().nodes.insert(wd, node);
+        self.wd = Some(wd);
+        Ok(())
+    }
+
+    /// Stops reporting those who only read `node`, as we ourselves are about
+    /// to, and forgets every visit so far.
+    pub(crate) fn ignore_readers(&mut self, node: &Path) -> Result<(), PortErrorKind> {
+        self.add_watch(node, WatchFlags::CLOSE_WRITE)?;
+        self.hub.drain().map_err(PortErrorKind::call("read"))?;
+        self.take_visits();
+        Ok(())
+    }
+
+    /// Reports everybody again.
+    pub(crate) fn heed_readers(&mut self, node: &Path) -> Result<(), PortErrorKind> {
+        self.add_watch(node, Self::everybody()).map(drop)
+    }
+
+    /// Corrects the number of those who have the node open.
+    pub(crate) fn set_openers(&self, openers: u32) {
+        let mut state = self.hub.lock();
+        if let Some(node) = self.wd.and_then(|wd| state.nodes.get_mut(&wd)) {
+            node.openers = openers;
+        }
+    }
+
+    /// What happened to the node since the last call.
+    pub(crate) fn take_visits(&self) -> Visits {
+        let mut state = self.hub.lock();
+        let Some(node) = self.wd.and_then(|wd| state.nodes.get_mut(&wd)) else {
+            return Visits::default();
+        };
+        Visits {
+            closed: std::mem::take(&mut node.closed),
+            emptied: std::mem::take(&mut node.emptied),
+        }
+    }
+
+    fn everybody() -> WatchFlags {
+        WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE
+    }
+
+    fn add_watch(&self, node: &Path, flags: WatchFlags) -> Result<i32, PortErrorKind> {
+        inotify::add_watch(&self.hub.inotify, node, flags).map_err(|errno| match errno {
+            Errno::NOSPC => PortErrorKind::WatchLimit,
+            errno => PortErrorKind::call("inotify_add_watch")(errno),
+        })
+    }
+
+    fn unwatch(&mut self) {
+        if let Some(wd) = self.wd.take() {
+            self.hub.lock().nodes.remove(&wd);
+            // The watch is already gone if the node is.
+            let _ = inotify::remove_watch(&self.hub.inotify, wd);
+        }
+    }
+}
+
+impl Drop for Registration {
+    fn drop(&mut self) {
+        self.unwatch();
+        // Epoll forgets a descriptor when its port closes it.
+        self.hub.lock().ready.retain(|token| *token != self.token);
+    }
+}

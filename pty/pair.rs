@@ -1,0 +1,144 @@
+//! The kernel's side of a pseudo-terminal: a master that we hold, a node
+//! under `/dev/pts` that clients open.
+//!
+//! Facts about Linux that this module rests on, each with a test:
+//!
+//! - With no client the master reads `EIO` and polls as hung up. A fresh pair
+//!   does not, until its node has been opened and closed once.
+//! - `TCOFLUSH` on the master empties what is on the way to the client but
+//!   not what has arrived and waits to be read; setting the attributes with
+//!   `TCSAFLUSH`, also on the master, empties the latter.
+//! - `TIOCEXCL` outlives the client that set it. The flag belongs to the
+//!   client's end: `TIOCNXCL` on the master does not reach it, a descriptor
+//!   opened with `O_PATH` takes no ioctl, and every way of opening the node,
+//!   `TIOCGPTPEER` included, gives `EBUSY` to all but root. Holding a
+//!   descriptor of our own would reach it, but also hide every hang-up.
+
+use std::ffi::OsString;
+use std::os::unix::ffi::OsStringExt as _;
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
+use rustix::fs::{Mode, OFlags};
+use rustix::io::{Errno, retry_on_intr};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, QueueSelector, ioctl_tiocnxcl, tcflush};
+use rustix::termios::{tcgetattr, tcsetattr};
+
+use crate::error::PortErrorKind;
+use crate::line::set_raw_and_flush;
+
+/// A pair whose client end is raw at the device's baud.
+#[derive(Debug)]
+pub(crate) struct Pair {
+    master: OwnedFd,
+    slave: PathBuf,
+    baud: u32,
+}
+
+/// Whether the next client may open the node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Access {
+    /// It may.
+    Open,
+    /// A flag that only root can clear keeps everybody out.
+    Locked,
+}
+
+impl Pair {
+    /// Opens a fresh pair. It looks exactly like one whose client has left.
+    pub(crate) fn open(baud: u32) -> Result<Self, PortErrorKind> {
+        if baud == 0 {
+            return Err(PortErrorKind::ZeroBaud);
+        }
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
+            .map_err(|errno| match errno {
+                Errno::AGAIN | Errno::NOSPC => PortErrorKind::NoPtyLeft,
+                errno => PortErrorKind::call("posix_openpt")(errno),
+            })?;
+        let flags = rustix::fs::fcntl_getfl(&master).map_err(PortErrorKind::call("fcntl"))?;
+        rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK)
+            .map_err(PortErrorKind::call("fcntl"))?;
+        grantpt(&master).map_err(PortErrorKind::call("grantpt"))?;
+        // Settings come before the lock is taken off, so that no client can
+        // ever see an echoing terminal.
+        set_raw_and_flush(&master, baud).map_err(PortErrorKind::call("tcsetattr"))?;
+        unlockpt(&master).map_err(PortErrorKind::call("unlockpt"))?;
+        let name = ptsname(&master, Vec::new()).map_err(PortErrorKind::call("ptsname"))?;
+        let slave = PathBuf::from(OsString::from_vec(name.into_bytes()));
+        let pair = Self {
+            master,
+            slave,
+            baud,
+        };
+        pair.clear_exclusive()?;
+        Ok(pair)
+    }
+
+    /// The node that clients open.
+    pub(crate) fn slave(&self) -> &Path {
+        &self.slave
+    }
+
+    /// Whether a client has the node open or has left bytes behind.
+    pub(crate) fn has_client(&self) -> Result<bool, Errno> {
+        let flags = self.poll_flags()?;
+        Ok(!flags.contains(PollFlags::HUP) || flags.contains(PollFlags::IN))
+    }
+
+    /// Whether nobody has the node open.
+    pub(crate) fn is_hung_up(&self) -> Result<bool, Errno> {
+        Ok(self.poll_flags()?.contains(PollFlags::HUP))
+    }
+
+    fn poll_flags(&self) -> Result<PollFlags, Errno> {
+        let mut fds = [PollFd::new(&self.master, PollFlags::IN)];
+        let now = Timespec {
+            tv_sec: 0,
+            tv_nsec: 0,
+        };
+        retry_on_intr(|| poll(&mut fds, Some(&now)))?;
+        Ok(fds[0].revents())
+    }
+
+    /// Takes back every byte that the client has not read, and gives the
+    /// line the device's own settings again.
+    pub(crate) fn reset(&self) -> Result<(), Errno> {
+        // In this order: nothing can arrive at the client's end once nothing
+        // is on the way to it.
+        tcflush(&self.master, QueueSelector::OFlush)?;
+        set_raw_and_flush(&self.master, self.baud)
+    }
+
+    /// Takes back every byte that was not read, but keeps the settings, for
+    /// a client who may already have made its own.
+    pub(crate) fn flush_output(&self) -> Result<(), Errno> {
+        tcflush(&self.master, QueueSelector::OFlush)?;
+        let termios = tcgetattr(&self.master)?;
+        tcsetattr(&self.master, OptionalActions::Flush, &termios)
+    }
+
+    /// Clears the exclusive flag by way of a descriptor held for a moment,
+    /// which root may open and anybody else if the flag is not set at all.
+    ///
+    /// The descriptor only reads, so that its closing is told apart from a
+    /// client's by whoever watches the node.
+    pub(crate) fn clear_exclusive(&self) -> Result<Access, PortErrorKind> {
+        let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        match retry_on_intr(|| rustix::fs::open(&self.slave, flags, Mode::empty())) {
+            Ok(slave) => {
+                ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
+                Ok(Access::Open)
+            }
+            Err(Errno::BUSY) => Ok(Access::Locked),
+            Err(errno) => Err(PortErrorKind::call("open")(errno)),
+        }
+    }
+}
+
+impl AsFd for Pair {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.master.as_fd()
+    }
+}

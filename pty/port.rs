@@ -1,0 +1,164 @@
+//! What the caller sees of a port, whichever kind it is.
+
+use std::path::Path;
+
+use crate::error::PortError;
+use crate::hub::Registration;
+use crate::line::LineSettings;
+use crate::pty_port::PtyPort;
+use crate::serial_port::SerialPort;
+
+/// A place where a client talks to a device.
+#[derive(Debug)]
+pub enum Port {
+    /// A pseudo-terminal on this machine.
+    Pty(PtyPort),
+    /// A real serial port with the client at the other end of the cable.
+    Serial(SerialPort),
+}
+
+/// One piece of news from a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum Event {
+    /// A client has opened the port. A serial port reports this once, at the
+    /// start, since a cable does not tell.
+    Attached,
+    /// So many bytes were received, never 0.
+    Data(usize),
+    /// The client is gone and every byte that it sent was reported. What the
+    /// caller still meant to send to it is to be thrown away.
+    Detached,
+    /// There is nothing to report.
+    Idle,
+}
+
+/// What became of the bytes given to [`Port::write`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[must_use]
+pub struct Written {
+    /// Bytes on their way to the client.
+    pub accepted: usize,
+    /// Bytes lost, because nobody is attached or the client does not read.
+    pub dropped: usize,
+}
+
+/// Totals of a port since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Bytes received from clients.
+    pub received_bytes: u64,
+    /// Bytes accepted for sending. A client that leaves without reading them
+    /// never gets them.
+    pub sent_bytes: u64,
+    /// Bytes dropped because the client did not read and the buffer was full.
+    pub dropped_full_bytes: u64,
+    /// Bytes dropped because nobody was attached.
+    pub dropped_detached_bytes: u64,
+    /// How often a client attached.
+    pub attached: u64,
+}
+
+impl Port {
+    /// Reports the next piece of news, without blocking. Received bytes are
+    /// put at the start of `buf`.
+    ///
+    /// A port that a [`Waiter`](crate::Waiter) called ready must be read at
+    /// least once. It need not be read until [`Event::Idle`]: the waiter
+    /// calls it ready again while anything is left.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses, or a serial port was unplugged.
+    pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+        match self {
+            Self::Pty(port) => port.read(buf),
+            Self::Serial(port) => port.read(buf),
+        }
+    }
+
+    /// Sends what fits without blocking, and drops and counts the rest.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses, or a serial port was unplugged.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
+        match self {
+            Self::Pty(port) => port.write(bytes),
+            Self::Serial(port) => port.write(bytes),
+        }
+    }
+
+    /// The client's line settings, where they can be known: a client at the
+    /// end of a real cable keeps them to itself.
+    ///
+    /// One system call of well under a microsecond, meant to be made for
+    /// every burst of received bytes.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+        match self {
+            Self::Pty(port) => port.client_line().map(Some),
+            Self::Serial(_) => Ok(None),
+        }
+    }
+
+    /// Whether a client is attached, as far as events were reported.
+    #[must_use]
+    pub fn is_attached(&self) -> bool {
+        match self {
+            Self::Pty(port) => port.is_attached(),
+            Self::Serial(port) => port.is_attached(),
+        }
+    }
+
+    /// The path that a client opens, or of the serial device.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Pty(port) => port.path(),
+            Self::Serial(port) => port.path(),
+        }
+    }
+
+    /// Totals since the port was opened.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        match self {
+            Self::Pty(port) => port.counters(),
+            Self::Serial(port) => port.counters(),
+        }
+    }
+
+    pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
+        match self {
+            Self::Pty(port) => port.register(registration),
+            Self::Serial(port) => port.register(registration),
+        }
+    }
+}
+
+impl From<PtyPort> for Port {
+    fn from(port: PtyPort) -> Self {
+        Self::Pty(port)
+    }
+}
+
+impl From<SerialPort> for Port {
+    fn from(port: SerialPort) -> Self {
+        Self::Serial(port)
+    }
+}
+
+impl Counters {
+    pub(crate) fn received(&mut self, bytes: usize) {
+        self.received_bytes += bytes as u64;
+    }
+
+    pub(crate) fn written(&mut self, written: Written) {
+        self.sent_bytes += written.accepted as u64;
+        self.dropped_full_bytes += written.dropped as u64;
+    }
+}

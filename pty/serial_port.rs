@@ -1,0 +1,184 @@
+//! The same device on a real serial port.
+
+use std::os::fd::AsRawFd as _;
+use std::path::{Path, PathBuf};
+
+use rustix::fd::BorrowedFd;
+use rustix::fs::OFlags;
+use rustix::io::{Errno, retry_on_intr};
+use serialport::{DataBits, FlowControl, StopBits, TTYPort};
+
+use crate::error::{PortError, PortErrorKind};
+use crate::hub::Registration;
+use crate::port::{Counters, Event, Written};
+use crate::pty_port::write_some;
+
+/// A real serial port, held exclusively, 8N1 without flow control.
+#[derive(Debug)]
+pub struct SerialPort {
+    registration: Option<Registration>,
+    tty: TTYPort,
+    path: PathBuf,
+    attached: bool,
+    counters: Counters,
+}
+
+impl SerialPort {
+    /// Opens the serial port at `path` with `baud`.
+    ///
+    /// # Errors
+    ///
+    /// When it does not exist, is held by another program, may not be opened
+    /// by this user or does not do the baud rate.
+    pub fn open(path: impl AsRef<Path>, baud: u32) -> Result<Self, PortError> {
+        let path = path.as_ref();
+        let open = || {
+            if baud == 0 {
+                return Err(PortErrorKind::ZeroBaud);
+            }
+            let tty = serialport::new(path.to_string_lossy(), baud)
+                .data_bits(DataBits::Eight)
+                .parity(serialport::Parity::None)
+                .stop_bits(StopBits::One)
+                .flow_control(FlowControl::None)
+                .open_native()
+                .map_err(open_error)?;
+            let port = Self {
+                registration: None,
+                tty,
+                path: path.to_owned(),
+                attached: false,
+                counters: Counters::default(),
+            };
+            // The library sets the port to blocking when it has opened it.
+            let flags = rustix::fs::fcntl_getfl(port.fd()).map_err(PortErrorKind::call("fcntl"))?;
+            rustix::fs::fcntl_setfl(port.fd(), flags | OFlags::NONBLOCK)
+                .map_err(PortErrorKind::call("fcntl"))?;
+            Ok(port)
+        };
+        open().map_err(|kind| PortError::new("serve", path, kind))
+    }
+
+    /// The path of the serial device.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether the port has reported itself attached and was not unplugged.
+    #[must_use]
+    pub fn is_attached(&self) -> bool {
+        self.attached
+    }
+
+    /// Totals since the port was opened.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
+    ///
+    /// # Errors
+    ///
+    /// When the port was unplugged or the system refuses.
+    pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+        if !self.attached && self.counters.attached == 0 {
+            self.attached = true;
+            self.counters.attached = 1;
+            return Ok(Event::Attached);
+        }
+        if buf.is_empty() {
+            return Ok(Event::Idle);
+        }
+        match retry_on_intr(|| rustix::io::read(self.fd(), &mut *buf)) {
+            Ok(n) if n > 0 => {
+                self.counters.received(n);
+                Ok(Event::Data(n))
+            }
+            Err(Errno::AGAIN) => Ok(Event::Idle),
+            // A terminal in raw mode has no end of file other than its loss.
+            Ok(_) => Err(self.lost("read from", "read", Errno::IO)),
+            Err(errno) => Err(self.lost("read from", "read", errno)),
+        }
+    }
+
+    /// Sends what fits and drops the rest; see
+    /// [`Port::write`](crate::Port::write).
+    ///
+    /// # Errors
+    ///
+    /// When the port was unplugged or the system refuses.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
+        match write_some(self.fd(), bytes) {
+            Ok(accepted) => {
+                let written = Written {
+                    accepted,
+                    dropped: bytes.len() - accepted,
+                };
+                self.counters.written(written);
+                Ok(written)
+            }
+            Err(errno) => Err(self.lost("write to", "write", errno)),
+        }
+    }
+
+    pub(crate) fn register(&mut self, mut registration: Registration) -> Result<(), PortError> {
+        self.deregister()
+            .map_err(|kind| PortError::new("watch", &self.path, kind))?;
+        registration
+            .poll_input(self.fd(), true)
+            .map_err(|kind| PortError::new("watch", &self.path, kind))?;
+        self.registration = Some(registration);
+        Ok(())
+    }
+
+    fn deregister(&mut self) -> Result<(), PortErrorKind> {
+        self.registration
+            .take()
+            .map_or(Ok(()), |mut old| old.poll_input(self.fd(), false))
+    }
+
+    fn lost(&mut self, action: &'static str, call: &'static str, errno: Errno) -> PortError {
+        let kind = match errno {
+            Errno::IO | Errno::NXIO | Errno::NODEV | Errno::BADF => {
+                self.attached = false;
+                // A port that is gone is readable for ever and would keep
+                // every wait from waiting.
+                let _ = self.deregister();
+                PortErrorKind::Unplugged
+            }
+            errno => PortErrorKind::call(call)(errno),
+        };
+        PortError::new(action, &self.path, kind)
+    }
+
+    #[expect(
+        unsafe_code,
+        reason = "the serialport crate offers its descriptor only as a number"
+    )]
+    fn fd(&self) -> BorrowedFd<'_> {
+        // SAFETY: the descriptor belongs to `self.tty`, which neither closes
+        // nor changes it before it is dropped, and the borrow ends before.
+        unsafe { BorrowedFd::borrow_raw(self.tty.as_raw_fd()) }
+    }
+}
+
+fn open_error(error: serialport::Error) -> PortErrorKind {
+    use std::io::ErrorKind;
+    let kind = match error.kind() {
+        serialport::ErrorKind::Io(kind) => kind,
+        // What the library makes of EBUSY and of a lock held by another.
+        serialport::ErrorKind::NoDevice => ErrorKind::ResourceBusy,
+        _ => ErrorKind::Other,
+    };
+    match kind {
+        ErrorKind::NotFound => PortErrorKind::NoSuchDevice,
+        ErrorKind::PermissionDenied => PortErrorKind::NotPermitted,
+        ErrorKind::ResourceBusy => PortErrorKind::Busy,
+        _ => PortErrorKind::System {
+            call: "opening the serial port",
+            source: error.into(),
+        },
+    }
+}

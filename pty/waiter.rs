@@ -1,0 +1,184 @@
+//! Waiting for any of many ports, for a signal, or for the time to pass.
+
+use std::num::NonZeroU64;
+use std::sync::Arc;
+use std::time::Duration;
+
+use rustix::buffer::spare_capacity;
+use rustix::event::{Timespec, epoll};
+use rustix::io::Errno;
+
+use crate::error::{PortError, PortErrorKind};
+use crate::hub::{Hub, INOTIFY, Registration, SIGNALS};
+use crate::port::Port;
+use crate::signals::{Signals, TerminationSignal};
+
+/// Descriptors reported by one call of the system. More than these wait for
+/// the next call; none is lost.
+const EVENTS: usize = 256;
+
+/// Waits for news from ports and for signals.
+pub struct Waiter {
+    hub: Arc<Hub>,
+    signals: Option<Signals>,
+    events: Vec<epoll::Event>,
+    wake: Wake,
+}
+
+/// Why [`Waiter::wait`] returned. Neither a port nor a signal means that the
+/// time is up, or now and then nothing at all.
+#[derive(Debug, Default)]
+pub struct Wake {
+    signal: Option<TerminationSignal>,
+    ready: Vec<usize>,
+}
+
+impl Wake {
+    /// The signal that arrived, the latest if there were several.
+    #[must_use]
+    pub fn signal(&self) -> Option<TerminationSignal> {
+        self.signal
+    }
+
+    /// The tokens of the ports with news, each once, in ascending order.
+    #[must_use]
+    pub fn ready(&self) -> &[usize] {
+        &self.ready
+    }
+}
+
+impl Waiter {
+    /// Makes a waiter for no ports yet.
+    ///
+    /// # Errors
+    ///
+    /// When the system's limits on descriptors or watches are reached.
+    pub fn new() -> Result<Self, PortError> {
+        Ok(Self {
+            hub: Hub::new().map_err(waiting)?,
+            signals: None,
+            events: Vec::with_capacity(EVENTS),
+            wake: Wake::default(),
+        })
+    }
+
+    /// Has `SIGINT`, `SIGTERM` and `SIGHUP` end a wait instead of the
+    /// program, for as long as the waiter lives. A `SIGHUP` that was ignored
+    /// from the start, as under `nohup`, stays ignored.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn catch_signals(&mut self) -> Result<(), PortError> {
+        if self.signals.is_some() {
+            return Ok(());
+        }
+        let signals = Signals::catch().map_err(|source| {
+            waiting(PortErrorKind::System {
+                call: "sigaction",
+                source,
+            })
+        })?;
+        let data = epoll::EventData::new_u64(SIGNALS);
+        epoll::add(self.hub.epoll(), &signals, data, epoll::EventFlags::IN)
+            .map_err(PortErrorKind::call("epoll_ctl"))
+            .map_err(waiting)?;
+        self.signals = Some(signals);
+        Ok(())
+    }
+
+    /// Waits for this port too, from now until it is dropped or added to
+    /// another waiter. The first wait after this reports it once in any case.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn add(&mut self, token: usize, port: &mut Port) -> Result<(), PortError> {
+        let registration = Registration::new(Arc::clone(&self.hub), token);
+        registration.mark_ready();
+        port.register(registration)
+    }
+
+    /// Waits until a port has news, a signal arrives or `timeout` has passed,
+    /// for ever with `None`.
+    ///
+    /// A port that is called ready must be read at least once, or the next
+    /// wait may return at once.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<&Wake, PortError> {
+        self.wake.ready.clear();
+        self.wake.signal = None;
+        let timeout = if self.hub.has_ready() {
+            Some(Duration::ZERO)
+        } else {
+            timeout
+        };
+        self.wait_epoll(timeout)?;
+        for event in self.events.drain(..) {
+            match event.data.u64() {
+                INOTIFY => {
+                    self.hub
+                        .drain()
+                        .map_err(PortErrorKind::call("read"))
+                        .map_err(waiting)?;
+                }
+                SIGNALS => {
+                    self.wake.signal = self.signals.as_mut().and_then(Signals::take);
+                }
+                // Tokens were made from a usize.
+                token => self.wake.ready.extend(usize::try_from(token)),
+            }
+        }
+        self.hub.take_ready(&mut self.wake.ready);
+        self.wake.ready.sort_unstable();
+        self.wake.ready.dedup();
+        Ok(&self.wake)
+    }
+
+    fn wait_epoll(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
+        // A wait too long for the system's clock is one without an end.
+        let mut timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
+        loop {
+            self.events.clear();
+            match epoll::wait(
+                self.hub.epoll(),
+                spare_capacity(&mut self.events),
+                timeout.as_ref(),
+            ) {
+                Ok(_) => return Ok(()),
+                // A handler ran: its pipe is readable now, so one more look
+                // does not wait.
+                Err(Errno::INTR) => {
+                    timeout = Some(Timespec {
+                        tv_sec: 0,
+                        tv_nsec: 0,
+                    })
+                }
+                Err(errno) => {
+                    return Err(waiting(PortErrorKind::call("epoll_pwait2")(errno)));
+                }
+            }
+        }
+    }
+}
+
+/// Makes the waits of the calling thread end on time.
+///
+/// By default Linux ends them up to 50 µs late to save power, which is half a
+/// byte at 115200 baud. Meant for the one thread that paces bytes.
+///
+/// # Errors
+///
+/// When the system refuses.
+pub fn sharpen_timers() -> Result<(), PortError> {
+    rustix::thread::set_current_timer_slack(NonZeroU64::new(1))
+        .map_err(PortErrorKind::call("prctl"))
+        .map_err(waiting)
+}
+
+fn waiting(kind: PortErrorKind) -> PortError {
+    PortError::new("wait for", "ports and signals", kind)
+}
