@@ -19,7 +19,7 @@
 //!     world.step()?;
 //!     plant.after_step(&mut world);
 //! }
-//! assert!(plant.truth(&world).pose.x > 0.3);
+//! assert!(plant.truth().pose.x > 0.3);
 //! # Ok::<(), sim_physics::PhysicsError>(())
 //! ```
 //!
@@ -35,10 +35,10 @@
 //! transcendental functions here come from `libm`, never from the platform.
 
 mod pose;
-//pub mod r150;
+pub mod r150;
 pub mod traction;
 pub mod world;
 
 pub use pose::{BodyMotion, Pose};
-//pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
+pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldSettings};

@@ -89,13 +89,11 @@ impl World {
             // Resting is decided by the plant, which knows about brakes and slopes.
             .can_sleep(false)
             .build();
-        let collider = rapier::ColliderBuilder::cuboid(
-            narrow(shape.length / 2.0),
-            narrow(shape.width / 2.0),
-        )
-        .density(0.0)
-        .friction(narrow(self.wall_friction))
-        .build();
+        let collider =
+            rapier::ColliderBuilder::cuboid(narrow(shape.length / 2.0), narrow(shape.width / 2.0))
+                .density(0.0)
+                .friction(narrow(self.wall_friction))
+                .build();
         let handle = self.rapier.insert_body(body);
         let collider = self.rapier.insert_collider(collider, Some(handle));
         self.bodies.push(Body {

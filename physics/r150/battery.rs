@@ -1,0 +1,74 @@
+//! Two packs in parallel.
+
+use super::settings::BatterySettings;
+
+/// The packs as one source.
+#[derive(Debug, Clone)]
+pub(super) struct Battery {
+    /// Open-circuit voltage from empty to full in steps of 10 %, V.
+    open_circuit: [f64; 11],
+    /// Of the packs and their wiring, Ω.
+    resistance: f64,
+    /// Added by a scenario: a worn pack or a bad contact, Ω.
+    extra_resistance: f64,
+    /// A·s
+    capacity: f64,
+    /// 0–1
+    soc: f64,
+    /// A·s drawn so far.
+    drawn: f64,
+}
+
+impl Battery {
+    pub(super) fn new(settings: &BatterySettings) -> Self {
+        Self {
+            open_circuit: settings.cell_voltage.map(|cell| cell * settings.cells),
+            resistance: settings.pack_resistance / settings.packs + settings.wiring_resistance,
+            extra_resistance: 0.0,
+            capacity: settings.capacity * settings.packs * 3600.0,
+            soc: settings.initial_soc / 100.0,
+            drawn: 0.0,
+        }
+    }
+
+    /// Voltage without current, V.
+    pub(super) fn open_circuit(&self) -> f64 {
+        let place = self.soc * 10.0;
+        let mut below = 0;
+        // Ten comparisons cost less than a conversion that must be proven to be in range.
+        while below < 9 && place >= [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0][below] {
+            below += 1;
+        }
+        let (low, high) = (self.open_circuit[below], self.open_circuit[below + 1]);
+        let fraction = place - [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0][below];
+        low + (high - low) * fraction
+    }
+
+    pub(super) fn resistance(&self) -> f64 {
+        self.resistance + self.extra_resistance
+    }
+
+    pub(super) fn soc(&self) -> f64 {
+        self.soc
+    }
+
+    /// A·h
+    pub(super) fn drawn(&self) -> f64 {
+        self.drawn / 3600.0
+    }
+
+    pub(super) fn set_soc(&mut self, soc: f64) {
+        self.soc = soc;
+    }
+
+    pub(super) fn set_extra_resistance(&mut self, resistance: f64) {
+        self.extra_resistance = resistance;
+    }
+
+    /// Counts charge. A full battery takes no more and an empty one stays at its lowest voltage.
+    pub(super) fn discharge(&mut self, current: f64, seconds: f64) {
+        let charge = current * seconds;
+        self.drawn += charge;
+        self.soc = (self.soc - charge / self.capacity).clamp(0.0, 1.0);
+    }
+}

@@ -1,0 +1,229 @@
+//! Motors, gears, brakes and wheels: from bridge voltage to the velocity of the body.
+
+use super::R150Plant;
+use super::faults::SideFaults;
+use super::settings::R150PlantSettings;
+use super::signals::Side;
+use crate::pose::BodyMotion;
+use crate::traction::{Chassis, Patch, Traction, Wheel};
+use crate::world::{Ground, World};
+
+/// Front left, front right, rear left, rear right.
+pub(super) const WHEELS: usize = 4;
+
+/// The moving parts.
+#[derive(Debug, Clone)]
+pub(super) struct Drive {
+    pub(super) traction: Traction<2, WHEELS>,
+    /// Of the wheels of each side, rad/s.
+    pub(super) wheel_speed: [f64; 2],
+    pub(super) mass: f64,
+    pub(super) inertia: f64,
+    centre_height: f64,
+    half_wheelbase: f64,
+    half_track: f64,
+    wheel_radius: f64,
+    rolling_resistance: f64,
+    gear_ratio: f64,
+    torque_constant: f64,
+    winding_resistance: f64,
+    /// Of rotor and wheels at the wheel's speed, kg·m².
+    side_inertia: f64,
+    gear_friction: f64,
+    gear_loss: f64,
+    brake_torque: f64,
+}
+
+/// What turns the wheels of one side.
+#[derive(Debug, Clone, Copy)]
+struct SideDrive {
+    /// Voltage of the bridge; `None` if no current can flow.
+    voltage: Option<f64>,
+    /// Through the windings at the start of the step, A.
+    current: f64,
+    brake: bool,
+    faults: SideFaults,
+    /// Load on the wheels, N.
+    load: f64,
+}
+
+impl Drive {
+    pub(super) fn new(settings: &R150PlantSettings) -> Self {
+        let body = &settings.body;
+        let motor = &settings.motor;
+        let (x, y) = (body.wheelbase / 2.0, body.track / 2.0);
+        let patch = |x, y, side: Side| Patch {
+            x,
+            y,
+            wheel: side.index(),
+        };
+        let patches = [
+            patch(x, y, Side::Left),
+            patch(x, -y, Side::Right),
+            patch(-x, y, Side::Left),
+            patch(-x, -y, Side::Right),
+        ];
+        let ratio = motor.gear_ratio;
+        let mut drive = Self {
+            traction: Traction::new(&settings.tyre, patches),
+            wheel_speed: [0.0; 2],
+            mass: 0.0,
+            inertia: 0.0,
+            centre_height: 0.0,
+            half_wheelbase: x,
+            half_track: y,
+            wheel_radius: settings.tyre.wheel_radius,
+            rolling_resistance: settings.tyre.rolling_resistance,
+            gear_ratio: ratio,
+            torque_constant: motor.back_emf_constant,
+            winding_resistance: motor.resistance,
+            side_inertia: motor.rotor_inertia * ratio * ratio + 2.0 * motor.wheel_inertia,
+            gear_friction: motor.gear_friction,
+            gear_loss: motor.gear_loss,
+            brake_torque: motor.brake_torque,
+        };
+        drive.set_payload(settings, body.payload);
+        drive
+    }
+
+    /// The payload lies spread over the deck.
+    pub(super) fn set_payload(&mut self, settings: &R150PlantSettings, payload: f64) {
+        let body = &settings.body;
+        let deck = body.length * body.length + body.width * body.width;
+        self.mass = body.mass + payload;
+        self.inertia = body.yaw_inertia + payload * deck / 12.0;
+        self.centre_height =
+            (body.mass * body.centre_of_mass_height + payload * body.payload_height) / self.mass;
+    }
+
+    /// Speed of a motor shaft, rad/s.
+    pub(super) fn motor_speed(&self, side: Side) -> f64 {
+        self.wheel_speed[side.index()] * self.gear_ratio
+    }
+
+    pub(super) fn back_emf(&self, side: Side) -> f64 {
+        self.motor_speed(side) * self.torque_constant
+    }
+
+    /// Forces the wheels to a stand, as a blocked side does.
+    pub(super) fn stop(&mut self, side: Side) {
+        self.wheel_speed[side.index()] = 0.0;
+    }
+
+    /// How each wheel is pressed down: its share of the weight, shifted towards the lower side of a
+    /// slope by the height of the centre of mass. Acceleration shifts nothing; at the speeds of this
+    /// vehicle that is under a tenth of the load.
+    fn loads(&self, pull: [f64; 2], weight: f64) -> [f64; WHEELS] {
+        let ahead = pull[0] * self.centre_height / (4.0 * self.half_wheelbase);
+        let left = pull[1] * self.centre_height / (4.0 * self.half_track);
+        let quarter = weight / 4.0;
+        let loads = [
+            quarter + ahead + left,
+            quarter + ahead - left,
+            quarter - ahead + left,
+            quarter - ahead - left,
+        ]
+        .map(|load| load.max(0.0));
+        let sum: f64 = loads.iter().sum();
+        // A wheel that lifts leaves its share to the others; together they carry the weight.
+        if sum > weight {
+            loads.map(|load| load * weight / sum)
+        } else {
+            loads
+        }
+    }
+
+    /// The wheels of one side over a step, without the ground. The motor's back-EMF answers to the
+    /// speed at the end of the step: its time constant is near the step itself.
+    fn wheel(&self, side: Side, drive: &SideDrive, dt: f64) -> Wheel {
+        let speed = self.wheel_speed[side.index()];
+        let faults = &drive.faults;
+        let brake = if drive.brake && !faults.brake_stuck_open {
+            self.brake_torque
+        } else {
+            0.0
+        };
+        let motor_torque = drive.current * self.torque_constant;
+        let gear = self.gear_friction + self.gear_loss * motor_torque.abs();
+        let hold_torque = gear * self.gear_ratio
+            + self.rolling_resistance * drive.load * self.wheel_radius
+            + brake
+            + faults.drag_torque;
+        if faults.blocked {
+            return Wheel {
+                speed: 0.0,
+                compliance: 0.0,
+                hold_torque,
+            };
+        }
+        let mut momentum = self.side_inertia * speed;
+        let mut stiffness = self.side_inertia;
+        if let Some(voltage) = drive.voltage {
+            let torque_per_volt = self.gear_ratio * self.torque_constant / self.winding_resistance;
+            momentum += dt * torque_per_volt * voltage;
+            stiffness += dt * torque_per_volt * self.gear_ratio * self.torque_constant;
+        }
+        Wheel {
+            speed: momentum / stiffness,
+            compliance: 1.0 / stiffness,
+            hold_torque,
+        }
+    }
+
+    /// Downhill pull of gravity in the axes of the body, N.
+    fn pull(&self, ground: &Ground, gravity: f64, motion: &BodyMotion) -> [f64; 2] {
+        let weight = self.mass * gravity;
+        motion
+            .to_body(ground.downhill())
+            .map(|share| share * weight)
+    }
+}
+
+/// Computes the tyre forces of one step and gives the body the velocity they lead to.
+pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
+    let dt = world.step_length().as_secs_f64();
+    let motion = world.motion(plant.body);
+    let ground = world.ground_at(motion.x, motion.y);
+    let gravity = world.gravity();
+
+    let drive = &plant.drive;
+    let pull = drive.pull(&ground, gravity, &motion);
+    let loads = drive.loads(pull, drive.mass * gravity * ground.cos_slope());
+    let side_loads = [loads[1] + loads[3], loads[0] + loads[2]];
+    let mut wheels = Side::BOTH.map(|side| {
+        let index = side.index();
+        let port = plant.motor_port(side);
+        let side_drive = SideDrive {
+            voltage: port.connected.then_some(port.duty * plant.flow.bus),
+            current: plant.flow.motor_current[index],
+            brake: plant.commands.parking_brake,
+            faults: plant.side_faults[side],
+            load: side_loads[index],
+        };
+        drive.wheel(side, &side_drive, dt)
+    });
+
+    let [push_ahead, push_left, push_turn] = plant.push;
+    let [ahead, left, yaw_rate] = motion.body_velocity();
+    let mut chassis = Chassis {
+        mass: drive.mass,
+        inertia: drive.inertia,
+        velocity: [
+            ahead + dt * (pull[0] + push_ahead) / drive.mass,
+            left + dt * (pull[1] + push_left) / drive.mass,
+            yaw_rate + dt * push_turn / drive.inertia,
+        ],
+    };
+    let rolling = drive.wheel_speed;
+    plant.drive.traction.solve(
+        &mut chassis,
+        &mut wheels,
+        rolling,
+        loads,
+        ground.friction(),
+        dt,
+    );
+    plant.drive.wheel_speed = wheels.map(|wheel| wheel.speed);
+    let [ahead, left, yaw_rate] = chassis.velocity;
+    world.set_velocity(plant.body, motion.to_world([ahead, left]), yaw_rate);
+}

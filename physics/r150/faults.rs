@@ -1,0 +1,175 @@
+//! What an operator, a scenario or bad luck does to the vehicle.
+
+use super::R150Plant;
+use super::fuse::FuseId;
+use super::signals::{Load, PwmSource, Rail, Side};
+use crate::pose::Pose;
+use crate::world::World;
+
+/// What a wheel encoder does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Encoder {
+    /// It measures.
+    #[default]
+    Working,
+    /// Its cable is off: it reads zero.
+    Lost,
+    /// It repeats what it read last.
+    Stuck,
+}
+
+/// What is wrong with one side.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SideFaults {
+    /// The wheels cannot turn at all.
+    pub blocked: bool,
+    /// Something drags on the wheels, N·m for the side.
+    pub drag_torque: f64,
+    /// The motor's cable is off: no current, the wheels turn freely.
+    pub motor_disconnected: bool,
+    /// The brake does not hold.
+    pub brake_stuck_open: bool,
+    /// The encoder.
+    pub encoder: Encoder,
+}
+
+impl R150Plant {
+    /// Wires a load to a rail. Power is held within 0–100 kW, resistance above 1 mΩ.
+    pub fn set_load(&mut self, rail: Rail, load: Load) {
+        self.loads[rail.index()] = match load {
+            Load::Power(power) => Load::Power(number(power).clamp(0.0, 1e5)),
+            Load::Resistance(resistance) => Load::Resistance(number(resistance).clamp(1e-3, 1e9)),
+            other => other,
+        };
+        self.solve_network();
+    }
+
+    /// What hangs on a rail.
+    #[must_use]
+    pub fn load(&self, rail: Rail) -> Load {
+        self.loads[rail.index()]
+    }
+
+    /// Puts a payload on the deck, kg, within 0–1000.
+    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
+        self.drive
+            .set_payload(&self.settings, number(payload).clamp(0.0, 1000.0));
+        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
+        self.wake();
+    }
+
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is
+    /// held within ±100 kN.
+    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
+        self.push = [ahead, left, turn].map(|part| number(part).clamp(-1e5, 1e5));
+        self.wake();
+    }
+
+    /// Bumps once: ahead and to the left in N·s, counter-clockwise in N·m·s. Each is held within
+    /// ±10 kN·s.
+    pub fn bump(&mut self, world: &mut World, ahead: f64, left: f64, turn: f64) {
+        let [ahead, left, turn] = [ahead, left, turn].map(|part| number(part).clamp(-1e4, 1e4));
+        let motion = world.motion(self.body);
+        let [x, y] = motion.to_world([ahead / self.drive.mass, left / self.drive.mass]);
+        world.set_velocity(
+            self.body,
+            [motion.vx + x, motion.vy + y],
+            motion.yaw_rate + turn / self.drive.inertia,
+        );
+        self.wake();
+    }
+
+    /// Lifts the vehicle and sets it down elsewhere, standing.
+    pub fn place(&mut self, world: &mut World, pose: Pose) {
+        world.place(self.body, pose);
+        self.motion = world.motion(self.body);
+        self.drive.traction.relax();
+        for side in Side::BOTH {
+            self.drive.stop(side);
+        }
+        self.solve_network();
+        self.wake();
+    }
+
+    /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.
+    pub fn set_side_faults(&mut self, side: Side, faults: SideFaults) {
+        self.side_faults[side] = SideFaults {
+            drag_torque: number(faults.drag_torque).clamp(0.0, 1e5),
+            ..faults
+        };
+        if faults.blocked {
+            self.drive.stop(side);
+        }
+        self.solve_network();
+        self.wake();
+    }
+
+    /// What is wrong with a side.
+    #[must_use]
+    pub fn side_faults(&self, side: Side) -> SideFaults {
+        self.side_faults[side]
+    }
+
+    /// Blows a fuse.
+    pub fn blow_fuse(&mut self, fuse: FuseId) {
+        self.slow.fuses[fuse.index()].blow();
+        self.solve_network();
+        self.wake();
+    }
+
+    /// Puts a new fuse in.
+    pub fn replace_fuse(&mut self, fuse: FuseId) {
+        self.slow.fuses[fuse.index()].replace();
+        self.solve_network();
+        self.wake();
+    }
+
+    /// Whether a fuse has blown.
+    #[must_use]
+    pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
+        self.slow.fuses[fuse.index()].is_blown()
+    }
+
+    /// Wires a source to a PWM input, 0–3.
+    pub fn set_pwm_source(&mut self, input: usize, source: PwmSource) {
+        if let Some(wired) = self.pwm_sources.get_mut(input) {
+            *wired = source;
+        }
+    }
+
+    /// Charges or drains the battery to 0–1.
+    pub fn set_soc(&mut self, soc: f64) {
+        self.slow.battery.set_soc(number(soc).clamp(0.0, 1.0));
+        self.solve_network();
+    }
+
+    /// Adds resistance to the battery, Ω, within 0–10: worn cells or a bad contact make it sag.
+    pub fn set_battery_sag(&mut self, resistance: f64) {
+        self.slow
+            .battery
+            .set_extra_resistance(number(resistance).clamp(0.0, 10.0));
+        self.solve_network();
+    }
+
+    /// Changes the temperature around the vehicle, °C, within ±200.
+    pub fn set_ambient(&mut self, celsius: f64) {
+        self.slow.ambient = number(celsius).clamp(-200.0, 200.0);
+    }
+
+    /// Heats or cools a 12 V converter pair (0 is A+B, 1 is C+D) at once, °C, within ±200.
+    pub fn set_temperature(&mut self, pair: usize, celsius: f64) {
+        if let Some(temperature) = self.slow.temperature.get_mut(pair) {
+            *temperature = number(celsius).clamp(-200.0, 200.0);
+        }
+    }
+
+    /// Makes the power module report a fault of its own, or stop doing so.
+    pub fn set_power_module_fault(&mut self, present: bool) {
+        self.power_module_fault = present;
+    }
+}
+
+/// Callers check what they are given; this is the last line that keeps a NaN out of the state.
+fn number(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value }
+}

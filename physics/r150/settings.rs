@@ -1,0 +1,201 @@
+//! What may be chosen about the R150 outside its firmware.
+
+use std::time::Duration;
+
+use crate::traction::TyreSettings;
+
+sim_settings::settings! {
+    /// The vehicle around the module.
+    pub struct R150PlantSettings {}
+    groups {
+        /// Chassis and payload.
+        body: BodySettings,
+        /// Wheels and tyres.
+        tyre: TyreSettings,
+        /// Motors, gears and brakes.
+        motor: MotorSettings,
+        /// The two packs.
+        battery: BatterySettings,
+        /// The module's outputs.
+        rails: RailSettings,
+        /// Fuses of the junction box.
+        fuses: FuseSettings,
+        /// Warming of the 12 V converters.
+        thermal: ThermalSettings,
+        /// PWM inputs and outputs.
+        pwm: PwmSettings,
+        /// When a vehicle counts as standing.
+        rest: RestSettings,
+    }
+}
+
+sim_settings::settings! {
+    /// Chassis and payload.
+    pub struct BodySettings {
+        /// Length of the chassis.
+        length: f64 = 0.98, unit "m", range 0.1..=5.0, assumed "public pictures and dimensions";
+        /// Width of the chassis.
+        width: f64 = 0.66, unit "m", range 0.1..=5.0, assumed "public pictures and dimensions";
+        /// Distance between front and rear axle.
+        wheelbase: f64 = 0.65, unit "m", range 0.05..=5.0, assumed "public pictures and dimensions";
+        /// Distance between the wheels of both sides.
+        track: f64 = 0.60, unit "m", range 0.05..=5.0, assumed "public pictures and dimensions";
+        /// Mass without payload.
+        mass: f64 = 130.0, unit "kg", range 1.0..=2000.0, assumed "public figure for the empty vehicle";
+        /// Moment of inertia about the vertical, without payload.
+        yaw_inertia: f64 = 16.0, unit "kg*m^2", range 0.01..=5000.0,
+            assumed "a uniform box of that mass and size, a little more for the wheels";
+        /// Height of the centre of mass above the ground, without payload.
+        centre_of_mass_height: f64 = 0.35, unit "m", range 0.0..=2.0, assumed "batteries sit low";
+        /// Payload at the start.
+        payload: f64 = 0.0, unit "kg", range 0.0..=1000.0, assumed "empty unless chosen";
+        /// Height of the payload's centre of mass above the ground.
+        payload_height: f64 = 0.7, unit "m", range 0.0..=3.0, assumed "on the deck";
+    }
+}
+
+sim_settings::settings! {
+    /// Motors, gears and brakes.
+    pub struct MotorSettings {
+        /// Turns of the motor for one turn of the wheel.
+        gear_ratio: f64 = 28.3, range 1.0..=500.0, documented "manual section 4.3.8";
+        /// Back-EMF per motor speed, which is also torque per current.
+        back_emf_constant: f64 = 0.3188, unit "V*s/rad", range 0.001..=10.0,
+            assumed "gives the manual's 1.4 m/s at full PWM and 80 % charge";
+        /// Resistance of the windings, the bridge and the wiring.
+        resistance: f64 = 0.5, unit "ohm", range 0.01..=100.0,
+            assumed "rated 7 N*m then draws 22 A; stall is about twice the fuse";
+        /// Moment of inertia of a rotor.
+        rotor_inertia: f64 = 0.0015, unit "kg*m^2", range 0.0..=1.0, assumed "a motor of about 1 kW";
+        /// Moment of inertia of one wheel.
+        wheel_inertia: f64 = 0.15, unit "kg*m^2", range 0.0001..=10.0, assumed "5 kg near the rim";
+        /// Dry friction of a gear, at the motor shaft.
+        gear_friction: f64 = 0.15, unit "N*m", range 0.0..=100.0, assumed "2 % of the rated torque";
+        /// Share of the motor's torque that is lost in the gear.
+        gear_loss: f64 = 0.1, range 0.0..=0.9, assumed "two or three planetary stages";
+        /// Torque that the parking brake holds at the wheels of one side.
+        brake_torque: f64 = 200.0, unit "N*m", range 0.0..=10000.0,
+            assumed "holds the loaded vehicle on its steepest slope with a margin of two";
+    }
+}
+
+sim_settings::settings! {
+    /// Two packs of 13 cells in parallel.
+    pub struct BatterySettings {
+        /// Charge at the start.
+        initial_soc: f64 = 80.0, unit "%", range 0.0..=100.0, assumed "typical working charge";
+        /// Capacity of one pack.
+        capacity: f64 = 20.0, unit "Ah", range 0.1..=1000.0,
+            assumed "public figures of the vehicle's packs";
+        /// Packs in parallel.
+        packs: f64 = 2.0, range 1.0..=8.0, assumed "public figures of the vehicle's packs";
+        /// Cells in series.
+        cells: f64 = 13.0, range 1.0..=30.0,
+            assumed "48.1 V nominal is 13 cells of 3.7 V, public figures of the vehicle's packs";
+        /// Voltage of a cell without current, from empty to full in steps of 10 %.
+        cell_voltage: [f64; 11] =
+            [3.00, 3.45, 3.55, 3.60, 3.64, 3.70, 3.77, 3.86, 3.95, 4.06, 4.18],
+            unit "V", range 0.5..=6.0, assumed "typical lithium cell with 3.7 V nominal";
+        /// Internal resistance of one pack.
+        pack_resistance: f64 = 0.03, unit "ohm", range 0.0005..=10.0,
+            assumed "about 2.3 mohm a cell, a pack for high currents";
+        /// Resistance of the wiring from the packs to the bus.
+        wiring_resistance: f64 = 0.005, unit "ohm", range 0.0005..=10.0,
+            assumed "short thick cables and a connector";
+    }
+}
+
+sim_settings::settings! {
+    /// The module's outputs and what it draws itself.
+    pub struct RailSettings {
+        /// Voltage of the 12 V outputs without load.
+        voltage_12v: f64 = 12.0, unit "V", range 1.0..=60.0, documented "manual section 3";
+        /// Voltage of the 5 V output without load.
+        voltage_5v: f64 = 5.0, unit "V", range 1.0..=60.0, documented "manual section 3";
+        /// Source resistance of one 12 V output.
+        resistance_12v: f64 = 0.03, unit "ohm", range 0.001..=10.0,
+            assumed "a short then draws many times the limit";
+        /// Source resistance of the 5 V output.
+        resistance_5v: f64 = 0.05, unit "ohm", range 0.001..=10.0,
+            assumed "a short then draws many times the limit";
+        /// Resistance from the bus to the 48 V output.
+        resistance_48v: f64 = 0.01, unit "ohm", range 0.001..=10.0, assumed "a switch and a connector";
+        /// What is left of a short circuit, in its wires.
+        short_resistance: f64 = 0.02, unit "ohm", range 0.001..=1.0, assumed "a metre of wire";
+        /// Efficiency of the 12 V and 5 V converters.
+        converter_efficiency: f64 = 0.92, range 0.1..=1.0, assumed "typical buck converter";
+        /// What the module draws itself.
+        own_power: f64 = 5.0, unit "W", range 0.0..=200.0, assumed "a controller and idle converters";
+        /// Bus voltage under which the module and its converters stop.
+        minimum_voltage: f64 = 14.0, unit "V", range 1.0..=40.0,
+            assumed "12 V converters need a little more than they give";
+        /// What the vehicle's small modules draw behind their own fuse.
+        small_modules_power: f64 = 20.0, unit "W", range 0.0..=500.0,
+            assumed "controller, lights and sounder";
+    }
+}
+
+sim_settings::settings! {
+    /// Fuses of the junction box.
+    pub struct FuseSettings {
+        /// Fuse of each motor's supply.
+        motor: f64 = 50.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
+        /// Fuse of the tail supply, which feeds the module and its outputs.
+        tail: f64 = 60.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
+        /// Fuse of the small modules.
+        small_modules: f64 = 5.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
+        /// Multiple of the rating that a fuse carries for ever.
+        holding_factor: f64 = 1.2, range 1.0..=5.0, assumed "automotive blade and strip fuses";
+        /// Time constant of a fuse's warming; at high current it blows after this times
+        /// (holding current / current)².
+        time_constant: Duration = Duration::from_secs(10),
+            range Duration::from_millis(10)..=Duration::from_secs(1000),
+            assumed "twice the rating then blows in about five seconds";
+    }
+}
+
+sim_settings::settings! {
+    /// Warming of the 12 V converters.
+    pub struct ThermalSettings {
+        /// Temperature around the vehicle, from which the converters start.
+        ambient: f64 = 25.0, unit "degC", range -60.0..=100.0, assumed "a mild day";
+        /// Rise of a converter pair at full load.
+        full_load_rise: f64 = 45.0, unit "K", range 0.0..=500.0,
+            assumed "settles near 70 degC from 25 degC, under the 85 degC limit";
+        /// Full load of a converter pair.
+        full_load: f64 = 250.0, unit "W", range 1.0..=10000.0, documented "manual section 3";
+        /// Time constant of the warming.
+        time_constant: Duration = Duration::from_secs(120),
+            range Duration::from_millis(100)..=Duration::from_secs(36000),
+            assumed "a small heat sink in still air";
+    }
+}
+
+sim_settings::settings! {
+    /// PWM inputs and outputs.
+    pub struct PwmSettings {
+        /// Lowest voltage that an input takes as high.
+        input_high: f64 = 2.0, unit "V", range 0.0..=48.0, documented "manual section 3";
+        /// Lowest frequency that an input measures.
+        input_frequency_min: f64 = 10.0, unit "Hz", range 0.001..=1000000.0, documented "manual section 4.3.4";
+        /// Highest frequency that an input measures.
+        input_frequency_max: f64 = 20000.0, unit "Hz", range 1.0..=1000000.0, documented "manual section 4.3.4";
+        /// Frequency of the outputs.
+        output_frequency: f64 = 1000.0, unit "Hz", range 0.001..=1000000.0,
+            assumed "the manual gives only the limit of 20 kHz";
+        /// Voltage to which an output wired to an input is pulled up.
+        output_pull_up: f64 = 5.0, unit "V", range 0.0..=48.0, assumed "logic level";
+    }
+}
+
+sim_settings::settings! {
+    /// When a vehicle counts as standing.
+    pub struct RestSettings {
+        /// Speed of body and tyres under which it may stand.
+        speed: f64 = 0.001, unit "m/s", range 0.0..=0.1, assumed "a millimetre a second";
+        /// How long it must stay under that speed.
+        settle_time: Duration = Duration::from_millis(250),
+            range Duration::from_millis(10)..=Duration::from_secs(60),
+            assumed "longer than half a swing on the tyres";
+    }
+}

@@ -1,0 +1,221 @@
+//! What passes between the plant and everything around it.
+
+use std::ops::{Index, IndexMut};
+
+use crate::pose::Pose;
+
+/// One of the two sides of the vehicle; front and rear wheel of a side are geared together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Side {
+    /// Right.
+    Right,
+    /// Left.
+    Left,
+}
+
+impl Side {
+    /// Both, in the order of the wire format.
+    pub const BOTH: [Self; 2] = [Self::Right, Self::Left];
+
+    pub(crate) const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// A value for each side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Sides<T> {
+    /// Right.
+    pub right: T,
+    /// Left.
+    pub left: T,
+}
+
+impl<T> From<[T; 2]> for Sides<T> {
+    fn from([right, left]: [T; 2]) -> Self {
+        Self { right, left }
+    }
+}
+
+impl<T> Index<Side> for Sides<T> {
+    type Output = T;
+    fn index(&self, side: Side) -> &T {
+        match side {
+            Side::Right => &self.right,
+            Side::Left => &self.left,
+        }
+    }
+}
+
+impl<T> IndexMut<Side> for Sides<T> {
+    fn index_mut(&mut self, side: Side) -> &mut T {
+        match side {
+            Side::Right => &mut self.right,
+            Side::Left => &mut self.left,
+        }
+    }
+}
+
+/// One of the module's switched outputs; the number is its bit in the power status.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Rail {
+    /// 12 V output A.
+    V12A,
+    /// 12 V output B.
+    V12B,
+    /// 12 V output C.
+    V12C,
+    /// 12 V output D.
+    V12D,
+    /// 48 V output.
+    V48,
+    /// 5 V output.
+    V5,
+}
+
+impl Rail {
+    /// All, in the order of their bits.
+    pub const ALL: [Self; RAILS] = [
+        Self::V12A,
+        Self::V12B,
+        Self::V12C,
+        Self::V12D,
+        Self::V48,
+        Self::V5,
+    ];
+
+    /// Index into the arrays of [`R150Commands`] and [`R150Measurements`].
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// How many rails there are.
+pub const RAILS: usize = 6;
+
+/// What hangs on a rail.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Load {
+    /// Nothing.
+    #[default]
+    Open,
+    /// A device that draws this much power at any voltage, W.
+    Power(f64),
+    /// A resistor, Ω.
+    Resistance(f64),
+    /// A dead short at the end of its wires.
+    Short,
+}
+
+/// What is wired to a PWM input.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum PwmSource {
+    /// Nothing.
+    #[default]
+    None,
+    /// A signal generator.
+    Generator {
+        /// Hz
+        frequency: f64,
+        /// Share of the period at the high level, 0–1.
+        duty: f64,
+        /// Voltage of the high level, V.
+        high_voltage: f64,
+    },
+    /// One of the module's own PWM outputs, 0–3, with a pull-up.
+    OwnOutput(usize),
+}
+
+/// What an input capture unit makes of its signal; zeros if it makes nothing of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PwmReading {
+    /// Hz
+    pub frequency: f64,
+    /// Share of the period at the high level, 0–1.
+    pub duty: f64,
+}
+
+/// The pins that the firmware drives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct R150Commands {
+    /// Duty of the motor bridges, −1 (backward) to 1. Zero shorts the motor.
+    pub motor_duty: Sides<f64>,
+    /// Whether the bridges have their supply; the emergency stop cuts it and the motors turn freely.
+    pub propulsion_power: bool,
+    /// Whether the parking brake holds.
+    pub parking_brake: bool,
+    /// Which outputs are switched on, by [`Rail::index`].
+    pub rail_on: [bool; RAILS],
+    /// Duty of the PWM outputs, 0–1.
+    pub pwm_out_duty: [f64; 4],
+}
+
+impl Default for R150Commands {
+    /// Powered, brake released, nothing on.
+    fn default() -> Self {
+        Self {
+            motor_duty: Sides::default(),
+            propulsion_power: true,
+            parking_brake: false,
+            rail_on: [false; RAILS],
+            pwm_out_duty: [0.0; 4],
+        }
+    }
+}
+
+/// What the firmware's sensors read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct R150Measurements {
+    /// Whether the module has a supply at all. If not, everything else reads zero.
+    pub module_powered: bool,
+    /// Speed of the motor shafts by their encoders, rpm, positive is forward.
+    pub motor_rpm: Sides<f64>,
+    /// State of charge, 0–1.
+    pub soc: f64,
+    /// Voltage of the supply bus, V.
+    pub bus_voltage: f64,
+    /// Voltage at the terminals of each output, V, by [`Rail::index`].
+    pub rail_voltage: [f64; RAILS],
+    /// Current out of each output, A, by [`Rail::index`].
+    pub rail_current: [f64; RAILS],
+    /// Temperature of the 12 V converters A+B and C+D, °C.
+    pub temperature: [f64; 2],
+    /// The PWM inputs.
+    pub pwm_in: [PwmReading; 4],
+    /// Whether the power module reports a fault of its own.
+    pub power_module_fault: bool,
+}
+
+/// How things really are, for verdicts and summaries. No firmware sees this.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct R150Truth {
+    /// Position and heading in the world.
+    pub pose: Pose,
+    /// Velocity ahead, m/s.
+    pub forward_speed: f64,
+    /// Velocity to the left, m/s.
+    pub leftward_speed: f64,
+    /// rad/s, counter-clockwise.
+    pub yaw_rate: f64,
+    /// Length of the path driven so far, m.
+    pub distance: f64,
+    /// Speed of the wheels of each side, rad/s.
+    pub wheel_speed: Sides<f64>,
+    /// Current through the windings, A.
+    pub motor_current: Sides<f64>,
+    /// Current that each bridge takes from the bus, A; negative when it feeds back.
+    pub motor_supply_current: Sides<f64>,
+    /// Voltage at the battery's terminals, V.
+    pub battery_voltage: f64,
+    /// Current out of the battery, A; negative while charging.
+    pub battery_current: f64,
+    /// State of charge, 0–1.
+    pub soc: f64,
+    /// Charge drawn so far less charge fed back, A·h.
+    pub charge_drawn: f64,
+    /// Mass with payload, kg.
+    pub mass: f64,
+    /// Whether the plant rests.
+    pub at_rest: bool,
+}

@@ -1,0 +1,123 @@
+//! What changes over seconds to hours: charge, warmth of converters and fuses.
+
+use std::time::Duration;
+
+use super::battery::Battery;
+use super::fuse::{FUSES, Fuse, FuseId};
+use super::network::Flow;
+use super::settings::{R150PlantSettings, ThermalSettings};
+use super::signals::Rail;
+
+/// The slow states of the plant. Each follows its input with one time constant, so any span can be
+/// taken in one closed step while the currents stay the same.
+#[derive(Debug, Clone)]
+pub(super) struct SlowStates {
+    pub(super) battery: Battery,
+    pub(super) fuses: [Fuse; FUSES],
+    /// Of the 12 V converters A+B and C+D, °C.
+    pub(super) temperature: [f64; 2],
+    pub(super) ambient: f64,
+    rise_per_watt: f64,
+    thermal: Decay,
+    melting: Decay,
+}
+
+impl SlowStates {
+    pub(super) fn new(settings: &R150PlantSettings) -> Self {
+        let thermal: &ThermalSettings = &settings.thermal;
+        Self {
+            battery: Battery::new(&settings.battery),
+            fuses: Fuse::all(&settings.fuses),
+            temperature: [thermal.ambient; 2],
+            ambient: thermal.ambient,
+            rise_per_watt: thermal.full_load_rise / thermal.full_load,
+            thermal: Decay::new(thermal.time_constant),
+            melting: Decay::new(settings.fuses.time_constant),
+        }
+    }
+
+    /// Seconds until the first fuse blows if the currents stay as they are.
+    pub(super) fn time_to_blow(&self, flow: &Flow) -> Option<f64> {
+        let currents = fuse_currents(flow);
+        self.fuses
+            .iter()
+            .zip(currents)
+            .filter_map(|(fuse, current)| fuse.time_to_blow(current, self.melting.time_constant))
+            .reduce(f64::min)
+    }
+
+    /// Lets `seconds` pass at steady currents. Returns whether a fuse blew.
+    pub(super) fn advance(&mut self, flow: &Flow, seconds: f64) -> bool {
+        self.battery.discharge(flow.battery_current, seconds);
+
+        let kept = self.thermal.kept(seconds);
+        let pairs = [[Rail::V12A, Rail::V12B], [Rail::V12C, Rail::V12D]];
+        for (temperature, pair) in self.temperature.iter_mut().zip(pairs) {
+            let power: f64 = pair
+                .iter()
+                .map(|rail| flow.rail_voltage[rail.index()] * flow.rail_current[rail.index()])
+                .sum();
+            let settled = self.ambient + self.rise_per_watt * power;
+            *temperature = settled + (*temperature - settled) * kept;
+        }
+
+        let kept = self.melting.kept(seconds);
+        let mut blew = false;
+        for (fuse, current) in self.fuses.iter_mut().zip(fuse_currents(flow)) {
+            blew |= fuse.carry(current, kept);
+        }
+        blew
+    }
+
+    /// Blows whichever fuse is due next, so that rounding can never leave it a hair short for ever.
+    pub(super) fn blow_next(&mut self, flow: &Flow) {
+        let time_constant = self.melting.time_constant;
+        let due = self
+            .fuses
+            .iter_mut()
+            .zip(fuse_currents(flow))
+            .filter_map(|(fuse, current)| {
+                fuse.time_to_blow(current, time_constant)
+                    .map(|time| (time, fuse))
+            })
+            .min_by(|(first, _), (second, _)| first.total_cmp(second));
+        if let Some((_, fuse)) = due {
+            fuse.blow();
+        }
+    }
+}
+
+fn fuse_currents(flow: &Flow) -> [f64; FUSES] {
+    FuseId::ALL.map(|id| match id {
+        FuseId::MotorRight => flow.motor_supply[0],
+        FuseId::MotorLeft => flow.motor_supply[1],
+        FuseId::Tail => flow.tail_current,
+        FuseId::SmallModules => flow.small_modules_current,
+    })
+}
+
+/// `exp(−t / time constant)`, remembered for the last span, since nearly all spans are equal.
+#[derive(Debug, Clone)]
+struct Decay {
+    time_constant: f64,
+    span: f64,
+    kept: f64,
+}
+
+impl Decay {
+    fn new(time_constant: Duration) -> Self {
+        Self {
+            time_constant: time_constant.as_secs_f64(),
+            span: 0.0,
+            kept: 1.0,
+        }
+    }
+
+    fn kept(&mut self, span: f64) -> f64 {
+        if span.to_bits() != self.span.to_bits() {
+            self.span = span;
+            self.kept = libm::exp(-span / self.time_constant);
+        }
+        self.kept
+    }
+}

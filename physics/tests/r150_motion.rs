@@ -1,0 +1,243 @@
+//! How the R150 moves, on default settings. None of these figures is an input.
+
+mod common;
+
+use common::{Bench, FRICTION};
+use sim_physics::r150::{Side, SideFaults};
+use sim_physics::{Ground, Pose};
+
+#[test]
+fn full_ahead_on_the_flat_is_1_4_metres_a_second() {
+    let mut bench = Bench::new();
+    bench.drive(1.0, 1.0);
+    bench.run(3.0);
+    let rpm = bench.plant.measurements().motor_rpm;
+    println!(
+        "full ahead: {:.4} m/s, {:.1} rpm, {:?}",
+        bench.speed(),
+        rpm.right,
+        bench.plant.truth()
+    );
+    assert!((bench.speed() / 1.4 - 1.0).abs() < 0.03);
+    assert!((rpm.right / 1513.0 - 1.0).abs() < 0.03);
+    assert!((rpm.left / 1513.0 - 1.0).abs() < 0.03);
+}
+
+#[test]
+fn astern_is_ahead_mirrored() {
+    let mut bench = Bench::new();
+    bench.drive(-1.0, -1.0);
+    bench.run(3.0);
+    assert!((bench.speed() / -1.4 - 1.0).abs() < 0.03);
+}
+
+#[test]
+fn it_slows_on_a_slope_and_climbs_15_degrees_loaded() {
+    let mut flat = 1.4;
+    for (degrees, payload) in [(5.0, 0.0), (10.0, 0.0), (15.0, 0.0), (15.0, 150.0)] {
+        let mut bench = Bench::on_slope(degrees, payload);
+        bench.drive(1.0, 1.0);
+        bench.run(4.0);
+        println!("{degrees} deg with {payload} kg: {:.3} m/s", bench.speed());
+        assert!(bench.speed() < flat - 0.01);
+        assert!(bench.speed() > 0.8);
+        flat = bench.speed();
+    }
+}
+
+/// Source of the range: A. Mandow et al., "Experimental kinematics for wheeled skid-steer mobile
+/// robots", IROS 2007, and the steering efficiency figures that later papers give.
+#[test]
+fn turning_on_the_spot_its_effective_track_is_that_of_skid_steer_vehicles() {
+    for duty in [0.3, 0.6, 1.0] {
+        let mut bench = Bench::new();
+        bench.drive(duty, -duty);
+        bench.run(4.0);
+        let truth = bench.plant.truth();
+        let rim = (truth.wheel_speed.right - truth.wheel_speed.left) * 0.25;
+        let ratio = rim / truth.yaw_rate / 0.60;
+        println!(
+            "duty {duty}: yaw {:.3} rad/s, effective track ratio {ratio:.3}",
+            truth.yaw_rate
+        );
+        assert!((1.5..2.0).contains(&ratio));
+        assert!(truth.forward_speed.abs() < 0.01);
+        assert!(truth.pose.x.hypot(truth.pose.y) < 0.05);
+    }
+}
+
+#[test]
+fn it_stops_within_half_a_metre_of_the_duty_going_to_zero() {
+    for payload in [0.0, 150.0] {
+        let mut bench = Bench::on_slope(0.0, payload);
+        bench.drive(1.0, 1.0);
+        bench.run(3.0);
+        let from = bench.plant.truth().pose.x;
+        bench.drive(0.0, 0.0);
+        let took = bench.run_while(10.0, |bench| !bench.plant.at_rest());
+        let stretch = bench.plant.truth().pose.x - from;
+        println!("with {payload} kg: stops in {stretch:.3} m, rests after {took:.2} s");
+        assert!(bench.plant.at_rest());
+        assert!((0.0..0.5).contains(&stretch));
+    }
+}
+
+#[test]
+fn parked_on_a_slope_it_stays_and_rests() {
+    for (heading, payload) in [(0.0, 150.0), (1.0, 0.0), (1.5708, 150.0), (3.1416, 150.0)] {
+        let mut bench = Bench::on_slope(15.0, payload);
+        let pose = Pose {
+            heading,
+            ..Pose::default()
+        };
+        bench.plant.place(&mut bench.world, pose);
+        bench.command(|commands| commands.parking_brake = true);
+        let took = bench.run_while(5.0, |bench| !bench.plant.at_rest());
+        let truth = bench.plant.truth();
+        println!(
+            "heading {heading}: rests after {took:.2} s at {:?}",
+            truth.pose
+        );
+        assert!(bench.plant.at_rest());
+        // It has settled onto its tyres and not a step further, also when made to look again.
+        let settled = truth.pose;
+        assert!(settled.x.hypot(settled.y) < 0.03);
+        for _ in 0..20 {
+            bench.plant.wake();
+            bench.run(1.0);
+        }
+        let later = bench.plant.truth().pose;
+        assert!(
+            (later.x - settled.x).hypot(later.y - settled.y) < 1e-3,
+            "{later:?}"
+        );
+    }
+}
+
+#[test]
+fn without_the_brake_the_shorted_motors_let_it_creep_and_open_ones_let_it_run() {
+    let mut bench = Bench::on_slope(15.0, 0.0);
+    bench.run(3.0);
+    let creep = bench.speed();
+    println!("shorted on 15 deg: {creep:.4} m/s");
+    assert!((-0.1..-0.001).contains(&creep));
+    bench.command(|commands| commands.propulsion_power = false);
+    bench.run(2.0);
+    println!("open on 15 deg: {:.4} m/s", bench.speed());
+    assert!(bench.speed() < -1.0);
+}
+
+#[test]
+fn pushed_when_released_and_unpowered_it_rolls() {
+    let mut bench = Bench::new();
+    bench.command(|commands| commands.propulsion_power = false);
+    bench.plant.set_push(200.0, 0.0, 0.0);
+    bench.run(2.0);
+    println!("pushed with 200 N for 2 s: {:.3} m/s", bench.speed());
+    assert!(bench.speed() > 0.5);
+    bench.plant.set_push(0.0, 0.0, 0.0);
+    bench.run_while(20.0, |bench| !bench.plant.at_rest());
+    assert!(bench.plant.at_rest());
+    // Parked, the same push does not move it.
+    bench.command(|commands| commands.parking_brake = true);
+    let from = bench.plant.truth().pose.x;
+    bench.plant.set_push(200.0, 0.0, 0.0);
+    bench.run(2.0);
+    assert!((bench.plant.truth().pose.x - from).abs() < 0.02);
+}
+
+#[test]
+fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
+    let mut bench = Bench::new();
+    let voltage = bench.plant.measurements().bus_voltage;
+    for side in Side::BOTH {
+        bench.plant.set_side_faults(
+            side,
+            SideFaults {
+                blocked: true,
+                ..SideFaults::default()
+            },
+        );
+    }
+    bench.drive(1.0, 1.0);
+    let at_once = bench.plant.truth();
+    println!(
+        "blocked: {:.1} A a motor, bus {voltage:.2} V to {:.2} V",
+        at_once.motor_current.right, at_once.battery_voltage
+    );
+    assert!(at_once.motor_current.right > 80.0);
+    assert!(at_once.battery_voltage < voltage - 2.0);
+    assert!(at_once.battery_voltage > 39.0);
+    bench.run(1.0);
+    assert!(bench.plant.truth().pose.x.abs() < 1e-6);
+    assert!(bench.plant.truth().motor_current.left > 80.0);
+}
+
+#[test]
+fn against_a_wall_it_stalls_or_slips() {
+    for (duty, friction) in [(0.1, FRICTION), (1.0, FRICTION), (1.0, 0.1)] {
+        let mut bench = Bench::new();
+        bench.world.set_ground(Ground::flat(friction));
+        bench.world.add_wall([1.0, -2.0], [1.0, 2.0], 0.1);
+        bench.drive(duty, duty);
+        bench.run(20.0);
+        let truth = bench.plant.truth();
+        println!(
+            "wall at duty {duty}, friction {friction}: x {:.3} m, {:.3} m/s, wheels {:.3} m/s, {:.1} A",
+            truth.pose.x,
+            truth.forward_speed,
+            truth.wheel_speed.right * 0.25,
+            truth.motor_current.right
+        );
+        assert!(bench.world.is_touching(bench.plant.body()));
+        assert!(bench.world.collisions(bench.plant.body()) > 0);
+        assert!(truth.forward_speed.abs() < 0.02);
+        assert!(truth.pose.x < 0.5);
+        assert!(truth.motor_current.right > 3.0);
+    }
+}
+
+#[test]
+fn one_blocked_side_pulls_it_around() {
+    let mut bench = Bench::new();
+    bench.plant.set_side_faults(
+        Side::Left,
+        SideFaults {
+            blocked: true,
+            ..SideFaults::default()
+        },
+    );
+    bench.drive(1.0, 1.0);
+    bench.run(2.0);
+    let truth = bench.plant.truth();
+    println!("left blocked: yaw rate {:.3} rad/s", truth.yaw_rate);
+    assert!(truth.yaw_rate > 0.3);
+}
+
+#[test]
+fn left_alone_on_the_flat_it_never_gains_speed() {
+    for propulsion_power in [true, false] {
+        let mut bench = Bench::new();
+        bench.command(|commands| commands.propulsion_power = propulsion_power);
+        bench.plant.bump(&mut bench.world, 150.0, 80.0, 20.0);
+        let energy = |bench: &Bench| {
+            let truth = bench.plant.truth();
+            let [ahead, left] = [truth.forward_speed, truth.leftward_speed];
+            130.0 * (ahead * ahead + left * left) / 2.0 + 16.0 * truth.yaw_rate.powi(2) / 2.0
+        };
+        let bumped = 130.0 / 2.0 * ((150.0_f64 / 130.0).powi(2) + (80.0_f64 / 130.0).powi(2))
+            + 16.0 / 2.0 * (20.0_f64 / 16.0).powi(2);
+        let mut peak = bumped;
+        while !bench.plant.at_rest() {
+            bench.run(0.5);
+            // Within half a second a tyre may give a little of its strain back.
+            assert!(
+                energy(&bench) <= peak * 1.001 + 1e-3,
+                "{} {peak}",
+                energy(&bench)
+            );
+            peak = energy(&bench);
+            assert!(bench.world.steps() < 20_000);
+        }
+    }
+}
