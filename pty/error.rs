@@ -11,7 +11,7 @@ use rustix::io::Errno;
 pub struct PortError {
     action: &'static str,
     path: PathBuf,
-    #[source]
+    // Part of the message, hence not a source to be reported once more.
     kind: PortErrorKind,
 }
 

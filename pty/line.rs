@@ -130,3 +130,27 @@ pub(crate) fn set_raw_and_flush(master: impl AsFd, baud: u32) -> Result<(), Errn
     termios.set_speed(baud)?;
     tcsetattr(master, OptionalActions::Flush, &termios)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_written_as_on_a_data_sheet() {
+        let mut line = LineSettings {
+            baud: 115_200,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_bits: 1,
+            raw: true,
+        };
+        assert_eq!(line.to_string(), "115200 8N1");
+        line = LineSettings {
+            data_bits: 7,
+            parity: Parity::Even,
+            stop_bits: 2,
+            ..line
+        };
+        assert_eq!(line.to_string(), "115200 7E2");
+    }
+}

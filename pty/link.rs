@@ -246,3 +246,50 @@ fn is_dead_pty(target: &Path) -> bool {
     number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
         && matches!(rustix::fs::lstat(target), Err(Errno::NOENT))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_numbered_terminal_that_is_missing_counts_as_dead() {
+        assert!(is_dead_pty(Path::new("/dev/pts/4294967")));
+        for other in [
+            "/dev/pts",
+            "/dev/pts/",
+            "/dev/pts/ptmx",
+            "/dev/pts/+1",
+            "/dev/pts/1/2",
+        ] {
+            assert!(!is_dead_pty(Path::new(other)), "{other}");
+        }
+        assert!(!is_dead_pty(Path::new("4294967")));
+        assert!(!is_dead_pty(Path::new("/tmp/4294967")));
+    }
+
+    #[test]
+    fn an_exchange_that_meets_something_else_changes_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("r150");
+        let place = Place::of(&path).unwrap();
+        let (fresh, stale) = (Path::new("/fresh"), Path::new("/stale"));
+
+        assert!(
+            !place.exchange(fresh, stale).unwrap(),
+            "there is nothing to replace"
+        );
+
+        // What came in between the look and the exchange.
+        std::fs::write(&path, "precious").unwrap();
+        assert!(!place.exchange(fresh, stale).unwrap());
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "precious");
+
+        std::fs::remove_file(&path).unwrap();
+        std::os::unix::fs::symlink(stale, &path).unwrap();
+        std::os::unix::fs::symlink("/left/by/a/killed/one", dir.path().join(".r150.sim-new"))
+            .unwrap();
+        assert!(place.exchange(fresh, stale).unwrap());
+        assert_eq!(place.read_link().unwrap(), fresh);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+}

@@ -140,3 +140,29 @@ impl Lock {
         record
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lock_with(record: &[u8]) -> Lock {
+        let mut file = tempfile::tempfile().unwrap();
+        std::io::Write::write_all(&mut file, record).unwrap();
+        Lock { file: file.into() }
+    }
+
+    #[test]
+    fn a_record_is_read_back() {
+        let mut lock = lock_with(b"a longer one that was there before\n");
+        lock.record(Path::new("/dev/pts/12")).unwrap();
+        assert_eq!(lock.recorded_target().unwrap(), Path::new("/dev/pts/12"));
+        assert_eq!(lock.holder(), Some(std::process::id()));
+    }
+
+    #[test]
+    fn a_record_cut_short_is_worth_nothing() {
+        for record in [&b""[..], b"123", b"123\n", b"123\n\n", b"123\n/dev/pts/1"] {
+            assert_eq!(lock_with(record).recorded_target(), None, "{record:?}");
+        }
+    }
+}

@@ -162,3 +162,16 @@ impl Counters {
         self.dropped_full_bytes += written.dropped as u64;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ports_and_waiters_may_move_to_the_thread_that_serves_them() {
+        fn movable<T: Send>() {}
+        movable::<Port>();
+        movable::<crate::Waiter>();
+        movable::<PortError>();
+    }
+}

@@ -162,8 +162,13 @@ impl PtyPort {
             registration.poll_input(&self.pair, self.attached)
         };
         register().map_err(|kind| self.error("watch", kind))?;
-        // Clients from before the watch leave no trace in it.
-        registration.set_openers(u32::from(self.attached));
+        // A client from before the watch has left no trace in it. One that
+        // came just now may be counted twice, which errs on the safe side: a
+        // client is never taken for another.
+        let hung_up = self.pair.is_hung_up();
+        let hung_up =
+            hung_up.map_err(|errno| self.error("watch", PortErrorKind::call("poll")(errno)))?;
+        registration.set_openers(u32::from(!hung_up));
         self.registration = Some(registration);
         Ok(())
     }

@@ -106,10 +106,26 @@ impl Drop for Signals {
 /// Whether the program was started with `SIGHUP` ignored, as `nohup` does:
 /// then it is meant to outlive its terminal.
 fn hangup_is_ignored() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    std::fs::read_to_string("/proc/self/status").is_ok_and(|status| is_ignored(&status, SIGHUP))
+}
+
+fn is_ignored(status: &str, signal: i32) -> bool {
     status
         .lines()
         .find_map(|line| line.strip_prefix("SigIgn:"))
         .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
-        .is_some_and(|mask| mask & (1 << (SIGHUP - 1)) != 0)
+        .is_some_and(|mask| mask & (1 << (signal - 1)) != 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ignored_signal_is_found_in_the_mask() {
+        let nohup = "Name:\tsim\nSigBlk:\t0000000000000006\nSigIgn:\t0000000000001001\n";
+        assert!(is_ignored(nohup, SIGHUP));
+        assert!(!is_ignored(nohup, SIGINT));
+        assert!(!is_ignored("", SIGHUP));
+    }
 }

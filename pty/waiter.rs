@@ -63,8 +63,8 @@ impl Waiter {
     }
 
     /// Has `SIGINT`, `SIGTERM` and `SIGHUP` end a wait instead of the
-    /// program, for as long as the waiter lives. A `SIGHUP` that was ignored
-    /// from the start, as under `nohup`, stays ignored.
+    /// program. Once the waiter is dropped they do nothing at all. A `SIGHUP`
+    /// that was ignored from the start, as under `nohup`, stays ignored.
     ///
     /// # Errors
     ///

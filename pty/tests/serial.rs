@@ -1,0 +1,99 @@
+//! A real serial port, for which a pseudo-terminal stands in.
+
+mod common;
+
+use common::{Bench, PATIENCE};
+use sim_pty::{Event, Port, PortErrorKind, SerialPort, Waiter};
+
+#[test]
+fn bytes_pass_both_ways_and_the_line_is_set() {
+    let mut cable = Bench::unlinked();
+    let mut port = Port::from(SerialPort::open(cable.port.path(), 250_000).unwrap());
+    let mut waiter = Waiter::new().unwrap();
+    waiter.add(0, &mut port).unwrap();
+    cable.expect(Event::Attached);
+    let line = cable.port.client_line().unwrap().unwrap();
+    assert_eq!((line.to_string().as_str(), line.raw), ("250000 8N1", true));
+
+    let mut buf = [0; 300];
+    assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [0]);
+    assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);
+    assert!(port.is_attached());
+    assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
+    assert_eq!(port.client_line().unwrap(), None);
+
+    let all: Vec<u8> = (0..=255).collect();
+    assert_eq!(cable.port.write(&all).unwrap().accepted, 256);
+    let mut received: Vec<u8> = Vec::new();
+    while received.len() < 256 {
+        assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [0]);
+        if let Event::Data(n) = port.read(&mut buf).unwrap() {
+            received.extend(&buf[..n]);
+        }
+    }
+    assert_eq!(received, all);
+    assert_eq!(port.write(&all).unwrap().accepted, 256);
+    assert_eq!(cable.expect_bytes(256), all);
+}
+
+#[test]
+fn a_peer_that_never_reads_stalls_nobody() {
+    let cable = Bench::unlinked();
+    let mut port = SerialPort::open(cable.port.path(), 115_200).unwrap();
+    let written = port.write(&[0; 200_000]).unwrap();
+    assert!(written.accepted > 0 && written.dropped > 0, "{written:?}");
+    assert_eq!(port.counters().dropped_full_bytes, written.dropped as u64);
+}
+
+#[test]
+fn unplugging_is_an_error_and_wakes_nobody_twice() {
+    let cable = Bench::unlinked();
+    let mut port = Port::from(SerialPort::open(cable.port.path(), 115_200).unwrap());
+    let mut waiter = Waiter::new().unwrap();
+    waiter.add(0, &mut port).unwrap();
+    let mut buf = [0; 8];
+    assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);
+    assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [0]);
+
+    drop(cable);
+    assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [0]);
+    let error = port.read(&mut buf).unwrap_err();
+    assert!(
+        matches!(error.kind(), PortErrorKind::Unplugged),
+        "{error:?}"
+    );
+    assert!(error.to_string().contains("unplugged"), "{error}");
+    assert!(!port.is_attached());
+    let wake = waiter
+        .wait(Some(std::time::Duration::from_millis(20)))
+        .unwrap();
+    assert!(wake.ready().is_empty());
+    assert!(matches!(
+        port.write(b"?").unwrap_err().kind(),
+        PortErrorKind::Unplugged
+    ));
+}
+
+#[test]
+fn what_cannot_be_opened_is_explained() {
+    let dir = tempfile::tempdir().unwrap();
+    let missing = SerialPort::open(dir.path().join("ttyUSB0"), 115_200).unwrap_err();
+    assert!(
+        matches!(missing.kind(), PortErrorKind::NoSuchDevice),
+        "{missing:?}"
+    );
+    assert!(missing.to_string().contains("check the cable"), "{missing}");
+
+    let cable = Bench::unlinked();
+    let _holder = SerialPort::open(cable.port.path(), 115_200).unwrap();
+    let busy = SerialPort::open(cable.port.path(), 115_200).unwrap_err();
+    assert!(matches!(busy.kind(), PortErrorKind::Busy), "{busy:?}");
+
+    let no_port = SerialPort::open(dir.path(), 115_200).unwrap_err();
+    assert!(
+        matches!(no_port.kind(), PortErrorKind::System { .. }),
+        "{no_port:?}"
+    );
+    let zero = SerialPort::open(cable.port.path(), 0).unwrap_err();
+    assert!(matches!(zero.kind(), PortErrorKind::ZeroBaud), "{zero:?}");
+}
