@@ -41,6 +41,7 @@ const DIMENSIONS: &[Dimension] = &[
         ("rad", 180.0 / std::f64::consts::PI),
     ],
     &[("degC", 1.0), ("°C", 1.0)],
+    &[("K", 1.0)],
     &[("rpm", 1.0), ("r/min", 1.0)],
     &[("%", 1.0)],
     &[("baud", 1.0), ("Bd", 1.0)],
@@ -78,6 +79,9 @@ pub fn parse_quantity(text: &str, unit: &str) -> Result<f64, String> {
         } else {
             Ok(number)
         };
+    }
+    if suffix == unit {
+        return Ok(number);
     }
     let dimension = DIMENSIONS
         .iter()

@@ -1,1 +1,27 @@
 //! Firmware emulators, the serial line, and the rig that ties them to the world.
+//!
+//! Nothing here does input or output, reads a clock, or has a thread. Whoever drives a [`Rig`]
+//! passes time and the client's bytes in, and takes the device's bytes and the events out; the
+//! same calls give the same results on every run.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`r150_device`] | firmware of the XAG R150's IO module: bytes and pins |
+//! | [`r150`] | that firmware with the hardware around it |
+//! | [`line`], [`uart`] | the serial line: pacing, baud mismatch |
+//! | [`rig`] | any number of devices in one world, advanced from event to event |
+//! | [`event`], [`report`] | what is told to whoever watches |
+//! | [`settings`] | every setting of a run, in one tree |
+
+pub mod event;
+pub mod line;
+pub mod noise;
+pub mod r150;
+pub mod r150_device;
+pub mod report;
+pub mod rig;
+pub mod settings;
+pub mod uart;
+mod unit;
+
+pub use sim_settings::SimTime;

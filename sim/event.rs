@@ -1,0 +1,117 @@
+//! What is told to whoever watches: the log, the client report, scenarios.
+
+use std::fmt;
+
+use sim_settings::SimTime;
+
+use crate::line::LineEvent;
+use crate::r150_device::R150Event;
+
+/// How much an event matters to somebody who writes a client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Ordinary requests and replies; shown when asked for.
+    Traffic,
+    /// Worth knowing.
+    Notice,
+    /// Something is wrong, or a command had no effect.
+    Warning,
+}
+
+impl Level {
+    /// Lower-case name.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Traffic => "traffic",
+            Self::Notice => "notice",
+            Self::Warning => "warning",
+        }
+    }
+}
+
+/// Something that happened, when and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// When.
+    pub at: SimTime,
+    /// Index of the device in the rig.
+    pub device: usize,
+    /// What.
+    pub kind: EventKind,
+}
+
+/// What happened, by who says so.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EventKind {
+    /// On one of the device's serial lines.
+    Line {
+        /// Index of the link on the device.
+        link: usize,
+        /// What.
+        event: LineEvent,
+    },
+    /// In an R150.
+    R150(R150Event),
+}
+
+impl EventKind {
+    /// How much it matters.
+    #[must_use]
+    pub fn level(&self) -> Level {
+        match self {
+            Self::Line { event, .. } => event.level(),
+            Self::R150(event) => event.level(),
+        }
+    }
+
+    /// A short stable name, the same in logs, reports and documentation.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Line { event, .. } => event.code(),
+            Self::R150(event) => event.code(),
+        }
+    }
+
+    /// Whether it is something that the client did and the protocol forbids, or that is risky.
+    #[must_use]
+    pub fn is_client_fault(&self) -> bool {
+        match self {
+            Self::Line { event, .. } => event.is_client_fault(),
+            Self::R150(event) => event.is_client_fault(),
+        }
+    }
+
+    /// The bytes it is about, if it is about bytes.
+    #[must_use]
+    pub fn bytes(&self) -> Option<Vec<u8>> {
+        match self {
+            Self::Line { .. } => None,
+            Self::R150(event) => event.bytes(),
+        }
+    }
+}
+
+impl fmt::Display for EventKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line { event, .. } => event.fmt(f),
+            Self::R150(event) => event.fmt(f),
+        }
+    }
+}
+
+/// Bytes as spaced upper-case hexadecimal: `AA 55 00`.
+#[derive(Debug, Clone, Copy)]
+pub struct Hex<'a>(pub &'a [u8]);
+
+impl fmt::Display for Hex<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, byte) in self.0.iter().enumerate() {
+            let space = if index == 0 { "" } else { " " };
+            write!(f, "{space}{byte:02X}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,136 @@
+//! An R150: the firmware of [`crate::r150_device`] with the hardware of [`sim_physics::r150`].
+
+use std::time::Duration;
+
+use sim_physics::r150::{R150Plant, R150Truth};
+use sim_physics::{Pose, World};
+use sim_settings::SimTime;
+
+use crate::event::EventKind;
+use crate::noise::Noise;
+use crate::r150_device::R150Device;
+use crate::r150_device::vehicle::{Action, Start};
+use crate::settings::R150Settings;
+use crate::unit::Unit;
+
+/// Rounds in which pins and measurements may chase one another at one instant. Each round can only
+/// switch something off that a measurement forbids, and there are fewer such things than this.
+const MOST_ROUNDS: usize = 8;
+
+/// Firmware and hardware of one R150.
+#[derive(Debug)]
+pub struct R150 {
+    device: R150Device,
+    plant: R150Plant,
+    /// Up to when the plant's slow states have advanced.
+    plant_at: SimTime,
+}
+
+impl R150 {
+    /// A vehicle that has just been switched on, standing at `pose`.
+    #[must_use]
+    pub fn new(
+        name: &str,
+        settings: &R150Settings,
+        start: Start,
+        pose: Pose,
+        seed: u64,
+        world: &mut World,
+    ) -> Self {
+        let plant = R150Plant::with_name(name, &settings.plant, world, pose);
+        let noise = Noise::new(seed, &format!("{name}.measurement_noise"));
+        let device = R150Device::new(
+            settings.firmware.clone(),
+            start,
+            plant.measurements(),
+            noise,
+        );
+        let mut vehicle = Self {
+            device,
+            plant,
+            plant_at: SimTime::ZERO,
+        };
+        vehicle.settle(SimTime::ZERO);
+        vehicle
+    }
+
+    /// Somebody works a button.
+    pub fn operate(&mut self, now: SimTime, action: Action) {
+        self.device.operate(now, action);
+    }
+
+    /// The firmware's state.
+    #[must_use]
+    pub fn device(&self) -> &R150Device {
+        &self.device
+    }
+
+    /// How things really are.
+    #[must_use]
+    pub fn truth(&self) -> R150Truth {
+        self.plant.truth()
+    }
+
+    /// The hardware, to load, push or break it.
+    pub fn plant_mut(&mut self) -> &mut R150Plant {
+        &mut self.plant
+    }
+}
+
+impl Unit for R150 {
+    fn receive(&mut self, now: SimTime, _link: usize, bytes: &[u8]) {
+        self.device.receive(now, bytes);
+    }
+
+    fn advance(&mut self, now: SimTime) {
+        self.device.advance(now);
+    }
+
+    fn next_deadline(&self) -> Option<SimTime> {
+        self.device.next_deadline()
+    }
+
+    fn settle(&mut self, now: SimTime) {
+        for _ in 0..MOST_ROUNDS {
+            self.device.sense(now, &self.plant.measurements());
+            let commands = self.device.commands();
+            if commands == *self.plant.commands() {
+                break;
+            }
+            if self.plant.at_rest() {
+                self.rest_until(now);
+            }
+            self.plant.set_commands(&commands);
+        }
+    }
+
+    fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
+        self.device.poll_output().map(|frame| (0, frame))
+    }
+
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
+        self.device
+            .poll_event()
+            .map(|(at, event)| (at, EventKind::R150(event)))
+    }
+
+    fn at_rest(&self) -> bool {
+        self.plant.at_rest()
+    }
+
+    fn rest_until(&mut self, now: SimTime) {
+        if now > self.plant_at {
+            self.plant.rest(now.since(self.plant_at));
+            self.plant_at = now;
+        }
+    }
+
+    fn before_step(&mut self, world: &mut World) {
+        self.plant.before_step(world);
+    }
+
+    fn after_step(&mut self, now: SimTime, _step: Duration, world: &mut World) {
+        self.plant.after_step(world);
+        self.plant_at = now;
+    }
+}

@@ -1,0 +1,503 @@
+//! The firmware of the XAG R150's IO module, and the vehicle controller beside it.
+//!
+//! [`R150Device`] is a state machine: bytes, measurements, button presses and time go in; reply
+//! frames, pin states and events come out. It sees pins, never physics. Any bytes are legal input.
+//!
+//! Whoever drives it
+//! 1. never lets the time go back,
+//! 2. calls [`R150Device::advance`] at (or after) each [`R150Device::next_deadline`]; what is due
+//!    between is done in order, each at its own time,
+//! 3. after any call takes all of [`R150Device::poll_output`] and [`R150Device::poll_event`],
+//! 4. applies [`R150Device::commands`] to the plant, and hands what the plant then measures to
+//!    [`R150Device::sense`].
+//!
+//! Bytes that arrive exactly at a deadline come before it.
+
+pub mod codec;
+pub mod command;
+pub mod control;
+mod event;
+pub mod motors;
+pub mod protection;
+pub mod settings;
+pub mod vehicle;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use sim_physics::r150::{R150Commands, R150Measurements, Sides};
+use sim_settings::SimTime;
+
+use crate::noise::Noise;
+use codec::{Decoded, Decoder};
+use command::{Refusal, Reply, Request, SystemInfo, code};
+use control::{Control, Outputs, POWER_BITS};
+pub use event::R150Event;
+use motors::{Answer, FULL, Motors};
+use protection::Protection;
+use settings::R150FirmwareSettings;
+use vehicle::{Action, Drive, Start, Vehicle};
+
+/// Most replies that may wait for their time.
+const MOST_REPLIES: usize = 64;
+/// Most events kept for whoever takes them; the oldest go first.
+const MOST_EVENTS: usize = 1024;
+/// Largest duty of a PWM output.
+const FULL_DUTY: u16 = 1000;
+
+/// The IO module and the vehicle controller, without the hardware around them.
+#[derive(Debug, Clone)]
+pub struct R150Device {
+    settings: R150FirmwareSettings,
+    decoder: Decoder,
+    control: Control,
+    protection: Protection,
+    motors: Motors,
+    vehicle: Vehicle,
+    measured: R150Measurements,
+    noise: Noise,
+    /// Replies with the time at which each begins its way.
+    replies: VecDeque<(SimTime, Reply)>,
+    output: VecDeque<Vec<u8>>,
+    events: VecDeque<(SimTime, R150Event)>,
+}
+
+impl R150Device {
+    /// A module that has just been switched on, in a vehicle as `start` says.
+    ///
+    /// `measured` is what its sensors read at that moment; `noise` spoils later measurements as
+    /// the settings say.
+    #[must_use]
+    pub fn new(
+        settings: R150FirmwareSettings,
+        start: Start,
+        measured: R150Measurements,
+        noise: Noise,
+    ) -> Self {
+        Self {
+            decoder: Decoder::new(settings.inter_byte_timeout),
+            control: Control::new(),
+            protection: Protection::new(settings.protection.clone()),
+            motors: Motors::default(),
+            vehicle: Vehicle::new(start),
+            measured,
+            noise,
+            replies: VecDeque::new(),
+            output: VecDeque::new(),
+            events: VecDeque::new(),
+            settings,
+        }
+    }
+
+    /// Takes bytes whose last has arrived at `now`.
+    pub fn receive(&mut self, now: SimTime, bytes: &[u8]) {
+        self.advance_before(now);
+        if !self.measured.module_powered {
+            return;
+        }
+        for &byte in bytes {
+            let mut found = Vec::new();
+            self.decoder
+                .push(now, byte, &mut |decoded| found.push(decoded));
+            self.handle(now, found);
+        }
+    }
+
+    /// Takes what the sensors read at `now`.
+    pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
+        self.advance_before(now);
+        let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
+        match (was_powered, measured.module_powered) {
+            (true, false) => self.lose_power(now),
+            (false, true) => self.event(now, R150Event::Started),
+            _ => {}
+        }
+        if measured.module_powered {
+            let requested = self.control.outputs.power;
+            self.protection
+                .sense(now, measured, requested, &mut |event| {
+                    keep(&mut self.events, now, event);
+                });
+        }
+    }
+
+    /// Somebody works a button at `now`.
+    pub fn operate(&mut self, now: SimTime, action: Action) {
+        self.advance_before(now);
+        self.event(now, R150Event::Operated(action));
+        match action {
+            Action::AppHolds { power, pwm } => self.control.app_holds(power, pwm),
+            Action::AppSets(outputs) => self.control.app_sets(outputs),
+            _ => self.vehicle.operate(action),
+        }
+        self.power_requested(now);
+    }
+
+    /// Does everything that is due by `now`.
+    pub fn advance(&mut self, now: SimTime) {
+        // Each round removes the deadline that it serves or moves it later.
+        while let Some(due) = self.next_deadline().filter(|due| *due <= now) {
+            self.serve(due);
+        }
+    }
+
+    /// When something next happens by itself.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<SimTime> {
+        [
+            self.decoder.deadline(),
+            self.control.deadline(),
+            self.motors.watchdog(),
+            self.motors.answer_due(),
+            self.protection.deadline(),
+            self.replies.front().map(|(due, _)| *due),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// The next frame for the client.
+    pub fn poll_output(&mut self) -> Option<Vec<u8>> {
+        self.output.pop_front()
+    }
+
+    /// The next event and when it happened.
+    pub fn poll_event(&mut self) -> Option<(SimTime, R150Event)> {
+        self.events.pop_front()
+    }
+
+    /// The pins that the firmware drives.
+    #[must_use]
+    pub fn commands(&self) -> R150Commands {
+        let power = self.power_status();
+        let remote_pwm = i16::try_from(self.settings.remote_pwm).unwrap_or(FULL);
+        let drive = self
+            .vehicle
+            .drive(self.motors.set_point(), remote_pwm, self.battery_empty());
+        let (duty, propulsion_power) = match drive {
+            Drive::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
+            Drive::Open => ([0.0; 2], false),
+        };
+        let stopped = self.vehicle.emergency_stop() && self.settings.emergency_stop_brakes;
+        R150Commands {
+            motor_duty: Sides::from(duty),
+            propulsion_power,
+            parking_brake: self.vehicle.parked() || stopped,
+            rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
+            pwm_out_duty: self
+                .pwm_outputs()
+                .map(|duty| f64::from(duty) / f64::from(FULL_DUTY)),
+        }
+    }
+
+    /// State of the vehicle around the module.
+    #[must_use]
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
+    /// Who controls the outputs, and their set-points.
+    #[must_use]
+    pub fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// The motor set-point in effect, right then left, ±1000.
+    #[must_use]
+    pub fn motor_set_point(&self) -> [i16; 2] {
+        self.motors.set_point()
+    }
+
+    /// The bits of `powerStatus`: rails that are on.
+    #[must_use]
+    pub fn power_status(&self) -> u8 {
+        if self.measured.module_powered {
+            self.control.outputs.power & self.protection.allowed()
+        } else {
+            0
+        }
+    }
+
+    /// The bits of `sysStatus`.
+    #[must_use]
+    pub fn sys_status(&self) -> u32 {
+        self.protection.sys_status()
+    }
+
+    fn pwm_outputs(&self) -> [u16; 4] {
+        if self.measured.module_powered {
+            self.control.outputs.pwm
+        } else {
+            [0; 4]
+        }
+    }
+
+    fn battery_empty(&self) -> bool {
+        self.measured.soc <= 0.0
+    }
+
+    /// Does what is due before `now`, so that what happens at `now` comes before its deadlines.
+    fn advance_before(&mut self, now: SimTime) {
+        if let Some(nanos) = now.as_nanos().checked_sub(1) {
+            self.advance(SimTime::from_nanos(nanos));
+        }
+    }
+
+    /// Does what is due at `now` and not earlier.
+    fn serve(&mut self, now: SimTime) {
+        let mut found = Vec::new();
+        self.decoder.expire(now, &mut |decoded| found.push(decoded));
+        self.handle(now, found);
+        if self.control.expire(now, &self.settings) {
+            self.event(now, R150Event::HeartbeatLost);
+            self.power_requested(now);
+        }
+        if let Some([right, left]) = self.motors.expire(now) {
+            self.event(now, R150Event::WatchdogFired { right, left });
+        }
+        if self.motors.take_answer(now) {
+            let reply = self.motor_reply();
+            self.reply(now, reply);
+        }
+        let events = &mut self.events;
+        self.protection
+            .advance(now, &mut |event| keep(events, now, event));
+        self.send_due(now);
+    }
+
+    fn send_due(&mut self, now: SimTime) {
+        while let Some((due, reply)) = self.replies.pop_front_if(|(due, _)| *due <= now) {
+            self.output.push_back(reply.encode());
+            self.event(due, R150Event::Reply(reply));
+        }
+    }
+
+    fn handle(&mut self, now: SimTime, found: Vec<Decoded>) {
+        for decoded in found {
+            let Decoded::Frame(frame) = decoded else {
+                self.event(now, R150Event::BadStream(decoded));
+                continue;
+            };
+            match Request::parse(frame.command, &frame.parameters) {
+                Ok(request) => self.request(now, request),
+                Err(refusal) => self.refuse(now, refusal),
+            }
+        }
+        self.send_due(now);
+    }
+
+    /// 0x02 and 0x03 with a wrong length are told that they failed; anything else gets silence.
+    fn refuse(&mut self, now: SimTime, refusal: Refusal) {
+        self.event(now, R150Event::Refused(refusal));
+        if let Refusal::WrongLength {
+            command: command @ (code::POWER_CONTROL | code::SET_PWM_OUTPUTS),
+            ..
+        } = refusal
+        {
+            self.reply(
+                now,
+                Reply::Bool {
+                    command,
+                    success: false,
+                },
+            );
+        }
+    }
+
+    fn request(&mut self, now: SimTime, request: Request) {
+        self.event(now, R150Event::Request(request));
+        if self.control.frame(now, &self.settings) {
+            self.event(now, R150Event::ControlTaken);
+        }
+        let command = request.command();
+        let reply = match request {
+            Request::PowerControl { status } => Reply::Bool {
+                command,
+                success: self.set_power(now, status),
+            },
+            Request::SetPwmOutputs { duty } => Reply::Bool {
+                command,
+                success: self.set_pwm(now, duty),
+            },
+            Request::GetPwmOutputs => Reply::PwmOutputs {
+                duty: self.pwm_outputs(),
+            },
+            Request::GetPwmInputs => Reply::PwmInputs {
+                frequency_hz: self.measured.pwm_in.map(|input| round(input.frequency)),
+                duty: self.measured.pwm_in.map(|input| round(input.duty * 1000.0)),
+            },
+            Request::SystemInfo => Reply::SystemInfo(self.system_info()),
+            Request::Heartbeat => Reply::Bool {
+                command,
+                success: true,
+            },
+            Request::Version => Reply::Version {
+                hardware: self.settings.hardware_version.word(),
+                software: self.settings.software_version.word(),
+            },
+            Request::SetMotors { right, left } => {
+                if self.set_motors(now, right, left) != Answer::Now {
+                    return;
+                }
+                self.motor_reply()
+            }
+        };
+        self.reply(now, reply);
+    }
+
+    fn set_power(&mut self, now: SimTime, status: u32) -> bool {
+        if !self.control.power_by_client {
+            self.event(now, R150Event::AppInControl(code::POWER_CONTROL));
+            return false;
+        }
+        let reserved = status & !u32::from(POWER_BITS);
+        if reserved != 0 {
+            self.event(now, R150Event::ReservedBits(reserved));
+        }
+        self.control.outputs.power = status.to_le_bytes()[0] & POWER_BITS;
+        self.power_requested(now);
+        true
+    }
+
+    fn set_pwm(&mut self, now: SimTime, duty: [u16; 4]) -> bool {
+        if !self.control.pwm_by_client {
+            self.event(now, R150Event::AppInControl(code::SET_PWM_OUTPUTS));
+            return false;
+        }
+        if duty.iter().any(|duty| *duty > FULL_DUTY) {
+            self.event(now, R150Event::DutyOutOfRange(duty));
+            return false;
+        }
+        self.control.outputs = Outputs {
+            pwm: duty,
+            ..self.control.outputs
+        };
+        true
+    }
+
+    fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> Answer {
+        if right.abs_diff(0) > FULL.unsigned_abs() || left.abs_diff(0) > FULL.unsigned_abs() {
+            self.event(now, R150Event::MotorsClamped { right, left });
+        }
+        let (answer, too_soon) = self.motors.command(now, [right, left], &self.settings);
+        if let Some(after) = too_soon {
+            self.event(now, R150Event::OverRate { after });
+        }
+        let obstacles = self.vehicle.obstacles(self.battery_empty());
+        if [right, left] != [0, 0] && !obstacles.is_empty() {
+            self.event(now, R150Event::NotDriving(obstacles));
+        }
+        answer
+    }
+
+    fn motor_reply(&self) -> Reply {
+        Reply::Motors {
+            right_rpm: round(self.measured.motor_rpm.right),
+            left_rpm: round(self.measured.motor_rpm.left),
+            soc: round(self.measured.soc * 1000.0),
+        }
+    }
+
+    fn system_info(&mut self) -> SystemInfo {
+        let measured = self.measured;
+        let pwm = self.pwm_outputs();
+        let spread = self.settings.measurement_noise / 100.0;
+        let noise = &mut self.noise;
+        let mut spoil = |value: f64| {
+            if spread > 0.0 {
+                value * (1.0 + spread * noise.normal())
+            } else {
+                value
+            }
+        };
+        let voltage = measured
+            .rail_voltage
+            .map(|volts| round(spoil(volts) * 1000.0));
+        let current = measured
+            .rail_current
+            .map(|amperes| round(spoil(amperes) * 1000.0));
+        let [v12a, v12b, v12c, v12d, ..] = voltage;
+        let [i12a, i12b, i12c, i12d, i48, _] = current;
+        SystemInfo {
+            voltage_12v: [v12a, v12b, v12c, v12d],
+            voltage_48v: round(spoil(measured.bus_voltage) * 1000.0),
+            current_12v: [i12a, i12b, i12c, i12d],
+            current_48v: i48,
+            temp_12v: measured.temperature.map(|celsius| round(celsius * 10.0)),
+            sys_status: self.protection.sys_status(),
+            power_ctrl_mode: u8::from(!self.control.power_by_client),
+            pwm_ctrl_mode: u8::from(!self.control.pwm_by_client),
+            power_status: self.power_status(),
+            pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
+        }
+    }
+
+    fn reply(&mut self, now: SimTime, reply: Reply) {
+        if self.replies.len() >= MOST_REPLIES {
+            self.event(now, R150Event::ReplyDropped);
+        } else {
+            self.replies
+                .push_back((now + self.settings.reply_delay, reply));
+        }
+    }
+
+    /// The requested rails may have changed, which ends the latch of those that are off.
+    fn power_requested(&mut self, now: SimTime) {
+        let events = &mut self.events;
+        self.protection
+            .requested(self.control.outputs.power, &mut |event| {
+                keep(events, now, event)
+            });
+    }
+
+    /// Without a supply the module forgets everything; the vehicle's own state stays.
+    fn lose_power(&mut self, now: SimTime) {
+        self.decoder.clear();
+        self.control.restart();
+        self.protection = Protection::new(self.settings.protection.clone());
+        self.motors = Motors::default();
+        self.replies.clear();
+        self.event(now, R150Event::PowerLost);
+    }
+
+    fn event(&mut self, now: SimTime, event: R150Event) {
+        keep(&mut self.events, now, event);
+    }
+}
+
+fn keep(events: &mut VecDeque<(SimTime, R150Event)>, now: SimTime, event: R150Event) {
+    if events.len() >= MOST_EVENTS {
+        events.pop_front();
+    }
+    events.push_back((now, event));
+}
+
+/// Rounds to the nearest integer of a field, saturating at its ends; what is not a number is 0.
+fn round<T: FromRounded>(value: f64) -> T {
+    T::from_rounded(value.round())
+}
+
+trait FromRounded {
+    fn from_rounded(value: f64) -> Self;
+}
+
+macro_rules! from_rounded {
+    ($($field:ty),*) => { $(
+        impl FromRounded for $field {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a cast from a float saturates, as the documentation says"
+            )]
+            #[allow(clippy::allow_attributes, reason = "signed fields lose no sign")]
+            fn from_rounded(value: f64) -> Self {
+                value as $field
+            }
+        }
+    )* };
+}
+
+from_rounded!(u16, u32, i16, i32);

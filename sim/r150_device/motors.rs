@@ -1,0 +1,97 @@
+//! The motor command 0x12: set-point, watchdog and reply rate (manual section 4.3.8).
+
+use sim_settings::SimTime;
+
+use super::settings::{OverRate, R150FirmwareSettings};
+
+/// Whether a motor command is answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// At once.
+    Now,
+    /// When the reply interval has passed.
+    Later,
+    /// Not at all.
+    Never,
+}
+
+/// What the client wants of the motors, right then left.
+#[derive(Debug, Clone, Default)]
+pub struct Motors {
+    set_point: [i16; 2],
+    watchdog_due: Option<SimTime>,
+    last_answer: Option<SimTime>,
+    answer_due: Option<SimTime>,
+}
+
+/// Largest motor PWM.
+pub const FULL: i16 = 1000;
+
+impl Motors {
+    /// PWM of the right and the left motor, ±1000.
+    #[must_use]
+    pub fn set_point(&self) -> [i16; 2] {
+        self.set_point
+    }
+
+    /// Takes a command; values beyond ±1000 are clamped. Says how it is answered, and how long
+    /// ago the last answer was if this one comes too soon.
+    pub fn command(
+        &mut self,
+        now: SimTime,
+        set_point: [i16; 2],
+        settings: &R150FirmwareSettings,
+    ) -> (Answer, Option<std::time::Duration>) {
+        self.set_point = set_point.map(|pwm| pwm.clamp(-FULL, FULL));
+        self.watchdog_due = Some(now + settings.motor_watchdog);
+        let since = self.last_answer.map(|last| now.since(last));
+        let Some(too_soon) = since.filter(|since| *since < settings.motor_reply_interval) else {
+            self.last_answer = Some(now);
+            self.answer_due = None;
+            return (Answer::Now, None);
+        };
+        let answer = match settings.over_rate {
+            OverRate::Silent => Answer::Never,
+            OverRate::Answer => Answer::Now,
+            OverRate::Delay => {
+                self.answer_due = self
+                    .last_answer
+                    .map(|last| last + settings.motor_reply_interval);
+                Answer::Later
+            }
+        };
+        (answer, Some(too_soon))
+    }
+
+    /// When the watchdog fires unless a command comes.
+    #[must_use]
+    pub fn watchdog(&self) -> Option<SimTime> {
+        self.watchdog_due
+    }
+
+    /// When a delayed answer is due.
+    #[must_use]
+    pub fn answer_due(&self) -> Option<SimTime> {
+        self.answer_due
+    }
+
+    /// Stops the motors if the watchdog is due at `now`; gives the set-point it cleared.
+    pub fn expire(&mut self, now: SimTime) -> Option<[i16; 2]> {
+        if self.watchdog_due.is_none_or(|due| due > now) {
+            return None;
+        }
+        self.watchdog_due = None;
+        let cleared = std::mem::take(&mut self.set_point);
+        (cleared != [0, 0]).then_some(cleared)
+    }
+
+    /// Takes the delayed answer if it is due at `now`.
+    pub fn take_answer(&mut self, now: SimTime) -> bool {
+        let due = self.answer_due.is_some_and(|due| due <= now);
+        if due {
+            self.answer_due = None;
+            self.last_answer = Some(now);
+        }
+        due
+    }
+}

@@ -1,0 +1,227 @@
+//! The vehicle around the module: lock, parking brake, drive mode, emergency stop, and the remote
+//! control that works them (manual section 2).
+
+use std::fmt;
+
+use super::control::Outputs;
+
+/// A motion key of the remote control.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Key {
+    /// Forward, 向前.
+    Forward,
+    /// Backward, 向后.
+    Backward,
+    /// Turn left on the spot, 左转.
+    Left,
+    /// Turn right on the spot, 右转.
+    Right,
+}
+
+/// What an operator or the app can do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// Long press of both rear buttons, 解锁.
+    Unlock,
+    /// Short press of the rear buttons, 上锁. Also parks.
+    Lock,
+    /// Long press of the top button, 解除驻车; works unlocked and in remote mode only.
+    ReleaseParking,
+    /// Long press of the blank middle button, 切换自主模式.
+    Autonomous,
+    /// A motion key goes down, 运动控制; switches to remote mode.
+    Press(Key),
+    /// The motion key goes up.
+    ReleaseKey,
+    /// The emergency stop is pushed in (`true`) or pulled out, 急停开关.
+    EmergencyStop(bool),
+    /// The app takes or leaves control of power and of PWM, whatever the client sends.
+    AppHolds {
+        /// Of the power rails.
+        power: bool,
+        /// Of the PWM outputs.
+        pwm: bool,
+    },
+    /// The app sets its set-points.
+    AppSets(Outputs),
+}
+
+impl fmt::Display for Action {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unlock => f.write_str("unlock"),
+            Self::Lock => f.write_str("lock"),
+            Self::ReleaseParking => f.write_str("release the parking brake"),
+            Self::Autonomous => f.write_str("autonomous mode"),
+            Self::Press(Key::Forward) => f.write_str("forward key down"),
+            Self::Press(Key::Backward) => f.write_str("backward key down"),
+            Self::Press(Key::Left) => f.write_str("left key down"),
+            Self::Press(Key::Right) => f.write_str("right key down"),
+            Self::ReleaseKey => f.write_str("motion key up"),
+            Self::EmergencyStop(true) => f.write_str("emergency stop pushed in"),
+            Self::EmergencyStop(false) => f.write_str("emergency stop pulled out"),
+            Self::AppHolds { power, pwm } => write!(f, "app holds power {power}, PWM {pwm}"),
+            Self::AppSets(outputs) => {
+                write!(
+                    f,
+                    "app sets power 0x{:02X}, PWM {:?}",
+                    outputs.power, outputs.pwm
+                )
+            }
+        }
+    }
+}
+
+/// Why a motor command does not move the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Obstacle {
+    /// The remote control has locked it.
+    Locked,
+    /// The parking brake is on.
+    Parked,
+    /// It is in remote mode.
+    Remote,
+    /// The emergency stop is in.
+    EmergencyStop,
+    /// The battery is empty.
+    BatteryEmpty,
+}
+
+impl Obstacle {
+    /// The condition, as a client developer would put it.
+    #[must_use]
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Locked => "it is locked",
+            Self::Parked => "the parking brake is on",
+            Self::Remote => "it is in remote mode, not autonomous",
+            Self::EmergencyStop => "the emergency stop is in",
+            Self::BatteryEmpty => "the battery is empty",
+        }
+    }
+}
+
+/// In which state the vehicle is when the simulation begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Start {
+    /// Unlocked, released, autonomous: the first motor command moves it.
+    Ready,
+    /// Locked, parked, remote: as the hardware starts.
+    Locked,
+}
+
+/// State of the vehicle.
+#[derive(Debug, Clone)]
+pub struct Vehicle {
+    locked: bool,
+    parked: bool,
+    autonomous: bool,
+    emergency_stop: bool,
+    key: Option<Key>,
+}
+
+/// What the motor bridges do, right then left.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Drive {
+    /// They apply a PWM, ±1000; 0 shorts the motor, which brakes.
+    Pwm([i16; 2]),
+    /// They are open: the vehicle can be pushed.
+    Open,
+}
+
+impl Vehicle {
+    /// A vehicle as `start` says.
+    #[must_use]
+    pub fn new(start: Start) -> Self {
+        let ready = start == Start::Ready;
+        Self {
+            locked: !ready,
+            parked: !ready,
+            autonomous: ready,
+            emergency_stop: false,
+            key: None,
+        }
+    }
+
+    /// Works a button; the app's actions are not the vehicle's and change nothing here.
+    pub fn operate(&mut self, action: Action) {
+        match action {
+            Action::Unlock => self.locked = false,
+            Action::Lock => {
+                self.locked = true;
+                self.parked = true;
+                self.key = None;
+            }
+            Action::ReleaseParking => self.parked &= self.locked || self.autonomous,
+            Action::Autonomous => {
+                self.autonomous = true;
+                self.key = None;
+            }
+            Action::Press(key) => {
+                self.autonomous = false;
+                self.key = Some(key);
+            }
+            Action::ReleaseKey => self.key = None,
+            Action::EmergencyStop(pushed_in) => self.emergency_stop = pushed_in,
+            Action::AppHolds { .. } | Action::AppSets(_) => {}
+        }
+    }
+
+    /// Whether the emergency stop is in.
+    #[must_use]
+    pub fn emergency_stop(&self) -> bool {
+        self.emergency_stop
+    }
+
+    /// Whether the parking brake is on.
+    #[must_use]
+    pub fn parked(&self) -> bool {
+        self.parked
+    }
+
+    /// Whether it is locked.
+    #[must_use]
+    pub fn locked(&self) -> bool {
+        self.locked
+    }
+
+    /// Whether it is in autonomous mode.
+    #[must_use]
+    pub fn autonomous(&self) -> bool {
+        self.autonomous
+    }
+
+    /// What keeps a motor command from moving it; empty when nothing does.
+    #[must_use]
+    pub fn obstacles(&self, battery_empty: bool) -> Vec<Obstacle> {
+        [
+            (self.locked, Obstacle::Locked),
+            (self.parked, Obstacle::Parked),
+            (!self.autonomous, Obstacle::Remote),
+            (self.emergency_stop, Obstacle::EmergencyStop),
+            (battery_empty, Obstacle::BatteryEmpty),
+        ]
+        .into_iter()
+        .filter_map(|(holds, obstacle)| holds.then_some(obstacle))
+        .collect()
+    }
+
+    /// What the motor bridges do, given what the client wants.
+    #[must_use]
+    pub fn drive(&self, set_point: [i16; 2], remote_pwm: i16, battery_empty: bool) -> Drive {
+        if self.emergency_stop {
+            return Drive::Open;
+        }
+        if self.locked || self.parked || battery_empty {
+            return Drive::Pwm([0, 0]);
+        }
+        match self.key {
+            _ if self.autonomous => Drive::Pwm(set_point),
+            Some(Key::Forward) => Drive::Pwm([remote_pwm, remote_pwm]),
+            Some(Key::Backward) => Drive::Pwm([-remote_pwm, -remote_pwm]),
+            Some(Key::Left) => Drive::Pwm([remote_pwm, -remote_pwm]),
+            Some(Key::Right) => Drive::Pwm([-remote_pwm, remote_pwm]),
+            None => Drive::Open,
+        }
+    }
+}

@@ -1,0 +1,350 @@
+//! Any number of devices in one world, advanced from event to event.
+//!
+//! Simulated-time and real-time runs take the same path: whoever drives a [`Rig`] says up to when
+//! it may go and what the clients send. At one instant things happen in a fixed order: bytes
+//! arrive, then deadlines of the firmware are served, device by device in the order in which they
+//! were added; then the physics takes the step that ends there.
+
+mod port;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use sim_physics::{PhysicsError, Pose, World, WorldSettings};
+use sim_settings::SimTime;
+
+use crate::event::{Event, EventKind};
+use crate::line::{LineEvent, SerialLine, Wire};
+use crate::r150::R150;
+use crate::r150_device::vehicle::Start;
+use crate::settings::R150Settings;
+use crate::unit::Unit;
+pub use port::PortId;
+
+/// How often slow states (charge, temperatures) advance while nothing moves.
+const REST_TICK: Duration = Duration::from_millis(100);
+/// Most events kept for whoever takes them; the oldest go first, and are counted.
+const MOST_EVENTS: usize = 1 << 16;
+
+/// What all devices of a run share.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigSettings {
+    /// The plane that they stand on.
+    pub world: WorldSettings,
+    /// Whether bytes take time on the lines.
+    pub wire: Wire,
+    /// From which every random stream of the run is derived.
+    pub seed: u64,
+}
+
+/// A device in the rig.
+enum Vehicle {
+    R150(Box<R150>),
+}
+
+impl Vehicle {
+    fn unit(&self) -> &dyn Unit {
+        match self {
+            Self::R150(r150) => r150.as_ref(),
+        }
+    }
+
+    fn unit_mut(&mut self) -> &mut dyn Unit {
+        match self {
+            Self::R150(r150) => r150.as_mut(),
+        }
+    }
+}
+
+struct Slot {
+    vehicle: Vehicle,
+    lines: Vec<SerialLine>,
+    /// When anything next happens to it by itself.
+    next: SimTime,
+}
+
+/// Devices, their lines, and the world around them.
+pub struct Rig {
+    settings: RigSettings,
+    world: World,
+    slots: Vec<Slot>,
+    now: SimTime,
+    /// When the physics next takes a step or, at rest, a tick.
+    physics_due: SimTime,
+    resting: bool,
+    events: VecDeque<Event>,
+    events_lost: u64,
+}
+
+impl Rig {
+    /// An empty world at time zero.
+    #[must_use]
+    pub fn new(settings: RigSettings) -> Self {
+        let world = World::new(&settings.world);
+        let physics_due = SimTime::ZERO + world.step_length();
+        Self {
+            settings,
+            world,
+            slots: Vec::new(),
+            now: SimTime::ZERO,
+            physics_due,
+            resting: false,
+            events: VecDeque::new(),
+            events_lost: 0,
+        }
+    }
+
+    /// Puts an R150 into the world. Its index is the number of devices there were before; its one
+    /// link has index 0.
+    pub fn add_r150(
+        &mut self,
+        name: &str,
+        settings: &R150Settings,
+        start: Start,
+        pose: Pose,
+    ) -> usize {
+        let r150 = R150::new(
+            name,
+            settings,
+            start,
+            pose,
+            self.settings.seed,
+            &mut self.world,
+        );
+        let line = SerialLine::new(settings.firmware.baud, self.settings.wire);
+        self.slots.push(Slot {
+            vehicle: Vehicle::R150(Box::new(r150)),
+            lines: vec![line],
+            next: SimTime::MAX,
+        });
+        let device = self.slots.len() - 1;
+        self.after_change(device);
+        device
+    }
+
+    /// The present.
+    #[must_use]
+    pub fn now(&self) -> SimTime {
+        self.now
+    }
+
+    /// The world, to look at.
+    #[must_use]
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The world, to put things into it.
+    pub fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    /// How many devices there are.
+    #[must_use]
+    pub fn devices(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// The R150 with this index; `None` if there is no such device.
+    #[must_use]
+    pub fn r150(&self, device: usize) -> Option<&R150> {
+        match &self.slots.get(device)?.vehicle {
+            Vehicle::R150(r150) => Some(r150),
+        }
+    }
+
+    /// Lets `change` work on the R150 with this index at the present time, and follows up what it
+    /// changed; `None` if there is no such device.
+    pub fn with_r150<T>(
+        &mut self,
+        device: usize,
+        change: impl FnOnce(&mut R150, SimTime) -> T,
+    ) -> Option<T> {
+        let now = self.now;
+        let outcome = match &mut self.slots.get_mut(device)?.vehicle {
+            Vehicle::R150(r150) => {
+                if self.resting {
+                    r150.rest_until(now);
+                }
+                change(r150, now)
+            }
+        };
+        self.after_change(device);
+        Some(outcome)
+    }
+
+    /// Advances to `to`. Earlier than the present does nothing.
+    ///
+    /// # Errors
+    /// When the physics of a body has broken down; the rig is of no more use then.
+    pub fn advance(&mut self, to: SimTime) -> Result<(), PhysicsError> {
+        loop {
+            let next = self
+                .slots
+                .iter()
+                .map(|slot| slot.next)
+                .min()
+                .unwrap_or(SimTime::MAX);
+            let at = next.min(self.physics_due);
+            if at > to {
+                break;
+            }
+            self.now = self.now.max(at);
+            if next <= at {
+                for device in 0..self.slots.len() {
+                    if self.slots[device].next <= at {
+                        self.serve(device);
+                    }
+                }
+            }
+            if self.physics_due <= at {
+                self.step_physics()?;
+            }
+        }
+        self.now = self.now.max(to);
+        Ok(())
+    }
+
+    /// When something next happens by itself; `None` never comes as long as there is a device.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<SimTime> {
+        let slots = self.slots.iter();
+        let to_client = slots
+            .flat_map(|slot| &slot.lines)
+            .filter_map(SerialLine::next_for_client);
+        let own = self
+            .slots
+            .iter()
+            .map(|slot| slot.next.min(self.physics_due));
+        own.chain(to_client).min()
+    }
+
+    /// Takes the next event.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// How many events were lost because nobody took them.
+    #[must_use]
+    pub fn events_lost(&self) -> u64 {
+        self.events_lost
+    }
+
+    /// Does what is due for a device at the present time: arrivals, then deadlines.
+    fn serve(&mut self, device: usize) {
+        let now = self.now;
+        let slot = &mut self.slots[device];
+        let unit = slot.vehicle.unit_mut();
+        for (link, line) in slot.lines.iter_mut().enumerate() {
+            while let Some(byte) = line.take_for_device(now) {
+                unit.receive(now, link, &[byte]);
+            }
+        }
+        unit.advance(now);
+        self.after_change(device);
+    }
+
+    /// Follows up whatever has happened to a device at the present time.
+    fn after_change(&mut self, device: usize) {
+        let now = self.now;
+        let Some(slot) = self.slots.get_mut(device) else {
+            return;
+        };
+        let unit = slot.vehicle.unit_mut();
+        unit.settle(now);
+        // What the firmware answers to a measurement at once, such as a trip without delay.
+        unit.advance(now);
+        unit.settle(now);
+        while let Some((link, bytes)) = unit.poll_output() {
+            if let Some(event) = slot.lines[link].device_sends(now, &bytes) {
+                let kind = EventKind::Line { link, event };
+                keep(
+                    &mut self.events,
+                    &mut self.events_lost,
+                    Event {
+                        at: now,
+                        device,
+                        kind,
+                    },
+                );
+            }
+        }
+        while let Some((at, kind)) = unit.poll_event() {
+            keep(
+                &mut self.events,
+                &mut self.events_lost,
+                Event { at, device, kind },
+            );
+        }
+        let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
+        slot.next = arrivals
+            .chain(unit.next_deadline())
+            .min()
+            .unwrap_or(SimTime::MAX);
+        if self.resting && !unit.at_rest() {
+            self.resting = false;
+            self.physics_due = self
+                .physics_due
+                .min(now.next_multiple(self.world.step_length()));
+        }
+    }
+
+    fn step_physics(&mut self) -> Result<(), PhysicsError> {
+        let now = self.now;
+        if self.resting {
+            for slot in &mut self.slots {
+                slot.vehicle.unit_mut().rest_until(now);
+            }
+        } else {
+            let step = self.world.step_length();
+            for slot in &mut self.slots {
+                let unit = slot.vehicle.unit_mut();
+                unit.rest_until(now - step);
+                unit.before_step(&mut self.world);
+            }
+            self.world.step()?;
+            for slot in &mut self.slots {
+                slot.vehicle
+                    .unit_mut()
+                    .after_step(now, step, &mut self.world);
+            }
+        }
+        self.resting = self.slots.iter().all(|slot| slot.vehicle.unit().at_rest());
+        let pace = if self.resting {
+            REST_TICK
+        } else {
+            self.world.step_length()
+        };
+        self.physics_due = now.next_multiple(pace);
+        for device in 0..self.slots.len() {
+            self.after_change(device);
+        }
+        Ok(())
+    }
+
+    fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
+        if let Some(event) = event {
+            let kind = EventKind::Line {
+                link: port.link,
+                event,
+            };
+            let event = Event {
+                at: self.now,
+                device: port.device,
+                kind,
+            };
+            keep(&mut self.events, &mut self.events_lost, event);
+        }
+    }
+}
+
+fn keep(events: &mut VecDeque<Event>, lost: &mut u64, event: Event) {
+    if events.len() >= MOST_EVENTS {
+        events.pop_front();
+        *lost += 1;
+    }
+    events.push_back(event);
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,62 @@
+//! Every setting of a run, in one tree.
+
+use sim_physics::WorldSettings;
+use sim_physics::r150::R150PlantSettings;
+use sim_settings::{Entry, Problem, Settings, Value, settings};
+
+use crate::r150_device::settings::R150FirmwareSettings;
+
+settings! {
+    /// Every setting of a run.
+    pub struct SimSettings {}
+    groups {
+        /// The plane that all vehicles share.
+        world: WorldSettings,
+        /// The XAG R150.
+        r150: R150Settings,
+    }
+}
+
+/// The R150: its firmware's settings and its hardware's, under one name.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct R150Settings {
+    /// The IO module's firmware.
+    pub firmware: R150FirmwareSettings,
+    /// The hardware around it.
+    pub plant: R150PlantSettings,
+}
+
+impl Settings for R150Settings {
+    fn visit(&self, prefix: &str, visit: &mut dyn FnMut(Entry)) {
+        self.firmware.visit(prefix, visit);
+        self.plant.visit(prefix, visit);
+    }
+
+    fn assign(&mut self, path: &str, value: &Value) -> Result<(), Problem> {
+        match self.firmware.assign(path, value) {
+            Err(Problem::UnknownKey) => self.plant.assign(path, value),
+            outcome => outcome,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_default_is_allowed_and_every_key_is_there_once() {
+        let mut seen = BTreeSet::new();
+        let mut tree = SimSettings::default();
+        let text = sim_settings::show_toml(&tree);
+        sim_settings::load_toml(&text, "defaults", &mut tree).unwrap();
+        assert_eq!(tree, SimSettings::default());
+        Settings::visit(&tree, "", &mut |entry| {
+            assert!(seen.insert(entry.key.clone()), "{} twice", entry.key);
+            assert!(!entry.basis.source().is_empty());
+        });
+        assert!(seen.contains("r150.heartbeat_timeout"));
+        assert!(seen.contains("r150.battery.initial_soc"));
+    }
+}

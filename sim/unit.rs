@@ -1,0 +1,44 @@
+//! What the rig needs of a device together with its hardware.
+
+use std::time::Duration;
+
+use sim_physics::World;
+use sim_settings::SimTime;
+
+use crate::event::EventKind;
+
+/// Firmware and hardware of one device, tied together.
+///
+/// Time never goes back. After `receive` and `advance` the rig calls `settle`, and takes all
+/// output and events.
+pub(crate) trait Unit {
+    /// Takes bytes whose last has arrived on `link` at `now`.
+    fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
+
+    /// Does everything that the firmware has due by `now`.
+    fn advance(&mut self, now: SimTime);
+
+    /// When the firmware next does something by itself.
+    fn next_deadline(&self) -> Option<SimTime>;
+
+    /// Passes pins and measurements between firmware and hardware until neither changes.
+    fn settle(&mut self, now: SimTime);
+
+    /// Bytes for the client of a link.
+    fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;
+
+    /// The next event and when it happened.
+    fn poll_event(&mut self) -> Option<(SimTime, EventKind)>;
+
+    /// Whether nothing of it moves and nothing drives it.
+    fn at_rest(&self) -> bool;
+
+    /// Lets time pass for its slow states up to `now`, while nothing in the world moves.
+    fn rest_until(&mut self, now: SimTime);
+
+    /// Applies its forces for a step.
+    fn before_step(&mut self, world: &mut World);
+
+    /// Takes over what the step, which ended at `now` and took `step`, has done.
+    fn after_step(&mut self, now: SimTime, step: Duration, world: &mut World);
+}
