@@ -1,10 +1,10 @@
 //! Waiting for any of many ports, for a signal, or for the time to pass.
 
+use std::mem::MaybeUninit;
 use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
-use rustix::buffer::spare_capacity;
 use rustix::event::{Timespec, epoll};
 use rustix::io::Errno;
 
@@ -18,10 +18,10 @@ use crate::signals::{Signals, TerminationSignal};
 const EVENTS: usize = 256;
 
 /// Waits for news from ports and for signals.
+#[derive(Debug)]
 pub struct Waiter {
     hub: Arc<Hub>,
     signals: Option<Signals>,
-    events: Vec<epoll::Event>,
     wake: Wake,
 }
 
@@ -57,7 +57,6 @@ impl Waiter {
         Ok(Self {
             hub: Hub::new().map_err(waiting)?,
             signals: None,
-            events: Vec::with_capacity(EVENTS),
             wake: Wake::default(),
         })
     }
@@ -116,8 +115,8 @@ impl Waiter {
         } else {
             timeout
         };
-        self.wait_epoll(timeout)?;
-        for event in self.events.drain(..) {
+        let mut space = [MaybeUninit::uninit(); EVENTS];
+        for event in self.wait_epoll(&mut space, timeout)? {
             match event.data.u64() {
                 INOTIFY => {
                     self.hub
@@ -138,29 +137,19 @@ impl Waiter {
         Ok(&self.wake)
     }
 
-    fn wait_epoll(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
+    fn wait_epoll<'a>(
+        &self,
+        space: &'a mut [MaybeUninit<epoll::Event>],
+        timeout: Option<Duration>,
+    ) -> Result<&'a [epoll::Event], PortError> {
         // A wait too long for the system's clock is one without an end.
-        let mut timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
-        loop {
-            self.events.clear();
-            match epoll::wait(
-                self.hub.epoll(),
-                spare_capacity(&mut self.events),
-                timeout.as_ref(),
-            ) {
-                Ok(_) => return Ok(()),
-                // A handler ran: its pipe is readable now, so one more look
-                // does not wait.
-                Err(Errno::INTR) => {
-                    timeout = Some(Timespec {
-                        tv_sec: 0,
-                        tv_nsec: 0,
-                    })
-                }
-                Err(errno) => {
-                    return Err(waiting(PortErrorKind::call("epoll_pwait2")(errno)));
-                }
-            }
+        let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
+        match epoll::wait(self.hub.epoll(), space, timeout.as_ref()) {
+            Ok((events, _)) => Ok(events),
+            // A handler ran. Its pipe is readable by now, and the next wait
+            // returns at once.
+            Err(Errno::INTR) => Ok(&[]),
+            Err(errno) => Err(waiting(PortErrorKind::call("epoll_pwait2")(errno))),
         }
     }
 }
