@@ -19,10 +19,11 @@
 //! Dynamics*, 3rd ed. 2012, sections 7.2 and 8.6 (single contact point transient model, standstill).
 //!
 //! The forces are stiff against a 5 ms step, so they are found together with the velocities they
-//! lead to: every patch is a soft constraint, solved by projected Gauss–Seidel iteration over the
+//! lead to: every patch is a soft constraint, in general solved by projected Gauss–Seidel iteration over the
 //! impulses of one step (E. Catto, *Soft Constraints*, GDC 2011, for the constraint; M. Anitescu and
 //! F. A. Potra, *Nonlinear Dynamics* 14, 1997, for time stepping with Coulomb friction). The
-//! constraints are far softer than the bodies they join, so a few rounds suffice.
+//! constraints are far softer than the bodies they join, so a few rounds suffice. While no patch slides
+//! there is nothing to project and the solution is found directly.
 //!
 //! Nothing here knows which vehicle it is: a wheel turns several patches or one, and the axes of a
 //! patch are free, which is what a wheel with slanted rollers needs.
@@ -48,8 +49,10 @@ pub struct Patch {
 pub struct Wheel {
     /// Speed at the end of the step if the ground did nothing, rad/s; on return with the ground.
     pub speed: f64,
-    /// What one N·m·s changes of the speed at the end of the step, 1/(kg·m²). Zero for a wheel that
-    /// cannot turn. A motor that opposes speed makes it smaller.
+    /// The N·m·s that it takes to change the speed at the end of the step by 1 rad/s, kg·m². A motor
+    /// that opposes speed makes it larger.
+    pub inertia: f64,
+    /// The inverse of that, or zero for a wheel that cannot turn.
     pub compliance: f64,
     /// The most that dry friction and brakes can hold, N·m.
     pub hold_torque: f64,
@@ -71,7 +74,11 @@ pub struct Chassis {
 #[derive(Debug, Clone)]
 pub struct Traction<const WHEELS: usize, const PATCHES: usize> {
     patches: [PatchState; PATCHES],
+    /// What dry friction and brakes did in the last step, N·m·s, and the most they could do.
     hold: [f64; WHEELS],
+    hold_limit: [f64; WHEELS],
+    /// Whether a patch slid in the last step.
+    slides: bool,
     law: TyreLaw,
 }
 
@@ -97,7 +104,7 @@ struct TyreLaw {
     stiffness_per_load: [f64; 2],
     relaxation_length: f64,
     damping_time: f64,
-    damping_fade_speed: f64,
+    inverse_fade_speed: f64,
 }
 
 impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
@@ -114,6 +121,8 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
                 limit: 0.0,
             }),
             hold: [0.0; WHEELS],
+            hold_limit: [0.0; WHEELS],
+            slides: false,
             law: TyreLaw::new(settings),
         }
     }
@@ -121,6 +130,7 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
     /// Forgets deflections, as after lifting the vehicle off the ground.
     pub fn relax(&mut self) {
         self.hold = [0.0; WHEELS];
+        self.slides = false;
         for patch in &mut self.patches {
             patch.deflection = [0.0; 2];
             patch.impulse = [0.0; 2];
@@ -176,7 +186,7 @@ impl TyreLaw {
             ],
             relaxation_length: settings.relaxation_length,
             damping_time: settings.damping_time.as_secs_f64(),
-            damping_fade_speed: settings.damping_fade_speed,
+            inverse_fade_speed: 1.0 / settings.damping_fade_speed,
         }
     }
 }

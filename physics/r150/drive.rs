@@ -152,20 +152,22 @@ impl Drive {
         if faults.blocked {
             return Wheel {
                 speed: 0.0,
+                inertia: self.side_inertia,
                 compliance: 0.0,
                 hold_torque,
             };
         }
         let mut momentum = self.side_inertia * speed;
-        let mut stiffness = self.side_inertia;
+        let mut inertia = self.side_inertia;
         if let Some(voltage) = drive.voltage {
             let torque_per_volt = self.gear_ratio * self.torque_constant / self.winding_resistance;
             momentum += dt * torque_per_volt * voltage;
-            stiffness += dt * torque_per_volt * self.gear_ratio * self.torque_constant;
+            inertia += dt * torque_per_volt * self.gear_ratio * self.torque_constant;
         }
         Wheel {
-            speed: momentum / stiffness,
-            compliance: 1.0 / stiffness,
+            speed: momentum / inertia,
+            inertia,
+            compliance: 1.0 / inertia,
             hold_torque,
         }
     }

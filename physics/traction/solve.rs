@@ -1,13 +1,13 @@
 //! The impulses of one step.
+//!
+//! With every patch inside its friction limit the problem is a small linear one, which is solved
+//! directly; where one slides, iteration takes over from the impulses of the last step.
+
+mod direct;
+mod iterate;
 
 use super::{Chassis, PatchState, Traction, TyreLaw, Wheel};
-
-/// Rounds of the iteration at most. The default vehicle needs three to six; the bound makes the
-/// cost of a step bounded for any settings.
-const MAX_ROUNDS: usize = 24;
-
-/// The iteration ends when no impulse changes by more than this share of the load's impulse.
-const TOLERANCE: f64 = 1e-7;
+use iterate::Mobility;
 
 /// A patch in this step, both axes.
 #[derive(Clone, Copy)]
@@ -15,8 +15,6 @@ struct Row {
     /// Soft constraint per axis: impulse = −(bias + give · slip).
     give: [f64; 2],
     bias: [f64; 2],
-    /// 1 / (1 + give · what one N·s changes of the slip).
-    share: [f64; 2],
     /// Largest impulse, N·s.
     limit: f64,
 }
@@ -36,65 +34,41 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
         dt: f64,
     ) {
         let law = self.law;
-        let inverse_mass = 1.0 / chassis.mass;
-        let inverse_inertia = 1.0 / chassis.inertia;
-        let mut smallest_change = f64::INFINITY;
-
+        let shed = rolling.map(|speed| law.shed(speed, dt));
+        let damping = rolling.map(|speed| law.damping(speed));
         let mut rows = [Row::IDLE; PATCHES];
-        for (index, patch) in self.patches.iter_mut().enumerate() {
+        for ((patch, row), load) in self.patches.iter_mut().zip(&mut rows).zip(loads) {
             let wheel = patch.place.wheel;
-            let compliance = [
-                inverse_mass
-                    + patch.place.y * patch.place.y * inverse_inertia
-                    + law.radius * law.radius * wheels[wheel].compliance,
-                inverse_mass + patch.place.x * patch.place.x * inverse_inertia,
-            ];
-            let load = loads[index];
-            let speed = (rolling[wheel] * law.radius).abs();
-            rows[index] = patch.prepare(&law, compliance, load, speed, friction, dt);
-            smallest_change = smallest_change.min(load * dt);
+            *row = patch.prepare(&law, shed[wheel], damping[wheel], load, friction, dt);
         }
-        // A patch without load must not ask for infinite precision of the others.
-        let tolerance = TOLERANCE * smallest_change.max(chassis.mass * dt * 0.1);
+        let hold_limits = wheels.map(|wheel| wheel.hold_torque * dt);
 
-        self.start_from_last_step(chassis, wheels, &rows, dt);
-        for _ in 0..MAX_ROUNDS {
-            let mut change: f64 = 0.0;
-            for (patch, row) in self.patches.iter_mut().zip(&rows) {
-                let wheel = &mut wheels[patch.place.wheel];
-                let slip = patch.slip(chassis.velocity, wheel.speed * law.radius);
-                let wanted = row.impulse(patch.impulse, slip);
-                let delta = [wanted[0] - patch.impulse[0], wanted[1] - patch.impulse[1]];
-                patch.impulse = wanted;
-                change = change.max(delta[0].abs()).max(delta[1].abs());
-                apply(patch, delta, chassis, wheel, law.radius);
-            }
-            for (held, wheel) in self.hold.iter_mut().zip(wheels.iter_mut()) {
-                change = change.max(hold(held, wheel, dt) / law.radius);
-            }
-            if change <= tolerance {
-                break;
-            }
+        if !self.slides && self.solve_directly(chassis, wheels, &rows, &hold_limits) {
+            return;
         }
+        let weight: f64 = loads.iter().sum();
+        let mobility = Mobility::new(chassis, law.radius);
+        self.iterate(chassis, wheels, &rows, &hold_limits, &mobility, weight * dt);
+        self.hold_limit = hold_limits;
+        self.slides = self
+            .patches
+            .iter()
+            .zip(&rows)
+            .any(|(patch, row)| !row.grips(patch.impulse));
+    }
+}
+
+impl TyreLaw {
+    /// The share of a deflection that is still there after the step's rolling.
+    fn shed(&self, wheel_speed: f64, dt: f64) -> f64 {
+        let rolled = dt * (wheel_speed * self.radius).abs();
+        self.relaxation_length / (self.relaxation_length + rolled)
     }
 
-    fn start_from_last_step(
-        &mut self,
-        chassis: &mut Chassis,
-        wheels: &mut [Wheel; WHEELS],
-        rows: &[Row; PATCHES],
-        dt: f64,
-    ) {
-        for (patch, row) in self.patches.iter_mut().zip(rows) {
-            patch.impulse = row.within_limit(patch.impulse);
-            let wheel = &mut wheels[patch.place.wheel];
-            apply(patch, patch.impulse, chassis, wheel, self.law.radius);
-        }
-        for (held, wheel) in self.hold.iter_mut().zip(wheels.iter_mut()) {
-            let limit = wheel.hold_torque * dt;
-            *held = held.clamp(-limit, limit);
-            wheel.speed += *held * wheel.compliance;
-        }
+    /// The carcass damping time at this rolling speed, s.
+    fn damping(&self, wheel_speed: f64) -> f64 {
+        let speed = (wheel_speed * self.radius).abs();
+        self.damping_time * (1.0 - speed * self.inverse_fade_speed).max(0.0)
     }
 }
 
@@ -102,15 +76,14 @@ impl PatchState {
     fn prepare(
         &mut self,
         law: &TyreLaw,
-        compliance: [f64; 2],
+        shed: f64,
+        damping: f64,
         load: f64,
-        speed: f64,
         friction: f64,
         dt: f64,
     ) -> Row {
-        self.shed = 1.0 / (1.0 + dt * speed / law.relaxation_length);
+        self.shed = shed;
         self.limit = friction * load;
-        let damping = law.damping_time * (1.0 - speed / law.damping_fade_speed).max(0.0);
         let mut row = Row {
             limit: self.limit * dt,
             ..Row::IDLE
@@ -118,9 +91,8 @@ impl PatchState {
         for axis in 0..2 {
             let stiffness = law.stiffness_per_load[axis] * load;
             self.stiffness[axis] = stiffness;
-            row.give[axis] = stiffness * dt * (self.shed * dt + damping);
-            row.bias[axis] = stiffness * dt * self.shed * self.deflection[axis];
-            row.share[axis] = 1.0 / (1.0 + row.give[axis] * compliance[axis]);
+            row.give[axis] = stiffness * dt * (shed * dt + damping);
+            row.bias[axis] = stiffness * dt * shed * self.deflection[axis];
         }
         row
     }
@@ -130,22 +102,24 @@ impl Row {
     const IDLE: Self = Self {
         give: [0.0; 2],
         bias: [0.0; 2],
-        share: [1.0; 2],
         limit: 0.0,
     };
 
-    /// The impulse that agrees with the slip it leads to, given the slip that `now` led to.
-    fn impulse(&self, now: [f64; 2], slip: [f64; 2]) -> [f64; 2] {
-        let mut wanted = now;
-        for axis in 0..2 {
-            let missing = self.give[axis] * slip[axis] + now[axis] + self.bias[axis];
-            wanted[axis] -= missing * self.share[axis];
-        }
-        self.within_limit(wanted)
+    /// The impulse that goes with a slip, friction aside.
+    fn elastic(&self, slip: [f64; 2]) -> [f64; 2] {
+        [
+            -(self.bias[0] + self.give[0] * slip[0]),
+            -(self.bias[1] + self.give[1] * slip[1]),
+        ]
+    }
+
+    /// Whether an impulse is less than the ground can take.
+    fn grips(&self, impulse: [f64; 2]) -> bool {
+        square(impulse) < self.limit * self.limit * GRIP_MARGIN
     }
 
     fn within_limit(&self, impulse: [f64; 2]) -> [f64; 2] {
-        let square = impulse[0] * impulse[0] + impulse[1] * impulse[1];
+        let square = square(impulse);
         if square <= self.limit * self.limit {
             impulse
         } else {
@@ -155,30 +129,9 @@ impl Row {
     }
 }
 
-fn apply(
-    patch: &PatchState,
-    [along, across]: [f64; 2],
-    chassis: &mut Chassis,
-    wheel: &mut Wheel,
-    radius: f64,
-) {
-    let velocity = &mut chassis.velocity;
-    velocity[0] += along / chassis.mass;
-    velocity[1] += across / chassis.mass;
-    velocity[2] += (patch.place.x * across - patch.place.y * along) / chassis.inertia;
-    wheel.speed -= radius * along * wheel.compliance;
-}
+/// An impulse scaled to the limit is a rounding error beside it; this keeps it from counting as grip.
+const GRIP_MARGIN: f64 = 1.0 - 1e-12;
 
-/// Dry friction and brakes: as much torque as it takes to stop the wheel, up to what they can hold.
-/// Returns the change, N·m·s.
-fn hold(held: &mut f64, wheel: &mut Wheel, dt: f64) -> f64 {
-    if wheel.compliance <= 0.0 {
-        return 0.0;
-    }
-    let limit = wheel.hold_torque * dt;
-    let wanted = (*held - wheel.speed / wheel.compliance).clamp(-limit, limit);
-    let delta = wanted - *held;
-    *held = wanted;
-    wheel.speed += delta * wheel.compliance;
-    delta.abs()
+fn square([along, across]: [f64; 2]) -> f64 {
+    along * along + across * across
 }

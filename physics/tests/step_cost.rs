@@ -1,0 +1,111 @@
+//! What a step costs beside bare rapier2d, printed by
+//! `cargo test --release -p sim-physics --test step_cost -- --ignored --nocapture`.
+#![expect(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "measuring needs a clock; nothing measured feeds the simulation"
+)]
+
+mod common;
+
+use std::time::Instant;
+
+use common::{Bench, TICK};
+use sim_physics::{
+    BodyShape, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
+};
+
+const STEPS: u32 = 200_000;
+
+fn nanoseconds_each(count: u32, mut work: impl FnMut()) -> f64 {
+    let start = Instant::now();
+    for _ in 0..count {
+        work();
+    }
+    start.elapsed().as_secs_f64() * 1e9 / f64::from(count)
+}
+
+/// The same body moving at the same speed, without a plant.
+fn bare(vehicles: u32, steps: u32) -> f64 {
+    let mut world = World::new(&WorldSettings::default());
+    let shape = BodyShape {
+        length: 0.98,
+        width: 0.66,
+        mass: 130.0,
+        inertia: 16.0,
+    };
+    for lane in 0..vehicles {
+        let pose = Pose {
+            y: f64::from(lane) * 3.0,
+            ..Pose::default()
+        };
+        let body = world.add_body("bare", shape, pose);
+        world.set_velocity(body, [1.4, 0.0], 0.0);
+    }
+    nanoseconds_each(steps, || world.step().unwrap())
+}
+
+fn driving(vehicles: u32, steps: u32) -> f64 {
+    let mut world = World::new(&WorldSettings::default());
+    let mut plants: Vec<R150Plant> = (0..vehicles)
+        .map(|lane| {
+            let pose = Pose {
+                y: f64::from(lane) * 3.0,
+                ..Pose::default()
+            };
+            R150Plant::new(&R150PlantSettings::default(), &mut world, pose)
+        })
+        .collect();
+    let mut commands = R150Commands::default();
+    let mut step = 0_u32;
+    nanoseconds_each(steps, || {
+        // A client at 20 Hz that changes its mind every time.
+        if step.is_multiple_of(10) {
+            commands.motor_duty.right = 0.9 + f64::from(step / 10 % 2) * 0.05;
+            commands.motor_duty.left = commands.motor_duty.right;
+        }
+        step += 1;
+        for plant in &mut plants {
+            plant.set_commands(&commands);
+            plant.before_step(&mut world);
+        }
+        world.step().unwrap();
+        for plant in &mut plants {
+            plant.after_step(&mut world);
+        }
+    })
+}
+
+#[test]
+#[ignore = "prints figures and judges nothing"]
+fn step_cost() {
+    for vehicles in [1, 10, 100] {
+        let steps = STEPS / vehicles;
+        let (mut bare_best, mut driving_best) = (f64::INFINITY, f64::INFINITY);
+        for _ in 0..5 {
+            bare_best = bare_best.min(bare(vehicles, steps));
+            driving_best = driving_best.min(driving(vehicles, steps));
+        }
+        println!(
+            "{vehicles} vehicles: bare {bare_best:.0} ns a step, driving {driving_best:.0} ns, \
+             ratio {:.2}, {:.0} times real time",
+            driving_best / bare_best,
+            5e6 / driving_best
+        );
+    }
+    let mut bench = Bench::new();
+    bench.run_while(5.0, |bench| !bench.plant.at_rest());
+    let rest = nanoseconds_each(STEPS, || bench.plant.rest(TICK));
+    println!(
+        "rest: {rest:.0} ns per 100 ms tick, {:.0} times real time",
+        1e8 / rest
+    );
+    let read = nanoseconds_each(STEPS, || {
+        std::hint::black_box(bench.plant.measurements());
+    });
+    println!("measurements: {read:.0} ns");
+    let truth = nanoseconds_each(STEPS, || {
+        std::hint::black_box(bench.plant.truth());
+    });
+    println!("truth: {truth:.0} ns");
+}
