@@ -11,6 +11,7 @@
 mod common;
 
 use std::fs;
+use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
@@ -119,7 +120,11 @@ fn replaced_link_is_not_turned() {
 #[test]
 fn root_s_port_can_be_opened_by_others_again() {
     if !rustix::process::geteuid().is_root() {
-        println!("SKIPPED root_s_port_can_be_opened_by_others_again: it needs root");
+        // Past the capture of passing tests' output, so that it is seen.
+        let _ = writeln!(
+            std::io::stderr(),
+            "SKIPPED root_s_port_can_be_opened_by_others_again: it needs root"
+        );
         return;
     }
     let mut bench = Bench::unlinked();

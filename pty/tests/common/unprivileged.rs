@@ -12,9 +12,16 @@ const NOBODY: u32 = 65_534;
 /// A command that runs one ignored test of this binary. Root becomes nobody;
 /// anybody else is unprivileged already. `dir` is where the test may work.
 pub fn rerun(test: &str, dir: &Path) -> Command {
-    // The build directory may be one that nobody may not enter.
+    // The build directory may be one that nobody may not enter. Another
+    // process makes the copy: were it open for writing here, a process that
+    // another test is just starting could inherit it, and a file that is open
+    // for writing cannot be run.
     let binary = dir.join("test-binary");
-    fs::copy(std::env::current_exe().unwrap(), &binary).unwrap();
+    let copy = Command::new("cp")
+        .arg(std::env::current_exe().unwrap())
+        .arg(&binary)
+        .status();
+    assert!(copy.unwrap().success(), "the test binary can be copied");
     fs::set_permissions(&binary, fs::Permissions::from_mode(0o755)).unwrap();
     let mut command = Command::new(&binary);
     command
