@@ -54,7 +54,10 @@ impl Control {
 
     /// Back to the state at power-on. What the app wants is the app's to remember, not the module's.
     pub fn restart(&mut self) {
-        *self = Self { app: self.app, ..Self::new() };
+        *self = Self {
+            app: self.app,
+            ..Self::new()
+        };
         self.follow_app();
     }
 

@@ -1,0 +1,175 @@
+//! Flags and subcommands.
+
+use std::path::PathBuf;
+
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use sim_core::line::Wire;
+use sim_core::r150_device::vehicle::Start;
+
+use crate::exit::Exit;
+
+const EXAMPLES: &str = "\
+Examples:
+  sim --pty /tmp/r150
+      An R150 that is ready to drive. Open /tmp/r150 in your client like a serial port
+      at 115200 baud.
+  sim --pty /tmp/r150 -v
+      The same, printing every request and reply in words and hex.
+  sim --pty /tmp/r150 --start locked
+      As the hardware starts: locked, parked, in remote mode; motor commands do nothing.
+  sim --pty /tmp/r150 --set r150.battery.initial_soc=5% --set world.slope=10deg
+      A nearly empty battery on a slope. `sim config` lists every setting.
+  sim --pty /tmp/r150 --wire instant --log-format json | tee run.jsonl
+      Bytes take no time on the line; one JSON object for each event.
+  sim --serial /dev/ttyUSB0
+      The same device on a real serial port, with your client at the other end of the cable.";
+
+/// A virtual vehicle behind a serial port: test your client without the hardware.
+///
+/// Serves the protocol of a real device on a pseudo-terminal, while a simulated body moves in
+/// response. Ctrl-C stops it and prints a summary.
+#[derive(Debug, Parser)]
+#[command(name = "sim", version, max_term_width = 100)]
+#[command(after_help = format!("{EXAMPLES}\n\n{}", Exit::HELP))]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+    #[command(flatten)]
+    pub(crate) serve: ServeArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Print the effective settings as TOML, each with its meaning, its allowed values, and
+    /// whether it is documented behaviour or our assumption.
+    ///
+    /// The output is a valid --config file. Save it, change what you like, delete the rest.
+    Config(SettingsArgs),
+}
+
+/// Where settings come from; later ones win.
+#[derive(Debug, Args)]
+pub(crate) struct SettingsArgs {
+    /// Read settings from a TOML file; `sim config` prints one with every setting in it.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Change one setting, as in --set r150.heartbeat_timeout=5s; may be repeated.
+    #[arg(long, value_name = "KEY=VALUE", action = ArgAction::Append)]
+    pub(crate) set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ServeArgs {
+    /// Serve on a pseudo-terminal, and make PATH a link to it while running.
+    #[arg(long, value_name = "PATH", conflicts_with = "serial")]
+    pub(crate) pty: Option<PathBuf>,
+    /// Serve on a real serial port.
+    #[arg(long, value_name = "DEVICE")]
+    pub(crate) serial: Option<PathBuf>,
+    /// What to be.
+    #[arg(long, value_enum, default_value_t = Device::R150)]
+    pub(crate) device: Device,
+    /// In which state the vehicle begins.
+    #[arg(long, value_enum, default_value_t = StartArg::Ready)]
+    pub(crate) start: StartArg,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Whether bytes take as long on the line as they do on a cable.
+    #[arg(long, value_enum, default_value_t = WireArg::Paced)]
+    pub(crate) wire: WireArg,
+    /// Seed of everything random; a random one is chosen and printed if not given.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Simulated seconds for each second of real time, 0.01 to 100.
+    #[arg(long, value_name = "X", default_value = "1", value_parser = speed)]
+    pub(crate) speed: f64,
+    /// Write this file when clients can connect, and remove it on exit.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) ready_file: Option<PathBuf>,
+    /// Print every request and reply, in words and hex.
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub(crate) verbose: bool,
+    /// Print nothing but `ready` and errors.
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// How to print what happens.
+    #[arg(long, value_enum, default_value_t = LogFormat::Text)]
+    pub(crate) log_format: LogFormat,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Device {
+    /// XAG R150 unmanned ground vehicle, through its RS-232 IO module.
+    R150,
+}
+
+impl Device {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::R150 => "r150",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StartArg {
+    /// Unlocked, brake released, autonomous: the first motor command moves it.
+    Ready,
+    /// Locked, parked, in remote mode, as the hardware starts.
+    Locked,
+}
+
+impl StartArg {
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Ready => "ready",
+            Self::Locked => "locked",
+        }
+    }
+}
+
+impl From<StartArg> for Start {
+    fn from(start: StartArg) -> Self {
+        match start {
+            StartArg::Ready => Self::Ready,
+            StartArg::Locked => Self::Locked,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WireArg {
+    /// Each byte takes ten bits at the baud rate.
+    Paced,
+    /// Bytes arrive at once.
+    Instant,
+}
+
+impl From<WireArg> for Wire {
+    fn from(wire: WireArg) -> Self {
+        match wire {
+            WireArg::Paced => Self::Paced,
+            WireArg::Instant => Self::Instant,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LogFormat {
+    /// Lines for people.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed: f64 = text
+        .parse()
+        .map_err(|_| format!("`{text}` is not a number"))?;
+    if (0.01..=100.0).contains(&speed) {
+        Ok(speed)
+    } else {
+        Err("allowed: a number from 0.01 to 100".to_owned())
+    }
+}

@@ -1,0 +1,77 @@
+//! Effective settings: defaults, then the file, then the flags.
+
+use std::fs;
+use std::io::Write as _;
+
+use anyhow::{Context as _, anyhow};
+use sim_core::settings::SimSettings;
+use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_toml};
+
+use crate::args::SettingsArgs;
+use crate::exit::{Exit, Failure};
+
+/// The largest settings file that is read.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// Reads the settings that the flags name.
+pub(crate) fn load(args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = SimSettings::default();
+    if let Some(path) = &args.config {
+        let shown = path.display();
+        let size = fs::metadata(path)
+            .with_context(|| format!("cannot read the settings file {shown}"))
+            .map_err(Failure::usage)?
+            .len();
+        if size > MOST_BYTES {
+            let why = anyhow!("{shown} is {size} bytes long; a settings file has 1 MiB at most");
+            return Err(Failure::usage(why));
+        }
+        let text = fs::read_to_string(path)
+            .with_context(|| format!("cannot read the settings file {shown}"))
+            .map_err(Failure::usage)?;
+        load_toml(&text, &shown.to_string(), &mut settings).map_err(|errors| {
+            let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            Failure::usage(anyhow!(lines.join("\n")))
+        })?;
+    }
+    for text in &args.set {
+        let (key, value) = parse_assignment("--set", text).map_err(Failure::usage)?;
+        set(
+            &mut settings,
+            &key,
+            &value,
+            Origin::Flag(format!("--set {text}")),
+        )
+        .map_err(Failure::usage)?;
+    }
+    Ok(settings)
+}
+
+/// What differs from the defaults, as `key = value`.
+pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
+    let mut changed = Vec::new();
+    settings.visit(&mut |entry| {
+        if entry.value != entry.default {
+            changed.push(format!("{} = {}", entry.key, entry.value));
+        }
+    });
+    changed
+}
+
+/// The `config` subcommand.
+pub(crate) fn print(args: &SettingsArgs) -> Result<Exit, Failure> {
+    let settings = load(args)?;
+    let text = format!(
+        "# Settings of sim. \"documented\" is what the device's manual says; \"assumed\" is our\n\
+         # decision where the manual is silent: check it against your hardware before you rely\n\
+         # on it.\n\n{}",
+        show_toml(&settings)
+    );
+    match anstream::stdout().write_all(text.as_bytes()) {
+        // The reader may have seen enough, as `head` does.
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::system(
+            anyhow!(error).context("cannot print the settings"),
+        )),
+        _ => Ok(Exit::Clean),
+    }
+}

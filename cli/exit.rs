@@ -1,0 +1,56 @@
+//! What the exit codes mean; the one place that says so.
+
+use std::process::ExitCode;
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Exit {
+    /// Stopped by the user, or finished.
+    Clean,
+    /// A flag, a file or a setting is wrong.
+    Usage,
+    /// The simulator or the system failed.
+    System,
+}
+
+impl Exit {
+    /// For `--help`.
+    pub(crate) const HELP: &'static str = "\
+Exit codes:
+  0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP
+  2  usage or configuration: a flag, a file or a setting is wrong
+  3  simulator or system: a port could not be made or served";
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(match exit {
+            Exit::Clean => 0,
+            Exit::Usage => 2,
+            Exit::System => 3,
+        })
+    }
+}
+
+/// An error that ends the run, and with which exit code.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    pub(crate) exit: Exit,
+    pub(crate) error: anyhow::Error,
+}
+
+impl Failure {
+    pub(crate) fn usage(error: impl Into<anyhow::Error>) -> Self {
+        Self {
+            exit: Exit::Usage,
+            error: error.into(),
+        }
+    }
+
+    pub(crate) fn system(error: impl Into<anyhow::Error>) -> Self {
+        Self {
+            exit: Exit::System,
+            error: error.into(),
+        }
+    }
+}
