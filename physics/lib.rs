@@ -34,6 +34,7 @@
 //! every platform with IEEE 754 arithmetic: rapier is built with `enhanced-determinism`, and the
 //! transcendental functions here come from `libm`, never from the platform.
 
+pub mod mecanum;
 mod pose;
 pub mod r150;
 pub mod traction;

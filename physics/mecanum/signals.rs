@@ -1,0 +1,160 @@
+//! What passes between the mecanum board's pins and the car around it.
+//!
+//! The board drives motor *ports*; which wheel turns is a matter of how the motors are plugged in.
+//! [`Wiring`] says that, once for what the firmware expects and once for what is really so.
+
+mod wiring;
+
+pub use wiring::{Plugs, Wiring};
+
+/// How many motor ports the board has.
+pub const PORTS: usize = 5;
+/// How many wheels the car has.
+pub const WHEELS: usize = 4;
+/// How many ultrasonic sensors the car has.
+pub const ECHOES: usize = 8;
+
+/// A motor port of the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Port {
+    /// X.
+    X,
+    /// Y.
+    Y,
+    /// Z.
+    Z,
+    /// E0.
+    E0,
+    /// E1.
+    E1,
+}
+
+impl Port {
+    /// All, in the order of the arrays of [`MecanumCommands`] and [`MecanumMeasurements`].
+    pub const ALL: [Self; PORTS] = [Self::X, Self::Y, Self::Z, Self::E0, Self::E1];
+
+    /// Index into those arrays.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The name on the board, in lower case.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Z => "z",
+            Self::E0 => "e0",
+            Self::E1 => "e1",
+        }
+    }
+}
+
+/// A wheel of the car.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Wheel {
+    /// Left front, LF.
+    LeftFront,
+    /// Right front, RF.
+    RightFront,
+    /// Left rear, LR.
+    LeftRear,
+    /// Right rear, RR.
+    RightRear,
+}
+
+impl Wheel {
+    /// All, in the order in which every array of wheels has them.
+    pub const ALL: [Self; WHEELS] = [
+        Self::LeftFront,
+        Self::RightFront,
+        Self::LeftRear,
+        Self::RightRear,
+    ];
+
+    /// Index into an array of wheels.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Whether it is on the left side.
+    #[must_use]
+    pub const fn is_left(self) -> bool {
+        matches!(self, Self::LeftFront | Self::LeftRear)
+    }
+
+    /// Two letters.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LeftFront => "LF",
+            Self::RightFront => "RF",
+            Self::LeftRear => "LR",
+            Self::RightRear => "RR",
+        }
+    }
+}
+
+/// The two pins by which the board drives the motor at one port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PortCommand {
+    /// FR: a motor plugged in straight rolls its wheel backward.
+    pub reverse: bool,
+    /// BK: the motor holds, whatever the speed voltage.
+    pub brake: bool,
+}
+
+impl Default for PortCommand {
+    /// Holding.
+    fn default() -> Self {
+        Self {
+            reverse: false,
+            brake: true,
+        }
+    }
+}
+
+/// The pins that the board drives.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MecanumCommands {
+    /// FR and BK, by [`Port::index`].
+    pub ports: [PortCommand; PORTS],
+    /// SV, one wire shared by all motors: speed as a share of the motors' full speed, 0–1.
+    pub speed_voltage: f64,
+}
+
+/// What the board's inputs read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MecanumMeasurements {
+    /// Whether the board has a supply. If not, everything else means nothing.
+    pub board_powered: bool,
+    /// PG: pulses since the car was built, by [`Port::index`], wrapping. The one wire carries no
+    /// direction: a wheel that is rolled back counts up too.
+    pub pulses: [u32; PORTS],
+    /// Distance of the nearest echo in each ultrasonic cone, m: four in front from left to right,
+    /// then four in the rear from left to right. `None` without an echo.
+    pub echoes: [Option<f64>; ECHOES],
+    /// Whether the infrared sensor sees something ahead.
+    pub obstacle_ahead: bool,
+    /// Number of the RFID tag under the reader, 0 when there is none.
+    pub tag: u32,
+    /// The magnetic bar's 16 channels, bit 0 leftmost, 1 over a strip.
+    pub magnetic_bar: u16,
+}
+
+impl Default for MecanumMeasurements {
+    /// Powered, standing, nothing near.
+    fn default() -> Self {
+        Self {
+            board_powered: true,
+            pulses: [0; PORTS],
+            echoes: [None; ECHOES],
+            obstacle_ahead: false,
+            tag: 0,
+            magnetic_bar: 0,
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Which wheel's motor is at which port, as a setting.
+//!
+//! The text names the ports of the wheels LF, RF, LR, RR in that order, joined by `-`; a `!` before
+//! a port says that FR turns the motor there the other way round. `"x-y-e0-e1"` is the article's
+//! table, `"y-x-e0-e1"` has the front motors swapped, `"x-!y-e0-e1"` has one reversed.
+
+use std::fmt;
+
+use sim_settings::{Bounds, SettingValue, Value};
+
+use super::{MecanumCommands, Port, PortCommand, WHEELS, Wheel};
+
+/// The word for [`Plugs::AsExpected`].
+const AS_EXPECTED: &str = "as expected";
+
+/// A port for each wheel, no port twice, and a polarity for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Wiring {
+    ports: [Port; WHEELS],
+    reversed: [bool; WHEELS],
+}
+
+impl Wiring {
+    /// The article's table: X, Y, E0, E1.
+    pub const X_Y_E0_E1: Self = Self::straight([Port::X, Port::Y, Port::E0, Port::E1]);
+    /// The article's later line: X, Y, Z, E0.
+    pub const X_Y_Z_E0: Self = Self::straight([Port::X, Port::Y, Port::Z, Port::E0]);
+
+    /// Ports of LF, RF, LR, RR and whether FR is reversed there; `None` if a port comes twice.
+    #[must_use]
+    pub fn new(ports: [Port; WHEELS], reversed: [bool; WHEELS]) -> Option<Self> {
+        let distinct = (1..WHEELS).all(|at| !ports[..at].contains(&ports[at]));
+        distinct.then_some(Self { ports, reversed })
+    }
+
+    const fn straight(ports: [Port; WHEELS]) -> Self {
+        Self {
+            ports,
+            reversed: [false; WHEELS],
+        }
+    }
+
+    /// The port of a wheel.
+    #[must_use]
+    pub fn port(&self, wheel: Wheel) -> Port {
+        self.ports[wheel.index()]
+    }
+
+    /// Whether FR low rolls this wheel backward, instead of forward.
+    #[must_use]
+    pub fn is_reversed(&self, wheel: Wheel) -> bool {
+        self.reversed[wheel.index()]
+    }
+
+    /// The wheel at a port, if any.
+    #[must_use]
+    pub fn wheel(&self, port: Port) -> Option<Wheel> {
+        Wheel::ALL
+            .into_iter()
+            .find(|wheel| self.port(*wheel) == port)
+    }
+
+    /// What the pins do to a wheel: `reverse` then says that it is to roll backward.
+    #[must_use]
+    pub fn command(&self, commands: &MecanumCommands, wheel: Wheel) -> PortCommand {
+        let PortCommand { reverse, brake } = commands.ports[self.port(wheel).index()];
+        PortCommand {
+            reverse: reverse != self.is_reversed(wheel),
+            brake,
+        }
+    }
+
+    /// Which way the pins roll a wheel: 1 forward, −1 backward, 0 not at all.
+    #[must_use]
+    pub fn rotation(&self, commands: &MecanumCommands, wheel: Wheel) -> i8 {
+        match self.command(commands, wheel) {
+            PortCommand { brake: true, .. } => 0,
+            _ if commands.speed_voltage <= 0.0 => 0,
+            PortCommand { reverse: true, .. } => -1,
+            PortCommand { reverse: false, .. } => 1,
+        }
+    }
+}
+
+impl Default for Wiring {
+    fn default() -> Self {
+        Self::X_Y_E0_E1
+    }
+}
+
+impl fmt::Display for Wiring {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for wheel in Wheel::ALL {
+            let dash = if wheel == Wheel::ALL[0] { "" } else { "-" };
+            let polarity = if self.is_reversed(wheel) { "!" } else { "" };
+            write!(f, "{dash}{polarity}{}", self.port(wheel).name())?;
+        }
+        Ok(())
+    }
+}
+
+impl SettingValue for Wiring {
+    type Bound = Self;
+
+    fn read(value: &Value, _unit: &str) -> Result<Self, String> {
+        let Value::Text(text) = value else {
+            return Err(format!("{value} is not a wiring"));
+        };
+        let mut ports = [Port::X; WHEELS];
+        let mut reversed = [false; WHEELS];
+        let names: Vec<&str> = text.split('-').collect();
+        if names.len() != WHEELS {
+            return Err(format!("{value} does not name {WHEELS} ports"));
+        }
+        for (at, name) in names.iter().enumerate() {
+            let bare = name.strip_prefix('!');
+            reversed[at] = bare.is_some();
+            let bare = bare.unwrap_or(name);
+            ports[at] = Port::ALL
+                .into_iter()
+                .find(|port| port.name() == bare)
+                .ok_or_else(|| format!("the board has no motor port `{bare}`"))?;
+        }
+        Self::new(ports, reversed).ok_or_else(|| format!("{value} names a port twice"))
+    }
+
+    fn show(&self, _unit: &str) -> String {
+        format!("\"{self}\"")
+    }
+
+    fn within(&self, bounds: &Bounds<Self>) -> bool {
+        bounds.contains(self)
+    }
+
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
+        "ports of LF, RF, LR, RR joined by \"-\", each of x, y, z, e0, e1, none twice, with \"!\" \
+         before one that turns the other way: \"x-y-e0-e1\", \"x-y-z-e0\", \"x-!y-e0-e1\", …"
+            .to_owned()
+    }
+}
+
+/// How the motors are really plugged in.
+///
+/// It is not the wiring that the firmware expects, so that a miswired car can be had; but where
+/// nobody says otherwise it follows that, so that either documented wiring is one setting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Plugs {
+    /// As the firmware expects.
+    #[default]
+    AsExpected,
+    /// Like this.
+    Like(Wiring),
+}
+
+impl Plugs {
+    /// The real wiring, given the one that the firmware expects.
+    #[must_use]
+    pub fn wiring(self, expected: Wiring) -> Wiring {
+        match self {
+            Self::AsExpected => expected,
+            Self::Like(wiring) => wiring,
+        }
+    }
+}
+
+impl SettingValue for Plugs {
+    type Bound = Self;
+
+    fn read(value: &Value, unit: &str) -> Result<Self, String> {
+        match value {
+            Value::Text(text) if text == AS_EXPECTED => Ok(Self::AsExpected),
+            other => Wiring::read(other, unit).map(Self::Like),
+        }
+    }
+
+    fn show(&self, unit: &str) -> String {
+        match self {
+            Self::AsExpected => format!("\"{AS_EXPECTED}\""),
+            Self::Like(wiring) => wiring.show(unit),
+        }
+    }
+
+    fn within(&self, bounds: &Bounds<Self>) -> bool {
+        bounds.contains(self)
+    }
+
+    fn allowed(unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
+        format!("\"{AS_EXPECTED}\", or {}", Wiring::allowed(unit, None))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Wiring, String> {
+        Wiring::read(&Value::Text(text.to_owned()), "")
+    }
+
+    #[test]
+    fn what_is_shown_reads_back() {
+        for text in ["x-y-e0-e1", "x-y-z-e0", "!e1-x-!z-y"] {
+            assert_eq!(read(text).unwrap().to_string(), text);
+            let plugs = Plugs::read(&Value::Text(text.to_owned()), "").unwrap();
+            assert_eq!(plugs.show(""), format!("\"{text}\""));
+        }
+        assert_eq!(Plugs::default().show(""), "\"as expected\"");
+        let word = Value::Text("as expected".to_owned());
+        assert_eq!(Plugs::read(&word, ""), Ok(Plugs::AsExpected));
+    }
+
+    #[test]
+    fn what_is_no_wiring_is_refused_with_the_reason() {
+        assert!(read("x-y-e0").unwrap_err().contains("4 ports"));
+        assert!(read("x-y-e0-e1-z").unwrap_err().contains("4 ports"));
+        assert!(read("x-y-e0-x").unwrap_err().contains("twice"));
+        assert!(read("x-y-e0-E1").unwrap_err().contains("`E1`"));
+        assert!(read("x-y-!!e0-e1").unwrap_err().contains("`!e0`"));
+        assert!(read("").is_err());
+        assert!(Wiring::read(&Value::Integer(4), "").is_err());
+    }
+
+    #[test]
+    fn a_reversed_wheel_rolls_the_other_way_and_an_idle_port_holds() {
+        let mut commands = MecanumCommands {
+            speed_voltage: 0.5,
+            ..MecanumCommands::default()
+        };
+        commands.ports[Port::Y.index()].brake = false;
+        let wiring = read("y-!x-e0-e1").unwrap();
+        assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 1);
+        assert_eq!(wiring.rotation(&commands, Wheel::RightFront), 0);
+        let wiring = read("!y-x-e0-e1").unwrap();
+        assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), -1);
+        assert_eq!(wiring.wheel(Port::Y), Some(Wheel::LeftFront));
+        assert_eq!(wiring.wheel(Port::Z), None);
+        commands.speed_voltage = 0.0;
+        assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 0);
+    }
+
+    #[test]
+    fn plugs_follow_the_firmware_unless_told() {
+        let expected = Wiring::X_Y_Z_E0;
+        assert_eq!(Plugs::AsExpected.wiring(expected), expected);
+        let other = read("y-x-e0-e1").unwrap();
+        assert_eq!(Plugs::Like(other).wiring(expected), other);
+    }
+}
