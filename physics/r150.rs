@@ -142,11 +142,11 @@ impl R150Plant {
 
     /// Takes over what the step did and advances the electrics. Call after every [`World::step`].
     pub fn after_step(&mut self, world: &mut World) {
-        let seconds = world.step_length().as_secs_f64();
         if self.resting && world.is_still(self.body) {
-            self.pass(seconds);
+            self.rest(world.step_length());
             return;
         }
+        let seconds = world.step_length().as_secs_f64();
         self.motion = world.motion(self.body);
         let velocity = self.motion.body_velocity();
         let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];

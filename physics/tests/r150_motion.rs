@@ -84,7 +84,7 @@ fn it_stops_within_half_a_metre_of_the_duty_going_to_zero() {
 
 #[test]
 fn parked_on_a_slope_it_stays_and_rests() {
-    for (heading, payload) in [(0.0, 150.0), (1.0, 0.0), (1.5708, 150.0), (3.1416, 150.0)] {
+    for (heading, payload) in [(0.0, 150.0), (1.0, 0.0), (1.6, 150.0), (3.1, 150.0)] {
         let mut bench = Bench::on_slope(15.0, payload);
         let pose = Pose {
             heading,

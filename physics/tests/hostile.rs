@@ -1,0 +1,222 @@
+//! Whatever is done to a vehicle, its numbers stay numbers.
+
+mod common;
+
+use std::time::Duration;
+
+use common::Bench;
+use proptest::prelude::*;
+use sim_physics::r150::{Encoder, FuseId, Load, PwmSource, Rail, Side, SideFaults, Sides};
+use sim_physics::{Ground, Pose, R150PlantSettings};
+
+/// Something that a client, an operator or a scenario may do.
+#[derive(Debug, Clone)]
+enum Action {
+    Drive(f64, f64),
+    Switches(bool, bool, [bool; 6]),
+    Wire(usize, Load),
+    Payload(f64),
+    Push(f64, f64, f64),
+    Bump(f64, f64, f64),
+    Place(f64, f64, f64),
+    Faults(bool, SideFaults),
+    Fuse(usize, bool),
+    Battery(f64, f64),
+    Ground(f64, f64, f64),
+    Heat(f64, f64),
+    Pwm(usize, f64, f64),
+    Rest(u64),
+    Steps(u32),
+}
+
+/// Mostly sensible, sometimes absurd.
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        6 => -2.0..2.0,
+        3 => -1000.0..1000.0,
+        1 => -1e7..1e7,
+        1 => prop::sample::select(vec![0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e308, f64::MIN_POSITIVE]),
+    ]
+}
+
+fn any_load() -> impl Strategy<Value = Load> {
+    prop_oneof![
+        Just(Load::Open),
+        Just(Load::Short),
+        any_number().prop_map(Load::Power),
+        any_number().prop_map(Load::Resistance),
+    ]
+}
+
+fn any_faults() -> impl Strategy<Value = SideFaults> {
+    let encoder = prop::sample::select(vec![Encoder::Working, Encoder::Lost, Encoder::Stuck]);
+    (any::<[bool; 3]>(), any_number(), encoder).prop_map(
+        |([blocked, motor_disconnected, brake_stuck_open], drag_torque, encoder)| SideFaults {
+            blocked,
+            drag_torque,
+            motor_disconnected,
+            brake_stuck_open,
+            encoder,
+        },
+    )
+}
+
+fn any_action() -> impl Strategy<Value = Action> {
+    use any_number as n;
+    prop_oneof![
+        4 => (n(), n()).prop_map(|(right, left)| Action::Drive(right, left)),
+        2 => any::<(bool, bool, [bool; 6])>().prop_map(|(power, brake, rails)| Action::Switches(power, brake, rails)),
+        2 => (0_usize..6, any_load()).prop_map(|(rail, load)| Action::Wire(rail, load)),
+        1 => n().prop_map(Action::Payload),
+        1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
+        1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Bump(ahead, left, turn)),
+        1 => (-50.0..50.0, -50.0..50.0, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
+        2 => (any::<bool>(), any_faults()).prop_map(|(left, faults)| Action::Faults(left, faults)),
+        1 => (0_usize..4, any::<bool>()).prop_map(|(fuse, blow)| Action::Fuse(fuse, blow)),
+        1 => (n(), n()).prop_map(|(soc, sag)| Action::Battery(soc, sag)),
+        1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
+        1 => (n(), n()).prop_map(|(ambient, now)| Action::Heat(ambient, now)),
+        1 => (0_usize..6, n(), n()).prop_map(|(input, frequency, duty)| Action::Pwm(input, frequency, duty)),
+        1 => (0_u64..10_000_000).prop_map(Action::Rest),
+        6 => (1_u32..80).prop_map(Action::Steps),
+    ]
+}
+
+fn apply(bench: &mut Bench, action: &Action) {
+    let Bench { world, plant, .. } = bench;
+    match action.clone() {
+        Action::Drive(right, left) => bench.drive(right, left),
+        Action::Switches(propulsion_power, parking_brake, rail_on) => bench.command(|commands| {
+            commands.propulsion_power = propulsion_power;
+            commands.parking_brake = parking_brake;
+            commands.rail_on = rail_on;
+        }),
+        Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
+        Action::Payload(mass) => plant.set_payload(world, mass),
+        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Bump(ahead, left, turn) => plant.bump(world, ahead, left, turn),
+        Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
+        Action::Faults(left, faults) => {
+            plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);
+        }
+        Action::Fuse(fuse, true) => plant.blow_fuse(FuseId::ALL[fuse]),
+        Action::Fuse(fuse, false) => plant.replace_fuse(FuseId::ALL[fuse]),
+        Action::Battery(soc, sag) => {
+            plant.set_soc(soc);
+            plant.set_battery_sag(sag);
+        }
+        Action::Ground(friction, slope, uphill) => {
+            world.set_ground(Ground::new(friction, slope, uphill));
+            plant.wake();
+        }
+        Action::Heat(ambient, now) => {
+            plant.set_ambient(ambient);
+            plant.set_temperature(0, now);
+        }
+        Action::Pwm(input, frequency, duty) => plant.set_pwm_source(
+            input,
+            PwmSource::Generator {
+                frequency,
+                duty,
+                high_voltage: 5.0,
+            },
+        ),
+        Action::Rest(millis) => plant.rest(Duration::from_millis(millis)),
+        Action::Steps(steps) => {
+            for _ in 0..steps {
+                bench.step();
+                check(bench);
+            }
+        }
+    }
+    check(bench);
+}
+
+fn check(bench: &Bench) {
+    let truth = bench.plant.truth();
+    let read = bench.plant.measurements();
+    let Sides { right, left } = read.motor_rpm;
+    let numbers = [
+        truth.pose.x,
+        truth.pose.y,
+        truth.pose.heading,
+        truth.forward_speed,
+        truth.leftward_speed,
+        truth.yaw_rate,
+        truth.distance,
+        truth.wheel_speed.right,
+        truth.wheel_speed.left,
+        truth.motor_current.right,
+        truth.motor_current.left,
+        truth.motor_supply_current.right,
+        truth.battery_voltage,
+        truth.battery_current,
+        truth.charge_drawn,
+        right,
+        left,
+        read.bus_voltage,
+    ];
+    let mut all = numbers
+        .into_iter()
+        .chain(read.rail_voltage)
+        .chain(read.rail_current)
+        .chain(read.temperature);
+    assert!(all.all(f64::is_finite), "{truth:?} {read:?}");
+    assert!((0.0..=1.0).contains(&truth.soc));
+    assert!(truth.battery_voltage > 0.0);
+    assert!(read.rail_voltage.iter().all(|volts| *volts >= 0.0));
+    assert!(
+        read.rail_current
+            .iter()
+            .all(|amps| (0.0..1e5).contains(amps))
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn numbers_stay_finite_and_bounded(actions in prop::collection::vec(any_action(), 1..40)) {
+        let mut bench = Bench::new();
+        bench.world.add_wall([3.0, -60.0], [3.0, 60.0], 0.2);
+        for action in &actions {
+            apply(&mut bench, action);
+        }
+    }
+
+    #[test]
+    fn any_settings_within_their_ranges_drive(
+        stiffness in 0.5..100.0_f64,
+        relaxation in 0.005..2.0_f64,
+        resistance in 0.01..10.0_f64,
+        mass in 1.0..2000.0_f64,
+        inertia in 0.01..5000.0_f64,
+        rotor in 0.0..1.0_f64,
+        gear_ratio in 1.0..500.0_f64,
+        pack_resistance in 0.0005..10.0_f64,
+        duties in prop::collection::vec((-1.0..1.0_f64, -1.0..1.0_f64), 1..8),
+    ) {
+        let mut settings = R150PlantSettings::default();
+        settings.tyre.longitudinal_stiffness = stiffness;
+        settings.tyre.relaxation_length = relaxation;
+        settings.motor.resistance = resistance;
+        settings.motor.rotor_inertia = rotor;
+        settings.motor.gear_ratio = gear_ratio;
+        settings.body.mass = mass;
+        settings.body.yaw_inertia = inertia;
+        settings.battery.pack_resistance = pack_resistance;
+        let mut bench = Bench::with(&settings);
+        for (right, left) in duties {
+            bench.drive(right, left);
+            for _ in 0..100 {
+                bench.step();
+                check(&bench);
+            }
+            // The wheels cannot outrun their motors: no energy comes out of the solver.
+            let fastest = 55.0 / settings.motor.back_emf_constant / gear_ratio;
+            let truth = bench.plant.truth();
+            prop_assert!(truth.wheel_speed.right.abs() < fastest * 1.5 + 1.0, "{truth:?}");
+            prop_assert!(truth.forward_speed.abs() < fastest * 0.25 * 1.5 + 1.0, "{truth:?}");
+        }
+    }
+}
