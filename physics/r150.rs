@@ -142,9 +142,13 @@ impl R150Plant {
 
     /// Takes over what the step did and advances the electrics. Call after every [`World::step`].
     pub fn after_step(&mut self, world: &mut World) {
-        if self.resting && world.is_still(self.body) {
-            self.rest(world.step_length());
-            return;
+        if self.resting {
+            if world.is_still(self.body) {
+                self.rest(world.step_length());
+                return;
+            }
+            // Something ran into it during this step.
+            self.wake();
         }
         let seconds = world.step_length().as_secs_f64();
         self.motion = world.motion(self.body);

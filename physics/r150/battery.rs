@@ -21,11 +21,13 @@ pub(super) struct Battery {
 
 impl Battery {
     pub(super) fn new(settings: &BatterySettings) -> Self {
+        let cells = f64::from(settings.cells);
+        let packs = f64::from(settings.packs);
         Self {
-            open_circuit: settings.cell_voltage.map(|cell| cell * settings.cells),
-            resistance: settings.pack_resistance / settings.packs + settings.wiring_resistance,
+            open_circuit: settings.cell_voltage.map(|cell| cell * cells),
+            resistance: settings.pack_resistance / packs + settings.wiring_resistance,
             extra_resistance: 0.0,
-            capacity: settings.capacity * settings.packs * 3600.0,
+            capacity: settings.capacity * packs * 3600.0,
             soc: settings.initial_soc / 100.0,
             drawn: 0.0,
         }

@@ -88,9 +88,9 @@ sim_settings::settings! {
         capacity: f64 = 20.0, unit "Ah", range 0.1..=1000.0,
             assumed "public figures of the vehicle's packs";
         /// Packs in parallel.
-        packs: f64 = 2.0, range 1.0..=8.0, assumed "public figures of the vehicle's packs";
+        packs: u32 = 2, range 1..=8, assumed "public figures of the vehicle's packs";
         /// Cells in series.
-        cells: f64 = 13.0, range 1.0..=30.0,
+        cells: u32 = 13, range 1..=30,
             assumed "48.1 V nominal is 13 cells of 3.7 V, public figures of the vehicle's packs";
         /// Voltage of a cell without current, from empty to full in steps of 10 %.
         cell_voltage: [f64; 11] =

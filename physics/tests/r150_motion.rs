@@ -4,7 +4,7 @@ mod common;
 
 use common::{Bench, FRICTION};
 use sim_physics::r150::{Side, SideFaults};
-use sim_physics::{Ground, Pose};
+use sim_physics::{Ground, Pose, R150Plant, R150PlantSettings};
 
 #[test]
 fn full_ahead_on_the_flat_is_1_4_metres_a_second() {
@@ -21,6 +21,51 @@ fn full_ahead_on_the_flat_is_1_4_metres_a_second() {
     assert!((bench.speed() / 1.4 - 1.0).abs() < 0.03);
     assert!((rpm.right / 1513.0 - 1.0).abs() < 0.03);
     assert!((rpm.left / 1513.0 - 1.0).abs() < 0.03);
+}
+
+#[test]
+fn a_fuller_battery_drives_faster() {
+    let speeds = [0.1, 0.5, 0.8, 1.0].map(|soc| {
+        let mut bench = Bench::new();
+        bench.plant.set_soc(soc);
+        bench.drive(1.0, 1.0);
+        bench.run(3.0);
+        bench.speed()
+    });
+    println!("at 10, 50, 80 and 100 % charge: {speeds:.3?} m/s");
+    assert!(speeds.is_sorted());
+    assert!(speeds[3] > 1.15 * speeds[0]);
+}
+
+#[test]
+fn a_standing_vehicle_is_woken_by_whoever_hits_it() {
+    let mut bench = Bench::new();
+    let pose = Pose {
+        x: 3.0,
+        ..Pose::default()
+    };
+    let settings = R150PlantSettings::default();
+    let mut other = R150Plant::with_name("other", &settings, &mut bench.world, pose);
+    bench.drive(1.0, 1.0);
+    let mut rested = false;
+    for _ in 0..1000 {
+        bench.plant.before_step(&mut bench.world);
+        other.before_step(&mut bench.world);
+        bench.world.step().unwrap();
+        bench.plant.after_step(&mut bench.world);
+        other.after_step(&mut bench.world);
+        rested |= other.at_rest();
+        // A plant that says it rests really stands.
+        assert!(!other.at_rest() || bench.world.is_still(other.body()));
+    }
+    assert!(rested);
+    assert!(bench.world.collisions(other.body()) > 0);
+    let moved = other.truth().pose.x - 3.0;
+    println!(
+        "shoved {moved:.2} m in {} collisions",
+        bench.world.collisions(other.body())
+    );
+    assert!(moved > 0.05 && !other.at_rest());
 }
 
 #[test]
@@ -183,11 +228,12 @@ fn against_a_wall_it_stalls_or_slips() {
         bench.run(20.0);
         let truth = bench.plant.truth();
         println!(
-            "wall at duty {duty}, friction {friction}: x {:.3} m, {:.3} m/s, wheels {:.3} m/s, {:.1} A",
+            "wall at duty {duty}, friction {friction}: x {:.3} m, {:.3} m/s, wheels {:.3} m/s, {:.1} A, {} collisions",
             truth.pose.x,
             truth.forward_speed,
             truth.wheel_speed.right * 0.25,
-            truth.motor_current.right
+            truth.motor_current.right,
+            bench.world.collisions(bench.plant.body())
         );
         assert!(bench.world.is_touching(bench.plant.body()));
         assert!(bench.world.collisions(bench.plant.body()) > 0);

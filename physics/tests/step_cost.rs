@@ -5,6 +5,7 @@
     clippy::disallowed_methods,
     reason = "measuring needs a clock; nothing measured feeds the simulation"
 )]
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 mod common;
 
