@@ -10,6 +10,8 @@ mod faults;
 mod fuse;
 mod network;
 mod pwm;
+mod rest;
+mod sensing;
 mod settings;
 mod signals;
 mod slow;
@@ -186,49 +188,6 @@ impl R150Plant {
         self.settled = 0.0;
     }
 
-    /// What the firmware's sensors read now.
-    #[must_use]
-    pub fn measurements(&self) -> R150Measurements {
-        if !self.flow.module_powered {
-            return R150Measurements::unpowered();
-        }
-        R150Measurements {
-            module_powered: true,
-            motor_rpm: Side::BOTH.map(|side| self.encoder(side)).into(),
-            soc: self.slow.battery.soc(),
-            bus_voltage: self.flow.bus,
-            rail_voltage: self.flow.rail_voltage,
-            rail_current: self.flow.rail_current,
-            temperature: self.slow.temperature,
-            pwm_in: self
-                .pwm_sources
-                .map(|source| pwm::read(source, &self.commands.pwm_out_duty, &self.settings.pwm)),
-            power_module_fault: self.power_module_fault,
-        }
-    }
-
-    /// How things really are.
-    #[must_use]
-    pub fn truth(&self) -> R150Truth {
-        let [forward_speed, leftward_speed, yaw_rate] = self.motion.body_velocity();
-        R150Truth {
-            pose: self.motion.pose(),
-            forward_speed,
-            leftward_speed,
-            yaw_rate,
-            distance: self.distance,
-            wheel_speed: self.drive.wheel_speed.into(),
-            motor_current: self.flow.motor_current.into(),
-            motor_supply_current: self.flow.motor_supply.into(),
-            battery_voltage: self.flow.bus,
-            battery_current: self.flow.battery_current,
-            soc: self.slow.battery.soc(),
-            charge_drawn: self.slow.battery.drawn(),
-            mass: self.drive.mass,
-            at_rest: self.resting,
-        }
-    }
-
     /// Its body in the world, for contact queries.
     #[must_use]
     pub fn body(&self) -> BodyId {
@@ -267,123 +226,5 @@ impl R150Plant {
             },
         };
         self.flow = network::solve(&demand, &self.settings.rails);
-    }
-
-    /// Lets the slow states follow the present currents, which change whenever a fuse blows. Each
-    /// round but the last blows one, so there are at most as many as there are fuses.
-    fn pass(&mut self, seconds: f64) {
-        let mut left = seconds;
-        for _ in FuseId::ALL {
-            let Some(due) = self
-                .slow
-                .time_to_blow(&self.flow)
-                .filter(|due| *due <= left)
-            else {
-                break;
-            };
-            if !self.slow.advance(&self.flow, due) {
-                self.slow.blow_next(&self.flow);
-            }
-            left -= due;
-            self.solve_network();
-            self.wake();
-        }
-        if self.slow.advance(&self.flow, left) {
-            self.solve_network();
-            self.wake();
-        }
-    }
-
-    /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
-    fn settle(&mut self, world: &mut World, seconds: f64) {
-        let limit = self.settings.rest.speed;
-        let half_length = self.settings.body.length / 2.0;
-        let [ahead, left, yaw_rate] = self.motion.body_velocity();
-        let radius = self.settings.tyre.wheel_radius;
-        let slow = ahead.abs() <= limit
-            && left.abs() <= limit
-            && yaw_rate.abs() * half_length <= limit
-            && self
-                .drive
-                .wheel_speed
-                .iter()
-                .all(|speed| speed.abs() * radius <= limit);
-        if !slow || self.is_driven() {
-            self.settled = 0.0;
-            return;
-        }
-        self.settled += seconds;
-        if self.settled < self.settings.rest.settle_time.as_secs_f64() {
-            return;
-        }
-        self.resting = true;
-        world.set_velocity(self.body, [0.0; 2], 0.0);
-        self.motion = world.motion(self.body);
-        self.drive.wheel_speed = [0.0; 2];
-        self.note_encoders();
-        self.solve_network();
-    }
-
-    /// Whether something is trying to move the vehicle. A motor against a blocked wheel counts: its
-    /// current must go on being integrated.
-    fn is_driven(&self) -> bool {
-        let motors = Side::BOTH.iter().any(|side| {
-            let port = self.motor_port(*side);
-            port.connected && port.duty != 0.0
-        });
-        motors || self.push != [0.0; 3]
-    }
-
-    fn note_encoders(&mut self) {
-        for side in Side::BOTH {
-            if self.side_faults[side].encoder != Encoder::Stuck {
-                self.encoder_rpm[side.index()] =
-                    self.drive.motor_speed(side) * 60.0 / std::f64::consts::TAU;
-            }
-        }
-    }
-
-    fn encoder(&self, side: Side) -> f64 {
-        match self.side_faults[side].encoder {
-            Encoder::Lost => 0.0,
-            Encoder::Working | Encoder::Stuck => self.encoder_rpm[side.index()],
-        }
-    }
-}
-
-impl R150Commands {
-    /// A bridge cannot do more than follow its supply; anything that is not a number is off.
-    fn within_limits(&self) -> Self {
-        let within = |duty: f64, low: f64| {
-            if duty.is_nan() {
-                0.0
-            } else {
-                duty.clamp(low, 1.0)
-            }
-        };
-        Self {
-            motor_duty: Sides {
-                right: within(self.motor_duty.right, -1.0),
-                left: within(self.motor_duty.left, -1.0),
-            },
-            pwm_out_duty: self.pwm_out_duty.map(|duty| within(duty, 0.0)),
-            ..*self
-        }
-    }
-}
-
-impl R150Measurements {
-    fn unpowered() -> Self {
-        Self {
-            module_powered: false,
-            motor_rpm: Sides::default(),
-            soc: 0.0,
-            bus_voltage: 0.0,
-            rail_voltage: [0.0; RAILS],
-            rail_current: [0.0; RAILS],
-            temperature: [0.0; 2],
-            pwm_in: [PwmReading::default(); 4],
-            power_module_fault: false,
-        }
     }
 }

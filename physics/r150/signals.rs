@@ -219,3 +219,24 @@ pub struct R150Truth {
     /// Whether the plant rests.
     pub at_rest: bool,
 }
+
+impl R150Commands {
+    /// A bridge cannot do more than follow its supply; anything that is not a number is off.
+    pub(super) fn within_limits(&self) -> Self {
+        let within = |duty: f64, low: f64| {
+            if duty.is_nan() {
+                0.0
+            } else {
+                duty.clamp(low, 1.0)
+            }
+        };
+        Self {
+            motor_duty: Sides {
+                right: within(self.motor_duty.right, -1.0),
+                left: within(self.motor_duty.left, -1.0),
+            },
+            pwm_out_duty: self.pwm_out_duty.map(|duty| within(duty, 0.0)),
+            ..*self
+        }
+    }
+}

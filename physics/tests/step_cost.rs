@@ -46,7 +46,7 @@ fn bare(vehicles: u32, steps: u32) -> f64 {
     nanoseconds_each(steps, || world.step().unwrap())
 }
 
-fn driving(vehicles: u32, steps: u32) -> f64 {
+fn driving(vehicles: u32, steps: u32, left: f64) -> f64 {
     let mut world = World::new(&WorldSettings::default());
     let mut plants: Vec<R150Plant> = (0..vehicles)
         .map(|lane| {
@@ -63,7 +63,7 @@ fn driving(vehicles: u32, steps: u32) -> f64 {
         // A client at 20 Hz that changes its mind every time.
         if step.is_multiple_of(10) {
             commands.motor_duty.right = 0.9 + f64::from(step / 10 % 2) * 0.05;
-            commands.motor_duty.left = commands.motor_duty.right;
+            commands.motor_duty.left = commands.motor_duty.right * left;
         }
         step += 1;
         for plant in &mut plants {
@@ -85,7 +85,7 @@ fn step_cost() {
         let (mut bare_best, mut driving_best) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..5 {
             bare_best = bare_best.min(bare(vehicles, steps));
-            driving_best = driving_best.min(driving(vehicles, steps));
+            driving_best = driving_best.min(driving(vehicles, steps, 1.0));
         }
         println!(
             "{vehicles} vehicles: bare {bare_best:.0} ns a step, driving {driving_best:.0} ns, \
@@ -94,6 +94,10 @@ fn step_cost() {
             5e6 / driving_best
         );
     }
+    println!(
+        "turning on the spot: {:.0} ns a step",
+        driving(1, STEPS, -1.0)
+    );
     let mut bench = Bench::new();
     bench.run_while(5.0, |bench| !bench.plant.at_rest());
     let rest = nanoseconds_each(STEPS, || bench.plant.rest(TICK));

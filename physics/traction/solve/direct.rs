@@ -4,15 +4,22 @@
 //! velocities at the end of the step. A patch touches one wheel only, so the wheels are eliminated
 //! one by one and three equations for the body remain.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::super::{Chassis, Traction, Wheel};
 use super::Row;
 
-/// A wheel's equation: `momentum · speed + along · vx + turning · yaw rate = right`.
-#[derive(Clone, Copy, Default)]
+/// The body's momentum balance, `matrix · velocity = right`, for forward, left and yaw rate.
+struct BodyEquations {
+    matrix: Matrix3<f64>,
+    right: Vector3<f64>,
+}
+
+/// A wheel's balance: `momentum · speed + coupling · velocity of the body = right`.
+#[derive(Clone, Copy)]
 struct WheelEquation {
     momentum: f64,
-    along: f64,
-    turning: f64,
+    coupling: Vector3<f64>,
     right: f64,
 }
 
@@ -25,6 +32,13 @@ enum Hold {
     Still,
 }
 
+/// A solution that has yet to prove itself.
+struct Candidate<const WHEELS: usize> {
+    velocity: [f64; 3],
+    speeds: [f64; WHEELS],
+    holds: [Hold; WHEELS],
+}
+
 impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
     /// Returns whether the solution stands: no patch slides, and every wheel turns or stands as it
     /// did in the last step. Nothing has changed otherwise.
@@ -35,7 +49,6 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
         rows: &[Row; PATCHES],
         hold_limits: &[f64; WHEELS],
     ) -> bool {
-        let radius = self.law.radius;
         let holds: [Hold; WHEELS] = std::array::from_fn(|index| {
             if self.hold[index].abs() < self.hold_limit[index] || wheels[index].compliance <= 0.0 {
                 Hold::Still
@@ -43,92 +56,65 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
                 Hold::Turning(hold_limits[index].copysign(self.hold[index]))
             }
         });
-
-        let mut body = self.body_equations(chassis, rows);
-        let mut equations = [WheelEquation::default(); WHEELS];
-        for (index, equation) in equations.iter_mut().enumerate() {
-            let Hold::Turning(held) = holds[index] else {
-                continue;
+        let mut body = BodyEquations::new(chassis);
+        let mut equations: [WheelEquation; WHEELS] = std::array::from_fn(|index| {
+            let held = if let Hold::Turning(held) = holds[index] {
+                held
+            } else {
+                0.0
             };
-            let wheel = &wheels[index];
-            *equation = WheelEquation {
-                momentum: wheel.inertia,
-                along: 0.0,
-                turning: 0.0,
-                right: wheel.inertia * wheel.speed + held,
-            };
-            for (patch, row) in self.patches.iter().zip(rows) {
-                if patch.place.wheel == index {
-                    let give = radius * row.give[0];
-                    equation.momentum += radius * give;
-                    equation.along -= give;
-                    equation.turning += give * patch.place.y;
-                    equation.right += radius * row.bias[0];
-                }
-            }
-            body.eliminate(equation);
+            WheelEquation::new(&wheels[index], held)
+        });
+        for (patch, row) in self.patches.iter().zip(rows) {
+            let along = Vector3::new(1.0, 0.0, -patch.place.y);
+            let across = Vector3::new(0.0, 1.0, patch.place.x);
+            body.add(row.give[0], row.bias[0], along);
+            body.add(row.give[1], row.bias[1], across);
+            equations[patch.place.wheel].add(row, along, self.law.radius);
         }
-        let velocity = body.solve();
+        for (equation, hold) in equations.iter().zip(&holds) {
+            if *hold != Hold::Still {
+                body.eliminate(equation);
+            }
+        }
+        // Always there: mass and inertia stand on the diagonal, and what the wheels take away their
+        // patches added before.
+        let Some(inverse) = body.matrix.try_inverse() else {
+            return false;
+        };
+        let velocity = inverse * body.right;
 
         let mut speeds = [0.0; WHEELS];
         for ((speed, equation), hold) in speeds.iter_mut().zip(&equations).zip(holds) {
             let Hold::Turning(held) = hold else { continue };
-            *speed =
-                (equation.right - equation.along * velocity[0] - equation.turning * velocity[2])
-                    / equation.momentum;
+            *speed = (equation.right - equation.coupling.dot(&velocity)) / equation.momentum;
             // Friction that would drive the wheel means that the wheel has come to a stand.
             if *speed * held > 0.0 {
                 return false;
             }
         }
-        self.accept(chassis, wheels, rows, hold_limits, velocity, speeds, &holds)
-    }
-
-    fn body_equations(&self, chassis: &Chassis, rows: &[Row; PATCHES]) -> BodyEquations {
-        let mut body = BodyEquations {
-            ahead: chassis.mass,
-            left: chassis.mass,
-            turn: chassis.inertia,
-            ahead_turn: 0.0,
-            left_turn: 0.0,
-            right: [
-                chassis.mass * chassis.velocity[0],
-                chassis.mass * chassis.velocity[1],
-                chassis.inertia * chassis.velocity[2],
-            ],
+        let candidate = Candidate {
+            velocity: velocity.into(),
+            speeds,
+            holds,
         };
-        for (patch, row) in self.patches.iter().zip(rows) {
-            let (x, y) = (patch.place.x, patch.place.y);
-            let ([along, across], [pull, shove]) = (row.give, row.bias);
-            body.ahead += along;
-            body.left += across;
-            body.turn += along * y * y + across * x * x;
-            body.ahead_turn -= along * y;
-            body.left_turn += across * x;
-            body.right[0] -= pull;
-            body.right[1] -= shove;
-            body.right[2] += pull * y - shove * x;
-        }
-        body
+        self.accept(candidate, chassis, wheels, rows, hold_limits)
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the parts of one solution")]
     fn accept(
         &mut self,
+        candidate: Candidate<WHEELS>,
         chassis: &mut Chassis,
         wheels: &mut [Wheel; WHEELS],
         rows: &[Row; PATCHES],
         hold_limits: &[f64; WHEELS],
-        velocity: [f64; 3],
-        speeds: [f64; WHEELS],
-        holds: &[Hold; WHEELS],
     ) -> bool {
         let mut impulses = [[0.0; 2]; PATCHES];
         let mut torques = [0.0; WHEELS];
         for ((patch, row), impulse) in self.patches.iter().zip(rows).zip(&mut impulses) {
             let wheel = patch.place.wheel;
-            let slip = patch.slip(velocity, speeds[wheel] * self.law.radius);
-            *impulse = row.elastic(slip);
+            let rolling = candidate.speeds[wheel] * self.law.radius;
+            *impulse = row.elastic(patch.slip(candidate.velocity, rolling));
             if !row.grips(*impulse) {
                 return false;
             }
@@ -136,7 +122,7 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
         }
         let mut held = [0.0; WHEELS];
         for (index, held) in held.iter_mut().enumerate() {
-            match holds[index] {
+            match candidate.holds[index] {
                 Hold::Turning(full) => *held = full,
                 Hold::Still if wheels[index].compliance <= 0.0 => {}
                 Hold::Still => {
@@ -150,48 +136,52 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
         for (patch, impulse) in self.patches.iter_mut().zip(impulses) {
             patch.impulse = impulse;
         }
-        for (wheel, speed) in wheels.iter_mut().zip(speeds) {
+        for (wheel, speed) in wheels.iter_mut().zip(candidate.speeds) {
             wheel.speed = speed;
         }
         self.hold = held;
         self.hold_limit = *hold_limits;
-        chassis.velocity = velocity;
+        chassis.velocity = candidate.velocity;
         true
     }
 }
 
-/// Symmetric, with no coupling between ahead and left.
-struct BodyEquations {
-    ahead: f64,
-    left: f64,
-    turn: f64,
-    ahead_turn: f64,
-    left_turn: f64,
-    right: [f64; 3],
-}
-
 impl BodyEquations {
-    fn eliminate(&mut self, wheel: &WheelEquation) {
-        let inverse = 1.0 / wheel.momentum;
-        let along = wheel.along * inverse;
-        let turning = wheel.turning * inverse;
-        self.ahead -= along * wheel.along;
-        self.ahead_turn -= along * wheel.turning;
-        self.turn -= turning * wheel.turning;
-        self.right[0] -= along * wheel.right;
-        self.right[2] -= turning * wheel.right;
+    fn new(chassis: &Chassis) -> Self {
+        let inertia = Vector3::new(chassis.mass, chassis.mass, chassis.inertia);
+        Self {
+            matrix: Matrix3::from_diagonal(&inertia),
+            right: inertia.component_mul(&Vector3::from(chassis.velocity)),
+        }
     }
 
-    /// Never singular: mass and inertia stand on the diagonal, and what the wheels take away they
-    /// added before.
-    fn solve(&self) -> [f64; 3] {
-        let inverse_left = 1.0 / self.left;
-        let turn = self.turn - self.left_turn * self.left_turn * inverse_left;
-        let right = self.right[2] - self.left_turn * self.right[1] * inverse_left;
-        let inverse = 1.0 / (self.ahead * turn - self.ahead_turn * self.ahead_turn);
-        let ahead = (self.right[0] * turn - self.ahead_turn * right) * inverse;
-        let yaw_rate = (self.ahead * right - self.ahead_turn * self.right[0]) * inverse;
-        let left = (self.right[1] - self.left_turn * yaw_rate) * inverse_left;
-        [ahead, left, yaw_rate]
+    /// An elastic impulse along one axis of a patch.
+    fn add(&mut self, give: f64, bias: f64, axis: Vector3<f64>) {
+        self.matrix += axis * (give * axis).transpose();
+        self.right -= bias * axis;
+    }
+
+    fn eliminate(&mut self, wheel: &WheelEquation) {
+        let scaled = wheel.coupling / wheel.momentum;
+        self.matrix -= wheel.coupling * scaled.transpose();
+        self.right -= scaled * wheel.right;
+    }
+}
+
+impl WheelEquation {
+    fn new(wheel: &Wheel, held: f64) -> Self {
+        Self {
+            momentum: wheel.inertia,
+            coupling: Vector3::zeros(),
+            right: wheel.inertia * wheel.speed + held,
+        }
+    }
+
+    /// The reaction of a patch that pushes the body `along`.
+    fn add(&mut self, row: &Row, along: Vector3<f64>, radius: f64) {
+        let give = radius * row.give[0];
+        self.momentum += radius * give;
+        self.coupling -= give * along;
+        self.right += radius * row.bias[0];
     }
 }

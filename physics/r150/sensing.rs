@@ -1,0 +1,83 @@
+//! What can be read off the plant.
+
+use super::R150Plant;
+use super::faults::Encoder;
+use super::pwm;
+use super::signals::{PwmReading, R150Measurements, R150Truth, RAILS, Side, Sides};
+
+impl R150Plant {
+    /// What the firmware's sensors read now.
+    #[must_use]
+    pub fn measurements(&self) -> R150Measurements {
+        if !self.flow.module_powered {
+            return R150Measurements::unpowered();
+        }
+        R150Measurements {
+            module_powered: true,
+            motor_rpm: Side::BOTH.map(|side| self.encoder(side)).into(),
+            soc: self.slow.battery.soc(),
+            bus_voltage: self.flow.bus,
+            rail_voltage: self.flow.rail_voltage,
+            rail_current: self.flow.rail_current,
+            temperature: self.slow.temperature,
+            pwm_in: self
+                .pwm_sources
+                .map(|source| pwm::read(source, &self.commands.pwm_out_duty, &self.settings.pwm)),
+            power_module_fault: self.power_module_fault,
+        }
+    }
+
+    /// How things really are.
+    #[must_use]
+    pub fn truth(&self) -> R150Truth {
+        let [forward_speed, leftward_speed, yaw_rate] = self.motion.body_velocity();
+        R150Truth {
+            pose: self.motion.pose(),
+            forward_speed,
+            leftward_speed,
+            yaw_rate,
+            distance: self.distance,
+            wheel_speed: self.drive.wheel_speed.into(),
+            motor_current: self.flow.motor_current.into(),
+            motor_supply_current: self.flow.motor_supply.into(),
+            battery_voltage: self.flow.bus,
+            battery_current: self.flow.battery_current,
+            soc: self.slow.battery.soc(),
+            charge_drawn: self.slow.battery.drawn(),
+            mass: self.drive.mass,
+            at_rest: self.resting,
+        }
+    }
+
+    pub(super) fn note_encoders(&mut self) {
+        for side in Side::BOTH {
+            if self.side_faults[side].encoder != Encoder::Stuck {
+                self.encoder_rpm[side.index()] =
+                    self.drive.motor_speed(side) * 60.0 / std::f64::consts::TAU;
+            }
+        }
+    }
+
+    fn encoder(&self, side: Side) -> f64 {
+        match self.side_faults[side].encoder {
+            Encoder::Lost => 0.0,
+            Encoder::Working | Encoder::Stuck => self.encoder_rpm[side.index()],
+        }
+    }
+}
+
+impl R150Measurements {
+    fn unpowered() -> Self {
+        Self {
+            module_powered: false,
+            motor_rpm: Sides::default(),
+            soc: 0.0,
+            bus_voltage: 0.0,
+            rail_voltage: [0.0; RAILS],
+            rail_current: [0.0; RAILS],
+            temperature: [0.0; 2],
+            pwm_in: [PwmReading::default(); 4],
+            power_module_fault: false,
+        }
+    }
+}
