@@ -5,6 +5,7 @@ use std::fmt;
 use sim_settings::SimTime;
 
 use crate::line::LineEvent;
+use crate::mecanum_device::MecanumEvent;
 use crate::r150_device::R150Event;
 
 /// How much an event matters to somebody who writes a client.
@@ -53,6 +54,8 @@ pub enum EventKind {
     },
     /// In an R150.
     R150(R150Event),
+    /// In a mecanum car.
+    Mecanum(MecanumEvent),
 }
 
 impl EventKind {
@@ -62,6 +65,7 @@ impl EventKind {
         match self {
             Self::Line { event, .. } => event.level(),
             Self::R150(event) => event.level(),
+            Self::Mecanum(event) => event.level(),
         }
     }
 
@@ -71,6 +75,7 @@ impl EventKind {
         match self {
             Self::Line { event, .. } => event.code(),
             Self::R150(event) => event.code(),
+            Self::Mecanum(event) => event.code(),
         }
     }
 
@@ -80,6 +85,7 @@ impl EventKind {
         match self {
             Self::Line { event, .. } => event.is_client_fault(),
             Self::R150(event) => event.is_client_fault(),
+            Self::Mecanum(event) => event.is_client_fault(),
         }
     }
 
@@ -89,6 +95,7 @@ impl EventKind {
         match self {
             Self::Line { .. } => None,
             Self::R150(event) => event.bytes(),
+            Self::Mecanum(event) => event.bytes(),
         }
     }
 }
@@ -98,6 +105,7 @@ impl fmt::Display for EventKind {
         match self {
             Self::Line { event, .. } => event.fmt(f),
             Self::R150(event) => event.fmt(f),
+            Self::Mecanum(event) => event.fmt(f),
         }
     }
 }

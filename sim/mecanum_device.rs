@@ -1,0 +1,552 @@
+//! The firmware of the rayland-dual board in a mecanum car.
+//!
+//! [`MecanumDevice`] is a state machine: bytes on two links, measurements, key presses and time go
+//! in; status packets, report lines, pin states and events come out. It sees pins, never physics.
+//! Any bytes are legal input.
+//!
+//! Whoever drives it
+//! 1. never lets the time go back,
+//! 2. calls [`MecanumDevice::advance`] at (or after) each [`MecanumDevice::next_deadline`]; what is
+//!    due between is done in order, each at its own time,
+//! 3. after any call takes all of [`MecanumDevice::poll_output`] and
+//!    [`MecanumDevice::poll_event`],
+//! 4. applies [`MecanumDevice::commands`] to the plant, and hands what the plant then measures to
+//!    [`MecanumDevice::sense`].
+//!
+//! Bytes and measurements that arrive exactly at a deadline come before it.
+
+pub mod ascii;
+pub mod codec;
+mod drive;
+pub mod encoder;
+mod event;
+pub mod kinematics;
+pub mod motion;
+pub mod odometry;
+pub mod packet;
+pub mod settings;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use sim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS, Wheel};
+use sim_settings::SimTime;
+
+use ascii::{Letter, Line};
+use codec::{Decoded, Decoder};
+use drive::Drive;
+pub use event::{Discard, Field, MecanumEvent};
+use kinematics::{Course, Movement};
+use motion::Motion;
+use packet::{Request, Status};
+use settings::{AsciiLetters, MecanumFirmwareSettings, MotorState, VelocityFrame};
+
+/// Largest speed of a motion packet, 1/10 r/min.
+pub const MAX_SPEED: i16 = 500;
+/// Most packets and lines kept for whoever takes them; the oldest go first.
+const MOST_OUTPUTS: usize = 64;
+/// Most events kept for whoever takes them; the oldest go first.
+const MOST_EVENTS: usize = 1024;
+
+/// A serial link of the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Link {
+    /// To the on-board Android: binary packets.
+    Main,
+    /// To an external computer, on the UART of the magnetic sensor: lines of text.
+    Ros,
+}
+
+impl Link {
+    /// Both, in the order of their indices.
+    pub const ALL: [Self; 2] = [Self::Main, Self::Ros];
+
+    /// Index of the link on the device.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The link with an index.
+    #[must_use]
+    pub fn from_index(index: usize) -> Option<Self> {
+        Self::ALL.get(index).copied()
+    }
+}
+
+/// What an operator can do with the remote control.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// A key goes down; the car moves so while it is held, in remote-control mode.
+    Press(Movement),
+    /// The key goes up.
+    Release,
+}
+
+impl fmt::Display for Action {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Press(movement) => write!(f, "{movement} key down"),
+            Self::Release => f.write_str("key up"),
+        }
+    }
+}
+
+/// The board, without the hardware around it.
+#[derive(Debug, Clone)]
+pub struct MecanumDevice {
+    settings: MecanumFirmwareSettings,
+    ros_configured: bool,
+    decoder: Decoder<Request>,
+    lines: ascii::Decoder,
+    drive: Drive,
+    measured: MecanumMeasurements,
+    status_due: Option<SimTime>,
+    report_due: Option<SimTime>,
+    /// Number of the next status packet.
+    seq: u8,
+    /// When the client last sent something valid.
+    heard: SimTime,
+    output: VecDeque<(Link, Vec<u8>)>,
+    events: VecDeque<(SimTime, MecanumEvent)>,
+}
+
+impl MecanumDevice {
+    /// A board that is switched on at `now`.
+    ///
+    /// With `ros_configured` its second UART is the ROS link; without, the magnetic sensor has it,
+    /// and bytes for that link go nowhere. `measured` is what its inputs read at that moment.
+    #[must_use]
+    pub fn new(
+        now: SimTime,
+        settings: MecanumFirmwareSettings,
+        ros_configured: bool,
+        measured: MecanumMeasurements,
+    ) -> Self {
+        let mut device = Self {
+            ros_configured,
+            decoder: Decoder::new(settings.inter_byte_timeout),
+            lines: ascii::Decoder::new(),
+            drive: Drive::new(&settings, &measured),
+            measured,
+            status_due: None,
+            report_due: None,
+            seq: 0,
+            heard: now,
+            output: VecDeque::new(),
+            events: VecDeque::new(),
+            settings,
+        };
+        if measured.board_powered {
+            device.schedule(now);
+        }
+        device
+    }
+
+    /// Takes bytes whose last has arrived on `link` at `now`.
+    pub fn receive(&mut self, now: SimTime, link: Link, bytes: &[u8]) {
+        self.advance_before(now);
+        if !self.measured.board_powered {
+            return;
+        }
+        for &byte in bytes {
+            match link {
+                Link::Main => {
+                    let mut found = Vec::new();
+                    self.decoder
+                        .push(now, byte, &mut |decoded| found.push(decoded));
+                    self.handle(now, found);
+                }
+                Link::Ros if self.ros_configured => {
+                    if let Some(line) = self.lines.push(byte) {
+                        self.line(now, line);
+                    }
+                }
+                Link::Ros => {}
+            }
+        }
+    }
+
+    /// Takes what the inputs read at `now`.
+    pub fn sense(&mut self, now: SimTime, measured: &MecanumMeasurements) {
+        self.advance_before(now);
+        let was_powered = std::mem::replace(&mut self.measured, *measured).board_powered;
+        match (was_powered, measured.board_powered) {
+            (true, false) => self.lose_power(now),
+            (false, true) => {
+                self.drive = Drive::new(&self.settings, measured);
+                self.schedule(now);
+                self.event(now, MecanumEvent::Started);
+            }
+            (true, true) => {
+                let events = &mut self.events;
+                self.drive.sense(now, &measured.pulses, &mut |change| {
+                    keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
+                });
+            }
+            (false, false) => {}
+        }
+    }
+
+    /// Somebody works the remote control at `now`.
+    pub fn operate(&mut self, now: SimTime, action: Action) {
+        self.advance_before(now);
+        self.event(now, MecanumEvent::Operated(action));
+        match action {
+            Action::Press(movement) => {
+                if self.measured.board_powered && !self.drive.is_remote() {
+                    self.event(now, MecanumEvent::KeyIgnored(movement));
+                }
+                self.drive.set_key(Some(movement));
+            }
+            Action::Release => self.drive.set_key(None),
+        }
+    }
+
+    /// Does everything that is due by `now`.
+    pub fn advance(&mut self, now: SimTime) {
+        // Each round removes the deadline that it serves or moves it later.
+        while let Some(due) = self.next_deadline().filter(|due| *due <= now) {
+            self.serve(due);
+        }
+    }
+
+    /// When something next happens by itself.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<SimTime> {
+        [
+            self.decoder.deadline(),
+            self.link_deadline(),
+            self.status_due,
+            self.report_due,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    /// The next packet or line for the client of a link.
+    pub fn poll_output(&mut self) -> Option<(Link, Vec<u8>)> {
+        self.output.pop_front()
+    }
+
+    /// The next event and when it happened.
+    pub fn poll_event(&mut self) -> Option<(SimTime, MecanumEvent)> {
+        self.events.pop_front()
+    }
+
+    /// The pins that the firmware drives.
+    #[must_use]
+    pub fn commands(&self) -> MecanumCommands {
+        if self.measured.board_powered {
+            self.drive.commands(&self.settings)
+        } else {
+            MecanumCommands::default()
+        }
+    }
+
+    /// Whether the remote control drives.
+    #[must_use]
+    pub fn is_remote(&self) -> bool {
+        self.drive.is_remote()
+    }
+
+    /// The motion that runs.
+    #[must_use]
+    pub fn running(&self) -> Option<&Motion> {
+        self.drive.motions().running()
+    }
+
+    /// How many motions wait.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.drive.motions().waiting()
+    }
+
+    /// How the firmware drives each wheel, LF, RF, LR, RR: 1 forward, −1 backward, 0 not at all.
+    #[must_use]
+    pub fn rotations(&self) -> [i8; WHEELS] {
+        self.drive.rotations()
+    }
+
+    /// What a status packet at `now` would say.
+    #[must_use]
+    pub fn status(&self, now: SimTime) -> Status {
+        let measured = &self.measured;
+        let odometry = self.drive.odometry();
+        let [x, y] = odometry.position();
+        let body = self.drive.velocity_rpm(now);
+        let [v_x, v_y] = match self.settings.velocity_frame {
+            VelocityFrame::Odometry => odometry.to_frame(body),
+            VelocityFrame::Body => body,
+        };
+        let [f0, f1, f2, f3, b0, b1, b2, b3] = measured.echoes.map(|echo| self.distance_mm(echo));
+        Status {
+            seq: self.seq,
+            v_x: wrap_i16(v_x * 10.0),
+            v_y: wrap_i16(v_y * 10.0),
+            axis_x: wrap_i16(x * 10.0),
+            axis_y: wrap_i16(y * 10.0),
+            ori: wrap_i16(odometry.heading().to_degrees() * 10.0),
+            rfid: measured.tag,
+            // The ROS link takes the UART of the magnetic sensor.
+            magn: if self.ros_configured {
+                0
+            } else {
+                measured.magnetic_bar
+            },
+            infra: u8::from(measured.obstacle_ahead),
+            ut_f: [f0, f1, f2, f3],
+            ut_b: [b0, b1, b2, b3],
+            moto_state: self.motor_state(now),
+            mile: wrap_i16(odometry.mileage_m() * 1000.0).cast_unsigned(),
+        }
+    }
+
+    /// What a report line at `now` would say.
+    #[must_use]
+    pub fn report(&self, now: SimTime) -> ascii::Report {
+        ascii::Report {
+            speed: whole(self.drive.speed_rpm(now) / 60.0 * 100.0),
+            mileage: whole(self.drive.odometry().mileage() * 100.0),
+        }
+    }
+
+    /// Does what is due before `now`, so that what happens at `now` comes before its deadlines.
+    fn advance_before(&mut self, now: SimTime) {
+        if let Some(nanos) = now.as_nanos().checked_sub(1) {
+            self.advance(SimTime::from_nanos(nanos));
+        }
+    }
+
+    /// Does what is due at `now` and not earlier.
+    fn serve(&mut self, now: SimTime) {
+        let mut found = Vec::new();
+        self.decoder.expire(now, &mut |decoded| found.push(decoded));
+        self.handle(now, found);
+        if self.link_deadline().is_some_and(|due| due <= now) {
+            self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
+        }
+        if let Some(due) = self.status_due.filter(|due| *due <= now) {
+            self.status_due = Some(due + self.settings.status_period);
+            let status = self.status(now);
+            self.seq = self.seq.wrapping_add(1);
+            keep(
+                &mut self.output,
+                (Link::Main, status.encode()),
+                MOST_OUTPUTS,
+            );
+            self.event(now, MecanumEvent::Status(status));
+        }
+        if let Some(due) = self.report_due.filter(|due| *due <= now) {
+            self.report_due = Some(due + self.settings.ros_report_period);
+            let report = self.report(now);
+            keep(&mut self.output, (Link::Ros, report.encode()), MOST_OUTPUTS);
+            self.event(now, MecanumEvent::Report(report));
+        }
+    }
+
+    /// When the motions are discarded unless the client sends something.
+    fn link_deadline(&self) -> Option<SimTime> {
+        let timeout = self.settings.link_timeout?;
+        self.drive.motions().running()?;
+        Some(self.heard + timeout)
+    }
+
+    fn handle(&mut self, now: SimTime, found: Vec<Decoded<Request>>) {
+        for decoded in found {
+            match decoded {
+                Decoded::Packet(request) => self.request(now, request),
+                junk => self.event(now, MecanumEvent::BadStream(junk)),
+            }
+        }
+    }
+
+    fn request(&mut self, now: SimTime, request: Request) {
+        self.heard = now;
+        self.event(now, MecanumEvent::Request(request));
+        match request {
+            Request::Motion {
+                is_reset,
+                moving_idx,
+                s,
+                v,
+                ..
+            } => self.motion_packet(now, is_reset, moving_idx, s, v),
+            Request::SetPose {
+                axis_x,
+                axis_y,
+                ori,
+                ..
+            } => {
+                let position = [axis_x, axis_y].map(|axis| f64::from(axis) / 10.0);
+                let heading = (f64::from(ori) / 10.0).to_radians();
+                self.drive.set_pose(position, heading);
+            }
+            Request::ControlMode { mode, .. } => match mode {
+                0 | 1 => self.control_mode(now, mode == 1),
+                value => self.bad_field(now, Field::ControlType, value),
+            },
+        }
+    }
+
+    fn motion_packet(&mut self, now: SimTime, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
+        let Some(course) = Course::from_index(moving_idx) else {
+            self.bad_field(now, Field::MovingIdx, moving_idx);
+            return;
+        };
+        if is_reset > 1 {
+            self.bad_field(now, Field::IsReset, is_reset);
+        }
+        let speed = v.clamp(-MAX_SPEED, MAX_SPEED);
+        if speed != v {
+            self.event(now, MecanumEvent::SpeedClamped { v });
+        }
+        let motion = Motion {
+            movement: Movement {
+                course,
+                negative: v < 0,
+            },
+            tenths: u32::from(s),
+            speed_rpm: f64::from(speed.unsigned_abs()) / 10.0,
+        };
+        self.order(now, motion, is_reset != 0);
+    }
+
+    fn line(&mut self, now: SimTime, line: Line) {
+        let command = match line {
+            Line::Command(command) => command,
+            Line::Bad { fault, bytes } => {
+                self.event(now, MecanumEvent::BadLine { fault, bytes });
+                return;
+            }
+        };
+        self.heard = now;
+        self.event(now, MecanumEvent::Command(command));
+        let motion = Motion {
+            movement: Movement {
+                course: course(command.letter, self.settings.ascii_letters),
+                negative: command.tenths < 0,
+            },
+            tenths: command.tenths.unsigned_abs(),
+            speed_rpm: self.settings.ascii_speed,
+        };
+        self.order(now, motion, self.settings.ascii_preempt);
+    }
+
+    fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
+        if self.drive.is_remote() {
+            self.event(now, MecanumEvent::IgnoredInRemote(motion));
+            return;
+        }
+        if preempt {
+            self.discard(now, Discard::Preempted);
+        }
+        let events = &mut self.events;
+        let room = self.drive.append(motion, &mut |change| {
+            keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
+        });
+        if !room {
+            self.event(now, MecanumEvent::QueueFull(motion));
+        }
+    }
+
+    /// Whoever drove before stops driving.
+    fn control_mode(&mut self, now: SimTime, remote: bool) {
+        if remote != self.drive.is_remote() {
+            self.discard(now, Discard::ControlMode);
+            self.drive.set_remote(remote);
+            self.event(now, MecanumEvent::ControlMode { remote });
+        }
+    }
+
+    fn discard(&mut self, now: SimTime, why: Discard) {
+        let count = self.drive.discard();
+        if count > 0 {
+            self.event(now, MecanumEvent::Discarded { count, why });
+        }
+    }
+
+    fn bad_field(&mut self, now: SimTime, field: Field, value: u8) {
+        self.event(now, MecanumEvent::BadField { field, value });
+    }
+
+    fn motor_state(&self, now: SimTime) -> u8 {
+        let running = match self.settings.moto_state {
+            MotorState::Driven => self.drive.rotations().map(|rotation| rotation != 0),
+            MotorState::Turning => self.drive.turning(now),
+        };
+        Wheel::ALL.into_iter().fold(0, |bits, wheel| {
+            let side = if wheel.is_left() { 0 } else { 1 };
+            bits | u8::from(running[wheel.index()]) << side
+        })
+    }
+
+    fn distance_mm(&self, echo: Option<f64>) -> u16 {
+        let farthest = self.settings.ultrasonic_farthest;
+        let distance = echo
+            .unwrap_or(farthest)
+            .max(self.settings.ultrasonic_nearest);
+        // Distances are below 65.535 m, so nothing wraps here.
+        wrap_i16(distance.min(farthest) * 1000.0).cast_unsigned()
+    }
+
+    /// Begins to send what is sent periodically.
+    fn schedule(&mut self, now: SimTime) {
+        self.status_due = Some(now + self.settings.status_period);
+        self.report_due = self
+            .ros_configured
+            .then(|| now + self.settings.ros_report_period);
+    }
+
+    /// Without a supply the board forgets everything.
+    fn lose_power(&mut self, now: SimTime) {
+        self.decoder.clear();
+        self.lines.clear();
+        self.drive = Drive::new(&self.settings, &self.measured);
+        self.status_due = None;
+        self.report_due = None;
+        self.seq = 0;
+        self.event(now, MecanumEvent::PowerLost);
+    }
+
+    fn event(&mut self, now: SimTime, event: MecanumEvent) {
+        keep(&mut self.events, (now, event), MOST_EVENTS);
+    }
+}
+
+/// What a letter means; the article's table and its picture disagree on two.
+fn course(letter: Letter, meaning: AsciiLetters) -> Course {
+    match (letter, meaning) {
+        (Letter::X, _) => Course::Ahead,
+        (Letter::Y, AsciiLetters::Table) | (Letter::Z, AsciiLetters::Picture) => Course::Strafe,
+        (Letter::Y, AsciiLetters::Picture) | (Letter::Z, AsciiLetters::Table) => Course::Rotate,
+        (Letter::A, _) => Course::LeftFront,
+        (Letter::B, _) => Course::RightFront,
+    }
+}
+
+fn keep<T>(queue: &mut VecDeque<T>, item: T, most: usize) {
+    if queue.len() >= most {
+        queue.pop_front();
+    }
+    queue.push_back(item);
+}
+
+/// Rounds to the nearest integer, saturating; what is not a number is 0.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a cast from a float saturates, as the documentation says"
+)]
+fn whole(value: f64) -> i64 {
+    value.round() as i64
+}
+
+/// Rounds to the nearest integer and keeps the low 16 bits, as a field that overflows does.
+fn wrap_i16(value: f64) -> i16 {
+    let [low, high, ..] = whole(value).to_le_bytes();
+    i16::from_le_bytes([low, high])
+}

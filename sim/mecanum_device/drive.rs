@@ -1,0 +1,202 @@
+//! The driving half of the firmware: who drives, what the wheels do, and what their pulses say.
+
+use sim_physics::mecanum::{
+    MecanumCommands, MecanumMeasurements, PORTS, Port, PortCommand, WHEELS, Wheel, Wiring,
+};
+use sim_settings::SimTime;
+
+use super::encoder::{Encoder, SpeedWindow};
+use super::kinematics::{Movement, body_speed};
+use super::motion::{Change, Motion, Motions};
+use super::odometry::Odometry;
+use super::settings::MecanumFirmwareSettings;
+
+/// Motions, remote control, encoders and dead reckoning.
+#[derive(Debug, Clone)]
+pub(super) struct Drive {
+    wiring: Wiring,
+    remote_rpm: f64,
+    window: SpeedWindow,
+    pulses_per_revolution: f64,
+    motions: Motions,
+    remote: bool,
+    /// The key that the operator holds.
+    key: Option<Movement>,
+    /// By wheel, not by port.
+    encoders: [Encoder; WHEELS],
+    odometry: Odometry,
+    /// The movement in effect or last in effect; late pulses belong to it.
+    last: Option<Movement>,
+}
+
+impl Drive {
+    /// Standing at the origin, with the board in control.
+    pub fn new(settings: &MecanumFirmwareSettings, measured: &MecanumMeasurements) -> Self {
+        let per_revolution = settings.odometry.pulses_per_revolution;
+        let queue = usize::try_from(settings.queue_length).unwrap_or(usize::MAX);
+        Self {
+            wiring: settings.wiring,
+            remote_rpm: settings.remote_speed,
+            window: SpeedWindow {
+                window: settings.speed_window,
+                timeout: settings.speed_timeout,
+            },
+            pulses_per_revolution: f64::from(per_revolution),
+            motions: Motions::new(queue, per_revolution),
+            remote: false,
+            key: None,
+            encoders: Wheel::ALL.map(|wheel| {
+                let port = settings.wiring.port(wheel);
+                Encoder::new(measured.pulses[port.index()])
+            }),
+            odometry: Odometry::new(settings.odometry.clone()),
+            last: None,
+        }
+    }
+
+    pub fn motions(&self) -> &Motions {
+        &self.motions
+    }
+
+    pub fn odometry(&self) -> &Odometry {
+        &self.odometry
+    }
+
+    pub fn is_remote(&self) -> bool {
+        self.remote
+    }
+
+    pub fn set_remote(&mut self, remote: bool) {
+        self.remote = remote;
+        self.follow();
+    }
+
+    pub fn set_key(&mut self, key: Option<Movement>) {
+        self.key = key;
+        self.follow();
+    }
+
+    pub fn set_pose(&mut self, position: [f64; 2], heading: f64) {
+        self.odometry.set_pose(position, heading);
+    }
+
+    /// Appends a motion; false if there is no room.
+    pub fn append(&mut self, motion: Motion, changed: &mut impl FnMut(Change)) -> bool {
+        let room = self.motions.append(motion, changed);
+        self.follow();
+        room
+    }
+
+    /// Discards all motions; says how many there were.
+    pub fn discard(&mut self) -> usize {
+        self.motions.discard()
+    }
+
+    /// Reads the PG wires.
+    pub fn sense(&mut self, now: SimTime, pulses: &[u32; PORTS], changed: &mut impl FnMut(Change)) {
+        let mut came = [0; WHEELS];
+        let mut signed = [0; WHEELS];
+        for wheel in Wheel::ALL {
+            let at = wheel.index();
+            let count = pulses[self.wiring.port(wheel).index()];
+            came[at] = self.encoders[at].read(now, count, self.window);
+            signed[at] = self.encoders[at].signed(came[at]);
+        }
+        if came == [0; WHEELS] {
+            return;
+        }
+        let counted = self.last.map_or([0; WHEELS], Movement::rotations);
+        self.odometry
+            .add(signed, counted.map(|rotation| rotation != 0));
+        self.motions.turned(came, changed);
+        self.follow();
+    }
+
+    /// How each wheel is driven: 1 forward, −1 backward, 0 not at all.
+    pub fn rotations(&self) -> [i8; WHEELS] {
+        match self.key.filter(|_| self.remote_rpm > 0.0) {
+            Some(movement) if self.remote => movement.rotations(),
+            _ => self.motions.rotations(),
+        }
+    }
+
+    /// The pins. A wheel that is not driven is held, and its FR stays as it was.
+    pub fn commands(&self, settings: &MecanumFirmwareSettings) -> MecanumCommands {
+        let rotations = self.rotations();
+        let mut commands = MecanumCommands {
+            ports: [PortCommand {
+                reverse: false,
+                brake: settings.unused_ports_brake,
+            }; PORTS],
+            speed_voltage: 0.0,
+        };
+        for wheel in Wheel::ALL {
+            let at = wheel.index();
+            let port: Port = self.wiring.port(wheel);
+            commands.ports[port.index()] = PortCommand {
+                reverse: self.encoders[at].is_backward() != self.wiring.is_reversed(wheel),
+                brake: rotations[at] == 0,
+            };
+        }
+        if rotations != [0; WHEELS] {
+            commands.speed_voltage = (self.wanted_rpm() / settings.full_speed).clamp(0.0, 1.0);
+        }
+        commands
+    }
+
+    /// Speed of the body by pulses, ahead and left, r/min of a wheel.
+    pub fn velocity_rpm(&self, now: SimTime) -> [f64; 2] {
+        let [ahead, left, _] = body_speed(self.wheels_rpm(now), 1.0);
+        [ahead, left]
+    }
+
+    /// Mean speed by pulses of the wheels that the movement in effect turns, r/min; negative while
+    /// it goes its negative way.
+    pub fn speed_rpm(&self, now: SimTime) -> f64 {
+        let Some(movement) = self.last else {
+            return 0.0;
+        };
+        let rotations = movement.rotations().map(f64::from);
+        let along = self.wheels_rpm(now).into_iter().zip(rotations);
+        let sum: f64 = along.map(|(rpm, rotation)| rpm * rotation).sum();
+        let wheels: f64 = rotations.iter().map(|rotation| rotation.abs()).sum();
+        sum / wheels * f64::from(movement.sign())
+    }
+
+    /// Which wheels turn by their pulses.
+    pub fn turning(&self, now: SimTime) -> [bool; WHEELS] {
+        self.wheels_rpm(now).map(|rpm| rpm != 0.0)
+    }
+
+    fn wheels_rpm(&self, now: SimTime) -> [f64; WHEELS] {
+        let rotations = self.rotations();
+        std::array::from_fn(|at| {
+            let rate = self.encoders[at].pulse_rate(now, rotations[at] != 0, self.window);
+            rate * 60.0 / self.pulses_per_revolution
+        })
+    }
+
+    /// Wheel speed of whoever drives.
+    fn wanted_rpm(&self) -> f64 {
+        if self.remote {
+            self.remote_rpm
+        } else {
+            self.motions
+                .running()
+                .map_or(0.0, |motion| motion.speed_rpm)
+        }
+    }
+
+    /// Lets the encoders count the way in which the wheels are driven now.
+    fn follow(&mut self) {
+        let running = self.motions.running().map(|motion| motion.movement);
+        let movement = if self.remote { self.key } else { running };
+        self.last = movement.or(self.last);
+        let rotations = self.rotations();
+        for (encoder, rotation) in self.encoders.iter_mut().zip(rotations) {
+            if rotation != 0 {
+                encoder.drive(rotation < 0);
+            }
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! What the firmware makes of one motor's PG wire: how far and how fast the wheel has turned.
+//!
+//! The wire gives pulses without a direction. The firmware takes them for pulses of the direction
+//! in which it last drove the motor; where the wheel was dragged or coasted the other way, that is
+//! wrong, as it is on the real board.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use sim_settings::SimTime;
+
+/// Most pulse times kept to measure the speed.
+const MOST_EDGES: usize = 256;
+
+/// Over what time the speed is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SpeedWindow {
+    /// The mean is over this time.
+    pub window: Duration,
+    /// Without a pulse for this long the wheel stands.
+    pub timeout: Duration,
+}
+
+/// One motor's pulse counter.
+#[derive(Debug, Clone)]
+pub struct Encoder {
+    /// As the wire had it last.
+    count: u32,
+    backward: bool,
+    /// When pulses came, and how many had come by then since the first of these.
+    edges: VecDeque<(SimTime, u64)>,
+}
+
+impl Encoder {
+    /// A counter that starts where the wire is.
+    #[must_use]
+    pub fn new(count: u32) -> Self {
+        Self {
+            count,
+            backward: false,
+            edges: VecDeque::new(),
+        }
+    }
+
+    /// The motor is driven this way from now on, and pulses count so.
+    pub fn drive(&mut self, backward: bool) {
+        if self.backward != backward {
+            self.backward = backward;
+            self.edges.clear();
+        }
+    }
+
+    /// Whether the motor was last driven backward.
+    #[must_use]
+    pub fn is_backward(&self) -> bool {
+        self.backward
+    }
+
+    /// Reads the wire; gives the pulses that have come since the last reading.
+    pub fn read(&mut self, now: SimTime, count: u32, speed: SpeedWindow) -> u32 {
+        let came = count.wrapping_sub(self.count);
+        self.count = count;
+        if came > 0 {
+            self.note(now, came, speed);
+        }
+        came
+    }
+
+    /// A number of pulses with the sign of the direction.
+    #[must_use]
+    pub fn signed(&self, pulses: u32) -> i64 {
+        let pulses = i64::from(pulses);
+        if self.backward { -pulses } else { pulses }
+    }
+
+    /// Pulses a second with the sign of the direction. A wheel that is not `driven` stands as soon
+    /// as its next pulse is overdue; a driven one may only have become slow.
+    #[must_use]
+    pub fn pulse_rate(&self, now: SimTime, driven: bool, speed: SpeedWindow) -> f64 {
+        let (Some(first), Some(last)) = (self.edges.front(), self.edges.back()) else {
+            return 0.0;
+        };
+        let span = last.0.since(first.0).as_secs_f64();
+        let silence = now.since(last.0);
+        if span <= 0.0 || silence >= speed.timeout {
+            return 0.0;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "far fewer pulses than 2^53")]
+        let rate = (last.1 - first.1) as f64 / span;
+        let silence = silence.as_secs_f64();
+        let rate = if silence * rate <= 1.0 {
+            rate
+        } else if driven {
+            1.0 / silence
+        } else {
+            0.0
+        };
+        if self.backward { -rate } else { rate }
+    }
+
+    fn note(&mut self, now: SimTime, came: u32, speed: SpeedWindow) {
+        let last = self.edges.back().copied();
+        if last.is_some_and(|(at, _)| now.since(at) >= speed.timeout) {
+            // From standstill; the time before tells nothing about the speed.
+            self.edges.clear();
+        }
+        let total = self.edges.back().map_or(0, |(_, total)| *total) + u64::from(came);
+        match self.edges.back_mut() {
+            Some((at, last)) if *at == now => *last = total,
+            _ => self.edges.push_back((now, total)),
+        }
+        // The one edge before the window stays, so that its whole length is measured.
+        let begin = now - speed.window;
+        while self.edges.len() > MOST_EDGES || self.edges.get(1).is_some_and(|(at, _)| *at <= begin)
+        {
+            self.edges.pop_front();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPEED: SpeedWindow = SpeedWindow {
+        window: Duration::from_millis(200),
+        timeout: Duration::from_secs(1),
+    };
+    const MS: fn(u64) -> SimTime = SimTime::from_millis;
+
+    /// A pulse every `gap` milliseconds from time zero to `end`.
+    fn turning(gap: usize, end: u64) -> Encoder {
+        let mut encoder = Encoder::new(u32::MAX);
+        let mut count = u32::MAX;
+        for at in (0..=end).step_by(gap) {
+            count = count.wrapping_add(1);
+            assert_eq!(encoder.read(MS(at), count, SPEED), 1);
+        }
+        encoder
+    }
+
+    #[test]
+    fn a_steady_wheel_has_a_steady_speed_across_the_wrap_of_the_counter() {
+        let encoder = turning(20, 2000);
+        for after in 0..=20 {
+            let rate = encoder.pulse_rate(MS(2000 + after), true, SPEED);
+            assert!((rate - 50.0).abs() < 1e-9, "{rate}");
+        }
+    }
+
+    #[test]
+    fn a_slow_wheel_is_measured_over_more_than_the_window() {
+        let rate = turning(500, 2000).pulse_rate(MS(2100), true, SPEED);
+        assert!((rate - 2.0).abs() < 1e-9, "{rate}");
+    }
+
+    #[test]
+    fn a_wheel_that_stops_is_seen_to() {
+        let encoder = turning(20, 2000);
+        let nano = Duration::from_nanos(1);
+        assert_eq!(encoder.pulse_rate(MS(2020) + nano, false, SPEED), 0.0);
+        assert!((encoder.pulse_rate(MS(2100), true, SPEED) - 10.0).abs() < 1e-9);
+        assert!(encoder.pulse_rate(MS(3000) - nano, true, SPEED) > 0.99);
+        assert_eq!(encoder.pulse_rate(MS(3000), true, SPEED), 0.0);
+    }
+
+    #[test]
+    fn a_standstill_does_not_slow_the_speed_after_it() {
+        let mut encoder = turning(20, 2000);
+        for (pulse, at) in (9000..=9100).step_by(20).enumerate() {
+            let count = u32::try_from(101 + pulse).unwrap();
+            encoder.read(MS(at), count, SPEED);
+        }
+        assert!((encoder.pulse_rate(MS(9100), true, SPEED) - 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn pulses_count_the_way_the_motor_was_driven() {
+        let mut encoder = turning(20, 100);
+        assert_eq!(encoder.signed(3), 3);
+        encoder.drive(true);
+        assert_eq!(encoder.signed(3), -3);
+        assert_eq!(encoder.pulse_rate(MS(100), true, SPEED), 0.0);
+    }
+
+    #[test]
+    fn memory_is_bounded() {
+        let mut encoder = Encoder::new(0);
+        for nanos in 0..100_000u32 {
+            encoder.read(SimTime::from_nanos(nanos.into()), nanos, SPEED);
+        }
+        assert!(encoder.edges.len() <= MOST_EDGES);
+    }
+}

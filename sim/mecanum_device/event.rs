@@ -1,0 +1,313 @@
+//! What happens in the mecanum car that a developer wants to know.
+
+use std::fmt;
+use std::time::Duration;
+
+use super::ascii::{self, Fault, HIGHEST, LOWEST, MAX_LINE};
+use super::codec::Decoded;
+use super::kinematics::Movement;
+use super::motion::{Change, Motion};
+use super::packet::{Request, Status};
+use super::{Action, MAX_SPEED};
+use crate::event::{Hex, Level};
+
+/// A field of a request that has few legal values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Field {
+    /// `is_reset`, 0 or 1; anything else counts as 1.
+    IsReset,
+    /// `moving_idx`, 0 to 4; the motion is ignored.
+    MovingIdx,
+    /// `controll_type`, 0 or 1; the request is ignored.
+    ControlType,
+}
+
+/// Why motions were discarded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Discard {
+    /// Another one preempted them.
+    Preempted,
+    /// The control mode changed.
+    ControlMode,
+    /// The link timed out after this silence.
+    LinkTimeout(Duration),
+}
+
+/// Something that happened on the board.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MecanumEvent {
+    /// A request was understood on the main link.
+    Request(Request),
+    /// A command was understood on the ROS link.
+    Command(ascii::Command),
+    /// A status packet began its way to the client.
+    Status(Status),
+    /// A report line began its way to the client of the ROS link.
+    Report(ascii::Report),
+    /// The main link's stream held something that is no packet.
+    BadStream(Decoded<Request>),
+    /// A line on the ROS link is no command.
+    BadLine {
+        /// What is wrong with it.
+        fault: Fault,
+        /// The line without its end.
+        bytes: Vec<u8>,
+    },
+    /// A speed outside ±500 was clamped.
+    SpeedClamped {
+        /// As the client sent it, 1/10 r/min.
+        v: i16,
+    },
+    /// A field of a request has a value that the protocol does not know.
+    BadField {
+        /// Which.
+        field: Field,
+        /// What it has.
+        value: u8,
+    },
+    /// A motion was refused because too many wait.
+    QueueFull(Motion),
+    /// A motion was ignored because the remote control drives.
+    IgnoredInRemote(Motion),
+    /// A motion began or ended.
+    Motion(Change),
+    /// Motions that ran or waited were discarded.
+    Discarded {
+        /// How many.
+        count: usize,
+        /// Why.
+        why: Discard,
+    },
+    /// The control mode changed.
+    ControlMode {
+        /// The remote control drives; the board otherwise.
+        remote: bool,
+    },
+    /// Somebody pressed a button.
+    Operated(Action),
+    /// A key has no effect because the board drives.
+    KeyIgnored(Movement),
+    /// The board lost its supply.
+    PowerLost,
+    /// The board has started.
+    Started,
+}
+
+impl MecanumEvent {
+    /// How much it matters.
+    #[must_use]
+    pub fn level(&self) -> Level {
+        match self {
+            Self::Request(_) | Self::Command(_) | Self::Status(_) | Self::Report(_) => {
+                Level::Traffic
+            }
+            Self::Discarded {
+                why: Discard::LinkTimeout(_),
+                ..
+            } => Level::Warning,
+            Self::Motion(_)
+            | Self::Discarded { .. }
+            | Self::ControlMode { .. }
+            | Self::Operated(_)
+            | Self::Started => Level::Notice,
+            _ => Level::Warning,
+        }
+    }
+
+    /// A short stable name, the same in logs, reports and documentation.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Request(_) | Self::Command(_) => "request",
+            Self::Status(_) | Self::Report(_) => "reply",
+            Self::BadStream(Decoded::Partial(_)) => "partial_packet",
+            Self::BadStream(_) => "noise",
+            Self::BadLine { fault, .. } => match fault {
+                Fault::Malformed => "bad_line",
+                Fault::OutOfRange => "bad_number",
+                Fault::TooLong => "line_too_long",
+            },
+            Self::SpeedClamped { .. } => "speed_clamped",
+            Self::BadField { field, .. } => match field {
+                Field::IsReset => "bad_is_reset",
+                Field::MovingIdx => "bad_moving_idx",
+                Field::ControlType => "bad_control_type",
+            },
+            Self::QueueFull(_) => "queue_full",
+            Self::IgnoredInRemote(_) => "ignored_in_remote",
+            Self::Motion(Change::Started(_)) => "motion_started",
+            Self::Motion(Change::Done(_)) => "motion_done",
+            Self::Discarded {
+                why: Discard::LinkTimeout(_),
+                ..
+            } => "link_timeout",
+            Self::Discarded { .. } => "motions_discarded",
+            Self::ControlMode { .. } => "control_mode",
+            Self::Operated(_) => "operated",
+            Self::KeyIgnored(_) => "key_ignored",
+            Self::PowerLost => "power_lost",
+            Self::Started => "started",
+        }
+    }
+
+    /// Whether it is something that the client did and the protocol forbids, or that is risky.
+    #[must_use]
+    pub fn is_client_fault(&self) -> bool {
+        matches!(
+            self,
+            Self::BadStream(_)
+                | Self::BadLine { .. }
+                | Self::SpeedClamped { .. }
+                | Self::BadField { .. }
+                | Self::QueueFull(_)
+                | Self::IgnoredInRemote(_)
+                | Self::Discarded {
+                    why: Discard::LinkTimeout(_),
+                    ..
+                }
+        )
+    }
+
+    /// The bytes it is about, if it is about bytes.
+    #[must_use]
+    pub fn bytes(&self) -> Option<Vec<u8>> {
+        match self {
+            Self::Request(request) | Self::BadStream(Decoded::Packet(request)) => {
+                Some(request.encode())
+            }
+            Self::Command(command) => Some(command.encode()),
+            Self::Status(status) => Some(status.encode()),
+            Self::Report(report) => Some(report.encode()),
+            Self::BadStream(Decoded::Partial(bytes) | Decoded::Noise(bytes))
+            | Self::BadLine { bytes, .. } => Some(bytes.clone()),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for MecanumEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Request(request) | Self::BadStream(Decoded::Packet(request)) => request.fmt(f),
+            Self::Command(command) => write!(f, "line {command}"),
+            Self::Status(status) => status.fmt(f),
+            Self::Report(report) => write!(f, "line {report}"),
+            Self::BadStream(Decoded::Partial(bytes)) => {
+                write!(f, "incomplete packet dropped after a pause: {}", Hex(bytes))
+            }
+            Self::BadStream(Decoded::Noise(bytes)) => {
+                write!(f, "bytes that begin no packet: {}", Hex(bytes))
+            }
+            Self::BadLine { fault, bytes } => {
+                let line = bytes.escape_ascii();
+                match fault {
+                    Fault::Malformed => write!(
+                        f,
+                        "line `{line}` ignored: one of X, Y, Z, A, B and a whole number are wanted"
+                    ),
+                    Fault::OutOfRange => {
+                        write!(f, "line `{line}` ignored: {LOWEST} to {HIGHEST} is allowed")
+                    }
+                    Fault::TooLong => {
+                        write!(f, "line `{line}…` ignored: {MAX_LINE} bytes are allowed")
+                    }
+                }
+            }
+            Self::SpeedClamped { v } => {
+                write!(
+                    f,
+                    "speed {v} clamped: -{MAX_SPEED} to {MAX_SPEED} is allowed"
+                )
+            }
+            Self::BadField { field, value } => match field {
+                Field::IsReset => write!(f, "is_reset {value} taken for 1: 0 and 1 are allowed"),
+                Field::MovingIdx => {
+                    write!(
+                        f,
+                        "moving_idx {value}: the motion is ignored, 0 to 4 is allowed"
+                    )
+                }
+                Field::ControlType => {
+                    write!(f, "control type {value} ignored: 0 and 1 are allowed")
+                }
+            },
+            Self::QueueFull(motion) => {
+                write!(f, "{motion} refused: too many motions wait")
+            }
+            Self::IgnoredInRemote(motion) => {
+                write!(f, "{motion} ignored: the remote control drives")
+            }
+            Self::Motion(Change::Started(motion)) => write!(f, "{motion} started"),
+            Self::Motion(Change::Done(motion)) => write!(f, "{motion} done"),
+            Self::Discarded { count, why } => {
+                let motions = if *count == 1 { "motion" } else { "motions" };
+                write!(f, "{count} {motions} discarded: ")?;
+                match why {
+                    Discard::Preempted => write!(f, "another preempts"),
+                    Discard::ControlMode => write!(f, "the control mode changed"),
+                    Discard::LinkTimeout(silence) => write!(
+                        f,
+                        "nothing valid from the client for {:.1} ms",
+                        silence.as_secs_f64() * 1000.0
+                    ),
+                }
+            }
+            Self::ControlMode { remote: true } => write!(f, "the remote control drives"),
+            Self::ControlMode { remote: false } => write!(f, "the board drives"),
+            Self::Operated(action) => write!(f, "operator: {action}"),
+            Self::KeyIgnored(movement) => {
+                write!(f, "{movement} key has no effect: the board drives")
+            }
+            Self::PowerLost => write!(f, "the board lost its supply and is silent"),
+            Self::Started => write!(f, "the board has started"),
+        }
+    }
+}
+
+impl fmt::Display for Request {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        match self {
+            Self::Motion {
+                seq,
+                is_reset,
+                moving_idx,
+                s,
+                v,
+            } => write!(
+                f,
+                " #{seq} is_reset {is_reset} moving_idx {moving_idx} s {s} v {v}"
+            ),
+            Self::SetPose {
+                seq,
+                axis_x,
+                axis_y,
+                ori,
+            } => write!(f, " #{seq} x {axis_x} y {axis_y} ori {ori}"),
+            Self::ControlMode { seq, mode } => write!(f, " #{seq} {mode}"),
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "status #{} v {} {} at {} {} ori {} rfid {} magn 0x{:04X} infra {} front {:?} mm \
+             rear {:?} mm motors {} mile {} mm",
+            self.seq,
+            self.v_x,
+            self.v_y,
+            self.axis_x,
+            self.axis_y,
+            self.ori,
+            self.rfid,
+            self.magn,
+            self.infra,
+            self.ut_f,
+            self.ut_b,
+            self.moto_state,
+            self.mile,
+        )
+    }
+}

@@ -1,0 +1,180 @@
+//! Which way each wheel rolls for which movement, and back.
+//!
+//! Speeds are those of the wheels' contact points; body speeds are ahead, to the left, and turning
+//! counter-clockwise. The relation is that of Taheri, Qiao and Ghaeminezhad, IJCA 113(3), 2015, for
+//! rollers that lie, seen from above, like `\` at LF and RR and like `/` at RF and LR.
+
+use std::fmt;
+
+use sim_physics::mecanum::WHEELS;
+
+/// Speeds of the wheels LF, RF, LR, RR that give the body its speed. `arm` is half the wheelbase
+/// plus half the track.
+#[must_use]
+pub fn wheel_speeds([ahead, left, turn]: [f64; 3], arm: f64) -> [f64; WHEELS] {
+    [
+        ahead - left - arm * turn,
+        ahead + left + arm * turn,
+        ahead + left - arm * turn,
+        ahead - left + arm * turn,
+    ]
+}
+
+/// The body's speed that wheels without slip give it, the inverse of [`wheel_speeds`]; the best
+/// compromise where four wheels contradict one another.
+#[must_use]
+pub fn body_speed([lf, rf, lr, rr]: [f64; WHEELS], arm: f64) -> [f64; 3] {
+    [
+        (lf + rf + lr + rr) / 4.0,
+        (-lf + rf + lr - rr) / 4.0,
+        (-lf + rf - lr + rr) / (4.0 * arm),
+    ]
+}
+
+/// The five kinds of movement, by their `moving_idx`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Course {
+    /// 0: forward and backward.
+    Ahead,
+    /// 1: turning on the spot, right and left.
+    Rotate,
+    /// 2: sideways, left and right.
+    Strafe,
+    /// 3: to the left front and the right rear.
+    LeftFront,
+    /// 4: to the right front and the left rear.
+    RightFront,
+}
+
+impl Course {
+    /// All, in the order of `moving_idx`.
+    pub const ALL: [Self; 5] = [
+        Self::Ahead,
+        Self::Rotate,
+        Self::Strafe,
+        Self::LeftFront,
+        Self::RightFront,
+    ];
+
+    /// The course with a `moving_idx`.
+    #[must_use]
+    pub fn from_index(moving_idx: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(moving_idx)).copied()
+    }
+
+    /// Its `moving_idx`.
+    #[must_use]
+    pub fn index(self) -> u8 {
+        self as u8
+    }
+
+    /// Direction of the body for a positive speed: ahead, left, counter-clockwise.
+    fn direction(self) -> [f64; 3] {
+        match self {
+            Self::Ahead => [1.0, 0.0, 0.0],
+            Self::Rotate => [0.0, 0.0, -1.0],
+            Self::Strafe => [0.0, 1.0, 0.0],
+            Self::LeftFront => [1.0, 1.0, 0.0],
+            Self::RightFront => [1.0, -1.0, 0.0],
+        }
+    }
+}
+
+/// One of the ten movements of the article's picture: a course and its sign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Movement {
+    /// The course.
+    pub course: Course,
+    /// Whether it goes the course's negative way.
+    pub negative: bool,
+}
+
+impl Movement {
+    /// How each wheel rolls, LF, RF, LR, RR: 1 forward, −1 backward, 0 not at all.
+    #[must_use]
+    pub fn rotations(self) -> [i8; WHEELS] {
+        let sign = self.sign();
+        wheel_speeds(self.course.direction(), 1.0).map(|speed| {
+            if speed > 0.0 {
+                sign
+            } else if speed < 0.0 {
+                -sign
+            } else {
+                0
+            }
+        })
+    }
+
+    /// 1, or −1 for the negative way.
+    #[must_use]
+    pub fn sign(self) -> i8 {
+        if self.negative { -1 } else { 1 }
+    }
+
+    /// In words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match (self.course, self.negative) {
+            (Course::Ahead, false) => "forward",
+            (Course::Ahead, true) => "backward",
+            (Course::Rotate, false) => "turn right",
+            (Course::Rotate, true) => "turn left",
+            (Course::Strafe, false) => "strafe left",
+            (Course::Strafe, true) => "strafe right",
+            (Course::LeftFront, false) => "left front",
+            (Course::LeftFront, true) => "right rear",
+            (Course::RightFront, false) => "right front",
+            (Course::RightFront, true) => "left rear",
+        }
+    }
+}
+
+impl fmt::Display for Movement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn courses_are_numbered_as_on_the_wire() {
+        for index in 0..5 {
+            assert_eq!(Course::from_index(index).unwrap().index(), index);
+        }
+        assert_eq!(Course::from_index(5), None);
+    }
+
+    #[test]
+    fn a_positive_turn_is_to_the_right_and_a_positive_strafe_to_the_left() {
+        let body = |course| {
+            let movement = Movement {
+                course,
+                negative: false,
+            };
+            body_speed(movement.rotations().map(f64::from), 0.22)
+        };
+        assert_eq!(body(Course::Ahead), [1.0, 0.0, 0.0]);
+        assert_eq!(body(Course::Strafe), [0.0, 1.0, 0.0]);
+        assert_eq!(body(Course::LeftFront), [0.5, 0.5, 0.0]);
+        assert_eq!(body(Course::RightFront), [0.5, -0.5, 0.0]);
+        let [ahead, left, turn] = body(Course::Rotate);
+        assert_eq!([ahead, left], [0.0, 0.0]);
+        assert!((turn + 1.0 / 0.22).abs() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn the_inverse_is_one(
+            ahead in -9.0..9.0f64, left in -9.0..9.0f64, turn in -9.0..9.0f64, arm in 0.01..2.0f64,
+        ) {
+            let back = body_speed(wheel_speeds([ahead, left, turn], arm), arm);
+            for (there, back) in [ahead, left, turn].into_iter().zip(back) {
+                prop_assert!((there - back).abs() < 1e-9, "{there} {back}");
+            }
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! The board's own dead reckoning: where the wheels' pulses say that the car is.
+//!
+//! It knows nothing but pulses, so where wheels slip it drifts from the truth.
+
+use sim_physics::mecanum::WHEELS;
+
+use super::kinematics::body_speed;
+use super::settings::{Mileage, OdometrySettings};
+
+/// Position, heading and mileage by pulses.
+#[derive(Debug, Clone)]
+pub struct Odometry {
+    settings: OdometrySettings,
+    /// Revolutions of a wheel along both axes of the frame.
+    position: [f64; 2],
+    /// Heading in radians when `turn_pulses` was 0.
+    heading_from: f64,
+    /// Pulses of right wheels less pulses of left ones; kept whole, so that the heading of a car
+    /// that turns there and back is exactly what it was.
+    turn_pulses: i64,
+    mileage: f64,
+}
+
+impl Odometry {
+    /// At the origin, heading along x.
+    #[must_use]
+    pub fn new(settings: OdometrySettings) -> Self {
+        Self {
+            settings,
+            position: [0.0; 2],
+            heading_from: 0.0,
+            turn_pulses: 0,
+            mileage: 0.0,
+        }
+    }
+
+    /// Sets the frame: this is where the car is now. The mileage stays.
+    pub fn set_pose(&mut self, position: [f64; 2], heading: f64) {
+        self.position = position;
+        self.heading_from = heading;
+        self.turn_pulses = 0;
+    }
+
+    /// Adds pulses of the four wheels, backward ones negative. `counted` says which wheels the
+    /// mileage is about.
+    pub fn add(&mut self, pulses: [i64; WHEELS], counted: [bool; WHEELS]) {
+        let turned = pulses.map(|pulses| self.revolutions(pulses));
+        let [ahead, left, _] = body_speed(turned, 1.0);
+        let before = self.heading();
+        let [lf, rf, lr, rr] = pulses;
+        self.turn_pulses = [-lf, rf, -lr, rr]
+            .into_iter()
+            .fold(self.turn_pulses, i64::saturating_add);
+        // The heading in the middle of the step is right for an arc of constant curvature.
+        let [cos, sin] = cos_sin((before + self.heading()) / 2.0);
+        self.position[0] += cos * ahead - sin * left;
+        self.position[1] += sin * ahead + cos * left;
+        self.mileage += match self.settings.mileage {
+            Mileage::Path => (ahead * ahead + left * left).sqrt(),
+            Mileage::Wheels => mean_travel(turned, counted),
+        };
+    }
+
+    /// Position in revolutions of a wheel.
+    #[must_use]
+    pub fn position(&self) -> [f64; 2] {
+        self.position
+    }
+
+    /// Heading in radians, counter-clockwise; full turns add up.
+    #[must_use]
+    pub fn heading(&self) -> f64 {
+        let travel = self.revolutions(self.turn_pulses) * self.circumference_m();
+        self.heading_from + travel / (4.0 * self.arm_m())
+    }
+
+    /// Mileage in revolutions of a wheel.
+    #[must_use]
+    pub fn mileage(&self) -> f64 {
+        self.mileage
+    }
+
+    /// Mileage in metres.
+    #[must_use]
+    pub fn mileage_m(&self) -> f64 {
+        self.mileage * self.circumference_m()
+    }
+
+    /// A velocity in the body's axes, ahead and left, in those of the frame.
+    #[must_use]
+    pub fn to_frame(&self, [ahead, left]: [f64; 2]) -> [f64; 2] {
+        let [cos, sin] = cos_sin(self.heading());
+        [cos * ahead - sin * left, sin * ahead + cos * left]
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "2^53 pulses are not driven")]
+    fn revolutions(&self, pulses: i64) -> f64 {
+        pulses as f64 / f64::from(self.settings.pulses_per_revolution)
+    }
+
+    fn circumference_m(&self) -> f64 {
+        std::f64::consts::TAU * self.settings.wheel_radius
+    }
+
+    fn arm_m(&self) -> f64 {
+        self.settings.half_wheelbase + self.settings.half_track
+    }
+}
+
+/// From `libm`, because the platform's own may differ in the last bit.
+fn cos_sin(angle: f64) -> [f64; 2] {
+    [libm::cos(angle), libm::sin(angle)]
+}
+
+/// Mean of what the counted wheels have turned, whichever way.
+fn mean_travel(turned: [f64; WHEELS], counted: [bool; WHEELS]) -> f64 {
+    let travel = turned
+        .into_iter()
+        .zip(counted)
+        .filter(|(_, counted)| *counted);
+    let (sum, wheels) = travel.fold((0.0, 0.0), |(sum, wheels), (turned, _)| {
+        (sum + turned.abs(), wheels + 1.0)
+    });
+    if wheels > 0.0 { sum / wheels } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::{FRAC_PI_2, TAU};
+
+    const ALL: [bool; 4] = [true; 4];
+
+    fn new() -> Odometry {
+        Odometry::new(OdometrySettings::default())
+    }
+
+    fn close(found: [f64; 2], wanted: [f64; 2]) {
+        let off = (found[0] - wanted[0]).abs() + (found[1] - wanted[1]).abs();
+        assert!(off < 1e-9, "{found:?} {wanted:?}");
+    }
+
+    #[test]
+    fn a_revolution_of_all_wheels_is_a_revolution_along_the_heading() {
+        let mut odometry = new();
+        odometry.add([60; 4], ALL);
+        close(odometry.position(), [1.0, 0.0]);
+        odometry.add([-60, 60, 60, -60], ALL);
+        close(odometry.position(), [1.0, 1.0]);
+        odometry.set_pose([-3.0, 2.0], FRAC_PI_2);
+        odometry.add([60; 4], ALL);
+        close(odometry.position(), [-3.0, 3.0]);
+        close(odometry.to_frame([1.0, 0.0]), [0.0, 1.0]);
+        assert_eq!(odometry.mileage(), 3.0);
+        assert!((odometry.mileage_m() - 3.0 * TAU * 0.05).abs() < 1e-12);
+    }
+
+    #[test]
+    fn turning_is_wheel_travel_over_the_arm() {
+        let mut odometry = new();
+        odometry.add([60, -60, 60, -60], ALL);
+        // To the right; the arm is 0.10 m + 0.12 m.
+        assert!((odometry.heading() + TAU * 0.05 / 0.22).abs() < 1e-12);
+        close(odometry.position(), [0.0, 0.0]);
+        odometry.add([-60, 60, -60, 60], ALL);
+        assert_eq!(odometry.heading(), 0.0);
+        assert_eq!(odometry.mileage(), 2.0);
+    }
+
+    #[test]
+    fn the_mileage_is_of_the_wheels_driven_or_of_the_path() {
+        let diagonal = [0, 60, 60, 0];
+        let counted = [false, true, true, false];
+        let mut odometry = new();
+        odometry.add(diagonal, counted);
+        assert_eq!(odometry.mileage(), 1.0);
+        let mut odometry = Odometry::new(OdometrySettings {
+            mileage: Mileage::Path,
+            ..OdometrySettings::default()
+        });
+        odometry.add(diagonal, counted);
+        assert!((odometry.mileage() - 0.5_f64.sqrt()).abs() < 1e-12);
+        odometry.add([60, -60, 60, -60], ALL);
+        assert!((odometry.mileage() - 0.5_f64.sqrt()).abs() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn any_pulses_leave_numbers(pulses in prop::collection::vec(prop::array::uniform4(any::<i32>()), 0..50)) {
+            let mut odometry = new();
+            for pulses in pulses {
+                odometry.add(pulses.map(i64::from), ALL);
+            }
+            prop_assert!(odometry.heading().is_finite());
+            prop_assert!(odometry.position().iter().all(|axis| axis.is_finite()));
+        }
+
+        #[test]
+        fn steps_along_an_arc_end_where_the_arc_does(go in -9i64..=9, turn in 1i64..=3, steps in 1i64..2000) {
+            let mut odometry = new();
+            for _ in 0..steps {
+                odometry.add([go - turn, go + turn, go - turn, go + turn], ALL);
+            }
+            let angle = odometry.heading();
+            let radius = (go * steps) as f64 / 60.0 / angle;
+            let [x, y] = odometry.position();
+            let off = (x - radius * angle.sin()).abs() + (y - radius * (1.0 - angle.cos())).abs();
+            prop_assert!(off <= 0.002 * radius.abs() + 1e-9, "{off} of {radius}");
+        }
+    }
+}
