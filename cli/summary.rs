@@ -35,8 +35,8 @@ pub(crate) fn text(now: SimTime, devices: &[DeviceSummary<'_>]) -> String {
         );
         let other: Vec<String> = events
             .iter()
-            .filter(|(_, tally)| !tally.client_fault)
-            .map(|(code, tally)| format!("{code} {}", tally.count))
+            .filter(|(_, tally)| tally.count > tally.client_faults)
+            .map(|(code, tally)| format!("{code} {}", tally.count - tally.client_faults))
             .collect();
         if !other.is_empty() {
             let _ = write!(text, "\n    events: {}", other.join(", "));
@@ -57,7 +57,7 @@ pub(crate) fn text(now: SimTime, devices: &[DeviceSummary<'_>]) -> String {
             let _ = write!(
                 text,
                 "\n      {code} {}x, first at {} s: {}",
-                tally.count, tally.first_at, tally.first
+                tally.client_faults, tally.first_at, tally.first
             );
         }
     }
@@ -84,7 +84,7 @@ pub(crate) fn json(now: SimTime, devices: &[DeviceSummary<'_>]) -> Value {
                             "first_s": tally.first_at.as_secs_f64(),
                             "first": tally.first,
                             "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
-                            "client_fault": tally.client_fault,
+                            "client_faults": tally.client_faults,
                         })
                     })
                     .collect();

@@ -264,7 +264,9 @@ impl R150Device {
         }
         let events = &mut self.events;
         self.protection
-            .advance(now, &mut |event| keep(events, now, event));
+            .advance(now, self.control.outputs.power, &mut |event| {
+                keep(events, now, event)
+            });
         self.send_due(now);
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sim_settings::SimTime;
 
-use crate::event::{Event, Level};
+use crate::event::Event;
 
 /// Events of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,8 +17,8 @@ pub struct Tally {
     pub first: String,
     /// The bytes of the first, if it was about bytes.
     pub bytes: Option<Vec<u8>>,
-    /// Whether it is something that the client did and the protocol forbids, or that is risky.
-    pub client_fault: bool,
+    /// How many of them were the client's doing: forbidden by the protocol, or risky.
+    pub client_faults: u64,
 }
 
 /// Counts of one device.
@@ -30,6 +30,8 @@ pub struct Report {
     pub replies: u64,
     /// Everything else, by the event's code.
     pub events: BTreeMap<&'static str, Tally>,
+    /// Clients that have a port open now.
+    attached: u64,
 }
 
 impl Report {
@@ -37,27 +39,30 @@ impl Report {
     pub fn note(&mut self, event: &Event) {
         let kind = &event.kind;
         match kind.code() {
-            "request" => self.requests += 1,
-            "reply" => self.replies += 1,
-            code => {
-                let tally = self.events.entry(code).or_insert_with(|| Tally {
-                    count: 0,
-                    first_at: event.at,
-                    first: kind.to_string(),
-                    bytes: kind.bytes(),
-                    client_fault: kind.is_client_fault(),
-                });
-                tally.count += 1;
-            }
+            "request" => return self.requests += 1,
+            "reply" => return self.replies += 1,
+            "client_attached" => self.attached += 1,
+            "client_detached" => self.attached = self.attached.saturating_sub(1),
+            _ => {}
         }
-        debug_assert!(kind.level() > Level::Traffic || self.requests + self.replies > 0);
+        let tally = self.events.entry(kind.code()).or_insert_with(|| Tally {
+            count: 0,
+            first_at: event.at,
+            first: kind.to_string(),
+            bytes: kind.bytes(),
+            client_faults: 0,
+        });
+        tally.count += 1;
+        // A heartbeat that ends because the client has left is as it should be.
+        let left = kind.code() == "heartbeat_lost" && self.attached == 0;
+        tally.client_faults += u64::from(kind.is_client_fault() && !left);
     }
 
     /// What the client did that the protocol forbids or that is risky.
     pub fn client_faults(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
         self.events
             .iter()
-            .filter(|(_, tally)| tally.client_fault)
+            .filter(|(_, tally)| tally.client_faults > 0)
             .map(|(code, tally)| (*code, tally))
     }
 }

@@ -1,1 +1,183 @@
+//! The board against the article. The car here is ideal: its wheels follow the pins at once and
+//! never slip, so that every number can be told where it comes from.
 
+mod movements;
+mod orders;
+mod remote;
+mod robustness;
+mod ros;
+mod status;
+
+use std::time::Duration;
+
+use sim_physics::mecanum::{MecanumMeasurements, WHEELS, Wheel, Wiring};
+use sim_settings::SimTime;
+
+use super::codec::Packet;
+use super::packet::{Request, Status};
+use super::settings::MecanumFirmwareSettings;
+use super::{Link, MecanumDevice, MecanumEvent};
+
+/// The smallest step of simulated time.
+const QUANTUM: Duration = Duration::from_nanos(1);
+/// How often the car's pulses are read.
+const TICK: Duration = Duration::from_millis(1);
+const MS: fn(u64) -> SimTime = SimTime::from_millis;
+
+/// A board in a car on a bench.
+struct Bench {
+    device: MecanumDevice,
+    now: SimTime,
+    readings: MecanumMeasurements,
+    /// How the motors are really plugged in.
+    plugs: Wiring,
+    /// Pulses that each wheel has turned, backward ones negative.
+    turned: [f64; WHEELS],
+    /// Pulses that each wheel has given.
+    travel: [f64; WHEELS],
+    /// Wheels that do not turn whatever their motor does.
+    stuck: [bool; WHEELS],
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self::with(false, |_| {})
+    }
+
+    fn with_ros() -> Self {
+        Self::with(true, |_| {})
+    }
+
+    fn with(ros: bool, change: impl FnOnce(&mut MecanumFirmwareSettings)) -> Self {
+        let mut settings = MecanumFirmwareSettings::default();
+        change(&mut settings);
+        let readings = MecanumMeasurements {
+            // Just before the wrap, so that every test crosses it.
+            pulses: [u32::MAX - 3; 5],
+            ..MecanumMeasurements::default()
+        };
+        let plugs = settings.wiring;
+        Self {
+            device: MecanumDevice::new(SimTime::ZERO, settings, ros, readings),
+            now: SimTime::ZERO,
+            readings,
+            plugs,
+            turned: [0.0; WHEELS],
+            travel: [0.0; WHEELS],
+            stuck: [false; WHEELS],
+        }
+    }
+
+    /// Lets the car run up to and including `at`.
+    fn until(&mut self, at: SimTime) {
+        while self.now < at {
+            let next = self.now.next_multiple(TICK).min(at);
+            let share = next.since(self.now).as_secs_f64();
+            self.now = next;
+            self.roll(share);
+            self.device.sense(next, &self.readings);
+            self.device.advance(next);
+        }
+    }
+
+    fn run(&mut self, span: Duration) {
+        self.until(self.now + span);
+    }
+
+    fn run_ms(&mut self, millis: u64) {
+        self.run(Duration::from_millis(millis));
+    }
+
+    /// Full speed is 50 r/min, which is 50 pulses a second.
+    fn roll(&mut self, seconds: f64) {
+        let commands = self.device.commands();
+        for wheel in Wheel::ALL {
+            let at = wheel.index();
+            if self.stuck[at] {
+                continue;
+            }
+            let rotation = f64::from(self.plugs.rotation(&commands, wheel));
+            let pulses = 50.0 * commands.speed_voltage * seconds;
+            self.turned[at] += rotation * pulses;
+            let before = (self.travel[at] + 1e-9).floor();
+            self.travel[at] += rotation.abs() * pulses;
+            let pulses = (self.travel[at] + 1e-9).floor() - before;
+            let count = &mut self.readings.pulses[self.plugs.port(wheel).index()];
+            for _ in 0..pulses.to_string().parse().unwrap() {
+                *count = count.wrapping_add(1);
+            }
+        }
+    }
+
+    /// Changes what the inputs read.
+    fn read(&mut self, change: impl FnOnce(&mut MecanumMeasurements)) {
+        change(&mut self.readings);
+        self.device.sense(self.now, &self.readings);
+    }
+
+    fn send(&mut self, request: Request) {
+        self.device.receive(self.now, Link::Main, &request.encode());
+    }
+
+    /// A motion that preempts.
+    fn go(&mut self, moving_idx: u8, s: u16, v: i16) {
+        self.motion(1, moving_idx, s, v);
+    }
+
+    fn motion(&mut self, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
+        self.send(Request::Motion {
+            seq: 0,
+            is_reset,
+            moving_idx,
+            s,
+            v,
+        });
+    }
+
+    fn line(&mut self, line: &str) {
+        let line = line.as_bytes();
+        self.device.receive(self.now, Link::Ros, line);
+    }
+
+    /// What the link's client has got since the last call.
+    fn output(&mut self, link: Link) -> Vec<Vec<u8>> {
+        let output = std::iter::from_fn(|| self.device.poll_output());
+        let of_link = output.filter(|(of, _)| *of == link);
+        of_link.map(|(_, bytes)| bytes).collect()
+    }
+
+    fn statuses(&mut self) -> Vec<Status> {
+        let packets = self.output(Link::Main);
+        packets
+            .iter()
+            .map(|bytes| Status::parse(bytes).unwrap())
+            .collect()
+    }
+
+    fn last_status(&mut self) -> Status {
+        *self.statuses().last().unwrap()
+    }
+
+    /// Events since the last call.
+    fn events(&mut self) -> Vec<(SimTime, MecanumEvent)> {
+        std::iter::from_fn(|| self.device.poll_event()).collect()
+    }
+
+    /// Codes of the events since the last call that are no traffic.
+    fn codes(&mut self) -> Vec<&'static str> {
+        let events = self.events().into_iter();
+        let codes = events.map(|(_, event)| event.code());
+        codes
+            .filter(|code| !matches!(*code, "request" | "reply"))
+            .collect()
+    }
+
+    /// Revolutions that each wheel has turned, to a tenth of one.
+    fn tenths(&self) -> [i64; WHEELS] {
+        self.turned.map(|pulses| super::telemetry::whole(pulses / 6.0))
+    }
+
+    fn is_driving(&self) -> bool {
+        self.device.rotations() != [0; WHEELS]
+    }
+}

@@ -118,6 +118,8 @@ pub struct Protection {
     settings: ProtectionSettings,
     groups: [GroupState; 4],
     fault: bool,
+    /// Since when the supply has been too low, and how low it is.
+    low: Option<(SimTime, f64)>,
 }
 
 impl Protection {
@@ -128,6 +130,7 @@ impl Protection {
             settings,
             groups: [GroupState::default(); 4],
             fault: false,
+            low: None,
         }
     }
 
@@ -207,13 +210,19 @@ impl Protection {
     /// The next time at which something happens by itself.
     #[must_use]
     pub fn deadline(&self) -> Option<SimTime> {
-        self.iter()
-            .filter_map(|(group, state)| self.group_deadline(group, state))
-            .min()
+        let groups = self
+            .iter()
+            .filter_map(|(group, state)| self.group_deadline(group, state));
+        groups.chain(self.supply_deadline()).min()
     }
 
-    /// Does what is due at `now`.
-    pub fn advance(&mut self, now: SimTime, event: &mut impl FnMut(R150Event)) {
+    /// Does what is due at `now`; `requested` is what the outputs should be.
+    pub fn advance(&mut self, now: SimTime, requested: u8, event: &mut impl FnMut(R150Event)) {
+        if let Some((_, supply_v)) = self.low
+            && self.supply_deadline().is_some_and(|due| due <= now)
+        {
+            self.fail(now, supply_v, requested, event);
+        }
         for group in Group::ALL {
             let state = self.groups[group as usize];
             if self
@@ -297,26 +306,50 @@ impl Protection {
         event: &mut impl FnMut(R150Event),
     ) {
         let supply_v = measured.bus_voltage;
+        let limits = &self.settings;
         let floor = if self.fault {
-            self.settings.undervoltage_clear
+            limits.undervoltage_clear
         } else {
-            self.settings.undervoltage
+            limits.undervoltage
         };
-        let fault = measured.power_module_fault || supply_v < floor;
-        if fault && !self.fault {
-            for (group, state) in Group::ALL.iter().zip(&mut self.groups) {
-                if requested & group.mask() != 0 && state.latch.is_none() {
-                    state.latch = Some(Latch {
-                        overcurrent: false,
-                        since: now,
-                    });
-                }
+        let low = supply_v < floor;
+        if self.fault {
+            if !low && !measured.power_module_fault {
+                self.fault = false;
+                event(R150Event::PowerModuleRecovered);
             }
-            event(R150Event::PowerModuleFault { supply_v });
-        } else if !fault && self.fault {
-            event(R150Event::PowerModuleRecovered);
+        } else if measured.power_module_fault {
+            self.fail(now, supply_v, requested, event);
+        } else {
+            let since = self.low.map_or(now, |(since, _)| since);
+            self.low = low.then_some((since, supply_v));
         }
-        self.fault = fault;
+    }
+
+    /// Withholds everything, and latches what was asked for.
+    fn fail(
+        &mut self,
+        now: SimTime,
+        supply_v: f64,
+        requested: u8,
+        event: &mut impl FnMut(R150Event),
+    ) {
+        self.fault = true;
+        self.low = None;
+        for (group, state) in Group::ALL.iter().zip(&mut self.groups) {
+            if requested & group.mask() != 0 && state.latch.is_none() {
+                state.latch = Some(Latch {
+                    overcurrent: false,
+                    since: now,
+                });
+            }
+        }
+        event(R150Event::PowerModuleFault { supply_v });
+    }
+
+    fn supply_deadline(&self) -> Option<SimTime> {
+        self.low
+            .map(|(since, _)| since + self.settings.undervoltage_delay)
     }
 }
 

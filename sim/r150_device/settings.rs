@@ -190,6 +190,9 @@ settings! {
         /// outputs off.
         undervoltage: f64 = 39.0, unit "V", range 0.0..=100.0,
             assumed "3 V a cell; the manual names the bit, not its cause";
+        /// How long the supply may stay below that voltage.
+        undervoltage_delay: Duration = MS(5), range Duration::ZERO..=S(60),
+            assumed "longer than a short circuit takes to trip, which pulls the supply down too";
         /// Supply voltage above which that report ends.
         undervoltage_clear: f64 = 41.0, unit "V", range 0.0..=100.0,
             assumed "some hysteresis, so that the bit does not flutter";

@@ -1,1 +1,166 @@
+//! The module against its datasheet. The hardware here is a table of readings, so that every
+//! number in a reply can be told where it comes from.
 
+mod commands;
+mod control;
+mod motion;
+mod protections;
+mod robustness;
+
+use std::time::Duration;
+
+use sim_physics::r150::{PwmReading, R150Measurements, Sides};
+use sim_settings::SimTime;
+
+use super::codec::{Decoded, Decoder};
+use super::command::{Reply, Request};
+use super::settings::R150FirmwareSettings;
+use super::vehicle::Start;
+use super::{R150Device, R150Event};
+use crate::noise::Noise;
+
+/// The smallest step of simulated time.
+const QUANTUM: Duration = Duration::from_nanos(1);
+
+/// Readings with a different number everywhere.
+pub(super) fn readings() -> R150Measurements {
+    R150Measurements {
+        module_powered: true,
+        motor_rpm: Sides {
+            right: 1512.6,
+            left: -700.4,
+        },
+        soc: 0.8004,
+        bus_voltage: 51.25,
+        rail_voltage: [12.01, 0.0, 11.98, 12.0, 51.2, 5.0],
+        rail_current: [1.5, 0.0, 0.25, 3.125, 7.0, 0.5],
+        temperature: [31.25, 40.0],
+        pwm_in: [
+            PwmReading {
+                frequency: 10.0,
+                duty: 0.5,
+            },
+            PwmReading {
+                frequency: 20_000.0,
+                duty: 1.0,
+            },
+            PwmReading::default(),
+            PwmReading {
+                frequency: 1234.4,
+                duty: 0.1239,
+            },
+        ],
+        power_module_fault: false,
+    }
+}
+
+/// A module on a bench.
+struct Bench {
+    device: R150Device,
+    now: SimTime,
+    readings: R150Measurements,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self::with(|_| {})
+    }
+
+    fn with(change: impl FnOnce(&mut R150FirmwareSettings)) -> Self {
+        let mut settings = R150FirmwareSettings::default();
+        change(&mut settings);
+        Self::start(settings, Start::Ready)
+    }
+
+    fn start(settings: R150FirmwareSettings, start: Start) -> Self {
+        let readings = readings();
+        let device = R150Device::new(settings, start, readings, Noise::new(1, "test"));
+        Self {
+            device,
+            now: SimTime::ZERO,
+            readings,
+        }
+    }
+
+    /// Lets time pass up to and including `at`.
+    fn until(&mut self, at: SimTime) {
+        self.now = at;
+        self.device.advance(at);
+    }
+
+    fn after(&mut self, span: Duration) {
+        self.until(self.now + span);
+    }
+
+    /// The last frame that came out of it, if any did.
+    fn reply(&mut self) -> Option<Vec<u8>> {
+        let mut last = None;
+        while let Some(frame) = self.device.poll_output() {
+            last = Some(frame);
+        }
+        last
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Option<Vec<u8>> {
+        self.device.receive(self.now, bytes);
+        self.reply()
+    }
+
+    fn ask(&mut self, request: Request) -> Option<Reply> {
+        let frame = self.send(&request.encode())?;
+        let mut reply = None;
+        let mut decoder = Decoder::new(Duration::from_secs(1));
+        for byte in frame {
+            decoder.push(self.now, byte, &mut |decoded| {
+                if let Decoded::Frame(frame) = decoded {
+                    reply = Some(Reply::parse(frame.command, &frame.parameters).unwrap());
+                }
+            });
+        }
+        reply
+    }
+
+    fn drive(&mut self, right: i16, left: i16) -> Option<Reply> {
+        self.ask(Request::SetMotors { right, left })
+    }
+
+    fn power(&mut self, status: u32) -> bool {
+        match self.ask(Request::PowerControl { status }) {
+            Some(Reply::Bool { success, .. }) => success,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn info(&mut self) -> super::command::SystemInfo {
+        match self.ask(Request::SystemInfo) {
+            Some(Reply::SystemInfo(info)) => info,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Changes what its sensors read.
+    fn read(&mut self, change: impl FnOnce(&mut R150Measurements)) {
+        change(&mut self.readings);
+        self.device.sense(self.now, &self.readings);
+    }
+
+    fn events(&mut self) -> Vec<R150Event> {
+        std::iter::from_fn(|| self.device.poll_event())
+            .map(|(_, event)| event)
+            .collect()
+    }
+
+    /// Codes of everything but traffic since the last look.
+    fn codes(&mut self) -> Vec<&'static str> {
+        self.events()
+            .iter()
+            .map(R150Event::code)
+            .filter(|code| !["request", "reply", "control_taken"].contains(code))
+            .collect()
+    }
+
+    fn duty(&self) -> [f64; 2] {
+        let commands = self.device.commands();
+        [commands.motor_duty.right, commands.motor_duty.left]
+    }
+}

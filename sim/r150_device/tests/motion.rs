@@ -1,0 +1,226 @@
+//! Motor watchdog, reply rate, and what keeps the vehicle from moving.
+
+use super::*;
+use crate::r150_device::settings::OverRate;
+use crate::r150_device::vehicle::{Action, Key, Obstacle};
+
+const WATCHDOG: Duration = Duration::from_millis(500);
+const INTERVAL: Duration = Duration::from_millis(50);
+
+#[test]
+fn the_watchdog_stops_the_motors_at_500_ms_and_not_one_quantum_before() {
+    let mut bench = Bench::new();
+    bench.drive(300, -300);
+    bench.after(WATCHDOG - QUANTUM);
+    assert_eq!(bench.duty(), [0.3, -0.3]);
+    assert_eq!(bench.codes(), [""; 0]);
+    bench.after(QUANTUM);
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+    let fired = R150Event::WatchdogFired {
+        right: 300,
+        left: -300,
+    };
+    assert_eq!(bench.events(), [fired]);
+}
+
+#[test]
+fn only_motor_commands_feed_the_watchdog() {
+    let mut bench = Bench::new();
+    bench.drive(300, 300);
+    bench.after(WATCHDOG - QUANTUM);
+    for request in [
+        Request::Heartbeat,
+        Request::SystemInfo,
+        Request::PowerControl { status: 0 },
+    ] {
+        bench.ask(request);
+    }
+    bench.after(QUANTUM);
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+}
+
+#[test]
+fn a_motor_command_at_the_last_moment_feeds_the_watchdog() {
+    let mut bench = Bench::new();
+    bench.drive(300, 300);
+    bench.now += WATCHDOG;
+    bench.drive(200, 200);
+    bench.after(WATCHDOG - QUANTUM);
+    assert_eq!(bench.duty(), [0.2, 0.2]);
+    bench.after(QUANTUM);
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+}
+
+#[test]
+fn a_watchdog_over_standing_motors_is_no_news() {
+    let mut bench = Bench::new();
+    bench.drive(0, 0);
+    bench.after(WATCHDOG * 2);
+    assert_eq!(bench.codes(), [""; 0]);
+}
+
+#[test]
+fn a_command_sooner_than_50_ms_is_silent_but_counts() {
+    let mut bench = Bench::new();
+    assert!(bench.drive(100, 100).is_some());
+    bench.after(INTERVAL - QUANTUM);
+    assert_eq!(bench.drive(200, 200), None);
+    assert_eq!(bench.duty(), [0.2, 0.2]);
+    assert_eq!(bench.codes(), ["over_rate"]);
+    // The interval runs from the last answer, not from the last command.
+    bench.after(QUANTUM);
+    assert!(bench.drive(300, 300).is_some());
+    assert_eq!(bench.codes(), [""; 0]);
+    // The unanswered ones feed the watchdog too.
+    bench.after(Duration::from_millis(49));
+    assert_eq!(bench.drive(400, 400), None);
+    bench.after(WATCHDOG - QUANTUM);
+    assert_eq!(bench.duty(), [0.4, 0.4]);
+}
+
+#[test]
+fn other_commands_have_no_rate_limit() {
+    let mut bench = Bench::new();
+    for _ in 0..100 {
+        assert!(bench.ask(Request::SystemInfo).is_some());
+    }
+}
+
+#[test]
+fn over_rate_answer_answers_all() {
+    let mut bench = Bench::with(|s| s.over_rate = OverRate::Answer);
+    for _ in 0..10 {
+        assert!(bench.drive(100, 100).is_some());
+        bench.after(Duration::from_millis(1));
+    }
+    assert_eq!(bench.codes(), ["over_rate"; 9]);
+}
+
+#[test]
+fn over_rate_delay_answers_once_when_the_interval_has_passed() {
+    let mut bench = Bench::with(|s| s.over_rate = OverRate::Delay);
+    assert!(bench.drive(100, 100).is_some());
+    for _ in 0..5 {
+        bench.after(Duration::from_millis(1));
+        assert_eq!(bench.drive(200, 200), None);
+    }
+    bench.until(SimTime::ZERO + INTERVAL - QUANTUM);
+    assert_eq!(bench.reply(), None);
+    bench.after(QUANTUM);
+    assert!(bench.reply().is_some());
+    bench.after(INTERVAL * 3);
+    assert_eq!(bench.reply(), None);
+}
+
+/// What keeps it from moving, as the event says.
+fn obstacles(bench: &mut Bench) -> Vec<Obstacle> {
+    bench.events();
+    assert!(
+        bench.drive(500, 500).is_some(),
+        "it is answered in every state"
+    );
+    bench.after(INTERVAL);
+    bench
+        .events()
+        .into_iter()
+        .find_map(|event| match event {
+            R150Event::NotDriving(obstacles) => Some(obstacles),
+            _ => None,
+        })
+        .unwrap_or_default()
+}
+
+#[test]
+fn started_locked_it_says_what_is_missing_until_every_button_is_pressed() {
+    let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
+    let commands = bench.device.commands();
+    assert!(commands.parking_brake);
+    assert_eq!(
+        obstacles(&mut bench),
+        [Obstacle::Locked, Obstacle::Parked, Obstacle::Remote]
+    );
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+    // The parking brake cannot be released while it is locked.
+    bench.device.operate(bench.now, Action::ReleaseParking);
+    assert!(bench.device.commands().parking_brake);
+    bench.device.operate(bench.now, Action::Unlock);
+    assert_eq!(obstacles(&mut bench), [Obstacle::Parked, Obstacle::Remote]);
+    bench.device.operate(bench.now, Action::ReleaseParking);
+    assert!(!bench.device.commands().parking_brake);
+    assert_eq!(obstacles(&mut bench), [Obstacle::Remote]);
+    assert!(
+        !bench.device.commands().propulsion_power,
+        "released, it can be pushed"
+    );
+    bench.device.operate(bench.now, Action::Autonomous);
+    assert_eq!(obstacles(&mut bench), []);
+    assert_eq!(bench.duty(), [0.5, 0.5]);
+    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    assert_eq!(obstacles(&mut bench), [Obstacle::EmergencyStop]);
+    assert!(!bench.device.commands().propulsion_power);
+    assert!(bench.device.commands().parking_brake);
+    bench
+        .device
+        .operate(bench.now, Action::EmergencyStop(false));
+    assert_eq!(obstacles(&mut bench), []);
+    bench.device.operate(bench.now, Action::Lock);
+    assert_eq!(obstacles(&mut bench), [Obstacle::Locked, Obstacle::Parked]);
+}
+
+#[test]
+fn the_emergency_stop_leaves_the_rails_on() {
+    let mut bench = Bench::new();
+    bench.power(0b11_1111);
+    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    assert_eq!(bench.info().power_status, 0b11_1111);
+}
+
+#[test]
+fn the_emergency_stop_may_leave_the_brake_released() {
+    let mut bench = Bench::with(|s| s.emergency_stop_brakes = false);
+    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    assert!(!bench.device.commands().parking_brake);
+    assert!(!bench.device.commands().propulsion_power);
+}
+
+#[test]
+fn any_motion_key_switches_to_remote_mode_and_drives() {
+    for (key, duty) in [
+        (Key::Forward, [0.5, 0.5]),
+        (Key::Backward, [-0.5, -0.5]),
+        (Key::Left, [0.5, -0.5]),
+        (Key::Right, [-0.5, 0.5]),
+    ] {
+        let mut bench = Bench::new();
+        bench.drive(1000, 1000);
+        bench.device.operate(bench.now, Action::Press(key));
+        assert_eq!(bench.duty(), duty, "{key:?}");
+        bench.after(INTERVAL);
+        assert_eq!(obstacles(&mut bench), [Obstacle::Remote]);
+        bench.device.operate(bench.now, Action::ReleaseKey);
+        assert_eq!(bench.duty(), [0.0, 0.0]);
+        bench.device.operate(bench.now, Action::Autonomous);
+        assert_eq!(
+            bench.duty(),
+            [0.5, 0.5],
+            "the client's command still stands"
+        );
+    }
+}
+
+#[test]
+fn an_empty_battery_stops_the_motors() {
+    let mut bench = Bench::new();
+    bench.drive(1000, 1000);
+    bench.read(|r| r.soc = 0.0);
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+    bench.after(INTERVAL);
+    assert_eq!(obstacles(&mut bench), [Obstacle::BatteryEmpty]);
+}
+
+#[test]
+fn standing_still_is_never_an_event() {
+    let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
+    assert!(bench.drive(0, 0).is_some());
+    assert_eq!(bench.codes(), [""; 0]);
+}

@@ -1,0 +1,270 @@
+//! Overcurrent, over-temperature and undervoltage.
+
+use super::*;
+use crate::r150_device::command::sys_status as bit;
+use crate::r150_device::settings::OvercurrentRecovery;
+
+const MS: fn(u64) -> Duration = Duration::from_millis;
+
+/// All rails on and nothing drawn.
+fn idle(change: impl FnOnce(&mut R150FirmwareSettings)) -> Bench {
+    let mut bench = Bench::with(change);
+    bench.power(0b11_1111);
+    bench.read(|r| {
+        r.rail_voltage = [12.0, 12.0, 12.0, 12.0, 50.0, 5.0];
+        r.rail_current = [0.0; 6];
+        r.temperature = [25.0; 2];
+    });
+    bench.codes();
+    bench
+}
+
+/// One row: these currents trip this status bit after that time, and switch these rails off.
+#[test]
+fn overcurrent_trips_at_its_time_and_not_one_quantum_before() {
+    let pair = 275.0 / 12.0; // 110 % of 250 W at 12 V
+    let main = 2500.0 / 50.0; // 125 % of 2000 W at 50 V
+    let rows: [([f64; 6], u32, u8, Duration); 9] = [
+        (
+            [pair / 2.0, pair / 2.0 + 0.01, 0., 0., 0., 0.],
+            bit::OVERCURRENT_AB,
+            0b11_1100,
+            MS(200),
+        ),
+        (
+            [pair + 0.01, 0., 0., 0., 0., 0.],
+            bit::OVERCURRENT_AB,
+            0b11_1100,
+            MS(200),
+        ),
+        (
+            [0., 0., 0., pair + 0.01, 0., 0.],
+            bit::OVERCURRENT_CD,
+            0b11_0011,
+            MS(200),
+        ),
+        (
+            [0., 0., 0., 0., main + 0.01, 0.],
+            bit::OVERCURRENT_48V,
+            0b10_1111,
+            MS(100),
+        ),
+        (
+            [0., 0., 0., 0., 0., 2.01],
+            bit::OVERCURRENT_5V,
+            0b01_1111,
+            MS(100),
+        ),
+        (
+            [62.6, 0., 0., 0., 0., 0.],
+            bit::OVERCURRENT_AB,
+            0b11_1100,
+            MS(1),
+        ),
+        (
+            [0., 0., 31.3, 31.3, 0., 0.],
+            bit::OVERCURRENT_CD,
+            0b11_0011,
+            MS(1),
+        ),
+        (
+            [0., 0., 0., 0., 125.1, 0.],
+            bit::OVERCURRENT_48V,
+            0b10_1111,
+            MS(1),
+        ),
+        (
+            [0., 0., 0., 0., 0., 6.01],
+            bit::OVERCURRENT_5V,
+            0b01_1111,
+            MS(1),
+        ),
+    ];
+    for (currents, status, left_on, time) in rows {
+        let mut bench = idle(|_| {});
+        bench.read(|r| r.rail_current = currents);
+        bench.after(time - QUANTUM);
+        assert_eq!(bench.device.power_status(), 0b11_1111, "{currents:?}");
+        assert_eq!(bench.device.sys_status(), 0);
+        bench.after(QUANTUM);
+        assert_eq!(bench.device.power_status(), left_on, "{currents:?}");
+        assert_eq!(bench.device.sys_status(), status, "{currents:?}");
+        let info = bench.info();
+        assert_eq!((info.sys_status, info.power_status), (status, left_on));
+        assert_eq!(bench.codes(), ["overcurrent"]);
+    }
+}
+
+#[test]
+fn at_the_threshold_nothing_trips() {
+    let mut bench = idle(|_| {});
+    bench.read(|r| r.rail_current = [275.0 / 24.0, 275.0 / 24.0, 275.0 / 12.0, 0.0, 50.0, 2.0]);
+    bench.after(Duration::from_secs(2));
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+}
+
+#[test]
+fn a_short_collapses_the_voltage_and_trips_all_the_same() {
+    let mut bench = idle(|_| {});
+    bench.read(|r| {
+        r.rail_voltage[0] = 0.4;
+        r.rail_current[0] = 80.0;
+    });
+    bench.after(MS(1));
+    assert_eq!(bench.device.sys_status(), bit::OVERCURRENT_AB);
+}
+
+#[test]
+fn an_overload_that_ends_in_time_starts_anew() {
+    let mut bench = idle(|_| {});
+    for _ in 0..5 {
+        bench.read(|r| r.rail_current[0] = 30.0);
+        bench.after(MS(150));
+        bench.read(|r| r.rail_current[0] = 1.0);
+        bench.after(MS(1));
+    }
+    assert_eq!(bench.codes(), [""; 0]);
+}
+
+fn tripped(change: impl FnOnce(&mut R150FirmwareSettings)) -> Bench {
+    let mut bench = idle(change);
+    bench.read(|r| r.rail_current[0] = 30.0);
+    bench.after(MS(200));
+    bench.read(|r| r.rail_current[0] = 0.0);
+    assert_eq!(bench.device.sys_status(), bit::OVERCURRENT_AB);
+    bench.codes();
+    bench
+}
+
+#[test]
+fn a_trip_is_latched_until_the_pair_is_commanded_off() {
+    let mut bench = tripped(|_| {});
+    bench.after(MS(1000));
+    assert!(bench.power(0b11_1111), "the command itself succeeds");
+    assert_eq!(bench.device.power_status(), 0b11_1100);
+    bench.power(0b11_1101);
+    assert_eq!(
+        bench.device.power_status(),
+        0b11_1100,
+        "half of the pair is still asked for"
+    );
+    assert_eq!(bench.device.sys_status(), bit::OVERCURRENT_AB);
+    bench.power(0b11_1100);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(bench.codes(), ["trip_cleared"]);
+    bench.power(0b11_1111);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+}
+
+#[test]
+fn a_latched_trip_trips_again_if_the_load_is_still_there() {
+    let mut bench = tripped(|_| {});
+    bench.power(0);
+    bench.power(0b11);
+    bench.read(|r| r.rail_current[0] = 30.0);
+    bench.after(MS(200));
+    assert_eq!(bench.device.power_status(), 0);
+    assert_eq!(bench.codes(), ["trip_cleared", "overcurrent"]);
+}
+
+#[test]
+fn with_retry_a_trip_tries_again_by_itself() {
+    let mut bench = tripped(|s| {
+        s.protection.overcurrent_recovery = OvercurrentRecovery::Retry;
+        s.heartbeat_timeout = Duration::from_secs(60);
+    });
+    bench.after(Duration::from_secs(5) - QUANTUM);
+    assert_eq!(bench.device.power_status(), 0b11_1100);
+    bench.after(QUANTUM);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+    assert_eq!(bench.device.sys_status(), 0);
+}
+
+#[test]
+fn over_temperature_sets_above_85_and_clears_below_75() {
+    let mut bench = idle(|_| {});
+    bench.read(|r| r.temperature = [85.0, 25.0]);
+    assert_eq!(bench.device.sys_status(), 0);
+    bench.read(|r| r.temperature = [85.1, 25.0]);
+    assert_eq!(bench.device.sys_status(), bit::OVER_TEMPERATURE_AB);
+    assert_eq!(bench.device.power_status(), 0b11_1100);
+    bench.read(|r| r.temperature = [75.0, 25.0]);
+    assert_eq!(bench.device.sys_status(), bit::OVER_TEMPERATURE_AB);
+    // While hot, not even off and on helps.
+    bench.power(0);
+    bench.power(0b11);
+    assert_eq!(bench.device.power_status(), 0);
+    bench.read(|r| r.temperature = [74.9, 90.0]);
+    assert_eq!(bench.device.sys_status(), bit::OVER_TEMPERATURE_CD);
+    assert_eq!(bench.device.power_status(), 0b11);
+    let codes = bench.codes();
+    assert_eq!(
+        codes,
+        [
+            "over_temperature",
+            "trip_cleared",
+            "cooled",
+            "over_temperature"
+        ]
+    );
+}
+
+#[test]
+fn a_pair_that_was_too_hot_stays_off_until_it_is_commanded_off() {
+    let mut bench = idle(|_| {});
+    bench.read(|r| r.temperature = [90.0, 25.0]);
+    bench.read(|r| r.temperature = [60.0, 25.0]);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(bench.device.power_status(), 0b11_1100);
+    bench.power(0);
+    bench.power(0b11_1111);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+}
+
+#[test]
+fn undervoltage_sets_below_39_v_and_switches_everything_off() {
+    let mut bench = idle(|_| {});
+    bench.read(|r| r.bus_voltage = 39.0);
+    bench.after(MS(100));
+    assert_eq!(bench.device.sys_status(), 0);
+    bench.read(|r| r.bus_voltage = 38.99);
+    bench.after(MS(5) - QUANTUM);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+    bench.after(QUANTUM);
+    assert_eq!(bench.device.sys_status(), bit::POWER_MODULE_FAULT);
+    assert_eq!(bench.device.power_status(), 0);
+    bench.read(|r| r.bus_voltage = 40.9);
+    assert_eq!(bench.device.sys_status(), bit::POWER_MODULE_FAULT);
+    bench.read(|r| r.bus_voltage = 41.1);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(
+        bench.device.power_status(),
+        0,
+        "off until commanded off and on"
+    );
+    bench.power(0);
+    bench.power(0b1);
+    assert_eq!(bench.device.power_status(), 0b1);
+}
+
+#[test]
+fn a_sag_shorter_than_the_delay_is_ridden_out() {
+    let mut bench = idle(|_| {});
+    for _ in 0..5 {
+        bench.read(|r| r.bus_voltage = 30.0);
+        bench.after(MS(4));
+        bench.read(|r| r.bus_voltage = 48.0);
+        bench.after(MS(4));
+    }
+    assert_eq!(bench.codes(), [""; 0]);
+}
+
+#[test]
+fn a_fault_of_the_power_module_itself_sets_bit_6() {
+    let mut bench = idle(|_| {});
+    bench.read(|r| r.power_module_fault = true);
+    assert_eq!(bench.device.sys_status(), bit::POWER_MODULE_FAULT);
+    assert_eq!(bench.device.power_status(), 0);
+    assert_eq!(bench.codes(), ["power_module_fault"]);
+}
