@@ -141,3 +141,21 @@ settings! {
             assumed "a motion's distance, which the article names by the same word, counts so";
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_is_allowed_and_reads_back() {
+        let text = sim_settings::show_toml(&MecanumFirmwareSettings::default());
+        let mut read = MecanumFirmwareSettings {
+            baud: 9600,
+            wiring: Wiring::X_Y_Z_E0,
+            link_timeout: Some(S(1)),
+            ..MecanumFirmwareSettings::default()
+        };
+        sim_settings::load_toml(&text, "defaults", &mut read).unwrap();
+        assert_eq!(read, MecanumFirmwareSettings::default());
+    }
+}
