@@ -99,13 +99,13 @@ impl Bench {
             let rotation = f64::from(self.plugs.rotation(&commands, wheel));
             let pulses = 50.0 * commands.speed_voltage * seconds;
             self.turned[at] += rotation * pulses;
-            let before = (self.travel[at] + 1e-9).floor();
+            // A pulse that is short of its place by rounding alone has come.
+            let whole = |travel: f64| super::telemetry::whole((travel + 1e-9).floor());
+            let before = whole(self.travel[at]);
             self.travel[at] += rotation.abs() * pulses;
-            let pulses = (self.travel[at] + 1e-9).floor() - before;
+            let came = u32::try_from(whole(self.travel[at]) - before).unwrap();
             let count = &mut self.readings.pulses[self.plugs.port(wheel).index()];
-            for _ in 0..pulses.to_string().parse().unwrap() {
-                *count = count.wrapping_add(1);
-            }
+            *count = count.wrapping_add(came);
         }
     }
 
@@ -174,7 +174,8 @@ impl Bench {
 
     /// Revolutions that each wheel has turned, to a tenth of one.
     fn tenths(&self) -> [i64; WHEELS] {
-        self.turned.map(|pulses| super::telemetry::whole(pulses / 6.0))
+        self.turned
+            .map(|pulses| super::telemetry::whole(pulses / 6.0))
     }
 
     fn is_driving(&self) -> bool {

@@ -198,9 +198,7 @@ fn a_partial_packet_is_dropped_at_the_timeout() {
     ] {
         let mut bench = Bench::new();
         bench.device.receive(bench.now, Link::Main, head);
-        bench
-            .device
-            .receive(SimTime::ZERO + gap, Link::Main, tail);
+        bench.device.receive(SimTime::ZERO + gap, Link::Main, tail);
         assert_eq!(bench.is_driving(), drives);
         let dropped = (MS(50), "partial_packet");
         let events = bench.events();

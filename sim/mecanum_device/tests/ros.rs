@@ -88,7 +88,7 @@ fn bad_lines_are_told_and_change_nothing() {
     bench.line("X00000000000000000000000000000001000000\n");
     assert_eq!(bench.codes(), ["bad_line", "bad_number", "line_too_long"]);
     assert_eq!(bench.device.rotations(), [1; 4]);
-    bench.line("Q\xFF\n");
+    bench.line("Q\u{FF}\n");
     let event = bench.events().pop().unwrap().1;
     assert!(event.is_client_fault());
     assert_eq!(event.bytes().unwrap(), "Q\u{FF}".as_bytes());

@@ -98,9 +98,8 @@ fn speed_and_position_come_from_pulses() {
     bench.go(2, 1000, -250);
     bench.run_ms(2000);
     let [v_x, v_y, axis_x, axis_y, ori] = motion_fields(&bench.last_status());
-    assert_eq!([v_x, v_y, axis_x, ori], [0, -250, 10, 0]);
-    // A pulse is a sixtieth of a revolution; the last is just due.
-    assert!((-8..=-8).contains(&axis_y), "{axis_y}");
+    // 25 pulses a second for two seconds are 50 of the 60 of a revolution.
+    assert_eq!([v_x, v_y, axis_x, axis_y, ori], [0, -250, 10, -8, 0]);
     bench.go(0, 0, 0);
     bench.run_ms(100);
     assert_eq!(motion_fields(&bench.last_status())[..2], [0, 0]);
@@ -180,22 +179,15 @@ fn values_beyond_their_fields_wrap() {
     bench.run_ms(300);
     assert_eq!(bench.last_status().axis_x, i16::MIN);
     // 209 revolutions of 314.159 mm are 65,659 mm.
-    bench.readings.pulses = bench.readings.pulses.map(|p| p.wrapping_add(12_540 - 6));
-    bench.device.sense(bench.now, &bench.readings);
+    bench.read(|r| r.pulses = r.pulses.map(|count| count.wrapping_add(12_540 - 6)));
     bench.run_ms(100);
-    assert_eq!(bench.last_status().mile, 65_659u32.to_le_bytes()[0].into());
-    // Ten turns to the left wrap, too: 36,000 is −29,536.
+    assert_eq!(bench.last_status().mile, 123);
+    // Ten turns to the left are 36,000 tenths of a degree, which is −29,536 in 16 bits; the wheels
+    // go round the arm of 0.22 m with a radius of 0.05 m.
     let mut bench = Bench::new();
-    let pulses = 60.0 * 10.0 * 0.22 / 0.05;
-    bench.send(Request::Motion {
-        seq: 0,
-        is_reset: 1,
-        moving_idx: 1,
-        s: 440,
-        v: -500,
-    });
+    bench.go(1, 440, -500);
     bench.until(SimTime::from_secs(60));
-    assert_eq!(bench.turned, [-pulses, pulses, -pulses, pulses].map(f64::round));
+    assert_eq!(bench.tenths(), [-440, 440, -440, 440]);
     assert_eq!(bench.last_status().ori, -29_536);
 }
 
@@ -206,8 +198,7 @@ fn pulses_while_the_wheels_coast_count_the_way_they_were_driven() {
     bench.run_ms(200);
     assert!(!bench.is_driving());
     // Six pulses too many of each wheel, which is what a soft brake gives.
-    bench.readings.pulses = bench.readings.pulses.map(|p| p.wrapping_add(6));
-    bench.device.sense(bench.now, &bench.readings);
+    bench.read(|r| r.pulses = r.pulses.map(|count| count.wrapping_add(6)));
     bench.run_ms(100);
     assert_eq!(bench.last_status().axis_x, -2);
 }
