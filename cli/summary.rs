@@ -27,6 +27,7 @@ pub(crate) fn text(now: SimTime, devices: &[DeviceSummary<'_>]) -> String {
             requests,
             replies,
             events,
+            ..
         } = report;
         // Writing to a string cannot fail.
         let _ = write!(
