@@ -37,7 +37,9 @@ use control::{Control, Outputs, POWER_BITS};
 pub use event::R150Event;
 use motors::{Answer, FULL, Motors};
 use protection::Protection;
-use settings::R150FirmwareSettings;
+use settings::{
+    OutOfRange, R150FirmwareSettings, RefusalReply, ReplyCommand, ReservedBits, Voltage48v,
+};
 use vehicle::{Action, Drive, Start, Vehicle};
 
 /// Most replies that may wait for their time.
@@ -77,11 +79,11 @@ impl R150Device {
         noise: Noise,
     ) -> Self {
         Self {
-            decoder: Decoder::new(settings.inter_byte_timeout),
+            decoder: Decoder::new(settings.inter_byte_timeout, settings.resync),
             control: Control::new(),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
-            vehicle: Vehicle::new(start),
+            vehicle: Vehicle::new(start, settings.locking_parks),
             measured,
             noise,
             replies: VecDeque::new(),
@@ -272,7 +274,12 @@ impl R150Device {
 
     fn send_due(&mut self, now: SimTime) {
         while let Some((due, reply)) = self.replies.pop_front_if(|(due, _)| *due <= now) {
-            self.output.push_back(reply.encode());
+            let command = match self.settings.reply_command {
+                ReplyCommand::Same => reply.command(),
+                ReplyCommand::HighBit => reply.command() | 0x80,
+            };
+            self.output
+                .push_back(codec::encode(command, &reply.parameters()));
             self.event(due, R150Event::Reply(reply));
         }
     }
@@ -291,14 +298,18 @@ impl R150Device {
         self.send_due(now);
     }
 
-    /// 0x02 and 0x03 with a wrong length are told that they failed; anything else gets silence.
     fn refuse(&mut self, now: SimTime, refusal: Refusal) {
         self.event(now, R150Event::Refused(refusal));
-        if let Refusal::WrongLength {
-            command: command @ (code::POWER_CONTROL | code::SET_PWM_OUTPUTS),
-            ..
-        } = refusal
-        {
+        let (command, choice) = match refusal {
+            Refusal::UnknownCommand(command) => (command, self.settings.on_unknown_command),
+            Refusal::WrongLength {
+                command: command @ (code::POWER_CONTROL | code::SET_PWM_OUTPUTS),
+                ..
+            } => (command, self.settings.on_wrong_length),
+            // The reply to a motor command has no room for a failure.
+            Refusal::WrongLength { command, .. } => (command, RefusalReply::Silent),
+        };
+        if choice == RefusalReply::False {
             self.reply(
                 now,
                 Reply::Bool {
@@ -337,8 +348,14 @@ impl R150Device {
                 success: true,
             },
             Request::Version => Reply::Version {
-                hardware: self.settings.hardware_version.word(),
-                software: self.settings.software_version.word(),
+                hardware: self
+                    .settings
+                    .hardware_version
+                    .word(self.settings.version_order),
+                software: self
+                    .settings
+                    .software_version
+                    .word(self.settings.version_order),
             },
             Request::SetMotors { right, left } => {
                 if self.set_motors(now, right, left) != Answer::Now {
@@ -358,20 +375,26 @@ impl R150Device {
         let reserved = status & !u32::from(POWER_BITS);
         if reserved != 0 {
             self.event(now, R150Event::ReservedBits(reserved));
+            if self.settings.reserved_power_bits == ReservedBits::Refuse {
+                return false;
+            }
         }
         self.control.outputs.power = status.to_le_bytes()[0] & POWER_BITS;
         self.power_requested(now);
-        true
+        self.settings.true_when_tripped || self.power_status() == self.control.outputs.power
     }
 
-    fn set_pwm(&mut self, now: SimTime, duty: [u16; 4]) -> bool {
+    fn set_pwm(&mut self, now: SimTime, mut duty: [u16; 4]) -> bool {
         if !self.control.pwm_by_client {
             self.event(now, R150Event::AppInControl(code::SET_PWM_OUTPUTS));
             return false;
         }
         if duty.iter().any(|duty| *duty > FULL_DUTY) {
             self.event(now, R150Event::DutyOutOfRange(duty));
-            return false;
+            if self.settings.on_duty_out_of_range == OutOfRange::Refuse {
+                return false;
+            }
+            duty = duty.map(|duty| duty.min(FULL_DUTY));
         }
         self.control.outputs = Outputs {
             pwm: duty,
@@ -381,10 +404,17 @@ impl R150Device {
     }
 
     fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> Answer {
-        if right.abs_diff(0) > FULL.unsigned_abs() || left.abs_diff(0) > FULL.unsigned_abs() {
-            self.event(now, R150Event::MotorsClamped { right, left });
+        let mut set_point = [right, left];
+        if set_point
+            .iter()
+            .any(|pwm| pwm.unsigned_abs() > FULL.unsigned_abs())
+        {
+            self.event(now, R150Event::MotorsOutOfRange { right, left });
+            if self.settings.on_motors_out_of_range == OutOfRange::Refuse {
+                set_point = self.motors.set_point();
+            }
         }
-        let (answer, too_soon) = self.motors.command(now, [right, left], &self.settings);
+        let (answer, too_soon) = self.motors.command(now, set_point, &self.settings);
         if let Some(after) = too_soon {
             self.event(now, R150Event::OverRate { after });
         }
@@ -415,6 +445,10 @@ impl R150Device {
                 value
             }
         };
+        let volts_48v = match self.settings.voltage_48v {
+            Voltage48v::Supply => measured.bus_voltage,
+            Voltage48v::Output => measured.rail_voltage[4],
+        };
         let voltage = measured
             .rail_voltage
             .map(|volts| round(spoil(volts) * 1000.0));
@@ -425,7 +459,7 @@ impl R150Device {
         let [i12a, i12b, i12c, i12d, i48, _] = current;
         SystemInfo {
             voltage_12v: [v12a, v12b, v12c, v12d],
-            voltage_48v: round(spoil(measured.bus_voltage) * 1000.0),
+            voltage_48v: round(spoil(volts_48v) * 1000.0),
             current_12v: [i12a, i12b, i12c, i12d],
             current_48v: i48,
             temp_12v: measured.temperature.map(|celsius| round(celsius * 10.0)),

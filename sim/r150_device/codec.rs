@@ -12,6 +12,8 @@ use std::time::Duration;
 use crc::{CRC_16_IBM_SDLC, Crc, Table};
 use sim_settings::SimTime;
 
+use super::settings::Resync;
+
 /// First byte of every frame.
 pub const HEADER: [u8; 2] = [0xAA, 0x55];
 /// Bytes of a frame beside its parameters: header, length, command, CRC.
@@ -83,12 +85,13 @@ pub enum Decoded {
 /// Streaming decoder. Any bytes are legal input, and how they are split changes nothing.
 ///
 /// After a frame with a wrong CRC, and after a partial frame older than the inter-byte timeout, it
-/// resumes at that frame's second byte, so a valid frame inside what looked like parameters is
-/// never lost. Bytes that one such report has covered are not reported again, so the reports of a
+/// resumes at that frame's second byte ([`Resync::SecondByte`]), so a valid frame inside what
+/// looked like parameters is never lost. A frame with the right CRC is never looked into. Bytes that one such report has covered are not reported again, so the reports of a
 /// stream are no longer than the stream.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     inter_byte_timeout: Duration,
+    resync: Resync,
     /// Bytes from the first that may begin a frame; shorter than [`MAX_FRAME`].
     buffer: Vec<u8>,
     /// How many bytes at the front of `buffer` a report has covered already.
@@ -98,11 +101,13 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder that drops a partial frame after `inter_byte_timeout` of silence.
+    /// A decoder that drops a partial frame after `inter_byte_timeout` of silence, and goes on
+    /// after it or a bad one as `resync` says.
     #[must_use]
-    pub fn new(inter_byte_timeout: Duration) -> Self {
+    pub fn new(inter_byte_timeout: Duration, resync: Resync) -> Self {
         Self {
             inter_byte_timeout,
+            resync,
             buffer: Vec::with_capacity(MAX_FRAME),
             reported: 0,
             noise: Vec::new(),
@@ -136,7 +141,7 @@ impl Decoder {
                 found(Decoded::Partial(self.buffer.clone()));
                 self.reported = self.buffer.len();
             }
-            self.skip(1, found);
+            self.skip_bad(self.buffer.len(), found);
             self.scan(found);
         }
         self.flush_noise(found);
@@ -180,7 +185,7 @@ impl Decoder {
                     found(Decoded::BadCrc { bytes, expected });
                     self.reported = total;
                 }
-                self.skip(1, found);
+                self.skip_bad(total, found);
             }
         }
     }
@@ -193,6 +198,15 @@ impl Decoder {
                 bytes[at] == HEADER[0] && bytes.get(at + 1).is_none_or(|next| *next == HEADER[1])
             })
             .unwrap_or(bytes.len())
+    }
+
+    /// Leaves a bad frame of `total` bytes at the front behind.
+    fn skip_bad(&mut self, total: usize, found: &mut impl FnMut(Decoded)) {
+        let count = match self.resync {
+            Resync::SecondByte => 1,
+            Resync::NextFrame => total,
+        };
+        self.skip(count, found);
     }
 
     /// Drops `count` bytes from the front; those that no report has covered are noise.

@@ -307,7 +307,13 @@ impl Reply {
     /// The whole frame as the module sends it.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        let parameters = match self {
+        codec::encode(self.command(), &self.parameters())
+    }
+
+    /// The parameter bytes.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<u8> {
+        match self {
             Self::Bool { success, .. } => vec![u8::from(*success)],
             Self::PwmOutputs { duty } => duty.map(u16::to_le_bytes).concat(),
             Self::PwmInputs { frequency_hz, duty } => {
@@ -329,8 +335,7 @@ impl Reply {
                 bytes.extend([0; 2]);
                 bytes
             }
-        };
-        codec::encode(self.command(), &parameters)
+        }
     }
 
     /// Reads a reply's command and parameters, as a client does.

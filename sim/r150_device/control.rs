@@ -2,7 +2,7 @@
 
 use sim_settings::SimTime;
 
-use super::settings::{OnHeartbeatLoss, R150FirmwareSettings};
+use super::settings::{OnHeartbeatLoss, OnTakeover, R150FirmwareSettings};
 
 /// Set-points of the outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,8 +18,8 @@ pub const POWER_BITS: u8 = 0b11_1111;
 
 /// Who controls what, and the set-points in effect.
 ///
-/// Control that changes hands leaves the outputs as they are: a client that comes back after a
-/// lost heartbeat finds what the app has set, not what it set itself before.
+/// Unless the settings say otherwise, a client that takes control leaves the outputs as they are:
+/// one that comes back after a lost heartbeat finds what the app has set, not what it set itself.
 #[derive(Debug, Clone)]
 pub struct Control {
     /// Power follows the client.
@@ -34,6 +34,8 @@ pub struct Control {
     pub app: Outputs,
     /// What is in effect.
     pub outputs: Outputs,
+    /// What was in effect when the client lost control.
+    lost: Outputs,
     heartbeat_due: Option<SimTime>,
 }
 
@@ -48,6 +50,7 @@ impl Control {
             app_holds_pwm: false,
             app: Outputs::default(),
             outputs: Outputs::default(),
+            lost: Outputs::default(),
             heartbeat_due: None,
         }
     }
@@ -64,10 +67,26 @@ impl Control {
     /// A valid frame came. Says whether the client took anything by it.
     pub fn frame(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
         self.heartbeat_due = Some(now + settings.heartbeat_timeout);
-        let before = (self.power_by_client, self.pwm_by_client);
-        self.power_by_client = !self.app_holds_power;
-        self.pwm_by_client = !self.app_holds_pwm;
-        before != (self.power_by_client, self.pwm_by_client)
+        let restore = settings.on_takeover == OnTakeover::Restore;
+        let takes_power = !self.power_by_client && !self.app_holds_power;
+        let takes_pwm = !self.pwm_by_client && !self.app_holds_pwm;
+        if takes_power {
+            self.power_by_client = true;
+            self.outputs.power = if restore {
+                self.lost.power
+            } else {
+                self.outputs.power
+            };
+        }
+        if takes_pwm {
+            self.pwm_by_client = true;
+            self.outputs.pwm = if restore {
+                self.lost.pwm
+            } else {
+                self.outputs.pwm
+            };
+        }
+        takes_power || takes_pwm
     }
 
     /// When the heartbeat is lost unless a valid frame comes.
@@ -83,6 +102,7 @@ impl Control {
         }
         self.heartbeat_due = None;
         let had = (self.power_by_client, self.pwm_by_client);
+        self.note_lost();
         self.power_by_client = false;
         self.pwm_by_client = false;
         match settings.on_heartbeat_loss {
@@ -95,6 +115,7 @@ impl Control {
 
     /// The app takes (`true`) or leaves (`false`) control of power and of PWM.
     pub fn app_holds(&mut self, power: bool, pwm: bool) {
+        self.note_lost();
         self.app_holds_power = power;
         self.app_holds_pwm = pwm;
         self.power_by_client &= !power;
@@ -111,6 +132,15 @@ impl Control {
             pwm: outputs.pwm.map(|d| d.min(1000)),
         };
         self.follow_app();
+    }
+
+    fn note_lost(&mut self) {
+        if self.power_by_client {
+            self.lost.power = self.outputs.power;
+        }
+        if self.pwm_by_client {
+            self.lost.pwm = self.outputs.pwm;
+        }
     }
 
     fn follow_app(&mut self) {

@@ -20,16 +20,16 @@ pub enum R150Event {
     BadStream(Decoded),
     /// A frame with the right CRC is no request.
     Refused(Refusal),
-    /// A PWM duty above 1000 was refused; the outputs did not change.
+    /// A PWM duty was above 1000.
     DutyOutOfRange([u16; 4]),
-    /// A motor PWM outside ±1000 was clamped.
-    MotorsClamped {
+    /// A motor PWM was outside ±1000.
+    MotorsOutOfRange {
         /// As the client sent it.
         right: i16,
         /// As the client sent it.
         left: i16,
     },
-    /// Reserved bits were set in a power control request, and ignored.
+    /// Reserved bits were set in a power control request.
     ReservedBits(u32),
     /// A motor command came sooner than the reply interval allows.
     OverRate {
@@ -102,7 +102,7 @@ impl R150Event {
             Self::Refused(Refusal::UnknownCommand(_)) => "unknown_command",
             Self::Refused(Refusal::WrongLength { .. }) => "wrong_length",
             Self::DutyOutOfRange(_) => "duty_out_of_range",
-            Self::MotorsClamped { .. } => "motors_clamped",
+            Self::MotorsOutOfRange { .. } => "motors_out_of_range",
             Self::ReservedBits(_) => "reserved_bits",
             Self::OverRate { .. } => "over_rate",
             Self::AppInControl(_) => "app_in_control",
@@ -131,7 +131,7 @@ impl R150Event {
             Self::BadStream(_)
                 | Self::Refused(_)
                 | Self::DutyOutOfRange(_)
-                | Self::MotorsClamped { .. }
+                | Self::MotorsOutOfRange { .. }
                 | Self::ReservedBits(_)
                 | Self::OverRate { .. }
                 | Self::WatchdogFired { .. }
@@ -188,18 +188,15 @@ impl fmt::Display for R150Event {
                 )
             }
             Self::DutyOutOfRange(duty) => {
+                write!(f, "PWM duty {duty:?} out of range: 0 to 1000 is allowed")
+            }
+            Self::MotorsOutOfRange { right, left } => {
                 write!(
                     f,
-                    "PWM duty {duty:?} refused: 0 to 1000 is allowed; nothing changed"
+                    "motor PWM right {right} left {left} out of range: -1000 to 1000 is allowed"
                 )
             }
-            Self::MotorsClamped { right, left } => {
-                write!(
-                    f,
-                    "motor PWM right {right} left {left} clamped: -1000 to 1000 is allowed"
-                )
-            }
-            Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} ignored"),
+            Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} are set"),
             Self::OverRate { after } => write!(
                 f,
                 "motor command {:.1} ms after the last answered one, sooner than they are answered",

@@ -42,15 +42,98 @@ choices! {
     }
 }
 
+choices! {
+    /// Which command byte a reply carries.
+    pub enum ReplyCommand {
+        /// That of the request.
+        Same = "same",
+        /// That of the request with the highest bit set.
+        HighBit = "high-bit",
+    }
+}
+
+choices! {
+    /// Where the decoder goes on after a frame that is not valid.
+    pub enum Resync {
+        /// At that frame's second byte, so that a valid frame inside it is found.
+        SecondByte = "second-byte",
+        /// Behind that frame.
+        NextFrame = "next-frame",
+    }
+}
+
+choices! {
+    /// What a request that the module does not understand gets.
+    pub enum RefusalReply {
+        /// No reply.
+        Silent = "silent",
+        /// The reply `false`, one parameter byte 0.
+        False = "false",
+    }
+}
+
+choices! {
+    /// What happens to a value that is out of its range.
+    pub enum OutOfRange {
+        /// The command changes nothing; where the command has a boolean reply, it is `false`.
+        Refuse = "refuse",
+        /// The nearest allowed value is taken.
+        Clamp = "clamp",
+    }
+}
+
+choices! {
+    /// What happens to bits that have no meaning.
+    pub enum ReservedBits {
+        /// The others are obeyed.
+        Ignore = "ignore",
+        /// The command changes nothing and is answered `false`.
+        Refuse = "refuse",
+    }
+}
+
+choices! {
+    /// Order of the bytes of a version word.
+    pub enum VersionOrder {
+        /// The major version is the most significant byte, so it is sent last.
+        MajorHigh = "major-high",
+        /// The major version is the least significant byte, so it is sent first.
+        MajorLow = "major-low",
+    }
+}
+
+choices! {
+    /// What `voltage48v` measures.
+    pub enum Voltage48v {
+        /// The supply bus, whether or not the 48 V output is on.
+        Supply = "supply",
+        /// The 48 V output, 0 when it is off.
+        Output = "output",
+    }
+}
+
+choices! {
+    /// What the outputs do when the client takes control.
+    pub enum OnTakeover {
+        /// They stay as the app had them.
+        Keep = "keep",
+        /// They return to what the client had set when it lost control.
+        Restore = "restore",
+    }
+}
+
 /// A version word: major, minor, region and build, a byte each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Version(pub [u8; 4]);
 
 impl Version {
-    /// The word on the wire; the major version is the most significant byte.
+    /// The version word.
     #[must_use]
-    pub fn word(self) -> u32 {
-        u32::from_be_bytes(self.0)
+    pub fn word(self, order: VersionOrder) -> u32 {
+        match order {
+            VersionOrder::MajorHigh => u32::from_be_bytes(self.0),
+            VersionOrder::MajorLow => u32::from_le_bytes(self.0),
+        }
     }
 }
 
@@ -102,12 +185,42 @@ settings! {
         /// Time from the end of a request to the beginning of its reply.
         reply_delay: Duration = Duration::ZERO, range Duration::ZERO..=S(60),
             assumed "the manual gives no processing time";
+        /// Which command byte a reply carries.
+        reply_command: ReplyCommand = ReplyCommand::Same,
+            assumed "the manual shows no whole reply";
+        /// Where the decoder goes on after a frame with a wrong CRC or a torn one.
+        resync: Resync = Resync::SecondByte,
+            assumed "the manual says nothing about errors on the line";
+        /// What a frame with the right CRC and an unknown command gets.
+        on_unknown_command: RefusalReply = RefusalReply::Silent,
+            assumed "the manual says nothing about unknown commands";
+        /// What 0x02 and 0x03 with a wrong number of parameter bytes get; 0x12 gets no reply.
+        on_wrong_length: RefusalReply = RefusalReply::False,
+            assumed "their reply is a boolean that means success";
+        /// What happens to a PWM duty above 1000.
+        on_duty_out_of_range: OutOfRange = OutOfRange::Refuse,
+            assumed "the manual gives the range, not what happens beyond it";
+        /// What happens to a motor PWM beyond -1000 to 1000.
+        on_motors_out_of_range: OutOfRange = OutOfRange::Clamp,
+            assumed "the manual gives the range, not what happens beyond it";
+        /// What happens to reserved bits of a power control request.
+        reserved_power_bits: ReservedBits = ReservedBits::Ignore,
+            assumed "the manual calls them reserved";
+        /// What `voltage48v` in the system info measures.
+        voltage_48v: Voltage48v = Voltage48v::Supply,
+            assumed "the manual calls it the voltage of the main supply";
+        /// Whether 0x02 answers `true` when a protection keeps a rail off that it switches on.
+        true_when_tripped: bool = true,
+            assumed "the command itself was carried out";
         /// Silence after which the client has lost control of power and PWM.
         heartbeat_timeout: Duration = S(3), range MS(1)..=S(3600),
             documented "manual 4.3.6";
         /// What the outputs do then.
         on_heartbeat_loss: OnHeartbeatLoss = OnHeartbeatLoss::App,
             assumed "the manual names the timeout, not its effect";
+        /// What the outputs do when the client takes control, which any valid frame does.
+        on_takeover: OnTakeover = OnTakeover::Keep,
+            assumed "a client that comes back does not know what it finds";
         /// Time without a motor command after which the motors stop by themselves.
         motor_watchdog: Duration = MS(500), range MS(1)..=S(3600),
             documented "manual 4.3.8";
@@ -119,10 +232,16 @@ settings! {
             assumed "the manual gives the rate, not what happens above it";
         /// Hardware version that 0xF0 reports.
         hardware_version: Version = Version([1, 0, 0, 0]),
-            assumed "placeholder; the byte order, major first, is assumed too";
+            assumed "placeholder for your module's own";
         /// Software version that 0xF0 reports.
         software_version: Version = Version([1, 0, 0, 0]),
-            assumed "placeholder; the byte order, major first, is assumed too";
+            assumed "placeholder for your module's own";
+        /// Order of the bytes of both.
+        version_order: VersionOrder = VersionOrder::MajorHigh,
+            assumed "the manual lists major, minor, region, build without saying which comes first";
+        /// Whether locking the vehicle also applies the parking brake.
+        locking_parks: bool = true,
+            assumed "the manual says how the brake is released, not how it is applied";
         /// PWM of both motors while the remote control's forward or backward key is held, and
         /// of each motor, in opposite directions, while a turn key is held.
         remote_pwm: u32 = 500, unit "", range 0..=1000,

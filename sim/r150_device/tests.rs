@@ -14,7 +14,7 @@ use sim_settings::SimTime;
 
 use super::codec::{Decoded, Decoder};
 use super::command::{Reply, Request};
-use super::settings::R150FirmwareSettings;
+use super::settings::{R150FirmwareSettings, Resync};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
 use crate::noise::Noise;
@@ -109,7 +109,7 @@ impl Bench {
     fn ask(&mut self, request: Request) -> Option<Reply> {
         let frame = self.send(&request.encode())?;
         let mut reply = None;
-        let mut decoder = Decoder::new(Duration::from_secs(1));
+        let mut decoder = Decoder::new(Duration::from_secs(1), Resync::SecondByte);
         for byte in frame {
             decoder.push(self.now, byte, &mut |decoded| {
                 if let Decoded::Frame(frame) = decoded {

@@ -23,7 +23,7 @@ pub enum Key {
 pub enum Action {
     /// Long press of both rear buttons, 解锁.
     Unlock,
-    /// Short press of the rear buttons, 上锁. Also parks.
+    /// Short press of the rear buttons, 上锁.
     Lock,
     /// Long press of the top button, 解除驻车; works unlocked and in remote mode only.
     ReleaseParking,
@@ -118,6 +118,7 @@ pub struct Vehicle {
     autonomous: bool,
     emergency_stop: bool,
     key: Option<Key>,
+    locking_parks: bool,
 }
 
 /// What the motor bridges do, right then left.
@@ -132,7 +133,7 @@ pub enum Drive {
 impl Vehicle {
     /// A vehicle as `start` says.
     #[must_use]
-    pub fn new(start: Start) -> Self {
+    pub fn new(start: Start, locking_parks: bool) -> Self {
         let ready = start == Start::Ready;
         Self {
             locked: !ready,
@@ -140,6 +141,7 @@ impl Vehicle {
             autonomous: ready,
             emergency_stop: false,
             key: None,
+            locking_parks,
         }
     }
 
@@ -149,7 +151,7 @@ impl Vehicle {
             Action::Unlock => self.locked = false,
             Action::Lock => {
                 self.locked = true;
-                self.parked = true;
+                self.parked |= self.locking_parks;
                 self.key = None;
             }
             Action::ReleaseParking => self.parked &= self.locked || self.autonomous,

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::r150_device::codec::encode;
-use crate::r150_device::settings::Version;
+use crate::r150_device::settings::{
+    OutOfRange, RefusalReply, ReplyCommand, ReservedBits, Version, VersionOrder, Voltage48v,
+};
 
 /// A frame written out: command, parameters; header, length and CRC are checked by the codec's own
 /// tests.
@@ -169,7 +171,7 @@ fn a_motor_pwm_beyond_1000_is_clamped_and_reported() {
         let mut bench = Bench::new();
         assert!(bench.drive(sent, 100).is_some());
         assert_eq!(bench.duty(), [applied, 0.1]);
-        assert_eq!(bench.codes(), ["motors_clamped"], "{sent}");
+        assert_eq!(bench.codes(), ["motors_out_of_range"], "{sent}");
     }
     let mut bench = Bench::new();
     bench.drive(1000, -1000);
@@ -221,6 +223,43 @@ fn a_bad_crc_gets_no_reply_and_changes_nothing() {
         assert_eq!(bench.codes(), ["bad_crc"], "bit {bit}");
         assert_eq!(bench.device.power_status(), 0);
     }
+}
+
+/// Each assumption about a command can be chosen otherwise.
+#[test]
+fn other_choices() {
+    let mut bench = Bench::with(|s| s.reply_command = ReplyCommand::HighBit);
+    assert_eq!(exchange(&mut bench, 0x07, &[]), answer(0x87, &[1]));
+
+    let mut bench = Bench::with(|s| s.on_unknown_command = RefusalReply::False);
+    assert_eq!(exchange(&mut bench, 0x99, &[]), answer(0x99, &[0]));
+
+    let mut bench = Bench::with(|s| s.on_wrong_length = RefusalReply::Silent);
+    assert_eq!(exchange(&mut bench, 0x02, &[]), None);
+
+    let mut bench = Bench::with(|s| s.on_duty_out_of_range = OutOfRange::Clamp);
+    let sent = [10, 0, 0xE9, 0x03, 0xFF, 0xFF, 0xE8, 0x03];
+    assert_eq!(exchange(&mut bench, 0x03, &sent), answer(0x03, &[1]));
+    assert_eq!(bench.device.control().outputs.pwm, [10, 1000, 1000, 1000]);
+
+    let mut bench = Bench::with(|s| s.on_motors_out_of_range = OutOfRange::Refuse);
+    bench.drive(100, 200);
+    bench.drive(1001, 0);
+    assert_eq!(bench.duty(), [0.1, 0.2]);
+
+    let mut bench = Bench::with(|s| s.reserved_power_bits = ReservedBits::Refuse);
+    assert!(!bench.power(0x41));
+    assert_eq!(bench.device.power_status(), 0);
+
+    let mut bench = Bench::with(|s| {
+        s.hardware_version = Version([1, 2, 3, 4]);
+        s.version_order = VersionOrder::MajorLow;
+    });
+    let expected = [1, 2, 3, 4, 1, 0, 0, 0];
+    assert_eq!(exchange(&mut bench, 0xF0, &[]), answer(0xF0, &expected));
+
+    let mut bench = Bench::with(|s| s.voltage_48v = Voltage48v::Output);
+    assert_eq!(bench.info().voltage_48v, 51_200);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::r150_device::control::Outputs;
-use crate::r150_device::settings::OnHeartbeatLoss;
+use crate::r150_device::settings::{OnHeartbeatLoss, OnTakeover};
 use crate::r150_device::vehicle::Action;
 
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -120,6 +120,16 @@ fn a_client_that_comes_back_finds_what_the_app_has_set() {
     bench.ask(Request::Heartbeat);
     assert_eq!(modes(&bench), [true, true]);
     assert_eq!(bench.device.power_status(), 0);
+}
+
+#[test]
+fn with_restore_it_finds_what_it_had_set() {
+    let mut bench = switched_on(|s| s.on_takeover = OnTakeover::Restore);
+    bench.after(TIMEOUT);
+    assert_eq!(bench.device.power_status(), 0);
+    bench.ask(Request::Heartbeat);
+    assert_eq!(bench.device.power_status(), 0b11);
+    assert_eq!(bench.device.commands().pwm_out_duty, [0.1; 4]);
 }
 
 #[test]

@@ -184,6 +184,14 @@ fn the_emergency_stop_may_leave_the_brake_released() {
 }
 
 #[test]
+fn locking_may_leave_the_brake_released() {
+    let mut bench = Bench::with(|s| s.locking_parks = false);
+    bench.device.operate(bench.now, Action::Lock);
+    assert!(!bench.device.commands().parking_brake);
+    assert_eq!(obstacles(&mut bench), [Obstacle::Locked]);
+}
+
+#[test]
 fn any_motion_key_switches_to_remote_mode_and_drives() {
     for (key, duty) in [
         (Key::Forward, [0.5, 0.5]),

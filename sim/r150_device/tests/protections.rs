@@ -157,6 +157,13 @@ fn a_trip_is_latched_until_the_pair_is_commanded_off() {
 }
 
 #[test]
+fn power_control_may_say_that_a_rail_stays_off() {
+    let mut bench = tripped(|s| s.true_when_tripped = false);
+    assert!(!bench.power(0b11_1111));
+    assert!(bench.power(0b11_1100));
+}
+
+#[test]
 fn a_latched_trip_trips_again_if_the_load_is_still_there() {
     let mut bench = tripped(|_| {});
     bench.power(0);
