@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A first drive with pyserial: python3 first_drive.py /tmp/r150 (needs `pip install pyserial`)."""
+"""A first drive: python3 first_drive.py /tmp/r150 (needs `pip install pyserial`)."""
 import struct, sys, time, serial
 
 def crc16(data):  # CRC-16/X-25 over command and parameters
@@ -8,32 +8,30 @@ def crc16(data):  # CRC-16/X-25 over command and parameters
         crc ^= byte
         for _ in range(8):
             crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
-    return crc ^ 0xFFFF
+    return struct.pack("<H", crc ^ 0xFFFF)
 
-def send(port, command, parameters=b""):
+def ask(port, command, parameters=b""):
+    """Sends a request; the reply's parameters, or None if nothing valid came in time."""
     body = bytes([command]) + parameters
-    port.write(b"\xAA\x55" + bytes([len(parameters)]) + body + struct.pack("<H", crc16(body)))
-
-def receive(port):
-    """The reply's parameters, or None if nothing came within the port's timeout."""
+    port.write(b"\xAA\x55" + bytes([len(parameters)]) + body + crc16(body))
     head = port.read(4)
-    rest = port.read(head[2] + 2) if len(head) == 4 else b""
-    return rest[:-2] if rest and struct.unpack("<H", rest[-2:])[0] == crc16(head[3:] + rest[:-2]) else None
+    tail = port.read(head[2] + 2) if len(head) == 4 else b""
+    return tail[:-2] if tail and crc16(head[3:] + tail[:-2]) == tail[-2:] else None
 
 with serial.Serial(sys.argv[1], 115200, timeout=0.04) as port:
-    send(port, 0xF0)
-    print("hardware %08x, software %08x" % struct.unpack("<II", receive(port)))
-    send(port, 0x02, struct.pack("<I", 1 << 0))  # 12 V output A on
-    assert receive(port) == b"\x01", "power control failed"
-    send(port, 0x06)
-    info = receive(port)
-    print("supply %d mV, 12 V A %d mV, rails on %#04x" % (*struct.unpack_from("<16xI", info), *struct.unpack_from("<I", info), info[54]))
-    for _ in range(40):  # two seconds at 20 Hz
-        send(port, 0x12, struct.pack("<hh", 1000, 1000))
-        started, reply = time.monotonic(), receive(port)
+    print("hardware %08x, software %08x" % struct.unpack("<II", ask(port, 0xF0)))
+    assert ask(port, 0x02, struct.pack("<I", 1 << 0)) == b"\x01", "12 V A did not switch on"
+    info = ask(port, 0x06)
+    print("12 V A reads %d mV, rails that are on: %#04x" % (struct.unpack_from("<I", info)[0], info[54]))
+    assert info[54] == 0x01
+    for _ in range(40):  # two seconds at 20 Hz; now and then one comes too soon for a reply
+        due = time.monotonic() + 0.05
+        reply = ask(port, 0x12, struct.pack("<hh", 1000, 1000))
         rpm = struct.unpack_from("<hh", reply) if reply else rpm
-        time.sleep(max(0.0, started + 0.05 - time.monotonic()))
-    print("right %d rpm, left %d rpm" % rpm)
-    time.sleep(1.5)  # no commands: the watchdog stops the motors after 500 ms
-    send(port, 0x12, struct.pack("<hh", 0, 0))
-    print("after the pause: right %d rpm, left %d rpm" % struct.unpack_from("<hh", receive(port)))
+        time.sleep(max(0.0, due - time.monotonic()))
+    print("at full speed: right %d rpm, left %d rpm" % rpm)
+    assert all(1468 < speed < 1558 for speed in rpm)
+    time.sleep(1.5)  # silence: after 500 ms the watchdog stops the motors
+    rpm = struct.unpack_from("<hh", ask(port, 0x12, struct.pack("<hh", 0, 0)))
+    print("after a pause: right %d rpm, left %d rpm" % rpm)
+    assert rpm == (0, 0)

@@ -523,12 +523,12 @@ trait FromRounded {
 macro_rules! from_rounded {
     ($($field:ty),*) => { $(
         impl FromRounded for $field {
-            #[expect(
+            #[allow(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "a cast from a float saturates, as the documentation says"
+                reason = "a cast from a float saturates, as the documentation says; not every \
+                          field can lose a sign"
             )]
-            #[allow(clippy::allow_attributes, reason = "signed fields lose no sign")]
             fn from_rounded(value: f64) -> Self {
                 value as $field
             }

@@ -199,7 +199,8 @@ impl fmt::Display for R150Event {
             Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} are set"),
             Self::OverRate { after } => write!(
                 f,
-                "motor command {:.1} ms after the last answered one, sooner than they are answered",
+                "motor command {:.3} ms after the last answered one; replies come no faster than \
+                 the reply interval",
                 after.as_secs_f64() * 1000.0
             ),
             Self::AppInControl(command) => {
