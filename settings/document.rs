@@ -12,6 +12,39 @@ use crate::{Problem, Settings};
 /// The most errors that one file reports.
 const MOST_ERRORS: usize = 20;
 
+/// A text and the name of the file that it comes from, so that errors can say where they are.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'t> {
+    /// The file's name as the user gave it.
+    pub file: &'t str,
+    /// What is in it.
+    pub text: &'t str,
+}
+
+impl Source<'_> {
+    /// Where the byte at index `at` is.
+    #[must_use]
+    pub fn place(&self, at: usize) -> Origin {
+        let before = self.text.get(..at).unwrap_or(self.text);
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Origin::File {
+            file: self.file.to_owned(),
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+        }
+    }
+
+    /// The same error of the TOML parser, with its place.
+    #[must_use]
+    pub fn syntax(&self, error: &toml::de::Error) -> SettingsError {
+        let origin = self.place(error.span().map_or(0, |span| span.start));
+        SettingsError::Syntax {
+            origin,
+            why: error.message().to_owned(),
+        }
+    }
+}
+
 /// Applies a TOML document to `settings`, whose keys are the document's dotted keys.
 ///
 /// # Errors
@@ -22,30 +55,29 @@ pub fn load_toml(
     file: &str,
     settings: &mut dyn Root,
 ) -> Result<(), Vec<SettingsError>> {
-    let place = |at: usize| {
-        let before = text.get(..at).unwrap_or(text);
-        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
-        Origin::File {
-            file: file.to_owned(),
-            line: before.matches('\n').count() + 1,
-            column: before[line_start..].chars().count() + 1,
-        }
-    };
-    let table = DeTable::parse(text).map_err(|error| {
-        let origin = place(error.span().map_or(0, |span| span.start));
-        vec![SettingsError::Syntax {
-            origin,
-            why: error.message().to_owned(),
-        }]
-    })?;
+    let source = Source { file, text };
+    let table = DeTable::parse(text).map_err(|error| vec![source.syntax(&error)])?;
+    apply_table(source, table.get_ref(), "", settings)
+}
+
+/// Applies a table of a TOML document to `settings`; its keys are relative to `prefix`.
+///
+/// # Errors
+/// As [`load_toml`].
+pub fn apply_table(
+    source: Source<'_>,
+    table: &DeTable<'_>,
+    prefix: &str,
+    settings: &mut dyn Root,
+) -> Result<(), Vec<SettingsError>> {
     let mut errors = Vec::new();
-    walk(table.get_ref(), "", &mut |key, key_at, value| {
+    walk(table, prefix, &mut |key, key_at, value| {
         if errors.len() >= MOST_ERRORS {
             return;
         }
         let origin = |problem: &Problem| match problem {
-            Problem::Invalid { .. } => place(value.span().start),
-            Problem::UnknownKey | Problem::IsGroup => place(key_at),
+            Problem::Invalid { .. } => source.place(value.span().start),
+            Problem::UnknownKey | Problem::IsGroup => source.place(key_at),
         };
         let plain = plain(value.get_ref());
         if let Err(problem) = settings.assign(key, &plain) {
@@ -148,11 +180,7 @@ fn walk<'t>(
     leaf: &mut dyn FnMut(&str, usize, &'t Spanned<DeValue<'_>>),
 ) {
     for (name, value) in table {
-        let key = if prefix.is_empty() {
-            name.get_ref().to_string()
-        } else {
-            format!("{prefix}.{}", name.get_ref())
-        };
+        let key = crate::join(prefix, name.get_ref());
         match value.get_ref() {
             DeValue::Table(inner) => walk(inner, &key, leaf),
             _ => leaf(&key, name.span().start, value),

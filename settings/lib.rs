@@ -15,7 +15,7 @@ mod quantity;
 mod time;
 mod value;
 
-pub use document::{Root, load_toml, parse_assignment, set, show_toml};
+pub use document::{Root, Source, apply_table, load_toml, parse_assignment, set, show_toml};
 pub use error::{Origin, SettingsError};
 pub use quantity::parse_quantity;
 pub use time::{SimTime, show_duration};
