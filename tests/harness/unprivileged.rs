@@ -1,0 +1,45 @@
+//! Running a test once more in a process of its own, not as root, to whom exclusive ports and
+//! file permissions mean nothing.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::Command;
+
+/// Names the copy of the program that such a test may execute.
+pub const BINARY: &str = "SIM_TEST_BINARY";
+/// The user and group called nobody, which own nothing.
+const NOBODY: u32 = 65_534;
+
+/// A command that runs one ignored test of this binary. Root becomes nobody; anybody else is
+/// unprivileged already.
+pub fn rerun(test: &str, dir: &Path) -> Command {
+    fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
+    // The build directory may be one that nobody may not enter.
+    let binary = copy(&std::env::current_exe().unwrap(), &dir.join("test-binary"));
+    let sim = copy(Path::new(env!("CARGO_BIN_EXE_sim")), &dir.join("sim"));
+    let mut command = Command::new(binary);
+    command
+        .args(["--exact", test, "--ignored", "--nocapture"])
+        .env(BINARY, sim)
+        .current_dir("/");
+    if rustix::process::geteuid().is_root() {
+        command.uid(NOBODY).gid(NOBODY);
+    }
+    command
+}
+
+/// Whether this process was started by [`rerun`] and not by somebody who runs ignored tests.
+pub fn is_rerun() -> bool {
+    std::env::var_os(BINARY).is_some()
+}
+
+/// Copies a program in another process: were the copy open for writing in this one, a process that
+/// another test is just starting could inherit it, and a file open for writing cannot be run.
+fn copy(from: &Path, to: &Path) -> std::path::PathBuf {
+    let status = Command::new("cp").arg(from).arg(to).status();
+    assert!(status.unwrap().success(), "the program can be copied");
+    fs::set_permissions(to, fs::Permissions::from_mode(0o755)).unwrap();
+    to.to_owned()
+}
