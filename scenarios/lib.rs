@@ -1,1 +1,8 @@
-//! Scenario files: scripted faults, judged.
+//! Files that say what to simulate: rigs, and in time scenarios.
+//!
+//! Pure: text goes in, plans come out; whoever calls reads the files.
+
+pub mod quantity;
+pub mod rig_file;
+
+pub use rig_file::{DevicePlan, Kind, RigFileError, RigPlan};

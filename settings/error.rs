@@ -31,7 +31,7 @@ impl fmt::Display for Origin {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
     /// The file is not TOML.
-    #[error("{origin}: not valid TOML: {why}")]
+    #[error("{origin}: {why}")]
     Syntax {
         /// Where.
         origin: Origin,

@@ -1,0 +1,379 @@
+//! Rig files: any number of devices in one world, each with its ports, settings and start.
+//!
+//! ```toml
+//! schema = 1
+//! world = "yard.toml"             # beside this file
+//!
+//! [[device]]
+//! kind = "r150"
+//! port = "/tmp/r150"
+//! pose = { x = "1 m", y = "0 m", heading = "90 deg" }
+//! settings = { heartbeat_timeout = "5s" }
+//!
+//! [[device]]
+//! kind = "mecanum"
+//! port = "/tmp/car"
+//! ros_port = "/tmp/car-ros"
+//! ```
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::Deserialize;
+use sim_core::r150_device::vehicle::Start;
+use sim_core::settings::SimSettings;
+use sim_physics::Pose;
+use sim_settings::{Origin, SettingsError, Source, apply_table};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::quantity::{Angle, Length};
+
+/// Most devices of a rig.
+pub const MOST_DEVICES: usize = 1000;
+
+/// Which device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// XAG R150 unmanned ground vehicle.
+    R150,
+    /// Mecanum car on the rayland-dual board.
+    Mecanum,
+}
+
+impl Kind {
+    /// Its name in files, flags and settings.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::R150 => "r150",
+            Self::Mecanum => "mecanum",
+        }
+    }
+}
+
+/// One device of a rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DevicePlan {
+    /// Unique in the rig.
+    pub name: String,
+    /// Which device.
+    pub kind: Kind,
+    /// State of an R150 at the start.
+    pub start: Start,
+    /// Where it stands at the start.
+    pub pose: Pose,
+    /// The tree of settings as it holds for this device.
+    pub settings: SimSettings,
+    /// Path of its main port; without one the port has no name but the system's.
+    pub port: Option<PathBuf>,
+    /// Path of a mecanum car's ROS port; without one that link is not configured.
+    pub ros_port: Option<PathBuf>,
+}
+
+/// What a rig file says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigPlan {
+    /// The world file, relative to the rig file.
+    pub world: Option<PathBuf>,
+    /// Seed of everything random.
+    pub seed: Option<u64>,
+    /// Settings that are no device's own.
+    pub settings: SimSettings,
+    /// The devices in the order of the file.
+    pub devices: Vec<DevicePlan>,
+}
+
+/// What is wrong with a rig file; each line names the file, the line, and what to do.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub struct RigFileError(pub Vec<String>);
+
+impl fmt::Display for RigFileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.join("\n"))
+    }
+}
+
+impl From<Vec<SettingsError>> for RigFileError {
+    fn from(errors: Vec<SettingsError>) -> Self {
+        Self(errors.iter().map(ToString::to_string).collect())
+    }
+}
+
+impl RigPlan {
+    /// Reads a rig file; its settings change those of `base`.
+    ///
+    /// # Errors
+    /// Names the file, the line, and what is allowed.
+    pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
+        let wrong = |origin: Origin, why: String| RigFileError(vec![format!("{origin}: {why}")]);
+        let at = |span: std::ops::Range<usize>, why: String| wrong(source.place(span.start), why);
+        let file: RigText = toml::from_str(source.text)
+            .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))?;
+        if *file.schema.get_ref() != 1 {
+            return Err(at(
+                file.schema.span(),
+                "`schema`: only schema 1 is known".to_owned(),
+            ));
+        }
+        if file.device.is_empty() || file.device.len() > MOST_DEVICES {
+            let why = format!("a rig has 1 to {MOST_DEVICES} [[device]] tables");
+            return Err(at(0..0, why));
+        }
+        let tables = Tables::parse(source)?;
+        let mut settings = base.clone();
+        if let Some(table) = tables.settings() {
+            apply_table(source, table, "", &mut settings)?;
+        }
+        let mut names = BTreeSet::new();
+        let mut paths = BTreeSet::new();
+        let mut devices = Vec::new();
+        for (index, text) in file.device.iter().enumerate() {
+            let device = text.get_ref();
+            let kind = device.kind;
+            let name = device
+                .name
+                .clone()
+                .unwrap_or_else(|| default_name(&file.device, index));
+            if !is_name(&name) {
+                let why = format!("`name`: \"{name}\" may have letters, digits, - and _ only");
+                return Err(at(text.span(), why));
+            }
+            if !names.insert(name.clone()) {
+                return Err(at(
+                    text.span(),
+                    format!("`name`: two devices are named \"{name}\""),
+                ));
+            }
+            for path in device.port.iter().chain(&device.ros_port) {
+                if !paths.insert(path.clone()) {
+                    let why = format!("two ports have the path {}", path.display());
+                    return Err(at(text.span(), why));
+                }
+            }
+            if kind != Kind::Mecanum && device.ros_port.is_some() {
+                let why = "`ros_port`: only a mecanum car has one".to_owned();
+                return Err(at(text.span(), why));
+            }
+            if kind != Kind::R150 && device.start.is_some() {
+                return Err(at(text.span(), "`start`: only an R150 has one".to_owned()));
+            }
+            let mut own = settings.clone();
+            if let Some(table) = tables.of_device(index) {
+                apply_table(source, table, kind.word(), &mut own)?;
+            }
+            devices.push(DevicePlan {
+                name,
+                kind,
+                start: device.start.map_or(Start::Ready, Into::into),
+                pose: device.pose.into(),
+                settings: own,
+                port: device.port.clone(),
+                ros_port: device.ros_port.clone(),
+            });
+        }
+        Ok(Self {
+            world: file.world,
+            seed: file.seed,
+            settings,
+            devices,
+        })
+    }
+}
+
+/// The kind, with a number if there are several of it.
+fn default_name(devices: &[Spanned<DeviceText>], index: usize) -> String {
+    let kind = devices[index].get_ref().kind;
+    let same = |devices: &[Spanned<DeviceText>]| {
+        devices
+            .iter()
+            .filter(|device| device.get_ref().kind == kind)
+            .count()
+    };
+    if same(devices) == 1 {
+        kind.word().to_owned()
+    } else {
+        format!("{}-{}", kind.word(), same(&devices[..=index]))
+    }
+}
+
+fn is_name(name: &str) -> bool {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    !name.is_empty() && name.len() <= 64 && name.chars().all(allowed)
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RigText {
+    schema: Spanned<u32>,
+    world: Option<PathBuf>,
+    seed: Option<u64>,
+    /// Read a second time, with the places of its keys.
+    #[serde(default, rename = "settings")]
+    _settings: toml::Table,
+    #[serde(default)]
+    device: Vec<Spanned<DeviceText>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DeviceText {
+    kind: Kind,
+    name: Option<String>,
+    start: Option<StartText>,
+    #[serde(default)]
+    pose: PoseText,
+    port: Option<PathBuf>,
+    ros_port: Option<PathBuf>,
+    #[serde(default, rename = "settings")]
+    _settings: toml::Table,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum StartText {
+    Ready,
+    Locked,
+}
+
+impl From<StartText> for Start {
+    fn from(text: StartText) -> Self {
+        match text {
+            StartText::Ready => Self::Ready,
+            StartText::Locked => Self::Locked,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct PoseText {
+    x: Length,
+    y: Length,
+    heading: Angle,
+}
+
+impl From<PoseText> for Pose {
+    fn from(text: PoseText) -> Self {
+        Self {
+            x: text.x.0,
+            y: text.y.0,
+            heading: text.heading.0.to_radians(),
+        }
+    }
+}
+
+/// The tables of settings in a rig file, with the places of their keys.
+struct Tables<'t>(Spanned<DeTable<'t>>);
+
+impl<'t> Tables<'t> {
+    fn parse(source: Source<'t>) -> Result<Self, RigFileError> {
+        DeTable::parse(source.text)
+            .map(Self)
+            .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))
+    }
+
+    fn settings(&self) -> Option<&DeTable<'t>> {
+        table(self.0.get_ref(), "settings")
+    }
+
+    fn of_device(&self, index: usize) -> Option<&DeTable<'t>> {
+        let DeValue::Array(devices) = self.0.get_ref().get("device")?.get_ref() else {
+            return None;
+        };
+        let DeValue::Table(device) = devices.get(index)?.get_ref() else {
+            return None;
+        };
+        table(device, "settings")
+    }
+}
+
+fn table<'d, 't>(parent: &'d DeTable<'t>, name: &str) -> Option<&'d DeTable<'t>> {
+    match parent.get(name)?.get_ref() {
+        DeValue::Table(table) => Some(table),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<RigPlan, String> {
+        let source = Source {
+            file: "my-rig.toml",
+            text,
+        };
+        RigPlan::parse(source, &SimSettings::default()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_full_rig() {
+        let plan = parse(
+            "schema = 1\nworld = \"yard.toml\"\nseed = 7\n\
+             [settings]\nworld.slope = \"3 deg\"\nr150.heartbeat_timeout = \"9s\"\n\
+             [[device]]\nkind = \"r150\"\nport = \"/tmp/a\"\nstart = \"locked\"\n\
+             pose = { x = \"1.5 m\", y = \"-20 cm\", heading = \"90 deg\" }\n\
+             [device.settings]\nbattery.initial_soc = \"50 %\"\n\
+             [[device]]\nkind = \"r150\"\nname = \"other\"\n",
+        )
+        .unwrap();
+        assert_eq!(plan.seed, Some(7));
+        assert_eq!(plan.world, Some(PathBuf::from("yard.toml")));
+        let [first, second] = &plan.devices[..] else {
+            panic!("{plan:?}")
+        };
+        assert_eq!(
+            (first.name.as_str(), second.name.as_str()),
+            ("r150-1", "other")
+        );
+        assert_eq!(first.start, Start::Locked);
+        assert_eq!((first.pose.x, first.pose.y), (1.5, -0.2));
+        assert_eq!(first.pose.heading, std::f64::consts::FRAC_PI_2);
+        assert_eq!(first.settings.r150.plant.battery.initial_soc, 50.0);
+        assert_eq!(second.settings.r150.plant.battery.initial_soc, 80.0);
+        assert_eq!(second.settings.r150.firmware.heartbeat_timeout.as_secs(), 9);
+        assert_eq!(plan.settings.world.slope, 3.0);
+    }
+
+    #[test]
+    fn errors_name_file_line_and_key() {
+        let one = "schema = 1\n[[device]]\nkind = \"r150\"\n";
+        for (text, expected) in [
+            (
+                "schema = 2\n[[device]]\nkind = \"r150\"",
+                "my-rig.toml:1:10: `schema`",
+            ),
+            ("schema = 1\n", "1 to 1000 [[device]]"),
+            (
+                "schema = 1\ndevices = 3\n",
+                "my-rig.toml:2:1: unknown field",
+            ),
+            ("schema = 1\n[[device]]\nkind = \"tank\"", "my-rig.toml:3:8"),
+            (&format!("{one}color = \"red\""), "unknown field `color`"),
+            (
+                &format!("{one}pose = {{ x = \"1 V\" }}"),
+                "`V` is not a unit",
+            ),
+            (&format!("{one}name = \"a b\""), "letters, digits"),
+            (&format!("{one}ros_port = \"/tmp/x\""), "only a mecanum car"),
+            (
+                &format!("{one}settings = {{ nonsense = 1 }}"),
+                "my-rig.toml:4:14: no setting",
+            ),
+            (
+                &format!("{one}port = \"/tmp/x\"\n[[device]]\nkind = \"r150\"\nport = \"/tmp/x\""),
+                "two ports have the path /tmp/x",
+            ),
+            (
+                &format!("{one}name = \"a\"\n[[device]]\nkind = \"r150\"\nname = \"a\""),
+                "two devices are named",
+            ),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(expected), "{text}\ngave {error}");
+        }
+    }
+}
