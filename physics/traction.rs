@@ -25,12 +25,27 @@
 //! constraints are far softer than the bodies they join, so a few rounds suffice. While no patch slides
 //! there is nothing to project and the solution is found directly.
 //!
-//! Nothing here knows which vehicle it is: a wheel turns several patches or one, and the axes of a
-//! patch are free, which is what a wheel with slanted rollers needs.
+//! Nothing here knows which vehicle it is: a wheel turns several patches or one, and how the axes of
+//! a patch lie is up to its [`Contact`]: [`Straight`] for a tyre, [`Slanted`] for a mecanum wheel,
+//! whose first axis is that of the roller on the ground and whose second is the way in which the
+//! roller turns. There the tread that turns up by the roller's own spin sheds deflection as well:
+//!
+//! ```text
+//! rolling speed = wheel radius · |wheel speed| + |slip across|
+//! ```
+//!
+//! so that a roller which turns under a stopped wheel drags with `lateral stiffness · load` and no
+//! more: with the spring at standstill that is the friction model of P. R. Dahl, *A Solid Friction
+//! Model*, 1968. A strafe on straight rollers at 45° then moves the body by `(C − D) / (C + D)` of
+//! what the wheels turned, with `C` the longitudinal and `D` the lateral stiffness.
 
+mod contact;
+mod loads;
 mod settings;
 mod solve;
 
+pub use contact::{Contact, Slanted, Straight};
+pub use loads::Stance;
 pub use settings::TyreSettings;
 
 /// A place where a wheel meets the ground.
@@ -72,8 +87,8 @@ pub struct Chassis {
 
 /// The patches of one vehicle with their state.
 #[derive(Debug, Clone)]
-pub struct Traction<const WHEELS: usize, const PATCHES: usize> {
-    patches: [PatchState; PATCHES],
+pub struct Traction<const WHEELS: usize, const PATCHES: usize, C = Straight> {
+    patches: [PatchState<C>; PATCHES],
     /// What dry friction and brakes did in the last step, N·m·s, and the most they could do.
     hold: [f64; WHEELS],
     hold_limit: [f64; WHEELS],
@@ -83,8 +98,11 @@ pub struct Traction<const WHEELS: usize, const PATCHES: usize> {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct PatchState {
+struct PatchState<C> {
     place: Patch,
+    contact: C,
+    /// Speed at which the contact turns by itself, m/s.
+    spin: f64,
     /// Along and across, m.
     deflection: [f64; 2],
     /// Of the last step, along and across, N·s; the next solution starts from it.
@@ -111,9 +129,19 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
     /// Undeflected tyres.
     #[must_use]
     pub fn new(settings: &TyreSettings, patches: [Patch; PATCHES]) -> Self {
+        Self::with_contacts(settings, patches.map(|place| (place, Straight)))
+    }
+}
+
+impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
+    /// Undeflected wheels of any kind. A wheel whose contact turns by itself has one patch only.
+    #[must_use]
+    pub fn with_contacts(settings: &TyreSettings, patches: [(Patch, C); PATCHES]) -> Self {
         Self {
-            patches: patches.map(|place| PatchState {
+            patches: patches.map(|(place, contact)| PatchState {
                 place,
+                contact,
+                spin: 0.0,
                 deflection: [0.0; 2],
                 impulse: [0.0; 2],
                 stiffness: [0.0; 2],
@@ -134,6 +162,7 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
         for patch in &mut self.patches {
             patch.deflection = [0.0; 2];
             patch.impulse = [0.0; 2];
+            patch.spin = 0.0;
         }
     }
 
@@ -151,6 +180,7 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
     pub fn follow(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS], dt: f64) {
         for patch in &mut self.patches {
             let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);
+            patch.spin = patch.contact.spin(slip);
             let mut force = [0.0; 2];
             for axis in 0..2 {
                 patch.deflection[axis] = patch.shed * (patch.deflection[axis] + dt * slip[axis]);
@@ -166,13 +196,18 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
     }
 }
 
-impl PatchState {
+impl<C: Contact> PatchState<C> {
     /// Velocity of the patch over the ground, along and across, m/s.
     fn slip(&self, [forward, left, yaw_rate]: [f64; 3], rolling: f64) -> [f64; 2] {
-        [
+        self.contact.split([
             forward - yaw_rate * self.place.y - rolling,
             left + yaw_rate * self.place.x,
-        ]
+        ])
+    }
+
+    /// The forward part of an impulse along and across, which turns the wheel back.
+    fn ahead(&self, impulse: [f64; 2]) -> f64 {
+        self.contact.join(impulse)[0]
     }
 }
 

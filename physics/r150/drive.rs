@@ -5,7 +5,7 @@ use super::faults::SideFaults;
 use super::settings::R150PlantSettings;
 use super::signals::Side;
 use crate::pose::BodyMotion;
-use crate::traction::{Chassis, Patch, Traction, Wheel};
+use crate::traction::{Chassis, Patch, Stance, Traction, Wheel};
 use crate::world::{Ground, World};
 
 /// Front left, front right, rear left, rear right.
@@ -19,9 +19,7 @@ pub(super) struct Drive {
     pub(super) wheel_speed: [f64; 2],
     pub(super) mass: f64,
     pub(super) inertia: f64,
-    centre_height: f64,
-    half_wheelbase: f64,
-    half_track: f64,
+    stance: Stance,
     wheel_radius: f64,
     rolling_resistance: f64,
     gear_ratio: f64,
@@ -69,9 +67,11 @@ impl Drive {
             wheel_speed: [0.0; 2],
             mass: 0.0,
             inertia: 0.0,
-            centre_height: 0.0,
-            half_wheelbase: x,
-            half_track: y,
+            stance: Stance {
+                half_wheelbase: x,
+                half_track: y,
+                centre_height: 0.0,
+            },
             wheel_radius: settings.tyre.wheel_radius,
             rolling_resistance: settings.tyre.rolling_resistance,
             gear_ratio: ratio,
@@ -92,7 +92,7 @@ impl Drive {
         let deck = body.length * body.length + body.width * body.width;
         self.mass = body.mass + payload;
         self.inertia = body.yaw_inertia + payload * deck / 12.0;
-        self.centre_height =
+        self.stance.centre_height =
             (body.mass * body.centre_of_mass_height + payload * body.payload_height) / self.mass;
     }
 
@@ -108,29 +108,6 @@ impl Drive {
     /// Forces the wheels to a stand, as a blocked side does.
     pub(super) fn stop(&mut self, side: Side) {
         self.wheel_speed[side.index()] = 0.0;
-    }
-
-    /// How each wheel is pressed down: its share of the weight, shifted towards the lower side of a
-    /// slope by the height of the centre of mass. Acceleration shifts nothing; at the speeds of this
-    /// vehicle that is under a tenth of the load.
-    fn loads(&self, pull: [f64; 2], weight: f64) -> [f64; WHEELS] {
-        let ahead = pull[0] * self.centre_height / (4.0 * self.half_wheelbase);
-        let left = pull[1] * self.centre_height / (4.0 * self.half_track);
-        let quarter = weight / 4.0;
-        let loads = [
-            quarter + ahead + left,
-            quarter + ahead - left,
-            quarter - ahead + left,
-            quarter - ahead - left,
-        ]
-        .map(|load| load.max(0.0));
-        let sum: f64 = loads.iter().sum();
-        // A wheel that lifts leaves its share to the others; together they carry the weight.
-        if sum > weight {
-            loads.map(|load| load * weight / sum)
-        } else {
-            loads
-        }
     }
 
     /// The wheels of one side over a step, without the ground. The motor's back-EMF answers to the
@@ -190,7 +167,9 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
 
     let drive = &plant.drive;
     let pull = drive.pull(&ground, gravity, &motion);
-    let loads = drive.loads(pull, drive.mass * gravity * ground.cos_slope());
+    let loads = drive
+        .stance
+        .loads(pull, drive.mass * gravity * ground.cos_slope());
     let side_loads = [loads[1] + loads[3], loads[0] + loads[2]];
     let mut wheels = Side::BOTH.map(|side| {
         let index = side.index();
@@ -222,7 +201,7 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
         &mut wheels,
         rolling,
         loads,
-        ground.friction(),
+        [ground.friction(); WHEELS],
         dt,
     );
     plant.drive.wheel_speed = wheels.map(|wheel| wheel.speed);

@@ -6,7 +6,7 @@
 mod direct;
 mod iterate;
 
-use super::{Chassis, PatchState, Traction, TyreLaw, Wheel};
+use super::{Chassis, Contact, PatchState, Traction, TyreLaw, Wheel};
 use iterate::Mobility;
 
 /// A patch in this step, both axes.
@@ -19,27 +19,35 @@ struct Row {
     limit: f64,
 }
 
-impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
+impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
     /// Finds the impulses of all patches over a step of `dt` seconds and applies them.
     ///
     /// `rolling` holds the wheel speeds at the start of the step (rad/s), `loads` the force with
-    /// which each patch is pressed down (N).
+    /// which each patch is pressed down (N), `friction` the coefficient under each.
     pub fn solve(
         &mut self,
         chassis: &mut Chassis,
         wheels: &mut [Wheel; WHEELS],
         rolling: [f64; WHEELS],
         loads: [f64; PATCHES],
-        friction: f64,
+        friction: [f64; PATCHES],
         dt: f64,
     ) {
         let law = self.law;
-        let shed = rolling.map(|speed| law.shed(speed, dt));
-        let damping = rolling.map(|speed| law.damping(speed));
+        let mut tread = rolling.map(|speed| (speed * law.radius).abs());
+        if C::DRIVEN > 1 {
+            for patch in &self.patches {
+                tread[patch.place.wheel] += patch.spin;
+            }
+        }
+        let shed = tread.map(|speed| law.shed(speed, dt));
+        let damping = tread.map(|speed| law.damping(speed));
         let mut rows = [Row::IDLE; PATCHES];
-        for ((patch, row), load) in self.patches.iter_mut().zip(&mut rows).zip(loads) {
+        let grounds = loads.iter().zip(&friction);
+        for ((patch, row), (load, friction)) in self.patches.iter_mut().zip(&mut rows).zip(grounds)
+        {
             let wheel = patch.place.wheel;
-            *row = patch.prepare(&law, shed[wheel], damping[wheel], load, friction, dt);
+            *row = patch.prepare(&law, shed[wheel], damping[wheel], *load, *friction, dt);
         }
         let hold_limits = wheels.map(|wheel| wheel.hold_torque * dt);
 
@@ -60,19 +68,18 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
 
 impl TyreLaw {
     /// The share of a deflection that is still there after the step's rolling.
-    fn shed(&self, wheel_speed: f64, dt: f64) -> f64 {
-        let rolled = dt * (wheel_speed * self.radius).abs();
+    fn shed(&self, speed: f64, dt: f64) -> f64 {
+        let rolled = dt * speed;
         self.relaxation_length / (self.relaxation_length + rolled)
     }
 
     /// The carcass damping time at this rolling speed, s.
-    fn damping(&self, wheel_speed: f64) -> f64 {
-        let speed = (wheel_speed * self.radius).abs();
+    fn damping(&self, speed: f64) -> f64 {
         self.damping_time * (1.0 - speed * self.inverse_fade_speed).max(0.0)
     }
 }
 
-impl PatchState {
+impl<C> PatchState<C> {
     fn prepare(
         &mut self,
         law: &TyreLaw,

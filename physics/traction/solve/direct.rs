@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::super::{Chassis, Traction, Wheel};
+use super::super::{Chassis, Contact, PatchState, Traction, Wheel};
 use super::Row;
 
 /// The body's momentum balance, `matrix · velocity = right`, for forward, left and yaw rate.
@@ -39,7 +39,7 @@ struct Candidate<const WHEELS: usize> {
     holds: [Hold; WHEELS],
 }
 
-impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
+impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
     /// Returns whether the solution stands: no patch slides, and every wheel turns or stands as it
     /// did in the last step. Nothing has changed otherwise.
     pub(super) fn solve_directly(
@@ -66,11 +66,10 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
             WheelEquation::new(&wheels[index], held)
         });
         for (patch, row) in self.patches.iter().zip(rows) {
-            let along = Vector3::new(1.0, 0.0, -patch.place.y);
-            let across = Vector3::new(0.0, 1.0, patch.place.x);
-            body.add(row.give[0], row.bias[0], along);
-            body.add(row.give[1], row.bias[1], across);
-            equations[patch.place.wheel].add(row, along, self.law.radius);
+            let axes = patch.contact.jacobian(&patch.place);
+            body.add(row.give[0], row.bias[0], axes[0]);
+            body.add(row.give[1], row.bias[1], axes[1]);
+            equations[patch.place.wheel].add(patch, row, &axes, self.law.radius);
         }
         for (equation, hold) in equations.iter().zip(&holds) {
             if *hold != Hold::Still {
@@ -118,7 +117,7 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
             if !row.grips(*impulse) {
                 return false;
             }
-            torques[wheel] -= self.law.radius * impulse[0];
+            torques[wheel] -= self.law.radius * patch.ahead(*impulse);
         }
         let mut held = [0.0; WHEELS];
         for (index, held) in held.iter_mut().enumerate() {
@@ -177,11 +176,20 @@ impl WheelEquation {
         }
     }
 
-    /// The reaction of a patch that pushes the body `along`.
-    fn add(&mut self, row: &Row, along: Vector3<f64>, radius: f64) {
-        let give = radius * row.give[0];
-        self.momentum += radius * give;
-        self.coupling -= give * along;
-        self.right += radius * row.bias[0];
+    /// The reaction of a patch that pushes the body along `axes`.
+    fn add<C: Contact>(
+        &mut self,
+        patch: &PatchState<C>,
+        row: &Row,
+        axes: &[Vector3<f64>; 2],
+        radius: f64,
+    ) {
+        for (axis, direction) in axes.iter().enumerate().take(C::DRIVEN) {
+            let arm = radius * patch.contact.forward(axis);
+            let give = arm * row.give[axis];
+            self.momentum += arm * give;
+            self.coupling -= give * direction;
+            self.right += arm * row.bias[axis];
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Projected Gauss–Seidel iteration over the impulses, for when a patch slides.
 
-use super::super::{Chassis, PatchState, Traction, Wheel};
+use super::super::{Chassis, Contact, PatchState, Traction, Wheel};
 use super::Row;
 
 /// Rounds of the iteration at most. The default vehicle needs one to seven; the bound makes the cost
@@ -23,7 +23,16 @@ pub(super) struct Mobility {
     radius: f64,
 }
 
-impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
+/// The share of a difference between impulses that is left once the patch gives way to it: of the
+/// same axis, and of the other. The axes of a tyre hardly know of one another and are taken one by
+/// one; those of a roller both turn the wheel.
+#[derive(Clone, Copy, Default)]
+struct Share {
+    own: [f64; 2],
+    other: [f64; 2],
+}
+
+impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
     pub(super) fn iterate(
         &mut self,
         chassis: &mut Chassis,
@@ -33,13 +42,10 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
         mobility: &Mobility,
         weight_impulse: f64,
     ) {
-        let mut shares = [[0.0; 2]; PATCHES];
+        let mut shares = [Share::default(); PATCHES];
         for ((patch, row), share) in self.patches.iter_mut().zip(rows).zip(&mut shares) {
             let wheel = &mut wheels[patch.place.wheel];
-            let compliance = mobility.compliance(patch, wheel);
-            for axis in 0..2 {
-                share[axis] = 1.0 / (1.0 + row.give[axis] * compliance[axis]);
-            }
+            *share = Share::new(patch, row, mobility, wheel);
             patch.impulse = row.within_limit(patch.impulse);
             mobility.apply(patch, patch.impulse, &mut chassis.velocity, wheel);
         }
@@ -57,10 +63,8 @@ impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
                 let now = patch.impulse;
                 // The elastic impulse goes with the slip that `now` leads to; only this share of the
                 // difference is left once the patch gives way to it.
-                patch.impulse = row.within_limit([
-                    now[0] + (elastic[0] - now[0]) * share[0],
-                    now[1] + (elastic[1] - now[1]) * share[1],
-                ]);
+                let step = share.of::<C>([elastic[0] - now[0], elastic[1] - now[1]]);
+                patch.impulse = row.within_limit([now[0] + step[0], now[1] + step[1]]);
                 let delta = [patch.impulse[0] - now[0], patch.impulse[1] - now[1]];
                 change = change.max(delta[0].abs()).max(delta[1].abs());
                 mobility.apply(patch, delta, &mut chassis.velocity, wheel);
@@ -84,26 +88,65 @@ impl Mobility {
         }
     }
 
-    /// What one N·s along and across changes of the slip, 1/kg.
-    fn compliance(&self, patch: &PatchState, wheel: &Wheel) -> [f64; 2] {
-        let (x, y) = (patch.place.x, patch.place.y);
-        [
-            self.push + y * y * self.turn + self.radius * self.radius * wheel.compliance,
-            self.push + x * x * self.turn,
-        ]
-    }
-
-    fn apply(
+    fn apply<C: Contact>(
         &self,
-        patch: &PatchState,
-        [along, across]: [f64; 2],
+        patch: &PatchState<C>,
+        impulse: [f64; 2],
         velocity: &mut [f64; 3],
         wheel: &mut Wheel,
     ) {
-        velocity[0] += along * self.push;
-        velocity[1] += across * self.push;
-        velocity[2] += (patch.place.x * across - patch.place.y * along) * self.turn;
-        wheel.speed -= self.radius * along * wheel.compliance;
+        let [ahead, left] = patch.contact.join(impulse);
+        velocity[0] += ahead * self.push;
+        velocity[1] += left * self.push;
+        velocity[2] += (patch.place.x * left - patch.place.y * ahead) * self.turn;
+        wheel.speed -= self.radius * ahead * wheel.compliance;
+    }
+}
+
+impl Share {
+    fn new<C: Contact>(
+        patch: &PatchState<C>,
+        row: &Row,
+        mobility: &Mobility,
+        wheel: &Wheel,
+    ) -> Self {
+        let levers = patch.contact.levers(&patch.place);
+        // What one N·s along and across changes of the slip, 1/kg.
+        let compliance = |axis: usize| {
+            let forward = patch.contact.forward(axis);
+            mobility.push
+                + levers[axis] * levers[axis] * mobility.turn
+                + mobility.radius * mobility.radius * (forward * forward) * wheel.compliance
+        };
+        let own = [0, 1].map(|axis| 1.0 + row.give[axis] * compliance(axis));
+        if C::DRIVEN < 2 {
+            return Self {
+                own: own.map(|part| 1.0 / part),
+                other: [0.0; 2],
+            };
+        }
+        let shared = levers[0] * levers[1] * mobility.turn
+            + mobility.radius
+                * mobility.radius
+                * (patch.contact.forward(0) * patch.contact.forward(1))
+                * wheel.compliance;
+        let other = row.give.map(|give| give * shared);
+        let determinant = own[0] * own[1] - other[0] * other[1];
+        Self {
+            own: [own[1] / determinant, own[0] / determinant],
+            other: other.map(|part| -part / determinant),
+        }
+    }
+
+    fn of<C: Contact>(&self, difference: [f64; 2]) -> [f64; 2] {
+        let own = [difference[0] * self.own[0], difference[1] * self.own[1]];
+        if C::DRIVEN < 2 {
+            return own;
+        }
+        [
+            own[0] + difference[1] * self.other[0],
+            own[1] + difference[0] * self.other[1],
+        ]
     }
 }
 

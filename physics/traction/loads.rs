@@ -1,0 +1,40 @@
+//! How the weight of a vehicle rests on four wheels.
+
+/// Where four wheels stand under the centre of mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stance {
+    /// Half the distance between front and rear axle, m.
+    pub half_wheelbase: f64,
+    /// Half the distance between left and right wheels, m.
+    pub half_track: f64,
+    /// Height of the centre of mass above the ground, m.
+    pub centre_height: f64,
+}
+
+impl Stance {
+    /// How each wheel is pressed down, front left, front right, rear left, rear right, N: its share
+    /// of the weight, shifted towards the lower side of a slope by the height of the centre of mass.
+    ///
+    /// `pull` is the downhill pull ahead and to the left. Acceleration shifts nothing; at the speeds
+    /// of these vehicles that is under a tenth of the load.
+    #[must_use]
+    pub fn loads(&self, pull: [f64; 2], weight: f64) -> [f64; 4] {
+        let ahead = pull[0] * self.centre_height / (4.0 * self.half_wheelbase);
+        let left = pull[1] * self.centre_height / (4.0 * self.half_track);
+        let quarter = weight / 4.0;
+        let loads = [
+            quarter + ahead + left,
+            quarter + ahead - left,
+            quarter - ahead + left,
+            quarter - ahead - left,
+        ]
+        .map(|load| load.max(0.0));
+        let sum: f64 = loads.iter().sum();
+        // A wheel that lifts leaves its share to the others; together they carry the weight.
+        if sum > weight {
+            loads.map(|load| load * weight / sum)
+        } else {
+            loads
+        }
+    }
+}
