@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use sim_core::line::Wire;
 use sim_core::r150_device::vehicle::Start;
+use sim_scenarios::Kind;
 
 use crate::exit::Exit;
 
@@ -22,7 +23,11 @@ Examples:
   sim --pty /tmp/r150 --wire instant --log-format json | tee run.jsonl
       Bytes take no time on the line; one JSON object for each event.
   sim --serial /dev/ttyUSB0
-      The same device on a real serial port, with your client at the other end of the cable.";
+      The same device on a real serial port, with your client at the other end of the cable.
+  sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
+      A mecanum car with both of its links, in a yard with walls.
+  sim --rig my-rig.toml
+      Several devices of either kind in one world.";
 
 /// A virtual vehicle behind a serial port: test your client without the hardware.
 ///
@@ -67,10 +72,20 @@ pub(crate) struct ServeArgs {
     /// Serve on a real serial port.
     #[arg(long, value_name = "DEVICE")]
     pub(crate) serial: Option<PathBuf>,
+    /// Serve all devices of a rig file, in one world; --pty is the short form for one.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "serial", "ros_pty", "device", "start"])]
+    pub(crate) rig: Option<PathBuf>,
     /// What to be.
     #[arg(long, value_enum, default_value_t = Device::R150)]
     pub(crate) device: Device,
-    /// In which state the vehicle begins.
+    /// Serve the mecanum car's ROS link too, on a second pseudo-terminal; this takes the UART of
+    /// its magnetic sensor.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) ros_pty: Option<PathBuf>,
+    /// Build the world from a file; `worlds/` has some.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) world: Option<PathBuf>,
+    /// In which state an R150 begins.
     #[arg(long, value_enum, default_value_t = StartArg::Ready)]
     pub(crate) start: StartArg,
     #[command(flatten)]
@@ -102,12 +117,15 @@ pub(crate) struct ServeArgs {
 pub(crate) enum Device {
     /// XAG R150 unmanned ground vehicle, through its RS-232 IO module.
     R150,
+    /// Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty.
+    Mecanum,
 }
 
 impl Device {
-    pub(crate) fn name(self) -> &'static str {
+    pub(crate) fn kind(self) -> Kind {
         match self {
-            Self::R150 => "r150",
+            Self::R150 => Kind::R150,
+            Self::Mecanum => Kind::Mecanum,
         }
     }
 }
@@ -118,15 +136,6 @@ pub(crate) enum StartArg {
     Ready,
     /// Locked, parked, in remote mode, as the hardware starts.
     Locked,
-}
-
-impl StartArg {
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::Ready => "ready",
-            Self::Locked => "locked",
-        }
-    }
 }
 
 impl From<StartArg> for Start {

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io::Write as _;
+use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::settings::SimSettings;
@@ -10,41 +11,59 @@ use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_tom
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
 
-/// The largest settings file that is read.
+/// The largest file that is read.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Reads the settings that the flags name.
+/// Reads the settings that the flags name: the file, then single ones.
 pub(crate) fn load(args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = load_file(args)?;
+    apply_flags(args, &mut settings)?;
+    Ok(settings)
+}
+
+/// Reads the settings file, if one is named.
+pub(crate) fn load_file(args: &SettingsArgs) -> Result<SimSettings, Failure> {
     let mut settings = SimSettings::default();
     if let Some(path) = &args.config {
-        let shown = path.display();
-        let size = fs::metadata(path)
-            .with_context(|| format!("cannot read the settings file {shown}"))
-            .map_err(Failure::usage)?
-            .len();
-        if size > MOST_BYTES {
-            let why = anyhow!("{shown} is {size} bytes long; a settings file has 1 MiB at most");
-            return Err(Failure::usage(why));
-        }
-        let text = fs::read_to_string(path)
-            .with_context(|| format!("cannot read the settings file {shown}"))
-            .map_err(Failure::usage)?;
-        load_toml(&text, &shown.to_string(), &mut settings).map_err(|errors| {
+        let text = read(path, "settings file")?;
+        load_toml(&text, &path.display().to_string(), &mut settings).map_err(|errors| {
             let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
             Failure::usage(anyhow!(lines.join("\n")))
         })?;
     }
+    Ok(settings)
+}
+
+/// Applies the settings that are given one by one.
+pub(crate) fn apply_flags(args: &SettingsArgs, settings: &mut SimSettings) -> Result<(), Failure> {
     for text in &args.set {
         let (key, value) = parse_assignment("--set", text).map_err(Failure::usage)?;
         set(
-            &mut settings,
+            settings,
             &key,
             &value,
             Origin::Flag(format!("--set {text}")),
         )
         .map_err(Failure::usage)?;
     }
-    Ok(settings)
+    Ok(())
+}
+
+/// Reads a file that a user wrote; `what` is what it should be.
+pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
+    let shown = path.display();
+    let cannot = || format!("cannot read the {what} {shown}");
+    let size = fs::metadata(path)
+        .with_context(cannot)
+        .map_err(Failure::usage)?
+        .len();
+    if size > MOST_BYTES {
+        let why = anyhow!("the {what} {shown} is {size} bytes long; 1 MiB is allowed");
+        return Err(Failure::usage(why));
+    }
+    fs::read_to_string(path)
+        .with_context(cannot)
+        .map_err(Failure::usage)
 }
 
 /// What differs from the defaults, as `key = value`.

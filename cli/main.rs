@@ -5,6 +5,7 @@ mod args;
 mod config;
 mod exit;
 mod log;
+mod plan;
 mod ready_file;
 mod serve;
 mod start;

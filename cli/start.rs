@@ -1,57 +1,56 @@
-//! From flags to a running simulator, and the summary at its end.
+//! From a plan to a running simulator, and the summary at its end.
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
 use std::path::Path;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use serde_json::json;
-use sim_core::rig::{PortId, Rig, RigSettings};
-use sim_core::settings::SimSettings;
-use sim_physics::Pose;
+use sim_core::rig::PortId;
 use sim_pty::{Port, PtyPort, SerialPort};
+use sim_scenarios::RigPlan;
 
-use crate::args::{Device, LogFormat, ServeArgs};
+use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::log::{Log, LogOptions};
+use crate::plan::{Plan, plan};
 use crate::ready_file::ReadyFile;
 use crate::serve::{Served, Server};
 use crate::summary::{self, DeviceSummary};
 
-/// Serves one device until a signal ends it.
+/// Serves until a signal ends it.
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let settings = config::load(&args.settings)?;
-    let seed = args.seed.unwrap_or_else(random_seed);
-    let name = args.device.name();
-    let Device::R150 = args.device;
-    let mut rig = Rig::new(RigSettings {
-        world: settings.world.clone(),
-        wire: args.wire.into(),
-        seed,
-    });
-    let device = rig.add_r150(name, &settings.r150, args.start.into(), Pose::default());
-    let id = PortId { device, link: 0 };
+    let Plan { rig: plan, folder } = plan(args)?;
+    let seed = args.seed.or(plan.seed).unwrap_or_else(random_seed);
+    let rig = plan.build(args.wire.into(), seed);
+    let ports = open_all(args, &plan, &folder)?;
 
-    let port = open(args, settings.r150.firmware.baud)?;
     let options = LogOptions {
         format: args.log_format,
         verbose: args.verbose,
         quiet: args.quiet,
     };
-    let log = Log::start(options, vec![name.to_owned()])
+    let names: Vec<String> = plan
+        .devices
+        .iter()
+        .map(|device| device.name.clone())
+        .collect();
+    let log = Log::start(options, names.clone())
         .context("cannot start the thread that prints")
         .map_err(Failure::system)?;
-    let path = port.path().to_owned();
-    let mut server =
-        Server::new(rig, vec![Served { id, port }], args.speed).map_err(Failure::system)?;
+    let shown: Vec<ShownPort> = ports
+        .iter()
+        .map(|port| ShownPort::new(port, &plan))
+        .collect();
+    let mut server = Server::new(rig, ports, args.speed).map_err(Failure::system)?;
 
-    announce(&log, args, &settings, &path, seed);
+    announce(&log, args, &plan, &shown, seed);
     let ready = json!({
         "code": "ready",
         "pid": std::process::id(),
         "seed": seed,
-        "ports": [{"device": name, "path": path}],
+        "ports": shown.iter().map(ShownPort::json).collect::<Vec<_>>(),
     });
     let _ready_file = args
         .ready_file
@@ -66,14 +65,15 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
 
     let outcome = server.run(&log).map_err(Failure::system);
     if !log.is_quiet() {
-        let devices = [DeviceSummary {
-            name,
-            report: server.report(device),
-            distance_m: server
-                .rig()
-                .r150(device)
-                .map_or(0.0, |r150| r150.truth().distance),
-        }];
+        let devices: Vec<DeviceSummary<'_>> = names
+            .iter()
+            .enumerate()
+            .map(|(device, name)| DeviceSummary {
+                name,
+                report: server.report(device),
+                distance_m: server.rig().distance_m(device),
+            })
+            .collect();
         let now = server.rig().now();
         log.text(match log.format() {
             LogFormat::Text => summary::text(now, &devices),
@@ -83,58 +83,113 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     outcome.map(|()| Exit::Clean)
 }
 
-fn open(args: &ServeArgs, baud: u32) -> Result<Port, Failure> {
-    match (&args.pty, &args.serial) {
-        (Some(path), _) => PtyPort::open_at(path, baud)
-            .map(Port::from)
-            .map_err(Failure::system),
-        (None, Some(path)) => SerialPort::open(path, baud)
-            .map(Port::from)
-            .map_err(Failure::system),
-        (None, None) => Err(Failure::usage(anyhow!(
-            "say where to serve: --pty PATH for a pseudo-terminal, as in `sim --pty /tmp/r150`, \
-             or --serial DEVICE for a real serial port (`sim --help` shows more)"
-        ))),
+/// Opens every port of the plan; relative paths are relative to `folder`.
+fn open_all(args: &ServeArgs, plan: &RigPlan, folder: &Path) -> Result<Vec<Served>, Failure> {
+    let mut ports = Vec::new();
+    for (device, planned) in plan.devices.iter().enumerate() {
+        for link in planned.links() {
+            let id = PortId {
+                device,
+                link: link.index,
+            };
+            let port = match (&args.serial, &link.path) {
+                (Some(serial), _) if link.index == 0 => {
+                    SerialPort::open(serial, link.baud).map(Port::from)
+                }
+                (_, Some(path)) => PtyPort::open_at(folder.join(path), link.baud).map(Port::from),
+                (_, None) => PtyPort::open_unlinked(link.baud).map(Port::from),
+            };
+            ports.push(Served {
+                id,
+                port: port.map_err(Failure::system)?,
+            });
+        }
+    }
+    Ok(ports)
+}
+
+/// A port as the user is told of it.
+struct ShownPort {
+    device: String,
+    link: &'static str,
+    path: std::path::PathBuf,
+    baud: u32,
+}
+
+impl ShownPort {
+    fn new(served: &Served, plan: &RigPlan) -> Self {
+        let device = &plan.devices[served.id.device];
+        let link = device
+            .links()
+            .into_iter()
+            .find(|link| link.index == served.id.link);
+        let (link, baud) = link.map_or(("", 0), |link| (link.name, link.baud));
+        Self {
+            device: device.name.clone(),
+            link,
+            path: served.port.path().to_owned(),
+            baud,
+        }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({"device": self.device, "link": self.link, "path": self.path, "baud": self.baud})
     }
 }
 
-fn announce(log: &Log, args: &ServeArgs, settings: &SimSettings, path: &Path, seed: u64) {
+fn announce(log: &Log, args: &ServeArgs, plan: &RigPlan, ports: &[ShownPort], seed: u64) {
     if log.is_quiet() {
         return;
     }
     let version = env!("CARGO_PKG_VERSION");
-    let name = args.device.name();
-    let baud = settings.r150.firmware.baud;
     let wire = sim_core::line::Wire::from(args.wire).word();
-    let start = args.start.word();
-    let changed = config::changed(settings);
-    log.text(match log.format() {
+    let mut changed: Vec<String> = plan
+        .devices
+        .iter()
+        .flat_map(|device| config::changed(&device.settings))
+        .collect();
+    changed.sort();
+    changed.dedup();
+    let text = match log.format() {
         LogFormat::Text => {
             let changed = match changed.as_slice() {
                 [] => "all default (`sim config` lists them)".to_owned(),
                 changed => format!("default but for {}", changed.join(", ")),
             };
-            format!(
-                "sim {version}: {name} on {} at {baud} baud 8N1, wire {wire}, start {start}, \
-                 speed {}, seed {seed}\nsettings: {changed}",
-                path.display(),
-                args.speed,
-            )
+            let mut text = format!(
+                "sim {version}: wire {wire}, speed {}, seed {seed}",
+                args.speed
+            );
+            for (device, planned) in plan.devices.iter().enumerate() {
+                let start = planned.start_word().map(|word| format!(", start {word}"));
+                for port in ports
+                    .iter()
+                    .filter(|port| port.device == plan.devices[device].name)
+                {
+                    text += &format!(
+                        "\n  {} ({} link) on {} at {} baud 8N1{}",
+                        port.device,
+                        port.link,
+                        port.path.display(),
+                        port.baud,
+                        start.as_deref().unwrap_or_default(),
+                    );
+                }
+            }
+            format!("{text}\n  settings: {changed}")
         }
         LogFormat::Json => json!({
             "code": "start",
             "version": version,
-            "device": name,
-            "path": path,
-            "baud": baud,
+            "ports": ports.iter().map(ShownPort::json).collect::<Vec<_>>(),
             "wire": wire,
-            "start": start,
             "speed": args.speed,
             "seed": seed,
             "changed": changed,
         })
         .to_string(),
-    });
+    };
+    log.text(text);
 }
 
 /// A seed short enough to type again.

@@ -2,7 +2,9 @@
 //!
 //! Pure: text goes in, plans come out; whoever calls reads the files.
 
+mod assemble;
 pub mod quantity;
 pub mod rig_file;
 
+pub use assemble::Link;
 pub use rig_file::{DevicePlan, Kind, RigFileError, RigPlan};

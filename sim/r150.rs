@@ -114,6 +114,10 @@ impl Unit for R150 {
             .map(|(at, event)| (at, EventKind::R150(event)))
     }
 
+    fn distance_m(&self) -> f64 {
+        self.plant.truth().distance
+    }
+
     fn at_rest(&self) -> bool {
         self.plant.at_rest()
     }

@@ -153,6 +153,14 @@ impl Rig {
         }
     }
 
+    /// How far a device has driven, m; 0 if there is no such device.
+    #[must_use]
+    pub fn distance_m(&self, device: usize) -> f64 {
+        self.slots
+            .get(device)
+            .map_or(0.0, |slot| slot.vehicle.unit().distance_m())
+    }
+
     /// Lets `change` work on the R150 with this index at the present time, and follows up what it
     /// changed; `None` if there is no such device.
     pub fn with_r150<T>(

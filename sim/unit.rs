@@ -30,6 +30,9 @@ pub(crate) trait Unit {
     /// The next event and when it happened.
     fn poll_event(&mut self) -> Option<(SimTime, EventKind)>;
 
+    /// How far it has driven, m.
+    fn distance_m(&self) -> f64;
+
     /// Whether nothing of it moves and nothing drives it.
     fn at_rest(&self) -> bool;
 

@@ -1,0 +1,68 @@
+//! From a plan to a rig.
+
+use std::path::PathBuf;
+
+use sim_core::line::Wire;
+use sim_core::r150_device::vehicle::Start;
+use sim_core::rig::{Rig, RigSettings};
+
+use crate::rig_file::{DevicePlan, Kind, RigPlan};
+
+/// A serial link of a planned device.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Link {
+    /// Index of the link on the device.
+    pub index: usize,
+    /// What it is called.
+    pub name: &'static str,
+    /// Speed of the device's end.
+    pub baud: u32,
+    /// Path of its port, if it has been given one.
+    pub path: Option<PathBuf>,
+}
+
+impl DevicePlan {
+    /// The links on which it is served.
+    #[must_use]
+    pub fn links(&self) -> Vec<Link> {
+        match self.kind {
+            Kind::R150 => vec![Link {
+                index: 0,
+                name: "RS-232",
+                baud: self.settings.r150.firmware.baud,
+                path: self.port.clone(),
+            }],
+            Kind::Mecanum => vec![],
+        }
+    }
+
+    /// In which state it starts, if its kind has a choice.
+    #[must_use]
+    pub fn start_word(&self) -> Option<&'static str> {
+        match (self.kind, self.start) {
+            (Kind::R150, Start::Ready) => Some("ready"),
+            (Kind::R150, Start::Locked) => Some("locked"),
+            (Kind::Mecanum, _) => None,
+        }
+    }
+}
+
+impl RigPlan {
+    /// Builds the world and puts the devices into it; a device's index in the rig is its index in
+    /// the plan.
+    #[must_use]
+    pub fn build(&self, wire: Wire, seed: u64) -> Rig {
+        let world = self.settings.world.clone();
+        let mut rig = Rig::new(RigSettings { world, wire, seed });
+        for device in &self.devices {
+            match device.kind {
+                Kind::R150 => {
+                    let settings = &device.settings.r150;
+                    rig.add_r150(&device.name, settings, device.start, device.pose);
+                }
+                Kind::Mecanum => {}
+            }
+        }
+        rig
+    }
+}
