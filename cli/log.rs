@@ -5,9 +5,10 @@ use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use anstyle::{AnsiColor, Style};
-use crossbeam_channel::{Receiver, Sender, TrySendError};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
 use serde_json::json;
 use sim_core::SimTime;
 use sim_core::event::{Event, Hex, Level};
@@ -16,6 +17,9 @@ use crate::args::LogFormat;
 
 /// Most lines that wait to be printed; further ones are dropped and counted.
 const MOST_LINES: usize = 1 << 14;
+/// How long whoever reads the output may take for one line at the end before the rest is given up:
+/// a reader that has stopped reading must not keep the simulator from ending.
+const END_PATIENCE: Duration = Duration::from_secs(3);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
 
@@ -38,6 +42,8 @@ pub(crate) struct Log {
     lines: Option<Sender<Line>>,
     dropped: Arc<AtomicU64>,
     options: LogOptions,
+    /// Has something in it when a line was printed; disconnected when the thread has ended.
+    progress: Receiver<()>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -45,6 +51,7 @@ impl Log {
     /// Starts the thread; `names` are the devices by index.
     pub(crate) fn start(options: LogOptions, names: Vec<String>) -> io::Result<Self> {
         let (lines, receiver) = crossbeam_channel::bounded(MOST_LINES);
+        let (printed, progress) = crossbeam_channel::bounded(1);
         let dropped = Arc::new(AtomicU64::new(0));
         let printer = Printer {
             options,
@@ -52,6 +59,7 @@ impl Log {
             dropped: Arc::clone(&dropped),
             told_dropped: 0,
             repeats: BTreeMap::new(),
+            printed,
         };
         let thread = std::thread::Builder::new()
             .name("log".to_owned())
@@ -60,6 +68,7 @@ impl Log {
             lines: Some(lines),
             dropped,
             options,
+            progress,
             thread: Some(thread),
         })
     }
@@ -100,7 +109,16 @@ impl Log {
 impl Drop for Log {
     fn drop(&mut self) {
         self.lines = None;
-        if let Some(thread) = self.thread.take() {
+        let Some(thread) = self.thread.take() else {
+            return;
+        };
+        // Every round takes a line off a queue that is bounded and that nobody fills any more.
+        let end = loop {
+            if let Err(end) = self.progress.recv_timeout(END_PATIENCE) {
+                break end;
+            }
+        };
+        if end == RecvTimeoutError::Disconnected {
             // A panic of the printing thread has been printed by its own hook.
             let _ = thread.join();
         }
@@ -114,6 +132,8 @@ struct Printer {
     told_dropped: u64,
     /// When an event of a device and kind was last printed, and how many were not since.
     repeats: BTreeMap<(usize, &'static str), (SimTime, u64)>,
+    /// Told of each line, if whoever listens has heard of the one before.
+    printed: Sender<()>,
 }
 
 impl Printer {
@@ -122,6 +142,7 @@ impl Printer {
         // When nobody reads, as after `| head`, the lines go nowhere and the device goes on.
         while let Ok(line) = lines.recv() {
             let _ = self.print(&mut out, line);
+            let _ = self.printed.try_send(());
             if lines.is_empty() {
                 let _ = self.tell_dropped(&mut out);
                 let _ = out.flush();
