@@ -1,0 +1,148 @@
+//! Clients that come, go, die, and do not read.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use harness::client::{BAUD, Client};
+use harness::process::Process;
+use harness::wire::frame;
+use harness::{PATIENCE, Sim, unprivileged};
+use rustix::process::Signal;
+
+const JSON: [&str; 2] = ["--log-format", "json"];
+
+#[test]
+fn a_client_may_come_again_and_again() {
+    let sim = Sim::start(&JSON);
+    // At once, so that the simulator may not even notice that it was gone.
+    for round in 0..100 {
+        assert_eq!(sim.client().ask(0xF0, &[]).len(), 8, "round {round}");
+    }
+    let summary = sim.stop().expect_clean().summary();
+    assert_eq!(summary["requests"], 100);
+}
+
+#[test]
+fn replies_to_one_client_never_reach_the_next() {
+    let sim = Sim::start(&JSON);
+    for round in 0..60 {
+        let mut client = sim.client();
+        for _ in 0..5 {
+            client.send(&frame(0x06, &[]));
+        }
+        // At different stages: requests under way, replies under way, replies waiting.
+        std::thread::sleep(Duration::from_millis(round % 20 * 3));
+        drop(client);
+        // The simulator must have seen the hang-up before it can tell two clients apart.
+        let gone = usize::try_from(round).unwrap() * 2 + 1;
+        sim.wait_events("client_detached", gone);
+        let mut client = sim.client();
+        assert_eq!(client.ask(0x07, &[]), [1], "round {round}");
+        drop(client);
+        sim.wait_events("client_detached", gone + 1);
+    }
+    sim.stop().expect_clean();
+}
+
+#[test]
+fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
+    let sim = Sim::start(&JSON);
+    let mut client = sim.client();
+    let request = frame(0x06, &[]).repeat(100);
+    let start = Instant::now();
+    // Until the system keeps no more for it, which takes two seconds at this baud rate.
+    while !sim.printed().contains(r#""code":"overrun""#) {
+        assert!(start.elapsed() < PATIENCE, "nothing was lost");
+        // Whole requests only, so that the stream is valid to its end.
+        let mut sent = client.send_some(&request);
+        while sent % 6 != 0 {
+            sent += client.send_some(&request[sent % 6..6]);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    // It comes to its senses: behind all that was kept for it comes the reply.
+    client.send(&frame(0xF0, &[]));
+    assert_eq!(client.skip_to(0xF0).len(), 8);
+    drop(client);
+    let mut client = sim.client();
+    assert_eq!(client.ask(0x02, &[1, 0, 0, 0]), [1]);
+    drop(client);
+
+    let finished = sim.stop().expect_clean();
+    let summary = finished.summary();
+    let find = |code: &str| harness::with_code(summary["events"].as_array().unwrap(), code);
+    assert!(find("overrun")[0]["client_faults"].as_u64() > Some(0));
+    assert!(
+        find("overrun")[0]["first"]
+            .as_str()
+            .unwrap()
+            .contains("bytes lost")
+    );
+    assert!(find("line_full")[0]["count"].as_u64() > Some(0));
+    assert!(find("bad_crc").is_empty() && find("noise").is_empty());
+}
+
+#[test]
+fn a_client_killed_with_the_port_to_itself_does_not_keep_others_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut scene = unprivileged::rerun("scene_of_a_killed_client", dir.path());
+    let status = Process::spawn(&mut scene).wait();
+    assert!(status.success(), "failed as an ordinary user: {status}");
+}
+
+#[test]
+#[ignore = "run by another test in a process of its own, not as root"]
+fn scene_of_a_killed_client() {
+    if !unprivileged::is_rerun() {
+        return;
+    }
+    assert!(!rustix::process::geteuid().is_root());
+    let sim = Sim::start(&JSON);
+    for _ in 0..3 {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command
+            .args(["--exact", "killed_client", "--ignored", "--nocapture"])
+            .env(VICTIM_PORT, sim.port())
+            .stdout(Stdio::piped());
+        let mut victim = Process::spawn(&mut command);
+        let said = BufReader::new(victim.child().stdout.take().unwrap());
+        assert!(said.lines().any(|line| line.unwrap().contains(HOLDING)));
+        assert!(
+            Client::try_open(sim.port(), BAUD).is_err(),
+            "it has the port to itself"
+        );
+        victim.signal(Signal::KILL);
+        victim.wait();
+
+        let mut client = sim.client();
+        assert_eq!(client.ask(0xF0, &[]).len(), 8);
+    }
+    sim.stop().expect_clean();
+}
+
+const VICTIM_PORT: &str = "SIM_TEST_VICTIM_PORT";
+const HOLDING: &str = "holding the port";
+
+#[test]
+#[ignore = "run by another test, which kills it"]
+fn killed_client() {
+    let Some(port) = std::env::var_os(VICTIM_PORT).map(PathBuf::from) else {
+        return;
+    };
+    let mut client = Client::open(&port);
+    assert_eq!(client.ask(0xF0, &[]).len(), 8);
+    println!("\n{HOLDING}");
+    std::io::stdout().flush().unwrap();
+    // Killed long before, and no longer there for ever if not.
+    std::thread::sleep(PATIENCE);
+}

@@ -1,0 +1,129 @@
+//! What it costs, and how time passes.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::fs;
+use std::time::{Duration, Instant};
+
+use harness::client::Client;
+use harness::wire::motors;
+use harness::{PATIENCE, Sim, until};
+
+/// User and system time used so far, in clock ticks of 10 ms.
+fn cpu_ticks(pid: u32) -> u64 {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+    // The name in parentheses may hold anything; the third field is the first behind it.
+    let fields = stat.rsplit_once(')').unwrap().1;
+    let field = |number: usize| -> u64 {
+        fields
+            .split_whitespace()
+            .nth(number - 3)
+            .unwrap()
+            .parse()
+            .unwrap()
+    };
+    field(14) + field(15)
+}
+
+/// How many threads and open files it has.
+fn threads_and_files(pid: u32) -> (usize, usize) {
+    let count = |what| fs::read_dir(format!("/proc/{pid}/{what}")).unwrap().count();
+    (count("task"), count("fd"))
+}
+
+#[test]
+fn idling_costs_nothing() {
+    let sim = Sim::start(&[]);
+    // A client has been there, switched something on, driven, and left it rolling.
+    let mut client = sim.client();
+    assert_eq!(client.ask(0x02, &[1, 0, 0, 0]), [1]);
+    client.send(&motors(500, 500));
+    drop(client);
+    sim.wait_line(&["[heartbeat_lost]"]);
+    let before = cpu_ticks(sim.pid());
+    std::thread::sleep(Duration::from_secs(4));
+    let used = cpu_ticks(sim.pid()) - before;
+    // 1 % of a core are 4 ticks; one more since ticks are counted whole. What others do on this
+    // machine does not count.
+    assert!(used <= 5, "{used} ticks of 10 ms in 4 s");
+    sim.stop().expect_clean();
+}
+
+#[test]
+fn a_hundred_clients_leave_nothing_behind() {
+    let sim = Sim::start(&[]);
+    let visit = || assert_eq!(sim.client().ask(0xF0, &[]).len(), 8);
+    visit();
+    sim.wait_line(&["[client_detached]"]);
+    let before = threads_and_files(sim.pid());
+    for _ in 0..100 {
+        visit();
+    }
+    // The last client is noticed to be gone a moment later.
+    until("threads and files are as many as before", || {
+        threads_and_files(sim.pid()) == before
+    });
+    sim.stop().expect_clean();
+}
+
+/// How long a system info request and its reply take.
+fn exchange(client: &mut Client) -> Duration {
+    let start = Instant::now();
+    assert_eq!(client.ask(0x06, &[]).len(), 76);
+    start.elapsed()
+}
+
+/// The same at 115200 baud: 6 bytes there and 82 back, of ten bits each.
+const ON_THE_LINE: Duration = Duration::from_micros(88 * 10 * 1_000_000 / 115_200);
+
+#[test]
+fn bytes_take_as_long_as_on_a_cable() {
+    let sim = Sim::start(&[]);
+    let mut client = sim.client();
+    for _ in 0..20 {
+        let took = exchange(&mut client);
+        assert!(took >= ON_THE_LINE, "{took:?}, sooner than {ON_THE_LINE:?}");
+    }
+    sim.stop().expect_clean();
+}
+
+#[test]
+fn bytes_take_no_time_on_an_instant_wire() {
+    let sim = Sim::start(&["--wire", "instant"]);
+    let mut client = sim.client();
+    // Once is enough: no machine is so slow that it is never fast for a few milliseconds, and on
+    // a paced line it could not happen at all.
+    until("a reply comes sooner than on a cable", || {
+        exchange(&mut client) < ON_THE_LINE
+    });
+    sim.stop().expect_clean();
+}
+
+#[test]
+fn simulated_time_runs_at_the_speed_asked_for() {
+    let sim = Sim::start(&["--speed", "4", "--log-format", "json"]);
+    let mut client = sim.client();
+    let start = Instant::now();
+    let mut fired = 0;
+    loop {
+        let sent = Instant::now();
+        client.send(&motors(100, 100));
+        fired += 1;
+        // One is printed for each command, since each is given up before the next.
+        sim.wait_events("watchdog_fired", fired);
+        let took = sent.elapsed();
+        // 500 ms of simulated time are 125 ms; never sooner, but a slow machine may print late.
+        assert!(took >= Duration::from_millis(125), "fired after {took:?}");
+        if took < Duration::from_millis(400) {
+            break;
+        }
+        assert!(start.elapsed() < PATIENCE, "never sooner than {took:?}");
+    }
+    sim.stop().expect_clean();
+}
