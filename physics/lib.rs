@@ -37,9 +37,14 @@
 pub mod mecanum;
 mod pose;
 pub mod r150;
+mod rest;
 pub mod traction;
 pub mod world;
 
+pub use mecanum::{
+    MecanumCommands, MecanumMeasurements, MecanumPlant, MecanumPlantSettings, MecanumTruth,
+};
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
-pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldSettings};
+pub use rest::RestSettings;
+pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

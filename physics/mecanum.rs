@@ -1,10 +1,202 @@
-//! The hardware of the mecanum car, as its firmware sees it.
+//! The hardware of the mecanum car: chassis, motors, rollers, encoders and sensors.
 //!
 //! The firmware sets [`MecanumCommands`] and reads [`MecanumMeasurements`].
+//!
+//! # Model
+//!
+//! Each wheel pushes the ground along the axle of the roller that it stands on, as far as friction
+//! goes, and rolls across it against a drag; [`crate::traction`] has the law. Seen from above the
+//! upper rollers lie LF `\\`, RF `/`, LR `/`, RR `\\`, and those on the ground mirrored. Without slip
+//! the speeds of the contacts are then, with `k` half the wheelbase plus half the track,
+//!
+//! ```text
+//! LF = vx − vy − kω    RF = vx + vy + kω    LR = vx + vy − kω    RR = vx − vy + kω
+//! ```
+//!
+//! Source: H. Taheri, B. Qiao, N. Ghaeminezhad, *Kinematic Model of a Four Mecanum Wheeled Mobile
+//! Robot*, IJCA 113(3), 2015. Nothing here computes with that formula; the tests do.
+//!
+//! The motors are brushless gear motors with a speed control of their own: it follows the speed
+//! voltage along a ramp, in the direction that FR says, with no more torque than it has.
 
+mod drive;
+mod encoder;
+mod faults;
+mod motor;
+mod rest;
+mod sensing;
+mod sensors;
+mod settings;
 pub mod signals;
 
+use std::time::Duration;
+
+pub use encoder::Encoder;
+pub use faults::WheelFaults;
+pub use sensing::MecanumTruth;
+pub use settings::{
+    BarSettings, BeamSettings, CarBodySettings, CarMotorSettings, EncoderSettings,
+    MecanumPlantSettings, MecanumWheelSettings, ReaderSettings, UltrasonicSettings, ZeroSpeed,
+};
 pub use signals::{
     ECHOES, MecanumCommands, MecanumMeasurements, PORTS, Plugs, Port, PortCommand, WHEELS, Wheel,
     Wiring,
 };
+
+use crate::pose::{BodyMotion, Pose};
+use crate::world::{BodyId, BodyShape, World};
+use drive::Drive;
+use sensors::Sensors;
+
+/// One car.
+///
+/// Time passes for it as for an [`R150Plant`](crate::R150Plant): with the world, through
+/// [`before_step`](Self::before_step) and [`after_step`](Self::after_step) around every
+/// [`World::step`]; or, while it and everything else in the world [rests](Self::at_rest), through
+/// [`rest`](Self::rest) in spans of any length.
+#[derive(Debug, Clone)]
+pub struct MecanumPlant {
+    settings: MecanumPlantSettings,
+    wiring: Wiring,
+    body: BodyId,
+    commands: MecanumCommands,
+    supplied: bool,
+    faults: [WheelFaults; WHEELS],
+    /// Ahead, left, counter-clockwise; N and N·m.
+    push: [f64; 3],
+    drive: Drive,
+    sensors: Sensors,
+    motion: BodyMotion,
+    distance: f64,
+    /// For how long it has been slow enough to stand, s.
+    settled: f64,
+    resting: bool,
+}
+
+impl MecanumPlant {
+    /// Puts a car into the world, standing, under the name `mecanum`.
+    #[must_use]
+    pub fn new(settings: &MecanumPlantSettings, world: &mut World, pose: Pose) -> Self {
+        Self::with_name("mecanum", settings, world, pose)
+    }
+
+    /// Puts a car into the world, standing; `name` is what errors call it.
+    ///
+    /// Where the settings leave the wiring to what the firmware expects, that is taken to be the
+    /// firmware's default; [`MecanumPlantSettings::expecting`] says otherwise.
+    #[must_use]
+    pub fn with_name(
+        name: &str,
+        settings: &MecanumPlantSettings,
+        world: &mut World,
+        pose: Pose,
+    ) -> Self {
+        let drive = Drive::new(settings);
+        let shape = BodyShape {
+            length: settings.body.length,
+            width: settings.body.width,
+            mass: drive.mass,
+            inertia: drive.inertia,
+        };
+        let body = world.add_body(name, shape, pose);
+        let motion = world.motion(body);
+        let mut sensors = Sensors::new(settings);
+        sensors.look(world, body, &motion);
+        Self {
+            wiring: settings.wiring.wiring(Wiring::default()),
+            settings: settings.clone(),
+            body,
+            commands: MecanumCommands::default(),
+            supplied: true,
+            faults: [WheelFaults::default(); WHEELS],
+            push: [0.0; 3],
+            drive,
+            sensors,
+            motion,
+            distance: 0.0,
+            settled: 0.0,
+            resting: false,
+        }
+    }
+
+    /// Drives the pins.
+    pub fn set_commands(&mut self, commands: &MecanumCommands) {
+        let commands = commands.within_limits();
+        if commands != self.commands {
+            self.commands = commands;
+            self.wake();
+        }
+    }
+
+    /// The pins as they are driven.
+    #[must_use]
+    pub fn commands(&self) -> &MecanumCommands {
+        &self.commands
+    }
+
+    /// Which motor is really at which port.
+    #[must_use]
+    pub fn wiring(&self) -> Wiring {
+        self.wiring
+    }
+
+    /// Applies the forces of one step. Call before every [`World::step`].
+    pub fn before_step(&mut self, world: &mut World) {
+        if self.resting {
+            if world.is_still(self.body) {
+                return;
+            }
+            self.wake();
+        }
+        drive::step(self, world);
+    }
+
+    /// Takes over what the step did. Call after every [`World::step`].
+    pub fn after_step(&mut self, world: &mut World) {
+        let step = world.step_length();
+        if self.resting {
+            if world.is_still(self.body) {
+                self.rest(step);
+                // Others may be moving around it.
+                self.sensors.follow(step, world, self.body, &self.motion);
+                return;
+            }
+            // Something ran into it during this step.
+            self.wake();
+        }
+        let seconds = step.as_secs_f64();
+        self.motion = world.motion(self.body);
+        let velocity = self.motion.body_velocity();
+        let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
+        self.distance += speed.sqrt() * seconds;
+        self.drive.follow(velocity, seconds, &self.faults);
+        self.settle(world, seconds);
+        self.sensors.follow(step, world, self.body, &self.motion);
+    }
+
+    /// Lets time pass while the car [rests](Self::at_rest) and the world is not stepped. Nothing
+    /// changes then but a disturbed encoder's count, so the span may be anything.
+    pub fn rest(&mut self, span: Duration) {
+        self.drive.rest(span.as_secs_f64(), &self.faults);
+    }
+
+    /// Whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in for steps
+    /// of the world.
+    #[must_use]
+    pub fn at_rest(&self) -> bool {
+        self.resting
+    }
+
+    /// Looks again whether the car can stand and what its sensors see, after a change around it such
+    /// as another ground or a new obstacle.
+    pub fn wake(&mut self) {
+        self.resting = false;
+        self.settled = 0.0;
+    }
+
+    /// Its body in the world, for contact queries.
+    #[must_use]
+    pub fn body(&self) -> BodyId {
+        self.body
+    }
+}

@@ -22,7 +22,7 @@ pub use faults::{Encoder, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
     BatterySettings, BodySettings, FuseSettings, MotorSettings, PwmSettings, R150PlantSettings,
-    RailSettings, RestSettings, ThermalSettings,
+    RailSettings, ThermalSettings,
 };
 pub use signals::{
     Load, PwmReading, PwmSource, R150Commands, R150Measurements, R150Truth, RAILS, Rail, Side,
@@ -30,6 +30,7 @@ pub use signals::{
 };
 
 use crate::pose::{BodyMotion, Pose};
+pub use crate::rest::RestSettings;
 use crate::world::{BodyId, BodyShape, World};
 use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};

@@ -1,16 +1,25 @@
 //! The plane that all vehicles share.
 
+mod area;
 mod ground;
+mod map;
+mod scan;
 mod settings;
+mod strip;
 
 use std::time::Duration;
 
 use rapier2d::prelude as rapier;
 
+pub use area::{Band, Disc, Rectangle};
 pub use ground::Ground;
+pub use map::{Area, FrictionPatch, Slope, Strip, Wall, WorldMap};
+pub use scan::{Cone, Tag};
 pub use settings::WorldSettings;
 
 use crate::pose::{BodyMotion, Pose};
+use map::Change;
+use scan::Solid;
 
 /// A body of this world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -46,15 +55,25 @@ pub struct World {
     step: Duration,
     gravity: f64,
     ground: Ground,
+    areas: Vec<(Area, Change)>,
+    /// What stands around, as sensors see it.
+    solids: Vec<Solid>,
+    tags: Vec<Tag>,
+    /// Pieces of magnetic strips.
+    strips: Vec<Band>,
     wall_friction: f64,
     bodies: Vec<Body>,
     steps: u64,
+    /// Counts whatever sensors may notice.
+    changes: u64,
 }
 
 struct Body {
     name: String,
     handle: rapier::RigidBodyHandle,
     collider: rapier::ColliderHandle,
+    /// Half its length and width, m.
+    half: [f64; 2],
     touching: bool,
     collisions: u64,
 }
@@ -75,9 +94,14 @@ impl World {
                 settings.slope.to_radians(),
                 settings.uphill.to_radians(),
             ),
+            areas: Vec::new(),
+            solids: Vec::new(),
+            tags: Vec::new(),
+            strips: Vec::new(),
             wall_friction: settings.wall_friction,
             bodies: Vec::new(),
             steps: 0,
+            changes: 0,
         }
     }
 
@@ -100,9 +124,11 @@ impl World {
             name: name.to_owned(),
             handle,
             collider,
+            half: [shape.length / 2.0, shape.width / 2.0],
             touching: false,
             collisions: 0,
         });
+        self.changes += 1;
         BodyId(self.bodies.len() - 1)
     }
 
@@ -111,6 +137,12 @@ impl World {
         self.add_fixed(
             rapier::ColliderBuilder::cuboid(narrow(length / 2.0), narrow(width / 2.0))
                 .position(rapier_pose(pose)),
+            Solid::Rectangle(Rectangle::new(
+                [pose.x, pose.y],
+                pose.heading,
+                length,
+                width,
+            )),
         );
     }
 
@@ -118,6 +150,10 @@ impl World {
     pub fn add_disc(&mut self, x: f64, y: f64, radius: f64) {
         self.add_fixed(
             rapier::ColliderBuilder::ball(narrow(radius)).translation(rapier_vector([x, y])),
+            Solid::Disc(Disc {
+                centre: [x, y],
+                radius,
+            }),
         );
     }
 
@@ -126,12 +162,18 @@ impl World {
     /// A wall has a thickness because a fast body cannot slip through one; rapier's line segment
     /// has none.
     pub fn add_wall(&mut self, from: [f64; 2], to: [f64; 2], thickness: f64) {
-        let radius = narrow(thickness / 2.0);
-        self.add_fixed(rapier::ColliderBuilder::capsule_from_endpoints(
-            rapier_vector(from),
-            rapier_vector(to),
-            radius,
-        ));
+        let radius = thickness / 2.0;
+        self.add_fixed(
+            rapier::ColliderBuilder::capsule_from_endpoints(
+                rapier_vector(from),
+                rapier_vector(to),
+                narrow(radius),
+            ),
+            Solid::Band(Band {
+                ends: [from, to],
+                radius,
+            }),
+        );
     }
 
     /// Advances by one step of [`World::step_length`].
@@ -164,16 +206,49 @@ impl World {
         self.gravity
     }
 
-    /// The ground at a point. Every wheel asks here, so that patches of other ground need one
-    /// change only.
+    /// The ground at a point.
     #[must_use]
-    pub fn ground_at(&self, _x: f64, _y: f64) -> Ground {
-        self.ground
+    pub fn ground_at(&self, x: f64, y: f64) -> Ground {
+        let mut ground = self.ground;
+        for (area, change) in &self.areas {
+            if area.contains([x, y]) {
+                ground = match change {
+                    Change::Slope(of) => ground.with_slope_of(of),
+                    Change::Friction(of) => ground.with_friction_of(of),
+                };
+            }
+        }
+        ground
     }
 
-    /// Replaces the ground everywhere. Plants that rest must be woken by their owner.
+    /// The friction under places of a body, ahead and left of its middle, m. Every wheel stands on
+    /// its own ground, while the body as a whole is pulled down the slope under its middle.
+    #[must_use]
+    pub fn friction_under<const N: usize>(
+        &self,
+        motion: &BodyMotion,
+        places: &[[f64; 2]; N],
+    ) -> [f64; N] {
+        if self.areas.is_empty() {
+            return [self.ground.friction(); N];
+        }
+        places.map(|place| {
+            let [x, y] = motion.to_world(place);
+            self.ground_at(motion.x + x, motion.y + y).friction()
+        })
+    }
+
+    /// Replaces the ground outside of the areas that have one of their own. Plants that rest must be
+    /// woken by their owner.
     pub fn set_ground(&mut self, ground: Ground) {
         self.ground = ground;
+    }
+
+    /// A number that changes whenever something moves, comes or goes, so that a sensor at rest
+    /// knows whether it has to look again.
+    #[must_use]
+    pub fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// Where a body is and how it moves.
@@ -204,6 +279,7 @@ impl World {
     /// A plant hands its tyre forces over as the velocity that they lead to, since an impulse would
     /// be rounded twice on its way through rapier's `f32`.
     pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
+        self.changes += 1;
         let handle = self.bodies[id.0].handle;
         let body = &mut self.rapier.bodies[handle];
         body.set_linvel(rapier_vector(velocity), true);
@@ -212,6 +288,7 @@ impl World {
 
     /// Puts a body somewhere else, at rest.
     pub fn place(&mut self, id: BodyId, pose: Pose) {
+        self.changes += 1;
         let handle = self.bodies[id.0].handle;
         let body = &mut self.rapier.bodies[handle];
         body.set_position(rapier_pose(pose), true);
@@ -248,7 +325,9 @@ impl World {
         &self.rapier.bodies[self.bodies[id.0].handle]
     }
 
-    fn add_fixed(&mut self, collider: rapier::ColliderBuilder) {
+    fn add_fixed(&mut self, collider: rapier::ColliderBuilder, solid: Solid) {
+        self.solids.push(solid);
+        self.changes += 1;
         let collider = collider.friction(narrow(self.wall_friction)).build();
         self.rapier.insert_collider(collider, None);
     }

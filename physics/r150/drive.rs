@@ -195,15 +195,12 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
             yaw_rate + dt * push_turn / drive.inertia,
         ],
     };
+    let friction = world.friction_under(&motion, &drive.stance.places());
     let rolling = drive.wheel_speed;
-    plant.drive.traction.solve(
-        &mut chassis,
-        &mut wheels,
-        rolling,
-        loads,
-        [ground.friction(); WHEELS],
-        dt,
-    );
+    plant
+        .drive
+        .traction
+        .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
     plant.drive.wheel_speed = wheels.map(|wheel| wheel.speed);
     let [ahead, left, yaw_rate] = chassis.velocity;
     world.set_velocity(plant.body, motion.to_world([ahead, left]), yaw_rate);

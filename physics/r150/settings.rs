@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::rest::RestSettings;
 use crate::traction::TyreSettings;
 
 sim_settings::settings! {
@@ -185,17 +186,5 @@ sim_settings::settings! {
             assumed "the manual gives only the limit of 20 kHz";
         /// Voltage to which an output wired to an input is pulled up.
         output_pull_up: f64 = 5.0, unit "V", range 0.0..=48.0, assumed "logic level";
-    }
-}
-
-sim_settings::settings! {
-    /// When a vehicle counts as standing.
-    pub struct RestSettings {
-        /// Speed of body and tyres under which it may stand.
-        speed: f64 = 0.001, unit "m/s", range 0.0..=0.1, assumed "a millimetre a second";
-        /// How long it must stay under that speed.
-        settle_time: Duration = Duration::from_millis(250),
-            range Duration::from_millis(10)..=Duration::from_secs(60),
-            assumed "longer than half a swing on the tyres";
     }
 }

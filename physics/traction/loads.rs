@@ -12,6 +12,14 @@ pub struct Stance {
 }
 
 impl Stance {
+    /// Where the wheels stand, front left, front right, rear left, rear right: metres ahead and left
+    /// of the body's middle.
+    #[must_use]
+    pub fn places(&self) -> [[f64; 2]; 4] {
+        let (x, y) = (self.half_wheelbase, self.half_track);
+        [[x, y], [x, -y], [-x, y], [-x, -y]]
+    }
+
     /// How each wheel is pressed down, front left, front right, rear left, rear right, N: its share
     /// of the weight, shifted towards the lower side of a slope by the height of the centre of mass.
     ///

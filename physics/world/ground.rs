@@ -36,6 +36,24 @@ impl Ground {
         Self::new(friction, 0.0, 0.0)
     }
 
+    /// This ground with the slope of another.
+    #[must_use]
+    pub fn with_slope_of(self, other: &Self) -> Self {
+        Self {
+            friction: self.friction,
+            ..*other
+        }
+    }
+
+    /// This ground with the friction of another.
+    #[must_use]
+    pub fn with_friction_of(self, other: &Self) -> Self {
+        Self {
+            friction: other.friction,
+            ..self
+        }
+    }
+
     /// Coefficient of friction between tyre and ground.
     #[must_use]
     pub fn friction(&self) -> f64 {

@@ -1,0 +1,229 @@
+//! Motors, wheels and rollers: from the pins to the velocity of the body.
+
+use super::MecanumPlant;
+use super::encoder::PulseWire;
+use super::faults::WheelFaults;
+use super::motor::{Grip, Motor, MotorLaw, Order};
+use super::settings::MecanumPlantSettings;
+use super::signals::{PortCommand, WHEELS, Wheel};
+use crate::traction::{Chassis, Patch, Slanted, Stance, Traction, Wheel as DrivenWheel};
+use crate::world::World;
+
+/// The moving parts; arrays are by [`Wheel::index`].
+#[derive(Debug, Clone)]
+pub(super) struct Drive {
+    pub(super) traction: Traction<WHEELS, WHEELS, Slanted>,
+    motors: [Motor; WHEELS],
+    pulses: [PulseWire; WHEELS],
+    /// rad/s
+    pub(super) wheel_speed: [f64; WHEELS],
+    /// What each wheel has turned, rad.
+    pub(super) wheel_angle: [f64; WHEELS],
+    /// What each motor gave in the last step, N·m.
+    pub(super) motor_torque: [f64; WHEELS],
+    pub(super) mass: f64,
+    pub(super) inertia: f64,
+    stance: Stance,
+    law: MotorLaw,
+    wheel_radius: f64,
+    rolling_resistance: f64,
+    wheel_inertia: f64,
+    gear_friction: f64,
+    brake_torque: f64,
+}
+
+impl Drive {
+    pub(super) fn new(settings: &MecanumPlantSettings) -> Self {
+        let body = &settings.body;
+        let stance = Stance {
+            half_wheelbase: body.half_wheelbase,
+            half_track: body.half_track,
+            centre_height: 0.0,
+        };
+        let places = stance.places();
+        let patches = Wheel::ALL.map(|wheel| {
+            let [x, y] = places[wheel.index()];
+            let patch = Patch {
+                x,
+                y,
+                wheel: wheel.index(),
+            };
+            (patch, Slanted::new(settings.wheel.axle_on_ground(wheel)))
+        });
+        let mut drive = Self {
+            traction: Traction::with_contacts(&settings.wheel.tyre(), patches),
+            motors: [Motor::new(); WHEELS],
+            pulses: [0, 1, 2, 3].map(|stream| {
+                PulseWire::new(
+                    settings.encoder.pulses_per_revolution,
+                    settings.encoder.hysteresis,
+                    stream,
+                )
+            }),
+            wheel_speed: [0.0; WHEELS],
+            wheel_angle: [0.0; WHEELS],
+            motor_torque: [0.0; WHEELS],
+            mass: 0.0,
+            inertia: 0.0,
+            stance,
+            law: MotorLaw::new(&settings.motor),
+            wheel_radius: settings.wheel.radius,
+            rolling_resistance: settings.wheel.rolling_resistance,
+            wheel_inertia: settings.motor.inertia,
+            gear_friction: settings.motor.gear_friction,
+            brake_torque: settings.motor.brake_torque,
+        };
+        drive.set_payload(settings, body.payload);
+        drive
+    }
+
+    /// The payload lies spread over the deck.
+    pub(super) fn set_payload(&mut self, settings: &MecanumPlantSettings, payload: f64) {
+        let body = &settings.body;
+        let deck = body.length * body.length + body.width * body.width;
+        self.mass = body.mass + payload;
+        self.inertia = body.yaw_inertia + payload * deck / 12.0;
+        self.stance.centre_height =
+            (body.mass * body.centre_of_mass_height + payload * body.payload_height) / self.mass;
+    }
+
+    /// Forces a wheel to a stand.
+    pub(super) fn stop(&mut self, wheel: Wheel) {
+        self.wheel_speed[wheel.index()] = 0.0;
+    }
+
+    pub(super) fn count(&self, wheel: Wheel) -> u32 {
+        self.pulses[wheel.index()].count()
+    }
+
+    /// Takes over the velocity that a step really ended with.
+    pub(super) fn follow(
+        &mut self,
+        velocity: [f64; 3],
+        seconds: f64,
+        faults: &[WheelFaults; WHEELS],
+    ) {
+        self.traction.follow(velocity, self.wheel_speed, seconds);
+        for (index, pulses) in self.pulses.iter_mut().enumerate() {
+            let turned = self.wheel_speed[index] * seconds;
+            self.wheel_angle[index] += turned;
+            pulses.turn(turned, seconds, faults[index].encoder);
+        }
+    }
+
+    /// Lets time pass at a stand.
+    pub(super) fn rest(&mut self, seconds: f64, faults: &[WheelFaults; WHEELS]) {
+        for (pulses, faults) in self.pulses.iter_mut().zip(faults) {
+            pulses.turn(0.0, seconds, faults.encoder);
+        }
+    }
+
+    /// One wheel over a step, without the ground. The motor answers to the speed at the end of the
+    /// step: its control is quicker than the step.
+    fn wheel(
+        &self,
+        wheel: Wheel,
+        order: Order,
+        grip: Grip,
+        faults: &WheelFaults,
+        load: f64,
+        dt: f64,
+    ) -> DrivenWheel {
+        let brake = if order == Order::Brake {
+            self.brake_torque
+        } else {
+            0.0
+        };
+        let hold_torque = self.gear_friction
+            + self.rolling_resistance * load * self.wheel_radius
+            + brake
+            + faults.drag_torque;
+        if faults.blocked {
+            return DrivenWheel {
+                speed: 0.0,
+                inertia: self.wheel_inertia,
+                compliance: 0.0,
+                hold_torque,
+            };
+        }
+        let inertia = self.wheel_inertia + dt * grip.gain;
+        let momentum =
+            self.wheel_inertia * self.wheel_speed[wheel.index()] + dt * grip.gain * grip.speed;
+        DrivenWheel {
+            speed: momentum / inertia,
+            inertia,
+            compliance: 1.0 / inertia,
+            hold_torque,
+        }
+    }
+}
+
+impl MecanumPlant {
+    /// What a wheel's motor is asked to do.
+    pub(super) fn order(&self, wheel: Wheel) -> Order {
+        if !self.supplied || self.faults[wheel.index()].free_wheeling {
+            return Order::Coast;
+        }
+        let PortCommand { reverse, brake } = self.wiring.command(&self.commands, wheel);
+        if brake {
+            Order::Brake
+        } else {
+            self.drive.law.order(self.commands.speed_voltage, reverse)
+        }
+    }
+}
+
+/// Computes the forces of one step and gives the body the velocity they lead to.
+pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
+    let dt = world.step_length().as_secs_f64();
+    let motion = world.motion(plant.body);
+    let ground = world.ground_at(motion.x, motion.y);
+    let gravity = world.gravity();
+    let orders = Wheel::ALL.map(|wheel| plant.order(wheel));
+
+    let drive = &mut plant.drive;
+    let weight = drive.mass * gravity;
+    let pull = motion
+        .to_body(ground.downhill())
+        .map(|share| share * weight);
+    let loads = drive.stance.loads(pull, weight * ground.cos_slope());
+    let grips = Wheel::ALL.map(|wheel| {
+        let index = wheel.index();
+        let speed = drive.wheel_speed[index];
+        drive.motors[index].carry_out(orders[index], speed, &drive.law, dt)
+    });
+    let mut wheels = Wheel::ALL.map(|wheel| {
+        let index = wheel.index();
+        drive.wheel(
+            wheel,
+            orders[index],
+            grips[index],
+            &plant.faults[index],
+            loads[index],
+            dt,
+        )
+    });
+
+    let [push_ahead, push_left, push_turn] = plant.push;
+    let [ahead, left, yaw_rate] = motion.body_velocity();
+    let mut chassis = Chassis {
+        mass: drive.mass,
+        inertia: drive.inertia,
+        velocity: [
+            ahead + dt * (pull[0] + push_ahead) / drive.mass,
+            left + dt * (pull[1] + push_left) / drive.mass,
+            yaw_rate + dt * push_turn / drive.inertia,
+        ],
+    };
+    let friction = world.friction_under(&motion, &drive.stance.places());
+    let rolling = drive.wheel_speed;
+    drive
+        .traction
+        .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
+    drive.wheel_speed = wheels.map(|wheel| wheel.speed);
+    for (index, grip) in grips.iter().enumerate() {
+        drive.motor_torque[index] = grip.gain * (grip.speed - drive.wheel_speed[index]);
+    }
+    let [ahead, left, yaw_rate] = chassis.velocity;
+    world.set_velocity(plant.body, motion.to_world([ahead, left]), yaw_rate);
+}

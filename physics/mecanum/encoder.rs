@@ -1,0 +1,180 @@
+//! The pulses that a motor gives as its wheel turns.
+
+/// What a wheel's encoder does.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Encoder {
+    /// It gives a pulse for each step of the wheel, whichever way that turns.
+    #[default]
+    Working,
+    /// Its wire is off: pulses are lost.
+    Lost,
+    /// The counter hangs; once it is free again it has everything that it missed.
+    Stuck,
+    /// Interference adds so many pulses a second on average.
+    Noisy(f64),
+}
+
+/// One PG wire and its counter.
+#[derive(Debug, Clone)]
+pub(super) struct PulseWire {
+    per_radian: f64,
+    /// Share of a pulse by which a wheel must turn back before it gives pulses again.
+    hysteresis: f64,
+    /// The wheel's angle in pulses, and the last one given.
+    angle: f64,
+    edge: f64,
+    /// What the counter shows.
+    count: u32,
+    /// What a stuck counter keeps back.
+    held_back: u32,
+    /// Share of the next disturbance.
+    disturbance: f64,
+    random: u64,
+}
+
+impl PulseWire {
+    /// `stream` tells apart the disturbances of several wires.
+    pub(super) fn new(pulses_per_revolution: u32, hysteresis: f64, stream: u64) -> Self {
+        Self {
+            per_radian: f64::from(pulses_per_revolution) / std::f64::consts::TAU,
+            hysteresis,
+            // Half-way between two pulses, so that no wheel begins on the brink of one.
+            angle: 0.5,
+            edge: 0.0,
+            count: 0,
+            held_back: 0,
+            disturbance: 0.0,
+            random: stream,
+        }
+    }
+
+    pub(super) fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Lets the wheel turn by `angle` radians in so many seconds.
+    pub(super) fn turn(&mut self, angle: f64, seconds: f64, encoder: Encoder) {
+        self.angle += angle * self.per_radian;
+        let edge = if self.angle >= self.edge + 1.0 {
+            self.angle.floor()
+        } else if self.angle < self.edge - self.hysteresis {
+            (self.angle + self.hysteresis).floor()
+        } else {
+            self.edge
+        };
+        let mut pulses = whole((edge - self.edge).abs());
+        self.edge = edge;
+        match encoder {
+            Encoder::Lost => pulses = 0,
+            Encoder::Stuck => {
+                self.held_back = self.held_back.wrapping_add(pulses);
+                return;
+            }
+            Encoder::Noisy(rate) => pulses = pulses.wrapping_add(self.disturb(rate * seconds)),
+            Encoder::Working => {}
+        }
+        self.count = self.count.wrapping_add(pulses).wrapping_add(self.held_back);
+        self.held_back = 0;
+    }
+
+    /// Pulses out of nothing, `mean` on average, unevenly spread.
+    fn disturb(&mut self, mean: f64) -> u32 {
+        self.disturbance += mean * 2.0 * self.uniform();
+        let pulses = self.disturbance.floor();
+        self.disturbance -= pulses;
+        whole(pulses)
+    }
+
+    /// 0 ≤ x < 1, from the SplitMix64 sequence (G. L. Steele, D. Lea, C. H. Flood, *Fast Splittable
+    /// Pseudorandom Number Generators*, OOPSLA 2014).
+    fn uniform(&mut self) -> f64 {
+        self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut mixed = self.random;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^= mixed >> 31;
+        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+        let mantissa = (mixed >> 11) as f64;
+        mantissa / 9_007_199_254_740_992.0
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cast from a float saturates, and a counter that saturates has long lost its meaning"
+)]
+fn whole(value: f64) -> u32 {
+    value as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wire() -> PulseWire {
+        PulseWire::new(60, 0.1, 0)
+    }
+
+    const PULSE: f64 = std::f64::consts::TAU / 60.0;
+
+    #[test]
+    fn a_revolution_is_sixty_pulses_either_way() {
+        for sign in [1.0, -1.0] {
+            for pieces in [1, 7, 600] {
+                let mut wire = wire();
+                for _ in 0..pieces {
+                    wire.turn(
+                        sign * std::f64::consts::TAU / f64::from(pieces),
+                        0.005,
+                        Encoder::Working,
+                    );
+                }
+                assert_eq!(wire.count(), 60, "{sign} {pieces}");
+            }
+        }
+    }
+
+    #[test]
+    fn turning_back_counts_up_but_trembling_on_the_brink_does_not() {
+        let mut wire = wire();
+        wire.turn(5.0 * PULSE, 0.1, Encoder::Working);
+        wire.turn(-5.0 * PULSE, 0.1, Encoder::Working);
+        assert_eq!(wire.count(), 10);
+        wire.turn(0.51 * PULSE, 0.1, Encoder::Working);
+        let count = wire.count();
+        for _ in 0..100 {
+            wire.turn(-0.02 * PULSE, 0.1, Encoder::Working);
+            wire.turn(0.02 * PULSE, 0.1, Encoder::Working);
+        }
+        assert_eq!(wire.count(), count);
+    }
+
+    #[test]
+    fn a_lost_wire_loses_pulses_and_a_stuck_counter_keeps_them() {
+        let mut wire = wire();
+        wire.turn(10.0 * PULSE, 0.1, Encoder::Lost);
+        assert_eq!(wire.count(), 0);
+        wire.turn(10.0 * PULSE, 0.1, Encoder::Stuck);
+        assert_eq!(wire.count(), 0);
+        wire.turn(PULSE, 0.1, Encoder::Working);
+        assert_eq!(wire.count(), 11);
+    }
+
+    #[test]
+    fn noise_comes_at_its_rate_and_differs_between_wires() {
+        let counts = [1, 2].map(|stream| {
+            let mut wire = PulseWire::new(60, 0.1, stream);
+            let mut counts = Vec::new();
+            for _ in 0..2000 {
+                wire.turn(0.0, 0.005, Encoder::Noisy(30.0));
+                counts.push(wire.count());
+            }
+            counts
+        });
+        assert_ne!(counts[0], counts[1]);
+        for counts in counts {
+            assert!((280..320).contains(counts.last().unwrap()));
+        }
+    }
+}

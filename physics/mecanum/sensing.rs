@@ -1,0 +1,83 @@
+//! What can be read off the plant.
+
+use super::MecanumPlant;
+use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel};
+use crate::pose::Pose;
+
+/// How things really are, for verdicts and summaries. No firmware sees this. Arrays are by
+/// [`Wheel::index`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MecanumTruth {
+    /// Position and heading in the world.
+    pub pose: Pose,
+    /// Velocity ahead, m/s.
+    pub forward_speed: f64,
+    /// Velocity to the left, m/s.
+    pub leftward_speed: f64,
+    /// rad/s, counter-clockwise.
+    pub yaw_rate: f64,
+    /// Length of the path driven so far, m.
+    pub distance: f64,
+    /// Speed of each wheel, rad/s, forward positive.
+    pub wheel_speed: [f64; WHEELS],
+    /// What each wheel has turned so far, rad, forward positive.
+    pub wheel_angle: [f64; WHEELS],
+    /// Torque of each motor at its wheel, N·m; brakes not included.
+    pub motor_torque: [f64; WHEELS],
+    /// Mass with payload, kg.
+    pub mass: f64,
+    /// Whether the plant rests.
+    pub at_rest: bool,
+}
+
+impl MecanumPlant {
+    /// What the board's inputs read now.
+    #[must_use]
+    pub fn measurements(&self) -> MecanumMeasurements {
+        let mut pulses = [0; PORTS];
+        for wheel in Wheel::ALL {
+            pulses[self.wiring.port(wheel).index()] = self.drive.count(wheel);
+        }
+        let seen = self.sensors.seen();
+        MecanumMeasurements {
+            board_powered: self.supplied,
+            pulses,
+            echoes: seen.echoes,
+            obstacle_ahead: seen.obstacle_ahead,
+            tag: seen.tag,
+            magnetic_bar: seen.magnetic_bar,
+        }
+    }
+
+    /// How things really are.
+    #[must_use]
+    pub fn truth(&self) -> MecanumTruth {
+        let [forward_speed, leftward_speed, yaw_rate] = self.motion.body_velocity();
+        MecanumTruth {
+            pose: self.motion.pose(),
+            forward_speed,
+            leftward_speed,
+            yaw_rate,
+            distance: self.distance,
+            wheel_speed: self.drive.wheel_speed,
+            wheel_angle: self.drive.wheel_angle,
+            motor_torque: self.drive.motor_torque,
+            mass: self.drive.mass,
+            at_rest: self.resting,
+        }
+    }
+}
+
+impl MecanumCommands {
+    /// A speed voltage cannot leave its range; what is not a number is none.
+    pub(super) fn within_limits(&self) -> Self {
+        Self {
+            speed_voltage: if self.speed_voltage.is_nan() {
+                0.0
+            } else {
+                self.speed_voltage.clamp(0.0, 1.0)
+            },
+            ..*self
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! The sensors that look at the world, each at its own pace.
+
+use std::time::Duration;
+
+use super::settings::MecanumPlantSettings;
+use super::signals::ECHOES;
+use crate::pose::BodyMotion;
+use crate::world::{BodyId, Cone, World};
+
+/// What the sensors saw when they last looked.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Seen {
+    /// m
+    pub(super) echoes: [Option<f64>; ECHOES],
+    pub(super) obstacle_ahead: bool,
+    pub(super) tag: u32,
+    pub(super) magnetic_bar: u16,
+}
+
+/// All sensors with their mounting.
+#[derive(Debug, Clone)]
+pub(super) struct Sensors {
+    cones: [Mount; ECHOES],
+    beam: Mount,
+    /// Ahead, left, m.
+    reader: [f64; 2],
+    reader_radius: f64,
+    channels: [[f64; 2]; 16],
+    bar_reach: f64,
+    /// Of ultrasonic, infrared, reader and bar.
+    paces: [Pace; 4],
+    seen: Seen,
+}
+
+/// A cone in the axes of the body.
+#[derive(Debug, Clone, Copy)]
+struct Mount {
+    /// Ahead, left, m.
+    place: [f64; 2],
+    /// Unit vector ahead, left.
+    direction: [f64; 2],
+    /// Cosine and sine.
+    half_opening: [f64; 2],
+    range: f64,
+}
+
+/// When a sensor looks.
+#[derive(Debug, Clone, Copy)]
+struct Pace {
+    period: Duration,
+    since: Duration,
+    /// The world as it was when the sensor last looked.
+    changes: u64,
+}
+
+impl Sensors {
+    pub(super) fn new(settings: &MecanumPlantSettings) -> Self {
+        let ultrasonic = &settings.ultrasonic;
+        let beam = &settings.infrared;
+        let bar = &settings.magnetic_bar;
+        let mount = |x: f64, y: f64, degrees: f64, half_angle: f64, range: f64| {
+            let (angle, half) = (degrees.to_radians(), half_angle.to_radians());
+            Mount {
+                place: [x, y],
+                direction: [libm::cos(angle), libm::sin(angle)],
+                half_opening: [libm::cos(half), libm::sin(half)],
+                range,
+            }
+        };
+        let periods = [
+            ultrasonic.period,
+            beam.period,
+            settings.rfid.period,
+            bar.period,
+        ];
+        Self {
+            cones: std::array::from_fn(|index| {
+                mount(
+                    ultrasonic.x[index],
+                    ultrasonic.y[index],
+                    ultrasonic.angle[index],
+                    ultrasonic.half_angle,
+                    ultrasonic.range,
+                )
+            }),
+            beam: mount(beam.x, beam.y, beam.angle, 0.0, beam.range),
+            reader: [settings.rfid.x, settings.rfid.y],
+            reader_radius: settings.rfid.radius,
+            channels: [
+                7.5, 6.5, 5.5, 4.5, 3.5, 2.5, 1.5, 0.5, -0.5, -1.5, -2.5, -3.5, -4.5, -5.5, -6.5,
+                -7.5,
+            ]
+            .map(|place| [bar.x, bar.y + place * bar.spacing]),
+            bar_reach: bar.strip_half_width,
+            paces: periods.map(|period| Pace {
+                period,
+                since: Duration::ZERO,
+                changes: 0,
+            }),
+            seen: Seen::default(),
+        }
+    }
+
+    pub(super) fn seen(&self) -> &Seen {
+        &self.seen
+    }
+
+    /// Looks with those sensors that are due, if anything has changed since they last did.
+    pub(super) fn follow(
+        &mut self,
+        step: Duration,
+        world: &World,
+        body: BodyId,
+        motion: &BodyMotion,
+    ) {
+        let changes = world.changes();
+        let [ultrasonic, beam, reader, bar] =
+            self.paces.each_mut().map(|pace| pace.is_due(step, changes));
+        if ultrasonic {
+            self.listen(world, body, motion);
+        }
+        if beam {
+            self.look_ahead(world, body, motion);
+        }
+        if reader {
+            self.read_tag(world, motion);
+        }
+        if bar {
+            self.read_bar(world, motion);
+        }
+    }
+
+    /// Looks with all at once.
+    pub(super) fn look(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
+        for pace in &mut self.paces {
+            pace.since = Duration::ZERO;
+            pace.changes = world.changes();
+        }
+        self.listen(world, body, motion);
+        self.look_ahead(world, body, motion);
+        self.read_tag(world, motion);
+        self.read_bar(world, motion);
+    }
+
+    fn listen(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
+        self.seen.echoes = self
+            .cones
+            .map(|mount| world.nearest_echo(&mount.cone(motion), Some(body)));
+    }
+
+    fn look_ahead(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
+        let cone = self.beam.cone(motion);
+        self.seen.obstacle_ahead = world.nearest_echo(&cone, Some(body)).is_some();
+    }
+
+    fn read_tag(&mut self, world: &World, motion: &BodyMotion) {
+        let tag = world.tag_near(in_world(motion, self.reader), self.reader_radius);
+        self.seen.tag = tag.map_or(0, |tag| tag.number);
+    }
+
+    fn read_bar(&mut self, world: &World, motion: &BodyMotion) {
+        let points = self.channels.map(|place| in_world(motion, place));
+        self.seen.magnetic_bar = world.strips_under(&points, self.bar_reach);
+    }
+}
+
+impl Mount {
+    fn cone(&self, motion: &BodyMotion) -> Cone {
+        Cone {
+            origin: in_world(motion, self.place),
+            direction: motion.to_world(self.direction),
+            half_opening: self.half_opening,
+            range: self.range,
+        }
+    }
+}
+
+impl Pace {
+    fn is_due(&mut self, step: Duration, changes: u64) -> bool {
+        self.since += step;
+        if self.since < self.period {
+            return false;
+        }
+        // Steps that do not divide the period must not slow it, and a long rest is made up for once.
+        self.since = (self.since - self.period).min(self.period);
+        let due = self.changes != changes;
+        self.changes = changes;
+        due
+    }
+}
+
+fn in_world(motion: &BodyMotion, place: [f64; 2]) -> [f64; 2] {
+    let [x, y] = motion.to_world(place);
+    [motion.x + x, motion.y + y]
+}

@@ -1,0 +1,253 @@
+//! What may be chosen about the mecanum car outside its firmware.
+
+use std::time::Duration;
+
+use sim_settings::{choices, settings};
+
+use super::signals::{Plugs, Wheel, Wiring};
+use crate::rest::RestSettings;
+use crate::traction::TyreSettings;
+
+const MS: fn(u64) -> Duration = Duration::from_millis;
+const S: fn(u64) -> Duration = Duration::from_secs;
+
+choices! {
+    /// What a motor does at no speed voltage while its brake is not asked for.
+    pub enum ZeroSpeed {
+        /// It lets the wheel turn freely.
+        Coast = "coast",
+        /// It controls the speed to zero.
+        Hold = "hold",
+    }
+}
+
+settings! {
+    /// The car around the board.
+    pub struct MecanumPlantSettings {
+        /// How the motors of LF, RF, LR, RR are really plugged in, whatever the firmware expects.
+        wiring: Plugs = Plugs::AsExpected,
+            documented "article, wiring table; a later line gives \"x-y-z-e0\"";
+    }
+    groups {
+        /// Chassis and payload.
+        body: CarBodySettings,
+        /// Wheels and rollers.
+        wheel: MecanumWheelSettings,
+        /// Motors, gears and brakes.
+        motor: CarMotorSettings,
+        /// Encoders.
+        encoder: EncoderSettings,
+        /// Ultrasonic sensors.
+        ultrasonic: UltrasonicSettings,
+        /// The infrared sensor.
+        infrared: BeamSettings,
+        /// The RFID reader.
+        rfid: ReaderSettings,
+        /// The magnetic bar.
+        magnetic_bar: BarSettings,
+        /// When a car counts as standing.
+        rest: RestSettings,
+    }
+}
+
+settings! {
+    /// Chassis and payload.
+    pub struct CarBodySettings {
+        /// Length of the car.
+        length: f64 = 0.34, unit "m", range 0.05..=5.0, assumed "a small car";
+        /// Width of the car.
+        width: f64 = 0.30, unit "m", range 0.05..=5.0, assumed "a small car";
+        /// Half the distance between front and rear axle.
+        half_wheelbase: f64 = 0.10, unit "m", range 0.005..=2.5, assumed "a small car";
+        /// Half the distance between left and right wheels.
+        half_track: f64 = 0.12, unit "m", range 0.005..=2.5, assumed "a small car";
+        /// Mass without payload.
+        mass: f64 = 8.0, unit "kg", range 0.1..=500.0, assumed "four gear motors, a battery and a frame";
+        /// Moment of inertia about the vertical, without payload.
+        yaw_inertia: f64 = 0.14, unit "kg*m^2", range 0.0005..=500.0,
+            assumed "a uniform box of that mass and size";
+        /// Height of the centre of mass above the ground, without payload.
+        centre_of_mass_height: f64 = 0.08, unit "m", range 0.0..=2.0, assumed "motors and battery sit low";
+        /// Payload at the start.
+        payload: f64 = 0.0, unit "kg", range 0.0..=100.0, assumed "empty unless chosen";
+        /// Height of the payload's centre of mass above the ground.
+        payload_height: f64 = 0.2, unit "m", range 0.0..=3.0, assumed "on the deck";
+    }
+}
+
+settings! {
+    /// Wheels and rollers.
+    pub struct MecanumWheelSettings {
+        /// Radius of a wheel over its rollers.
+        radius: f64 = 0.05, unit "m", range 0.005..=1.0, assumed "a common size, 100 mm";
+        /// Angle between the axles of roller and wheel.
+        roller_angle: f64 = 45.0, unit "deg", range 15.0..=75.0,
+            assumed "nearly all mecanum wheels; the firmware's dead reckoning takes it for granted";
+        /// Force along the roller's axle per unit of slip, as a multiple of the load.
+        axial_stiffness: f64 = 1.6, range 0.1..=100.0,
+            assumed "with the roller drag a strafe then moves 0.86 of what the wheels turn; \
+                     published cars 0.74 to 0.88";
+        /// Drag of a turning roller, as a share of the load.
+        roller_drag: f64 = 0.12, range 0.0..=2.0,
+            assumed "plain bearings and a small rubber roller on a hard floor";
+        /// Distance rolled in which a roller takes up most of a change of slip.
+        relaxation_length: f64 = 0.01, unit "m", range 0.0005..=1.0,
+            assumed "a fraction of the radius of a roller";
+        /// Time over which the rubber of a standing roller damps its own ringing.
+        damping_time: Duration = MS(30), range Duration::ZERO..=MS(500),
+            assumed "settles a standing car in about one swing";
+        /// Rolling speed above which that damping is gone.
+        damping_fade_speed: f64 = 0.1, unit "m/s", range 0.01..=5.0,
+            assumed "well below the car's full speed";
+        /// Rolling resistance of a wheel, as a share of the load.
+        rolling_resistance: f64 = 0.02, range 0.0..=0.5,
+            assumed "rubber on a hard floor, 0.01 to 0.03 in textbooks";
+    }
+}
+
+settings! {
+    /// Brushless gear motors with speed control; speeds and torques are those of the wheel.
+    pub struct CarMotorSettings {
+        /// Speed at full speed voltage.
+        full_speed: f64 = 50.0, unit "rpm", range 0.1..=10000.0,
+            assumed "the highest speed that a motion packet can ask for";
+        /// Time in which the speed control goes from zero to full speed.
+        ramp_time: Duration = MS(200), range MS(1)..=S(60),
+            assumed "the ramp that the same authors published for another vehicle";
+        /// The most torque that a motor gives.
+        torque_limit: f64 = 1.5, unit "N*m", range 0.001..=1000.0,
+            assumed "about twice what makes a wheel of the empty car slip";
+        /// Torque per lack of speed of the control, N·m for 1 rad/s.
+        speed_gain: f64 = 10.0, range 0.001..=10000.0,
+            assumed "a load of half the limit then costs 1.5 % of full speed";
+        /// Moment of inertia of rotor, gear and wheel at the wheel.
+        inertia: f64 = 0.004, unit "kg*m^2", range 0.00001..=10.0,
+            assumed "a small rotor behind a gear of about 1:50";
+        /// Dry friction of the gear at the wheel.
+        gear_friction: f64 = 0.05, unit "N*m", range 0.0..=100.0,
+            assumed "a few percent of the torque limit";
+        /// Torque that BK holds.
+        brake_torque: f64 = 1.5, unit "N*m", range 0.0..=1000.0,
+            assumed "as much as the motor gives";
+        /// What a motor does at no speed voltage while BK is not asked for.
+        at_zero_speed: ZeroSpeed = ZeroSpeed::Coast,
+            assumed "most controllers switch their bridge off";
+    }
+}
+
+settings! {
+    /// Encoders.
+    pub struct EncoderSettings {
+        /// Pulses of PG for one revolution of a wheel.
+        pulses_per_revolution: u32 = 60, range 1..=100_000,
+            assumed "the article does not name the motors";
+        /// Share of a pulse by which a wheel must turn back before it gives pulses again.
+        hysteresis: f64 = 0.1, range 0.0..=0.9,
+            assumed "Hall sensors have a little, so that a standing wheel gives no pulses";
+    }
+}
+
+settings! {
+    /// Ultrasonic sensors; lists are four in front from left to right, then four in the rear from
+    /// left to right, where left is the car's left.
+    pub struct UltrasonicSettings {
+        /// Where they sit, ahead of the car's middle.
+        x: [f64; 8] = [0.17, 0.17, 0.17, 0.17, -0.17, -0.17, -0.17, -0.17],
+            unit "m", range -5.0..=5.0, assumed "on the front and rear edge";
+        /// Where they sit, left of the car's middle.
+        y: [f64; 8] = [0.12, 0.04, -0.04, -0.12, 0.12, 0.04, -0.04, -0.12],
+            unit "m", range -5.0..=5.0, assumed "evenly spread over the width";
+        /// Where they look, counter-clockwise from straight ahead.
+        angle: [f64; 8] = [20.0, 0.0, 0.0, -20.0, 160.0, 180.0, 180.0, -160.0],
+            unit "deg", range -360.0..=360.0, assumed "the outer ones look a little aside";
+        /// Half the opening of a cone.
+        half_angle: f64 = 15.0, unit "deg", range 0.0..=80.0, assumed "common sensors, 30 degrees in all";
+        /// How far they see.
+        range: f64 = 4.5, unit "m", range 0.01..=100.0, assumed "common sensors, 4500 mm";
+        /// Time between two pings of a sensor.
+        period: Duration = MS(60), range MS(1)..=S(10),
+            assumed "common advice, so that no echo of the ping before is heard";
+    }
+}
+
+settings! {
+    /// The infrared sensor.
+    pub struct BeamSettings {
+        /// Where it sits, ahead of the car's middle.
+        x: f64 = 0.17, unit "m", range -5.0..=5.0, assumed "on the front edge";
+        /// Where it sits, left of the car's middle.
+        y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
+        /// Where it looks, counter-clockwise from straight ahead.
+        angle: f64 = 0.0, unit "deg", range -360.0..=360.0, assumed "straight ahead";
+        /// How far it sees.
+        range: f64 = 0.3, unit "m", range 0.001..=10.0, assumed "a reflective switch set to 300 mm";
+        /// Time between two looks.
+        period: Duration = MS(20), range MS(1)..=S(10), assumed "quick beside the status packet";
+    }
+}
+
+settings! {
+    /// The RFID reader under the car.
+    pub struct ReaderSettings {
+        /// Where it sits, ahead of the car's middle.
+        x: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
+        /// Where it sits, left of the car's middle.
+        y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
+        /// How far from it a tag may lie.
+        radius: f64 = 0.04, unit "m", range 0.001..=5.0, assumed "a small coil just above the ground";
+        /// Time between two readings.
+        period: Duration = MS(50), range MS(1)..=S(10), assumed "common readers, 20 tags a second";
+    }
+}
+
+settings! {
+    /// The bar of 16 magnetic sensors across the car.
+    pub struct BarSettings {
+        /// Where its middle sits, ahead of the car's middle.
+        x: f64 = 0.15, unit "m", range -5.0..=5.0, assumed "near the front edge";
+        /// Where its middle sits, left of the car's middle.
+        y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
+        /// Distance between two channels.
+        spacing: f64 = 0.01, unit "m", range 0.0005..=0.5, assumed "common bars, 16 channels on 160 mm";
+        /// How far from the middle line of a strip a channel sees it.
+        strip_half_width: f64 = 0.025, unit "m", range 0.001..=1.0, assumed "tape of 50 mm";
+        /// Time between two readings.
+        period: Duration = MS(10), range MS(1)..=S(10), assumed "common bars, 100 readings a second";
+    }
+}
+
+impl MecanumPlantSettings {
+    /// The same car with its wiring settled for a firmware that expects `wiring`.
+    #[must_use]
+    pub fn expecting(&self, wiring: Wiring) -> Self {
+        Self {
+            wiring: Plugs::Like(self.wiring.wiring(wiring)),
+            ..self.clone()
+        }
+    }
+}
+
+impl MecanumWheelSettings {
+    /// The axle of the roller that a wheel stands on, radians counter-clockwise from straight ahead.
+    /// Seen from above it is the mirror image of the upper rollers.
+    pub(super) fn axle_on_ground(&self, wheel: Wheel) -> f64 {
+        let from_ahead = (90.0 - self.roller_angle).to_radians();
+        match wheel {
+            Wheel::LeftFront | Wheel::RightRear => -from_ahead,
+            Wheel::RightFront | Wheel::LeftRear => from_ahead,
+        }
+    }
+
+    /// A roller as the traction law has it: along its axle, and across.
+    pub(super) fn tyre(&self) -> TyreSettings {
+        TyreSettings {
+            wheel_radius: self.radius,
+            longitudinal_stiffness: self.axial_stiffness,
+            lateral_stiffness: self.roller_drag,
+            relaxation_length: self.relaxation_length,
+            damping_time: self.damping_time,
+            damping_fade_speed: self.damping_fade_speed,
+            rolling_resistance: self.rolling_resistance,
+        }
+    }
+}
