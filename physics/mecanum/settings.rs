@@ -84,11 +84,11 @@ settings! {
         roller_angle: f64 = 45.0, unit "deg", range 15.0..=75.0,
             assumed "nearly all mecanum wheels; the firmware's dead reckoning takes it for granted";
         /// Force along the roller's axle per unit of slip, as a multiple of the load.
-        axial_stiffness: f64 = 1.6, range 0.1..=100.0,
+        axial_stiffness: f64 = 2.4, range 0.1..=100.0,
             assumed "with the roller drag a strafe then moves 0.86 of what the wheels turn; \
                      published cars 0.74 to 0.88";
         /// Drag of a turning roller, as a share of the load.
-        roller_drag: f64 = 0.12, range 0.0..=2.0,
+        roller_drag: f64 = 0.18, range 0.0..=2.0,
             assumed "plain bearings and a small rubber roller on a hard floor";
         /// Distance rolled in which a roller takes up most of a change of slip.
         relaxation_length: f64 = 0.01, unit "m", range 0.0005..=1.0,

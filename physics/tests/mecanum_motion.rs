@@ -1,0 +1,284 @@
+//! How the mecanum car moves. None of these figures is an input.
+
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
+
+#[path = "common/car.rs"]
+mod car;
+
+use car::{ARM, Car, FULL, MOTIONS, RADIUS};
+use sim_physics::mecanum::{Port, WHEELS, Wheel, WheelFaults, Wiring};
+use sim_physics::{Ground, MecanumPlantSettings, Pose};
+
+const FORWARD: [i8; WHEELS] = [1; WHEELS];
+const LEFT: [i8; WHEELS] = [-1, 1, 1, -1];
+
+#[test]
+fn without_drag_it_moves_as_the_closed_form_says() {
+    for (name, rotations, _) in MOTIONS {
+        for speed in [0.2, 0.6, 1.0] {
+            let mut car = Car::ideal();
+            car.turn(rotations, speed);
+            car.run(1.0);
+            let truth = car.plant.truth();
+            let [lf, rf, lr, rr] = rotations.map(|r| f64::from(r) * speed * FULL * RADIUS);
+            let expected = [
+                (lf + rf + lr + rr) / 4.0,
+                (-lf + rf + lr - rr) / 4.0,
+                (-lf + rf - lr + rr) / (4.0 * ARM),
+            ];
+            let found = [truth.forward_speed, truth.leftward_speed, truth.yaw_rate];
+            println!("{name} at {speed}: {found:.4?}, closed form {expected:.4?}");
+            let scale = [1.0, 1.0, ARM];
+            let size = (0..3).fold(0.0_f64, |most, axis| {
+                most.max((expected[axis] * scale[axis]).abs())
+            });
+            for axis in 0..3 {
+                let error = (found[axis] - expected[axis]) * scale[axis];
+                assert!(error.abs() < 0.01 * size, "{name}: {found:?} {expected:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn with_drag_a_strafe_loses_what_published_cars_lose_and_forward_nothing() {
+    for speed in [0.1, 0.3, 0.6, 1.0] {
+        let share = |rotations, axis: usize| {
+            let mut car = Car::new();
+            car.turn(rotations, speed);
+            car.run(4.0);
+            car.brake();
+            car.run(1.0);
+            car.gone()[axis] / car.by_wheels()[axis]
+        };
+        let (forward, left) = (share(FORWARD, 0), share(LEFT, 1));
+        let right = share(LEFT.map(|rotation| -rotation), 1);
+        let turn = share([-1, 1, -1, 1], 2);
+        println!("at {speed}: forward {forward:.4}, strafe {left:.4} {right:.4}, turn {turn:.4}");
+        assert!(forward > 0.97 && forward < 1.005);
+        assert!((0.80..0.92).contains(&left));
+        assert!((left - right).abs() < 0.002);
+    }
+}
+
+#[test]
+fn the_ten_motions_move_the_body_as_tabulated_for_both_wirings() {
+    for wiring in [Wiring::X_Y_E0_E1, Wiring::X_Y_Z_E0] {
+        for (name, rotations, direction) in MOTIONS {
+            let mut car = Car::wired(wiring);
+            car.turn_expecting(wiring, rotations, 0.6);
+            car.run(2.0);
+            let turned = car.plant.truth().wheel_angle;
+            for wheel in Wheel::ALL {
+                let wanted = f64::from(rotations[wheel.index()]);
+                let turned = turned[wheel.index()];
+                assert!(turned * wanted > 5.0 || wanted == 0.0 && turned.abs() < 1e-9);
+            }
+            let found = signs(&car);
+            println!("{wiring} {name}: {:.3?}", car.gone());
+            assert_eq!(found, direction, "{wiring} {name}: {:?}", car.gone());
+        }
+    }
+}
+
+/// The direction of the way it has gone: what is under a tenth of the whole is none.
+fn signs(car: &Car) -> [i8; 3] {
+    let [ahead, left, turn] = car.gone();
+    let way = [ahead, left, turn * ARM];
+    let size = way.iter().fold(0.0_f64, |most, part| most.max(part.abs()));
+    assert!(size > 0.1, "{way:?}");
+    way.map(|part| {
+        if part.abs() < 0.1 * size {
+            0
+        } else if part > 0.0 {
+            1
+        } else {
+            -1
+        }
+    })
+}
+
+#[test]
+fn a_miswired_car_goes_the_wrong_way() {
+    let expected = Wiring::X_Y_E0_E1;
+    let [x, y, z, e0, e1] = Port::ALL;
+    let car = |ports, reversed| {
+        let mut car = Car::wired(Wiring::new(ports, reversed).unwrap());
+        car.turn_expecting(expected, FORWARD, 0.6);
+        car.run(2.0);
+        let forward = signs(&car);
+        let mut car = Car::wired(Wiring::new(ports, reversed).unwrap());
+        car.turn_expecting(expected, LEFT, 0.6);
+        car.run(2.0);
+        (forward, car)
+    };
+    // Left and right front motors swapped: it still goes forward, but instead of strafing it turns.
+    let (forward, strafing) = car([y, x, e0, e1], [false; 4]);
+    assert_eq!(forward, [1, 0, 0]);
+    println!("front swapped, strafing: {:.3?}", strafing.gone());
+    assert!(strafing.gone()[1].abs() < 0.1 && strafing.gone()[2].abs() > 0.5);
+    // All motors turn the other way: it goes backward.
+    let (forward, strafing) = car([x, y, e0, e1], [true; 4]);
+    assert_eq!(forward, [-1, 0, 0]);
+    assert_eq!(signs(&strafing), [0, -1, 0]);
+    // Wired as the article's later line says, for a firmware that follows the table: the left rear
+    // motor, at port Z, gets nothing and is held.
+    let (forward, _) = car([x, y, z, e0], [false; 4]);
+    println!("later line under the table's firmware: {forward:?}");
+    assert_ne!(forward, [1, 0, 0]);
+}
+
+#[test]
+fn a_wheel_that_is_blocked_dragging_or_free_pulls_the_car_off_line() {
+    let drive = |faults: Option<WheelFaults>| {
+        let mut car = Car::new();
+        if let Some(faults) = faults {
+            car.fault(Wheel::LeftFront, faults);
+        }
+        car.turn(FORWARD, 0.6);
+        car.run(3.0);
+        println!("{faults:?}: {:.3?}", car.gone());
+        car.gone()
+    };
+    let none = WheelFaults::default();
+    let whole = drive(None);
+    assert!(whole[1].abs() < 1e-3 && whole[2].abs() < 1e-3);
+    let blocked = drive(Some(WheelFaults {
+        blocked: true,
+        ..none
+    }));
+    // The others push on; the front left corner stays behind, so it turns to the left.
+    assert!(blocked[2] > 0.1 && blocked[0] < 0.9 * whole[0]);
+    let dragging = drive(Some(WheelFaults {
+        drag_torque: 2.5,
+        ..none
+    }));
+    assert!(dragging[2] > 0.05);
+    let free = drive(Some(WheelFaults {
+        free_wheeling: true,
+        ..none
+    }));
+    assert!(free[2].abs() < blocked[2] && (free[2].abs() > 1e-3 || free[1].abs() > 1e-3));
+}
+
+#[test]
+fn against_a_wall_wheels_spin_or_stall_and_their_pulses_run_away() {
+    // Strong motors spin the wheels; weak ones stall on a floor that holds.
+    for (friction, torque_limit, spins) in [(0.8, 1.5, true), (0.2, 1.5, true), (2.0, 0.5, false)] {
+        let mut settings = MecanumPlantSettings::default();
+        settings.motor.torque_limit = torque_limit;
+        let mut car = Car::with(&settings);
+        car.world.set_ground(Ground::flat(friction));
+        car.world.add_wall([0.5, -2.0], [0.5, 2.0], 0.1);
+        car.turn(FORWARD, 0.6);
+        car.run(10.0);
+        let truth = car.plant.truth();
+        println!(
+            "friction {friction}: x {:.4} m, by wheels {:.3} m, wheels {:.3?} rad/s, {:.3?} N*m",
+            truth.pose.x,
+            car.by_wheels()[0],
+            truth.wheel_speed,
+            truth.motor_torque
+        );
+        assert!(car.world.is_touching(car.plant.body()));
+        assert!((truth.pose.x - 0.28).abs() < 0.01);
+        assert!(truth.forward_speed.abs() < 0.01);
+        if spins {
+            assert!(car.by_wheels()[0] > truth.pose.x + 0.5);
+            let pulses = car.plant.measurements().pulses[Port::X.index()];
+            assert!(f64::from(pulses) / 60.0 * 2.0 * std::f64::consts::PI * RADIUS > 1.0);
+        } else {
+            assert!(car.by_wheels()[0] < truth.pose.x + 0.05);
+            for torque in truth.motor_torque {
+                assert!((torque - torque_limit).abs() < 0.01);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_speed_control_takes_its_ramp_and_the_brake_is_quick() {
+    let mut car = Car::new();
+    car.turn(FORWARD, 1.0);
+    let rise = car.run_while(2.0, |car| car.plant.truth().wheel_speed[0] < 0.95 * FULL);
+    car.run(1.0);
+    let from = car.gone()[0];
+    car.brake();
+    let stop = car.run_while(2.0, |car| !car.plant.at_rest());
+    println!(
+        "95 % after {:.0} ms; stops within {:.1} mm, rests after {:.0} ms",
+        rise * 1e3,
+        (car.gone()[0] - from) * 1e3,
+        stop * 1e3
+    );
+    assert!((0.18..0.22).contains(&rise));
+    assert!(car.gone()[0] - from < 0.02 && stop < 1.0);
+}
+
+#[test]
+fn ten_tenths_of_a_revolution_are_sixty_pulses_on_each_port() {
+    let mut car = Car::new();
+    car.turn(FORWARD, 0.6);
+    car.run_while(5.0, |car| {
+        car.plant.truth().wheel_angle[0] < std::f64::consts::TAU
+    });
+    let pulses = car.plant.measurements().pulses;
+    assert_eq!(pulses, [60, 60, 0, 60, 60]);
+}
+
+#[test]
+fn braked_on_a_slope_it_stays_and_released_it_runs() {
+    for heading in [0.0_f64, 0.8, 1.57, 3.0, -1.57] {
+        let mut car = Car::new();
+        car.world
+            .set_ground(Ground::new(0.8, 12.0_f64.to_radians(), 0.0));
+        let pose = Pose {
+            heading,
+            ..Pose::default()
+        };
+        car.plant.place(&mut car.world, pose);
+        let took = car.run_while(5.0, |car| !car.plant.at_rest());
+        let settled = car.plant.truth().pose;
+        println!("heading {heading}: rests after {took:.2} s at {settled:?}");
+        assert!(car.plant.at_rest());
+        assert!(settled.x.hypot(settled.y) < 0.01);
+        for _ in 0..10 {
+            car.plant.wake();
+            car.run(1.0);
+        }
+        let later = car.plant.truth().pose;
+        assert!((later.x - settled.x).hypot(later.y - settled.y) < 1e-3);
+        car.plant.set_supply(false);
+        car.run(2.0);
+        println!("released: {:?}", car.plant.truth().pose);
+        // Sideways the rollers' drag may hold it.
+        let lies_across = heading.cos().abs() < 0.1;
+        assert!(lies_across || car.plant.truth().pose.x < -0.2);
+    }
+}
+
+#[test]
+fn hit_by_another_it_wakes() {
+    let mut car = Car::new();
+    let pose = Pose {
+        x: 1.0,
+        ..Pose::default()
+    };
+    let settings = MecanumPlantSettings::default();
+    let mut other = sim_physics::MecanumPlant::with_name("other", &settings, &mut car.world, pose);
+    // Its motors would hold it about as hard as the other can push.
+    other.set_supply(false);
+    car.turn(FORWARD, 1.0);
+    let mut rested = false;
+    for _ in 0..1000 {
+        car.plant.before_step(&mut car.world);
+        other.before_step(&mut car.world);
+        car.world.step().unwrap();
+        car.plant.after_step(&mut car.world);
+        other.after_step(&mut car.world);
+        rested |= other.at_rest();
+        assert!(!other.at_rest() || car.world.is_still(other.body()));
+    }
+    println!("shoved {:.3} m", other.truth().pose.x - 1.0);
+    assert!(rested && other.truth().pose.x > 1.02);
+}
