@@ -54,6 +54,24 @@ fn replies_to_one_client_never_reach_the_next() {
     sim.stop().expect_clean();
 }
 
+/// The simulator learns of a hang-up from the system, and a client that comes within the same
+/// millisecond may be taken for the one that has just left.
+#[test]
+#[ignore = "not so yet: a client that opens the port at once may get the last one's replies"]
+fn replies_to_one_client_never_reach_one_that_comes_at_once() {
+    let sim = Sim::start(&JSON);
+    for round in 0..100 {
+        let mut client = sim.client();
+        for _ in 0..5 {
+            client.send(&frame(0x06, &[]));
+        }
+        std::thread::sleep(Duration::from_millis(round % 20 + 1));
+        drop(client);
+        assert_eq!(sim.client().ask(0x07, &[]), [1], "round {round}");
+    }
+    sim.stop().expect_clean();
+}
+
 #[test]
 fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
     let sim = Sim::start(&JSON);
@@ -64,9 +82,9 @@ fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
     while !sim.printed().contains(r#""code":"overrun""#) {
         assert!(start.elapsed() < PATIENCE, "nothing was lost");
         // Whole requests only, so that the stream is valid to its end.
-        let mut sent = client.send_some(&request);
-        while sent % 6 != 0 {
-            sent += client.send_some(&request[sent % 6..6]);
+        let begun = client.send_some(&request) % 6;
+        if begun > 0 {
+            client.send(&request[begun..6]);
         }
         std::thread::sleep(Duration::from_millis(5));
     }

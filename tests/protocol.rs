@@ -90,7 +90,7 @@ fn frames_that_are_no_requests_are_told_and_not_answered() {
 
     client.send(&motors(1001, -3000));
     assert_eq!(client.receive().0, 0x12);
-    assert!(text_of(&sim.wait_event("motors_clamped")).contains("-3000"));
+    assert!(text_of(&sim.wait_event("motors_out_of_range")).contains("-3000"));
 
     assert_eq!(client.ask(0x06, &[])[54], 0, "no rail was switched on");
     let summary = sim.stop().expect_clean().summary();

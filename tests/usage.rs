@@ -109,7 +109,7 @@ fn a_wrong_settings_file_is_named_with_line_and_column() {
 
     fs::write(&path, "[r150\n").unwrap();
     let says = format!("{shown}:1:");
-    run(&["config", "--config", shown]).expect_refusal(2, &[&says, "not valid TOML"]);
+    run(&["config", "--config", shown]).expect_refusal(2, &[&says, "unclosed table"]);
 
     fs::remove_file(&path).unwrap();
     let says = ["cannot read the settings file", shown];
