@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde_json::json;
 use sim_core::rig::PortId;
+use sim_physics::WorldMap;
 use sim_pty::{Port, PtyPort, SerialPort};
 use sim_scenarios::RigPlan;
 
@@ -23,7 +24,7 @@ use crate::summary::{self, DeviceSummary};
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     let Plan { rig: plan, folder } = plan(args)?;
     let seed = args.seed.or(plan.seed).unwrap_or_else(random_seed);
-    let rig = plan.build(args.wire.into(), seed);
+    let rig = plan.build(WorldMap::default(), args.wire.into(), seed);
     let ports = open_all(args, &plan, &folder)?;
 
     let options = LogOptions {

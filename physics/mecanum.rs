@@ -103,7 +103,7 @@ impl MecanumPlant {
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body, &motion);
         Self {
-            wiring: settings.wiring.wiring(Wiring::default()),
+            wiring: settings.plugs.wiring(Wiring::default()),
             settings: settings.clone(),
             body,
             commands: MecanumCommands::default(),

@@ -6,6 +6,8 @@ use sim_core::line::Wire;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{Rig, RigSettings};
 
+use sim_physics::WorldMap;
+
 use crate::rig_file::{DevicePlan, Kind, RigPlan};
 
 /// A serial link of a planned device.
@@ -32,7 +34,22 @@ impl DevicePlan {
                 baud: self.settings.r150.firmware.baud,
                 path: self.port.clone(),
             }],
-            Kind::Mecanum => vec![],
+            Kind::Mecanum => {
+                let firmware = &self.settings.mecanum.firmware;
+                let main = Link {
+                    index: 0,
+                    name: "main",
+                    baud: firmware.baud,
+                    path: self.port.clone(),
+                };
+                let ros = self.ros_port.as_ref().map(|path| Link {
+                    index: 1,
+                    name: "ROS",
+                    baud: firmware.ros_baud,
+                    path: Some(path.clone()),
+                });
+                std::iter::once(main).chain(ros).collect()
+            }
         }
     }
 
@@ -51,16 +68,25 @@ impl RigPlan {
     /// Builds the world and puts the devices into it; a device's index in the rig is its index in
     /// the plan.
     #[must_use]
-    pub fn build(&self, wire: Wire, seed: u64) -> Rig {
+    pub fn build(&self, map: WorldMap, wire: Wire, seed: u64) -> Rig {
         let world = self.settings.world.clone();
-        let mut rig = Rig::new(RigSettings { world, wire, seed });
+        let mut rig = Rig::new(RigSettings {
+            world,
+            map,
+            wire,
+            seed,
+        });
         for device in &self.devices {
             match device.kind {
                 Kind::R150 => {
                     let settings = &device.settings.r150;
                     rig.add_r150(&device.name, settings, device.start, device.pose);
                 }
-                Kind::Mecanum => {}
+                Kind::Mecanum => {
+                    let settings = &device.settings.mecanum;
+                    let ros = device.ros_port.is_some();
+                    rig.add_mecanum(&device.name, settings, ros, device.pose);
+                }
             }
         }
         rig

@@ -43,8 +43,11 @@ macro_rules! choices {
             type Bound = Self;
 
             fn read(value: &$crate::Value, _unit: &str) -> Result<Self, String> {
-                let $crate::Value::Text(text) = value else {
-                    return Err(format!("{value} is not a word"));
+                // `--set key=false` arrives as a boolean, which may be meant as the word.
+                let text = match value {
+                    $crate::Value::Text(text) => text.clone(),
+                    $crate::Value::Bool(flag) => flag.to_string(),
+                    other => return Err(format!("{other} is not a word")),
                 };
                 Self::ALL
                     .iter()

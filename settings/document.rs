@@ -80,7 +80,11 @@ pub fn apply_table(
             Problem::UnknownKey | Problem::IsGroup => source.place(key_at),
         };
         let plain = plain(value.get_ref());
-        if let Err(problem) = settings.assign(key, &plain) {
+        // A known group with nothing in it changes nothing, as a saved file may have been cut to.
+        let empty = matches!(value.get_ref(), DeValue::Table(_));
+        if let Err(problem) = settings.assign(key, &plain)
+            && !(empty && problem == Problem::IsGroup)
+        {
             errors.push(explain(settings, key, origin(&problem), problem));
         }
     });
@@ -150,16 +154,20 @@ impl<T: Settings> Root for T {
 /// meaning, its allowed values, and whether it is documented or assumed.
 #[must_use]
 pub fn show_toml(settings: &dyn Root) -> String {
-    let mut text = String::new();
-    let mut group = String::new();
+    // A group's own values may stand behind another group in it, but a table must be in one piece.
+    let mut tables: Vec<(String, String)> = Vec::new();
     settings.visit(&mut |entry| {
         let (table, name) = entry.key.rsplit_once('.').unwrap_or(("", &entry.key));
-        if table != group {
-            table.clone_into(&mut group);
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{}[{table}]", if text.is_empty() { "" } else { "\n" });
-        }
+        let at = tables
+            .iter()
+            .position(|(known, _)| known == table)
+            .unwrap_or_else(|| {
+                tables.push((table.to_owned(), String::new()));
+                tables.len() - 1
+            });
+        let text = &mut tables[at].1;
         text.push('\n');
+        // Writing to a string cannot fail.
         for line in entry.doc.trim().lines() {
             let _ = writeln!(text, "# {}", line.trim());
         }
@@ -170,10 +178,18 @@ pub fn show_toml(settings: &dyn Root) -> String {
         }
         let _ = writeln!(text, "{name} = {}", entry.value);
     });
-    text
+    // The root's own values have no table to name, and must come first.
+    tables.sort_by_key(|(table, _)| !table.is_empty());
+    let part = |(table, text): (String, String)| match table.as_str() {
+        "" => text,
+        _ => format!("[{table}]\n{text}"),
+    };
+    let parts: Vec<String> = tables.into_iter().map(part).collect();
+    parts.join("\n")
 }
 
-/// Calls `leaf` with each value that is not a table, its dotted key, and where the key stands.
+/// Calls `leaf` with each value that is not a table with something in it, its dotted key, and
+/// where the key stands.
 fn walk<'t>(
     table: &'t DeTable<'_>,
     prefix: &str,
@@ -182,7 +198,7 @@ fn walk<'t>(
     for (name, value) in table {
         let key = crate::join(prefix, name.get_ref());
         match value.get_ref() {
-            DeValue::Table(inner) => walk(inner, &key, leaf),
+            DeValue::Table(inner) if !inner.is_empty() => walk(inner, &key, leaf),
             _ => leaf(&key, name.span().start, value),
         }
     }

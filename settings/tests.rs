@@ -101,6 +101,8 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         "my.toml:2:1: `r150.pack` is a group of settings, not a setting: name one in it, \
          as in `r150.pack.initial_soc`"
     );
+    assert!(error_of("[r1500]\n").starts_with("my.toml:1:2: no setting is named `r1500`"));
+    load_toml("[r150]\n[r150.pack]\n", "f", &mut tree()).unwrap();
     assert!(error_of("[r150\n").starts_with("my.toml:1:"));
     assert!(error_of("[r150]\ntimeout = 5").contains("lacks a unit"));
     assert!(error_of("[r150]\nloads = [1.0]").contains("2 values are wanted, 1 given"));

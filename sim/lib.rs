@@ -9,6 +9,8 @@
 //! | [`r150_device`] | firmware of the XAG R150's IO module: bytes and pins |
 //! | [`r150`] | that firmware with the hardware around it |
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
+//! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
+//! | [`mecanum`] | that firmware with the hardware around it |
 //! | [`line`], [`uart`] | the serial line: pacing, baud mismatch |
 //! | [`rig`] | any number of devices in one world, advanced from event to event |
 //! | [`event`], [`report`] | what is told to whoever watches |
@@ -16,6 +18,7 @@
 
 pub mod event;
 pub mod line;
+pub mod mecanum;
 pub mod mecanum_device;
 pub mod noise;
 pub mod r150;

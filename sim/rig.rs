@@ -10,14 +10,15 @@ mod port;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use sim_physics::{PhysicsError, Pose, World, WorldSettings};
+use sim_physics::{PhysicsError, Pose, World, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
 use crate::event::{Event, EventKind};
 use crate::line::{LineEvent, SerialLine, Wire};
+use crate::mecanum::Mecanum;
 use crate::r150::R150;
 use crate::r150_device::vehicle::Start;
-use crate::settings::R150Settings;
+use crate::settings::{MecanumSettings, R150Settings};
 use crate::unit::Unit;
 pub use port::PortId;
 
@@ -31,6 +32,8 @@ const MOST_EVENTS: usize = 1 << 16;
 pub struct RigSettings {
     /// The plane that they stand on.
     pub world: WorldSettings,
+    /// What stands and lies on it.
+    pub map: WorldMap,
     /// Whether bytes take time on the lines.
     pub wire: Wire,
     /// From which every random stream of the run is derived.
@@ -40,18 +43,21 @@ pub struct RigSettings {
 /// A device in the rig.
 enum Vehicle {
     R150(Box<R150>),
+    Mecanum(Box<Mecanum>),
 }
 
 impl Vehicle {
     fn unit(&self) -> &dyn Unit {
         match self {
             Self::R150(r150) => r150.as_ref(),
+            Self::Mecanum(car) => car.as_ref(),
         }
     }
 
     fn unit_mut(&mut self) -> &mut dyn Unit {
         match self {
             Self::R150(r150) => r150.as_mut(),
+            Self::Mecanum(car) => car.as_mut(),
         }
     }
 }
@@ -80,7 +86,7 @@ impl Rig {
     /// An empty world at time zero.
     #[must_use]
     pub fn new(settings: RigSettings) -> Self {
-        let world = World::new(&settings.world);
+        let world = World::with_map(&settings.world, &settings.map);
         let physics_due = SimTime::ZERO + world.step_length();
         Self {
             settings,
@@ -111,12 +117,35 @@ impl Rig {
             self.settings.seed,
             &mut self.world,
         );
-        let line = SerialLine::new(settings.firmware.baud, self.settings.wire);
+        self.add(Vehicle::R150(Box::new(r150)), &[settings.firmware.baud])
+    }
+
+    /// Puts a mecanum car into the world. Its index is the number of devices there were before; its
+    /// main link has index 0, its ROS link, if it is configured, 1.
+    pub fn add_mecanum(
+        &mut self,
+        name: &str,
+        settings: &MecanumSettings,
+        ros_configured: bool,
+        pose: Pose,
+    ) -> usize {
+        let car = Mecanum::new(name, settings, ros_configured, pose, &mut self.world);
+        let bauds = [settings.firmware.baud, settings.firmware.ros_baud];
+        let links = if ros_configured { 2 } else { 1 };
+        self.add(Vehicle::Mecanum(Box::new(car)), &bauds[..links])
+    }
+
+    fn add(&mut self, vehicle: Vehicle, bauds: &[u32]) -> usize {
+        let wire = self.settings.wire;
         self.slots.push(Slot {
-            vehicle: Vehicle::R150(Box::new(r150)),
-            lines: vec![line],
+            vehicle,
+            lines: bauds
+                .iter()
+                .map(|baud| SerialLine::new(*baud, wire))
+                .collect(),
             next: SimTime::MAX,
         });
+        self.resting = false;
         let device = self.slots.len() - 1;
         self.after_change(device);
         device
@@ -150,6 +179,16 @@ impl Rig {
     pub fn r150(&self, device: usize) -> Option<&R150> {
         match &self.slots.get(device)?.vehicle {
             Vehicle::R150(r150) => Some(r150),
+            Vehicle::Mecanum(_) => None,
+        }
+    }
+
+    /// The mecanum car with this index; `None` if there is no such device.
+    #[must_use]
+    pub fn mecanum(&self, device: usize) -> Option<&Mecanum> {
+        match &self.slots.get(device)?.vehicle {
+            Vehicle::Mecanum(car) => Some(car),
+            Vehicle::R150(_) => None,
         }
     }
 
@@ -161,22 +200,40 @@ impl Rig {
             .map_or(0.0, |slot| slot.vehicle.unit().distance_m())
     }
 
-    /// Lets `change` work on the R150 with this index at the present time, and follows up what it
-    /// changed; `None` if there is no such device.
+    /// Lets `change` work on the R150 with this index, in its world, at the present time, and
+    /// follows up what it changed; `None` if there is no such device.
     pub fn with_r150<T>(
         &mut self,
         device: usize,
-        change: impl FnOnce(&mut R150, SimTime) -> T,
+        change: impl FnOnce(&mut R150, &mut World, SimTime) -> T,
     ) -> Option<T> {
         let now = self.now;
-        let outcome = match &mut self.slots.get_mut(device)?.vehicle {
-            Vehicle::R150(r150) => {
-                if self.resting {
-                    r150.rest_until(now);
-                }
-                change(r150, now)
-            }
+        let Vehicle::R150(r150) = &mut self.slots.get_mut(device)?.vehicle else {
+            return None;
         };
+        if self.resting {
+            r150.rest_until(now);
+        }
+        let outcome = change(r150, &mut self.world, now);
+        self.after_change(device);
+        Some(outcome)
+    }
+
+    /// Lets `change` work on the mecanum car with this index, in its world, at the present time, and
+    /// follows up what it changed; `None` if there is no such device.
+    pub fn with_mecanum<T>(
+        &mut self,
+        device: usize,
+        change: impl FnOnce(&mut Mecanum, &mut World, SimTime) -> T,
+    ) -> Option<T> {
+        let now = self.now;
+        let Vehicle::Mecanum(car) = &mut self.slots.get_mut(device)?.vehicle else {
+            return None;
+        };
+        if self.resting {
+            car.rest_until(now);
+        }
+        let outcome = change(car, &mut self.world, now);
         self.after_change(device);
         Some(outcome)
     }

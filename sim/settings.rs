@@ -1,9 +1,11 @@
 //! Every setting of a run, in one tree.
 
 use sim_physics::WorldSettings;
+use sim_physics::mecanum::MecanumPlantSettings;
 use sim_physics::r150::R150PlantSettings;
 use sim_settings::{Entry, Problem, Settings, Value, settings};
 
+use crate::mecanum_device::settings::MecanumFirmwareSettings;
 use crate::r150_device::settings::R150FirmwareSettings;
 
 settings! {
@@ -14,30 +16,44 @@ settings! {
         world: WorldSettings,
         /// The XAG R150.
         r150: R150Settings,
+        /// The mecanum car.
+        mecanum: MecanumSettings,
     }
 }
 
-/// The R150: its firmware's settings and its hardware's, under one name.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct R150Settings {
-    /// The IO module's firmware.
-    pub firmware: R150FirmwareSettings,
-    /// The hardware around it.
-    pub plant: R150PlantSettings,
-}
-
-impl Settings for R150Settings {
-    fn visit(&self, prefix: &str, visit: &mut dyn FnMut(Entry)) {
-        self.firmware.visit(prefix, visit);
-        self.plant.visit(prefix, visit);
-    }
-
-    fn assign(&mut self, path: &str, value: &Value) -> Result<(), Problem> {
-        match self.firmware.assign(path, value) {
-            Err(Problem::UnknownKey) => self.plant.assign(path, value),
-            outcome => outcome,
+/// Joins a firmware's and a plant's settings under one name.
+macro_rules! device_settings {
+    ($( $(#[$meta:meta])* $name:ident { $firmware:ty, $plant:ty } )*) => { $(
+        $(#[$meta])*
+        #[derive(Debug, Clone, PartialEq, Default)]
+        pub struct $name {
+            /// The firmware.
+            pub firmware: $firmware,
+            /// The hardware around it.
+            pub plant: $plant,
         }
-    }
+
+        impl Settings for $name {
+            fn visit(&self, prefix: &str, visit: &mut dyn FnMut(Entry)) {
+                self.firmware.visit(prefix, visit);
+                self.plant.visit(prefix, visit);
+            }
+
+            fn assign(&mut self, path: &str, value: &Value) -> Result<(), Problem> {
+                match self.firmware.assign(path, value) {
+                    Err(Problem::UnknownKey) => self.plant.assign(path, value),
+                    outcome => outcome,
+                }
+            }
+        }
+    )* };
+}
+
+device_settings! {
+    /// The R150.
+    R150Settings { R150FirmwareSettings, R150PlantSettings }
+    /// The mecanum car.
+    MecanumSettings { MecanumFirmwareSettings, MecanumPlantSettings }
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ settings! {
     /// The car around the board.
     pub struct MecanumPlantSettings {
         /// How the motors of LF, RF, LR, RR are really plugged in, whatever the firmware expects.
-        wiring: Plugs = Plugs::AsExpected,
+        plugs: Plugs = Plugs::AsExpected,
             documented "article, wiring table; a later line gives \"x-y-z-e0\"";
     }
     groups {
@@ -221,7 +221,7 @@ impl MecanumPlantSettings {
     #[must_use]
     pub fn expecting(&self, wiring: Wiring) -> Self {
         Self {
-            wiring: Plugs::Like(self.wiring.wiring(wiring)),
+            plugs: Plugs::Like(self.plugs.wiring(wiring)),
             ..self.clone()
         }
     }

@@ -10,7 +10,13 @@ const PORT: PortId = PortId { device: 0, link: 0 };
 
 fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {
     let world = WorldSettings::default();
-    let mut rig = Rig::new(RigSettings { world, wire, seed });
+    let map = WorldMap::default();
+    let mut rig = Rig::new(RigSettings {
+        world,
+        map,
+        wire,
+        seed,
+    });
     let mut settings = R150Settings::default();
     change(&mut settings);
     rig.add_r150("r150", &settings, Start::Ready, Pose::default());
@@ -163,7 +169,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
     // 100 W on the 48 V output; a wake-up in the middle must neither lose nor double time.
     let run = |disturb: bool| {
         let mut rig = rig(Wire::Instant);
-        rig.with_r150(0, |r150, _| {
+        rig.with_r150(0, |r150, _, _| {
             r150.plant_mut()
                 .set_load(sim_physics::r150::Rail::V48, Load::Power(100.0));
         });
@@ -191,7 +197,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
 #[test]
 fn an_overload_on_a_real_rail_trips_through_measured_currents() {
     let mut rig = rig(Wire::Instant);
-    rig.with_r150(0, |r150, _| {
+    rig.with_r150(0, |r150, _, _| {
         r150.plant_mut()
             .set_load(sim_physics::r150::Rail::V12A, Load::Power(300.0));
     });
@@ -213,7 +219,7 @@ fn a_short_on_each_rail_trips_within_a_millisecond() {
         let on = SimTime::from_millis(7);
         let all = Request::PowerControl { status: 0b11_1111 };
         rig.client_sends(PORT, on, &all.encode()).unwrap();
-        rig.with_r150(0, |r150, _| r150.plant_mut().set_load(rail, Load::Short));
+        rig.with_r150(0, |r150, _, _| r150.plant_mut().set_load(rail, Load::Short));
         rig.advance(on + Duration::from_millis(1)).unwrap();
         let device = rig.r150(0).unwrap().device();
         assert_eq!(device.power_status() >> bit & 1, 0, "{rail:?}");
@@ -231,7 +237,7 @@ fn a_port_that_does_not_exist_does_nothing() {
         .unwrap();
     rig.client_lost(nowhere, 1);
     assert_eq!(rig.room(nowhere), 0);
-    assert!(rig.with_r150(3, |_, _| ()).is_none());
+    assert!(rig.with_r150(3, |_, _, _| ()).is_none());
 }
 
 /// A drive that touches most of the machine. The digest has to change whenever a reply, its time,
