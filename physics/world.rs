@@ -1,6 +1,7 @@
 //! The plane that all vehicles share.
 
 mod area;
+mod file;
 mod ground;
 mod map;
 mod scan;
@@ -12,6 +13,7 @@ use std::time::Duration;
 use rapier2d::prelude as rapier;
 
 pub use area::{Band, Disc, Rectangle};
+pub use file::WorldFileError;
 pub use ground::Ground;
 pub use map::{Area, FrictionPatch, Slope, Strip, Wall, WorldMap};
 pub use scan::{Cone, Tag};

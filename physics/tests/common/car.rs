@@ -60,7 +60,7 @@ impl Car {
 
     pub fn wired(plugs: Wiring) -> Self {
         Self::with(&MecanumPlantSettings {
-            wiring: Plugs::Like(plugs),
+            plugs: Plugs::Like(plugs),
             ..MecanumPlantSettings::default()
         })
     }

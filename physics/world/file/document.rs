@@ -1,0 +1,234 @@
+//! The form of a world file. The comments are the descriptions in its JSON Schema.
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::quantity::{
+    Direction, Friction, Line, Point, Radius, Size, Steepness, TagNumber, Version,
+};
+use crate::world::{self, Disc, WorldMap};
+
+/// The contents of a world for `sim --world`: what stands and lies on the plane. x points east, y
+/// north. Coordinates are metres, other quantities text with a unit, as in "50 mm".
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "sim world file")]
+pub(super) struct Document {
+    /// Version of the form of this file.
+    #[expect(dead_code, reason = "reading it checks it")]
+    schema: Version,
+    /// What this world is for; free text.
+    #[expect(dead_code, reason = "for readers of the file")]
+    description: Option<String>,
+    /// Walls.
+    #[serde(default)]
+    wall: Vec<Wall>,
+    /// Boxes that nothing moves.
+    #[serde(default, rename = "box")]
+    boxes: Vec<Rectangle>,
+    /// Posts that nothing moves.
+    #[serde(default)]
+    circle: Vec<Circle>,
+    /// Where the ground slopes. Of several at one place the last counts.
+    #[serde(default)]
+    slope: Vec<Slope>,
+    /// Where the ground has another friction. Of several at one place the last counts.
+    #[serde(default)]
+    friction: Vec<FrictionPatch>,
+    /// RFID tags on the ground.
+    #[serde(default)]
+    tag: Vec<Tag>,
+    /// Magnetic strips on the ground.
+    #[serde(default)]
+    strip: Vec<Strip>,
+}
+
+/// A wall along a line.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Wall {
+    /// Its middle line: points in metres.
+    points_m: Line,
+    /// Whether it comes back to its first point.
+    #[serde(default)]
+    closed: bool,
+    /// From side to side.
+    thickness: Size,
+}
+
+/// A rectangle.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Rectangle {
+    /// Its middle, in metres.
+    at_m: Point,
+    /// Direction of its length; along x unless given.
+    heading: Option<Direction>,
+    /// From end to end along its heading.
+    length: Size,
+    /// From side to side.
+    width: Size,
+}
+
+/// A disc.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Circle {
+    /// Its middle, in metres.
+    at_m: Point,
+    /// From the middle to the rim.
+    radius: Size,
+}
+
+/// A part of the plane.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Area {
+    /// A rectangle.
+    Rectangle(Rectangle),
+    /// A disc.
+    Circle(Circle),
+}
+
+/// Sloping ground.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Slope {
+    /// Where.
+    area: Area,
+    /// How steep it is.
+    slope: Steepness,
+    /// Direction in which it rises.
+    uphill: Direction,
+}
+
+/// Ground of another friction.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct FrictionPatch {
+    /// Where.
+    area: Area,
+    /// Coefficient of friction between wheel and ground.
+    friction: Friction,
+}
+
+/// An RFID tag.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Tag {
+    /// Where it lies, in metres.
+    at_m: Point,
+    /// What a reader reads.
+    number: TagNumber,
+}
+
+/// A magnetic strip along a line.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Strip {
+    /// Its middle line: points in metres.
+    points_m: Line,
+    /// Whether it comes back to its first point.
+    #[serde(default)]
+    closed: bool,
+    /// With what radius it goes around its points; sharp unless given.
+    corner_radius: Option<Radius>,
+}
+
+impl Document {
+    pub(super) fn into_map(self) -> WorldMap {
+        WorldMap {
+            walls: self.wall.into_iter().flat_map(Wall::pieces).collect(),
+            boxes: self.boxes.iter().map(Rectangle::shape).collect(),
+            circles: self.circle.iter().map(Circle::shape).collect(),
+            slopes: self.slope.iter().map(Slope::ground).collect(),
+            frictions: self.friction.iter().map(FrictionPatch::ground).collect(),
+            tags: self.tag.iter().map(Tag::tag).collect(),
+            strips: self.strip.into_iter().map(Strip::strip).collect(),
+        }
+    }
+}
+
+impl Wall {
+    fn pieces(self) -> Vec<world::Wall> {
+        let points = points(self.points_m);
+        let back = self.closed.then(|| points.first().copied()).flatten();
+        let ends = points.iter().skip(1).copied().chain(back);
+        points
+            .iter()
+            .zip(ends)
+            .map(|(from, to)| world::Wall {
+                from: *from,
+                to,
+                thickness: self.thickness.0,
+            })
+            .collect()
+    }
+}
+
+impl Rectangle {
+    fn shape(&self) -> world::Rectangle {
+        let heading = self.heading.map_or(0.0, |heading| heading.0.to_radians());
+        world::Rectangle::new(self.at_m.0, heading, self.length.0, self.width.0)
+    }
+}
+
+impl Circle {
+    fn shape(&self) -> Disc {
+        Disc {
+            centre: self.at_m.0,
+            radius: self.radius.0,
+        }
+    }
+}
+
+impl Area {
+    fn area(&self) -> world::Area {
+        match self {
+            Self::Rectangle(rectangle) => world::Area::Rectangle(rectangle.shape()),
+            Self::Circle(circle) => world::Area::Disc(circle.shape()),
+        }
+    }
+}
+
+impl Slope {
+    fn ground(&self) -> world::Slope {
+        world::Slope {
+            area: self.area.area(),
+            slope: self.slope.0.to_radians(),
+            uphill: self.uphill.0.to_radians(),
+        }
+    }
+}
+
+impl FrictionPatch {
+    fn ground(&self) -> world::FrictionPatch {
+        world::FrictionPatch {
+            area: self.area.area(),
+            friction: self.friction.0,
+        }
+    }
+}
+
+impl Tag {
+    fn tag(&self) -> world::Tag {
+        world::Tag {
+            at: self.at_m.0,
+            number: self.number.0,
+        }
+    }
+}
+
+impl Strip {
+    fn strip(self) -> world::Strip {
+        world::Strip {
+            points: points(self.points_m),
+            closed: self.closed,
+            corner_radius: self.corner_radius.map_or(0.0, |radius| radius.0),
+        }
+    }
+}
+
+fn points(line: Line) -> Vec<[f64; 2]> {
+    line.0.into_iter().map(|point| point.0).collect()
+}
