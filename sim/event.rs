@@ -1,5 +1,6 @@
 //! What is told to whoever watches: the log, the client report, scenarios.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use sim_settings::SimTime;
@@ -89,13 +90,34 @@ impl EventKind {
         }
     }
 
+    /// What it is to whoever counts.
+    #[must_use]
+    pub fn role(&self) -> Role {
+        match self {
+            Self::Line {
+                event: LineEvent::Attached,
+                ..
+            } => Role::Attached,
+            Self::Line {
+                event: LineEvent::Detached,
+                ..
+            } => Role::Detached,
+            Self::R150(R150Event::Request { .. })
+            | Self::Mecanum(MecanumEvent::Request(_) | MecanumEvent::Command(_)) => Role::Request,
+            Self::R150(R150Event::Reply { .. })
+            | Self::Mecanum(MecanumEvent::Status(_) | MecanumEvent::Report(_)) => Role::Reply,
+            Self::R150(R150Event::HeartbeatLost) => Role::HeartbeatLost,
+            _ => Role::Other,
+        }
+    }
+
     /// The bytes it is about, if it is about bytes.
     #[must_use]
-    pub fn bytes(&self) -> Option<Vec<u8>> {
+    pub fn bytes(&self) -> Option<Cow<'_, [u8]>> {
         match self {
             Self::Line { .. } => None,
-            Self::R150(event) => event.bytes(),
-            Self::Mecanum(event) => event.bytes(),
+            Self::R150(event) => event.bytes().map(Cow::Borrowed),
+            Self::Mecanum(event) => event.bytes().map(Cow::Owned),
         }
     }
 }
@@ -108,6 +130,23 @@ impl fmt::Display for EventKind {
             Self::Mecanum(event) => event.fmt(f),
         }
     }
+}
+
+/// What an event is to whoever counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// A client came.
+    Attached,
+    /// A client left.
+    Detached,
+    /// Something valid came from a client.
+    Request,
+    /// Something went to a client.
+    Reply,
+    /// A client was silent for too long.
+    HeartbeatLost,
+    /// Anything else.
+    Other,
 }
 
 /// Bytes as spaced upper-case hexadecimal: `AA 55 00`.

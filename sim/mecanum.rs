@@ -12,8 +12,8 @@ use crate::mecanum_device::{Action, Link, MecanumDevice};
 use crate::settings::MecanumSettings;
 use crate::unit::Unit;
 
-/// Rounds in which pins and measurements may chase one another at one instant. A wheel that has
-/// turned far enough is stopped once, and at most the next motion begins.
+/// Rounds in which pins and measurements may chase one another at one instant; what is not settled
+/// then goes on at the next one.
 const MOST_ROUNDS: usize = 8;
 
 /// Firmware and hardware of one car.
@@ -95,9 +95,6 @@ impl Unit for Mecanum {
             if commands == *self.plant.commands() {
                 break;
             }
-            if self.plant.at_rest() {
-                self.rest_until(now);
-            }
             self.plant.set_commands(&commands);
         }
     }
@@ -120,6 +117,10 @@ impl Unit for Mecanum {
 
     fn at_rest(&self) -> bool {
         self.plant.at_rest()
+    }
+
+    fn wake(&mut self) {
+        self.plant.wake();
     }
 
     fn rest_until(&mut self, now: SimTime) {

@@ -13,8 +13,8 @@ use crate::r150_device::vehicle::{Action, Start};
 use crate::settings::R150Settings;
 use crate::unit::Unit;
 
-/// Rounds in which pins and measurements may chase one another at one instant. Each round can only
-/// switch something off that a measurement forbids, and there are fewer such things than this.
+/// Rounds in which pins and measurements may chase one another at one instant; what is not settled
+/// then goes on at the next one.
 const MOST_ROUNDS: usize = 8;
 
 /// Firmware and hardware of one R150.
@@ -97,9 +97,6 @@ impl Unit for R150 {
             if commands == *self.plant.commands() {
                 break;
             }
-            if self.plant.at_rest() {
-                self.rest_until(now);
-            }
             self.plant.set_commands(&commands);
         }
     }
@@ -120,6 +117,10 @@ impl Unit for R150 {
 
     fn at_rest(&self) -> bool {
         self.plant.at_rest()
+    }
+
+    fn wake(&mut self) {
+        self.plant.wake();
     }
 
     fn rest_until(&mut self, now: SimTime) {

@@ -19,7 +19,9 @@ pub mod control;
 mod event;
 pub mod motors;
 pub mod protection;
+pub mod reply;
 pub mod settings;
+mod telemetry;
 pub mod vehicle;
 
 #[cfg(test)]
@@ -31,15 +33,15 @@ use sim_physics::r150::{R150Commands, R150Measurements, Sides};
 use sim_settings::SimTime;
 
 use crate::noise::Noise;
+use crate::uart;
 use codec::{Decoded, Decoder};
-use command::{Refusal, Reply, Request, SystemInfo, code};
+use command::{Refusal, Request, code};
 use control::{Control, Outputs, POWER_BITS};
-pub use event::R150Event;
+pub use event::{R150Event, ValueFault};
 use motors::{Answer, FULL, Motors};
 use protection::Protection;
-use settings::{
-    OutOfRange, R150FirmwareSettings, RefusalReply, ReplyCommand, ReservedBits, Voltage48v,
-};
+use reply::Reply;
+use settings::{OutOfRange, R150FirmwareSettings, RefusalReply, ReplyCommand, ReservedBits};
 use vehicle::{Action, Drive, Start, Vehicle};
 
 /// Most replies that may wait for their time.
@@ -78,8 +80,10 @@ impl R150Device {
         measured: R150Measurements,
         noise: Noise,
     ) -> Self {
-        Self {
-            decoder: Decoder::new(settings.inter_byte_timeout, settings.resync),
+        // The decoder sees when a byte has ended, and the pause is from there to the next one's start.
+        let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud);
+        let mut device = Self {
+            decoder: Decoder::new(pause, settings.resync),
             control: Control::new(),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
@@ -90,7 +94,11 @@ impl R150Device {
             output: VecDeque::new(),
             events: VecDeque::new(),
             settings,
+        };
+        if !measured.module_powered {
+            device.event(SimTime::ZERO, R150Event::PowerLost);
         }
+        device
     }
 
     /// Takes bytes whose last has arrived at `now`.
@@ -258,7 +266,15 @@ impl R150Device {
             self.power_requested(now);
         }
         if let Some([right, left]) = self.motors.expire(now) {
-            self.event(now, R150Event::WatchdogFired { right, left });
+            let driving = self.vehicle.obstacles(self.battery_empty()).is_empty();
+            self.event(
+                now,
+                R150Event::WatchdogFired {
+                    right,
+                    left,
+                    driving,
+                },
+            );
         }
         if self.motors.take_answer(now) {
             let reply = self.motor_reply();
@@ -278,9 +294,9 @@ impl R150Device {
                 ReplyCommand::Same => reply.command(),
                 ReplyCommand::HighBit => reply.command() | 0x80,
             };
-            self.output
-                .push_back(codec::encode(command, &reply.parameters()));
-            self.event(due, R150Event::Reply(reply));
+            let frame = codec::encode(command, &reply.parameters());
+            self.output.push_back(frame.clone());
+            self.event(due, R150Event::Reply { reply, frame });
         }
     }
 
@@ -290,16 +306,17 @@ impl R150Device {
                 self.event(now, R150Event::BadStream(decoded));
                 continue;
             };
+            let bytes = codec::encode(frame.command, &frame.parameters);
             match Request::parse(frame.command, &frame.parameters) {
-                Ok(request) => self.request(now, request),
-                Err(refusal) => self.refuse(now, refusal),
+                Ok(request) => self.request(now, request, bytes),
+                Err(refusal) => self.refuse(now, refusal, bytes),
             }
         }
         self.send_due(now);
     }
 
-    fn refuse(&mut self, now: SimTime, refusal: Refusal) {
-        self.event(now, R150Event::Refused(refusal));
+    fn refuse(&mut self, now: SimTime, refusal: Refusal, frame: Vec<u8>) {
+        self.event(now, R150Event::Refused { refusal, frame });
         let (command, choice) = match refusal {
             Refusal::UnknownCommand(command) => (command, self.settings.on_unknown_command),
             Refusal::WrongLength {
@@ -320,8 +337,19 @@ impl R150Device {
         }
     }
 
-    fn request(&mut self, now: SimTime, request: Request) {
-        self.event(now, R150Event::Request(request));
+    fn request(&mut self, now: SimTime, request: Request, frame: Vec<u8>) {
+        if let Some(fault) = ValueFault::of(request) {
+            self.event(
+                now,
+                R150Event::Request {
+                    request,
+                    frame: frame.clone(),
+                },
+            );
+            self.event(now, R150Event::BadValue { fault, frame });
+        } else {
+            self.event(now, R150Event::Request { request, frame });
+        }
         if self.control.frame(now, &self.settings) {
             self.event(now, R150Event::ControlTaken);
         }
@@ -338,10 +366,7 @@ impl R150Device {
             Request::GetPwmOutputs => Reply::PwmOutputs {
                 duty: self.pwm_outputs(),
             },
-            Request::GetPwmInputs => Reply::PwmInputs {
-                frequency_hz: self.measured.pwm_in.map(|input| round(input.frequency)),
-                duty: self.measured.pwm_in.map(|input| round(input.duty * 1000.0)),
-            },
+            Request::GetPwmInputs => self.pwm_inputs(),
             Request::SystemInfo => Reply::SystemInfo(self.system_info()),
             Request::Heartbeat => Reply::Bool {
                 command,
@@ -372,12 +397,9 @@ impl R150Device {
             self.event(now, R150Event::AppInControl(code::POWER_CONTROL));
             return false;
         }
-        let reserved = status & !u32::from(POWER_BITS);
-        if reserved != 0 {
-            self.event(now, R150Event::ReservedBits(reserved));
-            if self.settings.reserved_power_bits == ReservedBits::Refuse {
-                return false;
-            }
+        let reserved = status & !u32::from(POWER_BITS) != 0;
+        if reserved && self.settings.reserved_power_bits == ReservedBits::Refuse {
+            return false;
         }
         self.control.outputs.power = status.to_le_bytes()[0] & POWER_BITS;
         self.power_requested(now);
@@ -390,7 +412,6 @@ impl R150Device {
             return false;
         }
         if duty.iter().any(|duty| *duty > FULL_DUTY) {
-            self.event(now, R150Event::DutyOutOfRange(duty));
             if self.settings.on_duty_out_of_range == OutOfRange::Refuse {
                 return false;
             }
@@ -404,15 +425,12 @@ impl R150Device {
     }
 
     fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> Answer {
-        let mut set_point = [right, left];
-        if set_point
+        let set_point = [right, left];
+        let beyond = set_point
             .iter()
-            .any(|pwm| pwm.unsigned_abs() > FULL.unsigned_abs())
-        {
-            self.event(now, R150Event::MotorsOutOfRange { right, left });
-            if self.settings.on_motors_out_of_range == OutOfRange::Refuse {
-                set_point = self.motors.set_point();
-            }
+            .any(|pwm| pwm.unsigned_abs() > FULL.unsigned_abs());
+        if beyond && self.settings.on_motors_out_of_range == OutOfRange::Refuse {
+            return Answer::Never;
         }
         let (answer, too_soon) = self.motors.command(now, set_point, &self.settings);
         if let Some(after) = too_soon {
@@ -423,52 +441,6 @@ impl R150Device {
             self.event(now, R150Event::NotDriving(obstacles));
         }
         answer
-    }
-
-    fn motor_reply(&self) -> Reply {
-        Reply::Motors {
-            right_rpm: round(self.measured.motor_rpm.right),
-            left_rpm: round(self.measured.motor_rpm.left),
-            soc: round(self.measured.soc * 1000.0),
-        }
-    }
-
-    fn system_info(&mut self) -> SystemInfo {
-        let measured = self.measured;
-        let pwm = self.pwm_outputs();
-        let spread = self.settings.measurement_noise / 100.0;
-        let noise = &mut self.noise;
-        let mut spoil = |value: f64| {
-            if spread > 0.0 {
-                value * (1.0 + spread * noise.normal())
-            } else {
-                value
-            }
-        };
-        let volts_48v = match self.settings.voltage_48v {
-            Voltage48v::Supply => measured.bus_voltage,
-            Voltage48v::Output => measured.rail_voltage[4],
-        };
-        let voltage = measured
-            .rail_voltage
-            .map(|volts| round(spoil(volts) * 1000.0));
-        let current = measured
-            .rail_current
-            .map(|amperes| round(spoil(amperes) * 1000.0));
-        let [v12a, v12b, v12c, v12d, ..] = voltage;
-        let [i12a, i12b, i12c, i12d, i48, _] = current;
-        SystemInfo {
-            voltage_12v: [v12a, v12b, v12c, v12d],
-            voltage_48v: round(spoil(volts_48v) * 1000.0),
-            current_12v: [i12a, i12b, i12c, i12d],
-            current_48v: i48,
-            temp_12v: measured.temperature.map(|celsius| round(celsius * 10.0)),
-            sys_status: self.protection.sys_status(),
-            power_ctrl_mode: u8::from(!self.control.power_by_client),
-            pwm_ctrl_mode: u8::from(!self.control.pwm_by_client),
-            power_status: self.power_status(),
-            pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
-        }
     }
 
     fn reply(&mut self, now: SimTime, reply: Reply) {
@@ -483,10 +455,9 @@ impl R150Device {
     /// The requested rails may have changed, which ends the latch of those that are off.
     fn power_requested(&mut self, now: SimTime) {
         let events = &mut self.events;
+        let requested = self.control.outputs.power;
         self.protection
-            .requested(self.control.outputs.power, &mut |event| {
-                keep(events, now, event)
-            });
+            .requested(now, requested, &mut |event| keep(events, now, event));
     }
 
     /// Without a supply the module forgets everything; the vehicle's own state stays.
@@ -510,30 +481,3 @@ fn keep(events: &mut VecDeque<(SimTime, R150Event)>, now: SimTime, event: R150Ev
     }
     events.push_back((now, event));
 }
-
-/// Rounds to the nearest integer of a field, saturating at its ends; what is not a number is 0.
-fn round<T: FromRounded>(value: f64) -> T {
-    T::from_rounded(value.round())
-}
-
-trait FromRounded {
-    fn from_rounded(value: f64) -> Self;
-}
-
-macro_rules! from_rounded {
-    ($($field:ty),*) => { $(
-        impl FromRounded for $field {
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a cast from a float saturates, as the documentation says; not every \
-                          field can lose a sign"
-            )]
-            fn from_rounded(value: f64) -> Self {
-                value as $field
-            }
-        }
-    )* };
-}
-
-from_rounded!(u16, u32, i16, i32);

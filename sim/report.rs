@@ -1,10 +1,11 @@
 //! What happened in a run, counted: the summary, and the client report.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use sim_settings::SimTime;
 
-use crate::event::Event;
+use crate::event::{Event, Role};
 
 /// Events of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,23 +39,23 @@ impl Report {
     /// Counts an event.
     pub fn note(&mut self, event: &Event) {
         let kind = &event.kind;
-        match kind.code() {
-            "request" => return self.requests += 1,
-            "reply" => return self.replies += 1,
-            "client_attached" => self.attached += 1,
-            "client_detached" => self.attached = self.attached.saturating_sub(1),
-            _ => {}
+        match kind.role() {
+            Role::Request => return self.requests += 1,
+            Role::Reply => return self.replies += 1,
+            Role::Attached => self.attached += 1,
+            Role::Detached => self.attached = self.attached.saturating_sub(1),
+            Role::HeartbeatLost | Role::Other => {}
         }
         let tally = self.events.entry(kind.code()).or_insert_with(|| Tally {
             count: 0,
             first_at: event.at,
             first: kind.to_string(),
-            bytes: kind.bytes(),
+            bytes: kind.bytes().map(Cow::into_owned),
             client_faults: 0,
         });
         tally.count += 1;
         // A heartbeat that ends because the client has left is as it should be.
-        let left = kind.code() == "heartbeat_lost" && self.attached == 0;
+        let left = kind.role() == Role::HeartbeatLost && self.attached == 0;
         tally.client_faults += u64::from(kind.is_client_fault() && !left);
     }
 

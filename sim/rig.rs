@@ -27,6 +27,26 @@ const REST_TICK: Duration = Duration::from_millis(100);
 /// Most events kept for whoever takes them; the oldest go first, and are counted.
 const MOST_EVENTS: usize = 1 << 16;
 
+/// Rounds without time passing after which the rig gives up; an honest instant takes a few for
+/// each byte that arrives in it.
+const MOST_ROUNDS: u32 = 100_000;
+
+/// Why a rig cannot go on.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RigError {
+    /// A body's position or velocity is not a number.
+    #[error(transparent)]
+    Physics(#[from] PhysicsError),
+    /// Something happens over and over at one instant.
+    #[error("device {device} is stuck at {at} s: something in it happens over and over")]
+    Stuck {
+        /// Index of the device.
+        device: usize,
+        /// When.
+        at: SimTime,
+    },
+}
+
 /// What all devices of a run share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSettings {
@@ -163,9 +183,15 @@ impl Rig {
         &self.world
     }
 
-    /// The world, to put things into it.
-    pub fn world_mut(&mut self) -> &mut World {
-        &mut self.world
+    /// Lets `change` put things into the world, and has every device look at it anew.
+    pub fn with_world<T>(&mut self, change: impl FnOnce(&mut World) -> T) -> T {
+        let outcome = change(&mut self.world);
+        for device in 0..self.slots.len() {
+            self.rest_to_grid(device);
+            self.slots[device].vehicle.unit_mut().wake();
+            self.after_change(device);
+        }
+        outcome
     }
 
     /// How many devices there are.
@@ -208,12 +234,10 @@ impl Rig {
         change: impl FnOnce(&mut R150, &mut World, SimTime) -> T,
     ) -> Option<T> {
         let now = self.now;
+        self.rest_to_grid(device);
         let Vehicle::R150(r150) = &mut self.slots.get_mut(device)?.vehicle else {
             return None;
         };
-        if self.resting {
-            r150.rest_until(now);
-        }
         let outcome = change(r150, &mut self.world, now);
         self.after_change(device);
         Some(outcome)
@@ -227,12 +251,10 @@ impl Rig {
         change: impl FnOnce(&mut Mecanum, &mut World, SimTime) -> T,
     ) -> Option<T> {
         let now = self.now;
+        self.rest_to_grid(device);
         let Vehicle::Mecanum(car) = &mut self.slots.get_mut(device)?.vehicle else {
             return None;
         };
-        if self.resting {
-            car.rest_until(now);
-        }
         let outcome = change(car, &mut self.world, now);
         self.after_change(device);
         Some(outcome)
@@ -241,8 +263,10 @@ impl Rig {
     /// Advances to `to`. Earlier than the present does nothing.
     ///
     /// # Errors
-    /// When the physics of a body has broken down; the rig is of no more use then.
-    pub fn advance(&mut self, to: SimTime) -> Result<(), PhysicsError> {
+    /// When the physics of a body has broken down, or something happens over and over without time
+    /// passing; the rig is of no more use then.
+    pub fn advance(&mut self, to: SimTime) -> Result<(), RigError> {
+        let mut rounds = 0;
         loop {
             let next = self
                 .slots
@@ -253,6 +277,15 @@ impl Rig {
             let at = next.min(self.physics_due);
             if at > to {
                 break;
+            }
+            rounds = if at > self.now { 0 } else { rounds + 1 };
+            if rounds > MOST_ROUNDS {
+                let device = self
+                    .slots
+                    .iter()
+                    .position(|slot| slot.next <= at)
+                    .unwrap_or(0);
+                return Err(RigError::Stuck { device, at });
             }
             self.now = self.now.max(at);
             if next <= at {
@@ -311,6 +344,7 @@ impl Rig {
 
     /// Follows up whatever has happened to a device at the present time.
     fn after_change(&mut self, device: usize) {
+        self.rest_to_grid(device);
         let now = self.now;
         let Some(slot) = self.slots.get_mut(device) else {
             return;
@@ -354,7 +388,26 @@ impl Rig {
         }
     }
 
-    fn step_physics(&mut self) -> Result<(), PhysicsError> {
+    /// While nothing moves, a device's slow states lag behind; this brings them to where the next
+    /// step of the physics would begin, so that no time is counted twice.
+    fn rest_to_grid(&mut self, device: usize) {
+        let step = self.world.step_length();
+        let begin = self.now.next_multiple(step) - step;
+        if self.resting
+            && let Some(slot) = self.slots.get_mut(device)
+        {
+            slot.vehicle.unit_mut().rest_until(begin);
+        }
+    }
+
+    /// How often slow states advance while nothing moves: a whole number of steps.
+    fn rest_tick(&self) -> Duration {
+        let step = self.world.step_length();
+        let steps = REST_TICK.as_nanos().div_ceil(step.as_nanos().max(1));
+        step.saturating_mul(u32::try_from(steps).unwrap_or(u32::MAX))
+    }
+
+    fn step_physics(&mut self) -> Result<(), RigError> {
         let now = self.now;
         if self.resting {
             for slot in &mut self.slots {
@@ -376,7 +429,7 @@ impl Rig {
         }
         self.resting = self.slots.iter().all(|slot| slot.vehicle.unit().at_rest());
         let pace = if self.resting {
-            REST_TICK
+            self.rest_tick()
         } else {
             self.world.step_length()
         };

@@ -56,6 +56,52 @@ device_settings! {
     MecanumSettings { MecanumFirmwareSettings, MecanumPlantSettings }
 }
 
+impl SimSettings {
+    /// Checks what no setting can say alone.
+    ///
+    /// # Errors
+    /// A sentence for each pair of settings that do not fit together, naming both.
+    pub fn check(&self) -> Result<(), Vec<String>> {
+        let protection = &self.r150.firmware.protection;
+        let pwm = &self.r150.plant.pwm;
+        let car = &self.mecanum.firmware;
+        let pairs = [
+            (
+                "r150.protection.over_temperature_clear",
+                protection.over_temperature_clear,
+                "r150.protection.over_temperature",
+                protection.over_temperature,
+            ),
+            (
+                "r150.protection.undervoltage",
+                protection.undervoltage,
+                "r150.protection.undervoltage_clear",
+                protection.undervoltage_clear,
+            ),
+            (
+                "r150.pwm.input_frequency_min",
+                pwm.input_frequency_min,
+                "r150.pwm.input_frequency_max",
+                pwm.input_frequency_max,
+            ),
+            (
+                "mecanum.ultrasonic_nearest",
+                car.ultrasonic_nearest,
+                "mecanum.ultrasonic_farthest",
+                car.ultrasonic_farthest,
+            ),
+        ];
+        let wrong: Vec<String> = pairs
+            .into_iter()
+            .filter(|(_, low, _, high)| low > high)
+            .map(|(low_key, low, high_key, high)| {
+                format!("`{low_key}` ({low}) must not be above `{high_key}` ({high})")
+            })
+            .collect();
+        if wrong.is_empty() { Ok(()) } else { Err(wrong) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,5 +120,18 @@ mod tests {
         });
         assert!(seen.contains("r150.heartbeat_timeout"));
         assert!(seen.contains("r150.battery.initial_soc"));
+        assert_eq!(tree.check(), Ok(()));
+    }
+
+    #[test]
+    fn thresholds_in_the_wrong_order_are_refused_by_name() {
+        let mut tree = SimSettings::default();
+        tree.r150.firmware.protection.undervoltage_clear = 0.0;
+        let wrong = tree.check().unwrap_err();
+        assert_eq!(
+            wrong,
+            ["`r150.protection.undervoltage` (39) must not be above \
+              `r150.protection.undervoltage_clear` (0)"]
+        );
     }
 }

@@ -36,6 +36,9 @@ pub(crate) trait Unit {
     /// Whether nothing of it moves and nothing drives it.
     fn at_rest(&self) -> bool;
 
+    /// Looks again whether it can stand, after something around it has changed.
+    fn wake(&mut self);
+
     /// Lets time pass for its slow states up to `now`, while nothing in the world moves.
     fn rest_until(&mut self, now: SimTime);
 

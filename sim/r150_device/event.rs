@@ -4,8 +4,10 @@ use std::fmt;
 use std::time::Duration;
 
 use super::codec::Decoded;
-use super::command::{Refusal, Reply, Request, name};
+use super::command::{Refusal, Request, name};
+use super::control::POWER_BITS;
 use super::protection::{Cause, Group};
+use super::reply::Reply;
 use super::vehicle::{Action, Obstacle};
 use crate::event::{Hex, Level};
 
@@ -13,24 +15,35 @@ use crate::event::{Hex, Level};
 #[derive(Debug, Clone, PartialEq)]
 pub enum R150Event {
     /// A request was understood.
-    Request(Request),
+    Request {
+        /// What it asks.
+        request: Request,
+        /// As received.
+        frame: Vec<u8>,
+    },
     /// A reply began its way to the client.
-    Reply(Reply),
+    Reply {
+        /// What it says.
+        reply: Reply,
+        /// As sent.
+        frame: Vec<u8>,
+    },
     /// The stream held something that is no valid frame.
     BadStream(Decoded),
     /// A frame with the right CRC is no request.
-    Refused(Refusal),
-    /// A PWM duty was above 1000.
-    DutyOutOfRange([u16; 4]),
-    /// A motor PWM was outside ±1000.
-    MotorsOutOfRange {
-        /// As the client sent it.
-        right: i16,
-        /// As the client sent it.
-        left: i16,
+    Refused {
+        /// Why.
+        refusal: Refusal,
+        /// As received.
+        frame: Vec<u8>,
     },
-    /// Reserved bits were set in a power control request.
-    ReservedBits(u32),
+    /// A request has a value that the manual does not allow.
+    BadValue {
+        /// Which.
+        fault: ValueFault,
+        /// As received.
+        frame: Vec<u8>,
+    },
     /// A motor command came sooner than the reply interval allows.
     OverRate {
         /// Time since the last answered one.
@@ -46,6 +59,8 @@ pub enum R150Event {
         right: i16,
         /// Set-point it cleared.
         left: i16,
+        /// Whether that set-point was moving the vehicle.
+        driving: bool,
     },
     /// The client took control of power and PWM.
     ControlTaken,
@@ -74,12 +89,49 @@ pub enum R150Event {
     ReplyDropped,
 }
 
+/// A value that the manual does not allow; the settings say what becomes of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ValueFault {
+    /// A PWM duty above 1000.
+    DutyOutOfRange([u16; 4]),
+    /// A motor PWM outside ±1000.
+    MotorsOutOfRange {
+        /// As the client sent it.
+        right: i16,
+        /// As the client sent it.
+        left: i16,
+    },
+    /// Reserved bits in a power control request.
+    ReservedBits(u32),
+}
+
+impl ValueFault {
+    /// What is wrong with the values of a request, if anything is.
+    #[must_use]
+    pub fn of(request: Request) -> Option<Self> {
+        match request {
+            Request::SetPwmOutputs { duty } if duty.iter().any(|duty| *duty > 1000) => {
+                Some(Self::DutyOutOfRange(duty))
+            }
+            Request::SetMotors { right, left }
+                if right.unsigned_abs() > 1000 || left.unsigned_abs() > 1000 =>
+            {
+                Some(Self::MotorsOutOfRange { right, left })
+            }
+            Request::PowerControl { status } if status & !u32::from(POWER_BITS) != 0 => {
+                Some(Self::ReservedBits(status & !u32::from(POWER_BITS)))
+            }
+            _ => None,
+        }
+    }
+}
+
 impl R150Event {
     /// How much it matters.
     #[must_use]
     pub fn level(&self) -> Level {
         match self {
-            Self::Request(_) | Self::Reply(_) => Level::Traffic,
+            Self::Request { .. } | Self::Reply { .. } => Level::Traffic,
             Self::ControlTaken
             | Self::TripCleared(_)
             | Self::Cooled(_)
@@ -94,16 +146,24 @@ impl R150Event {
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
-            Self::Request(_) => "request",
-            Self::Reply(_) => "reply",
+            Self::Request { .. } => "request",
+            Self::Reply { .. } => "reply",
             Self::BadStream(Decoded::BadCrc { .. }) => "bad_crc",
             Self::BadStream(Decoded::Partial(_)) => "partial_frame",
             Self::BadStream(_) => "noise",
-            Self::Refused(Refusal::UnknownCommand(_)) => "unknown_command",
-            Self::Refused(Refusal::WrongLength { .. }) => "wrong_length",
-            Self::DutyOutOfRange(_) => "duty_out_of_range",
-            Self::MotorsOutOfRange { .. } => "motors_out_of_range",
-            Self::ReservedBits(_) => "reserved_bits",
+            Self::Refused {
+                refusal: Refusal::UnknownCommand(_),
+                ..
+            } => "unknown_command",
+            Self::Refused {
+                refusal: Refusal::WrongLength { .. },
+                ..
+            } => "wrong_length",
+            Self::BadValue { fault, .. } => match fault {
+                ValueFault::DutyOutOfRange(_) => "duty_out_of_range",
+                ValueFault::MotorsOutOfRange { .. } => "motors_out_of_range",
+                ValueFault::ReservedBits(_) => "reserved_bits",
+            },
             Self::OverRate { .. } => "over_rate",
             Self::AppInControl(_) => "app_in_control",
             Self::NotDriving(_) => "not_driving",
@@ -129,25 +189,25 @@ impl R150Event {
         matches!(
             self,
             Self::BadStream(_)
-                | Self::Refused(_)
-                | Self::DutyOutOfRange(_)
-                | Self::MotorsOutOfRange { .. }
-                | Self::ReservedBits(_)
+                | Self::Refused { .. }
+                | Self::BadValue { .. }
                 | Self::OverRate { .. }
-                | Self::WatchdogFired { .. }
+                | Self::WatchdogFired { driving: true, .. }
                 | Self::HeartbeatLost
         )
     }
 
     /// The bytes it is about, if it is about bytes.
     #[must_use]
-    pub fn bytes(&self) -> Option<Vec<u8>> {
+    pub fn bytes(&self) -> Option<&[u8]> {
         match self {
-            Self::Request(request) => Some(request.encode()),
-            Self::Reply(reply) => Some(reply.encode()),
+            Self::Request { frame, .. }
+            | Self::Reply { frame, .. }
+            | Self::Refused { frame, .. }
+            | Self::BadValue { frame, .. } => Some(frame),
             Self::BadStream(
                 Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes),
-            ) => Some(bytes.clone()),
+            ) => Some(bytes),
             _ => None,
         }
     }
@@ -156,8 +216,8 @@ impl R150Event {
 impl fmt::Display for R150Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Request(request) => write!(f, "{request}"),
-            Self::Reply(reply) => write!(f, "{reply}"),
+            Self::Request { request, .. } => write!(f, "{request}"),
+            Self::Reply { reply, .. } => write!(f, "{reply}"),
             Self::BadStream(Decoded::BadCrc { bytes, expected }) => {
                 let [low, high] = expected.to_le_bytes();
                 write!(
@@ -173,30 +233,28 @@ impl fmt::Display for R150Event {
                 write!(f, "bytes outside any frame: {}", Hex(bytes))
             }
             Self::BadStream(Decoded::Frame(_)) => write!(f, "a frame"),
-            Self::Refused(Refusal::UnknownCommand(command)) => {
-                write!(f, "unknown command 0x{command:02X}; no reply")
+            Self::Refused {
+                refusal: Refusal::UnknownCommand(command),
+                ..
+            } => {
+                write!(f, "unknown command 0x{command:02X}; nothing changed")
             }
-            Self::Refused(Refusal::WrongLength {
-                command,
-                wanted,
-                found,
-            }) => {
+            Self::Refused {
+                refusal:
+                    Refusal::WrongLength {
+                        command,
+                        wanted,
+                        found,
+                    },
+                ..
+            } => {
                 let name = name(*command).unwrap_or("?");
                 write!(
                     f,
                     "0x{command:02X} {name} takes {wanted} parameter bytes, {found} came; nothing changed"
                 )
             }
-            Self::DutyOutOfRange(duty) => {
-                write!(f, "PWM duty {duty:?} out of range: 0 to 1000 is allowed")
-            }
-            Self::MotorsOutOfRange { right, left } => {
-                write!(
-                    f,
-                    "motor PWM right {right} left {left} out of range: -1000 to 1000 is allowed"
-                )
-            }
-            Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} are set"),
+            Self::BadValue { fault, .. } => write!(f, "{fault}"),
             Self::OverRate { after } => write!(
                 f,
                 "motor command {:.3} ms after the last answered one; replies come no faster than \
@@ -215,7 +273,7 @@ impl fmt::Display for R150Event {
                     words.join(", ")
                 )
             }
-            Self::WatchdogFired { right, left } => write!(
+            Self::WatchdogFired { right, left, .. } => write!(
                 f,
                 "motor watchdog fired: no motor command in time, motors stopped (were right {right} left {left})"
             ),
@@ -229,14 +287,14 @@ impl fmt::Display for R150Event {
                 )
             }
             Self::Tripped(group, cause) => {
-                write!(f, "{group} tripped: {cause}; output switched off")
+                write!(f, "{group}: {cause}; its outputs are off")
             }
             Self::TripCleared(group) => write!(f, "{group} may be switched on again"),
             Self::Cooled(group) => write!(f, "{group} has cooled down"),
             Self::PowerModuleFault { supply_v } => {
                 write!(
                     f,
-                    "power module fault at {supply_v:.1} V supply; outputs switched off"
+                    "power module fault at {supply_v:.1} V supply; all outputs are off"
                 )
             }
             Self::PowerModuleRecovered => write!(f, "power module fault ended"),
@@ -244,6 +302,21 @@ impl fmt::Display for R150Event {
             Self::Started => write!(f, "the module has started"),
             Self::Operated(action) => write!(f, "operator: {action}"),
             Self::ReplyDropped => write!(f, "a reply was dropped: too many wait to be sent"),
+        }
+    }
+}
+
+impl fmt::Display for ValueFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::DutyOutOfRange(duty) => {
+                write!(f, "PWM duty {duty:?} out of range: 0 to 1000 is allowed")
+            }
+            Self::MotorsOutOfRange { right, left } => write!(
+                f,
+                "motor PWM right {right} left {left} out of range: -1000 to 1000 is allowed"
+            ),
+            Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} are set"),
         }
     }
 }
@@ -278,13 +351,7 @@ impl fmt::Display for Reply {
             Self::PwmOutputs { duty } => write!(f, " {duty:?}"),
             Self::PwmInputs { frequency_hz, duty } => write!(f, " {frequency_hz:?} Hz {duty:?}"),
             Self::Version { hardware, software } => {
-                let version = |word: &u32| super::settings::Version(word.to_be_bytes());
-                write!(
-                    f,
-                    " hardware {} software {}",
-                    version(hardware),
-                    version(software)
-                )
+                write!(f, " hardware 0x{hardware:08X} software 0x{software:08X}")
             }
             Self::Motors {
                 right_rpm,

@@ -52,7 +52,10 @@ impl Motors {
         };
         let answer = match settings.over_rate {
             OverRate::Silent => Answer::Never,
-            OverRate::Answer => Answer::Now,
+            OverRate::Answer => {
+                self.last_answer = Some(now);
+                Answer::Now
+            }
             OverRate::Delay => {
                 self.answer_due = self
                     .last_answer

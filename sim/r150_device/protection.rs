@@ -7,8 +7,8 @@ use std::fmt;
 use sim_physics::r150::R150Measurements;
 use sim_settings::SimTime;
 
-use super::command::sys_status;
 use super::event::R150Event;
+use super::reply::sys_status;
 use super::settings::{OvercurrentRecovery, ProtectionSettings};
 
 /// Outputs that are protected together.
@@ -164,11 +164,20 @@ impl Protection {
         })
     }
 
-    /// Ends the latch of every group of which `requested` asks for nothing.
-    pub fn requested(&mut self, requested: u8, event: &mut impl FnMut(R150Event)) {
+    /// The client or the app asks for these outputs at `now`, as bits of `powerStatus`. That ends
+    /// the latch of every group of which it asks for nothing; what it asks of a group that is
+    /// withheld stays off until it is asked for anew.
+    pub fn requested(&mut self, now: SimTime, requested: u8, event: &mut impl FnMut(R150Event)) {
         for (group, state) in Group::ALL.iter().zip(&mut self.groups) {
-            if requested & group.mask() == 0 && state.latch.take().is_some() {
-                event(R150Event::TripCleared(*group));
+            if requested & group.mask() == 0 {
+                if state.latch.take().is_some() {
+                    event(R150Event::TripCleared(*group));
+                }
+            } else if (state.hot || self.fault) && state.latch.is_none() {
+                state.latch = Some(Latch {
+                    overcurrent: false,
+                    since: now,
+                });
             }
         }
     }
@@ -286,8 +295,8 @@ impl Protection {
         });
         let short_a = limits.short_multiple
             * match group {
-                Group::Ab | Group::Cd => limits.limit_12v / NOMINAL_12V,
-                Group::V48 => limits.limit_48v / NOMINAL_48V,
+                Group::Ab | Group::Cd => limits.limit_12v / limits.nominal_12v,
+                Group::V48 => limits.limit_48v / limits.nominal_48v,
                 Group::V5 => limits.limit_5v,
             };
         let over = match group {
@@ -352,8 +361,3 @@ impl Protection {
             .map(|(since, _)| since + self.settings.undervoltage_delay)
     }
 }
-
-/// Voltage by which a 12 V pair's power limit becomes a current.
-const NOMINAL_12V: f64 = 12.0;
-/// Voltage by which the 48 V output's power limit becomes a current.
-const NOMINAL_48V: f64 = 48.0;

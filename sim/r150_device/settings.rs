@@ -200,7 +200,8 @@ settings! {
         /// What happens to a PWM duty above 1000.
         on_duty_out_of_range: OutOfRange = OutOfRange::Refuse,
             assumed "the manual gives the range, not what happens beyond it";
-        /// What happens to a motor PWM beyond -1000 to 1000.
+        /// What happens to a motor PWM beyond -1000 to 1000; refused, it feeds no watchdog and gets
+        /// no reply.
         on_motors_out_of_range: OutOfRange = OutOfRange::Clamp,
             assumed "the manual gives the range, not what happens beyond it";
         /// What happens to reserved bits of a power control request.
@@ -293,7 +294,14 @@ settings! {
         /// How long the 5 V outputs may stay above their limit.
         delay_5v: Duration = MS(100), range Duration::ZERO..=S(60),
             assumed "the manual gives no time";
-        /// Multiple of its limit above which any rail trips almost at once.
+        /// Voltage by which the limit of a 12 V pair becomes a current.
+        nominal_12v: f64 = 12.0, unit "V", range 1.0..=100.0,
+            documented "manual section 3b";
+        /// Voltage by which the limit of the 48 V output becomes a current.
+        nominal_48v: f64 = 48.0, unit "V", range 1.0..=100.0,
+            documented "manual section 3a";
+        /// Multiple of its limit, as a current, above which any rail trips almost at once; a short
+        /// pulls the voltage down, so power would not tell.
         short_multiple: f64 = 3.0, unit "", range 1.0..=1000.0,
             assumed "the manual promises short-circuit protection without figures";
         /// How long a rail may stay above that multiple.

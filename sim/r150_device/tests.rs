@@ -13,7 +13,8 @@ use sim_physics::r150::{PwmReading, R150Measurements, Sides};
 use sim_settings::SimTime;
 
 use super::codec::{Decoded, Decoder};
-use super::command::{Reply, Request};
+use super::command::Request;
+use super::reply::Reply;
 use super::settings::{R150FirmwareSettings, Resync};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
@@ -131,7 +132,7 @@ impl Bench {
         }
     }
 
-    fn info(&mut self) -> super::command::SystemInfo {
+    fn info(&mut self) -> super::reply::SystemInfo {
         match self.ask(Request::SystemInfo) {
             Some(Reply::SystemInfo(info)) => info,
             other => panic!("{other:?}"),

@@ -1,9 +1,8 @@
 //! The clients' side of a rig.
 
-use sim_physics::PhysicsError;
 use sim_settings::SimTime;
 
-use super::Rig;
+use super::{Rig, RigError};
 use crate::line::{LineEvent, SerialLine};
 
 /// One serial port: a link of a device.
@@ -57,7 +56,7 @@ impl Rig {
         port: PortId,
         now: SimTime,
         bytes: &[u8],
-    ) -> Result<(), PhysicsError> {
+    ) -> Result<(), RigError> {
         // Bytes come before deadlines of the same instant, so stop just short of it.
         if let Some(before) = now.as_nanos().checked_sub(1) {
             self.advance(SimTime::from_nanos(before))?;

@@ -263,6 +263,30 @@ fn other_choices() {
 }
 
 #[test]
+fn events_carry_the_bytes_as_they_were() {
+    let mut bench = Bench::with(|s| s.reply_command = ReplyCommand::HighBit);
+    let sent = encode(0x07, b"abc");
+    let replied = bench.send(&sent).unwrap();
+    let events = bench.events();
+    let bytes: Vec<&[u8]> = events.iter().filter_map(R150Event::bytes).collect();
+    assert_eq!(bytes, [&sent[..], &replied[..]]);
+    for bad in [
+        encode(0x99, &[1]),
+        encode(0x12, &[1]),
+        encode(0x02, &[0xFF; 4]),
+    ] {
+        bench.send(&bad);
+        let events = bench.events();
+        assert!(
+            events
+                .iter()
+                .any(|e| e.is_client_fault() && e.bytes() == Some(&bad[..])),
+            "{events:?}"
+        );
+    }
+}
+
+#[test]
 fn a_reply_begins_after_the_reply_delay() {
     let delay = Duration::from_millis(3);
     let mut bench = Bench::with(|s| s.reply_delay = delay);

@@ -1,7 +1,7 @@
 //! Motor watchdog, reply rate, and what keeps the vehicle from moving.
 
 use super::*;
-use crate::r150_device::settings::OverRate;
+use crate::r150_device::settings::{OutOfRange, OverRate};
 use crate::r150_device::vehicle::{Action, Key, Obstacle};
 
 const WATCHDOG: Duration = Duration::from_millis(500);
@@ -19,6 +19,7 @@ fn the_watchdog_stops_the_motors_at_500_ms_and_not_one_quantum_before() {
     let fired = R150Event::WatchdogFired {
         right: 300,
         left: -300,
+        driving: true,
     };
     assert_eq!(bench.events(), [fired]);
 }
@@ -47,6 +48,29 @@ fn a_motor_command_at_the_last_moment_feeds_the_watchdog() {
     bench.drive(200, 200);
     bench.after(WATCHDOG - QUANTUM);
     assert_eq!(bench.duty(), [0.2, 0.2]);
+    bench.after(QUANTUM);
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+}
+
+#[test]
+fn a_watchdog_that_stops_what_did_not_drive_is_not_the_clients_fault() {
+    let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
+    bench.drive(300, 300);
+    bench.after(WATCHDOG);
+    let faults = |bench: &mut Bench| bench.events().iter().any(R150Event::is_client_fault);
+    assert!(!faults(&mut bench));
+    let mut bench = Bench::new();
+    bench.drive(300, 300);
+    bench.after(WATCHDOG);
+    assert!(faults(&mut bench));
+}
+
+#[test]
+fn a_refused_motor_command_feeds_nothing() {
+    let mut bench = Bench::with(|s| s.on_motors_out_of_range = OutOfRange::Refuse);
+    bench.drive(300, 300);
+    bench.after(WATCHDOG - QUANTUM);
+    assert_eq!(bench.drive(2000, 300), None);
     bench.after(QUANTUM);
     assert_eq!(bench.duty(), [0.0, 0.0]);
 }

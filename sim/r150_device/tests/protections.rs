@@ -1,7 +1,7 @@
 //! Overcurrent, over-temperature and undervoltage.
 
 use super::*;
-use crate::r150_device::command::sys_status as bit;
+use crate::r150_device::reply::sys_status as bit;
 use crate::r150_device::settings::OvercurrentRecovery;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
@@ -203,6 +203,13 @@ fn over_temperature_sets_above_85_and_clears_below_75() {
     assert_eq!(bench.device.power_status(), 0);
     bench.read(|r| r.temperature = [74.9, 90.0]);
     assert_eq!(bench.device.sys_status(), bit::OVER_TEMPERATURE_CD);
+    assert_eq!(
+        bench.device.power_status(),
+        0,
+        "asked for while hot, it stays off"
+    );
+    bench.power(0);
+    bench.power(0b11);
     assert_eq!(bench.device.power_status(), 0b11);
     let codes = bench.codes();
     assert_eq!(
@@ -211,7 +218,8 @@ fn over_temperature_sets_above_85_and_clears_below_75() {
             "over_temperature",
             "trip_cleared",
             "cooled",
-            "over_temperature"
+            "over_temperature",
+            "trip_cleared"
         ]
     );
 }
