@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use sim_core::SimTime;
+use sim_core::line::ClientLine;
 use sim_core::report::Report;
 use sim_core::rig::{PortId, Rig};
 use sim_pty::{Event, Port, Waiter};
@@ -110,13 +111,18 @@ impl Server {
             }
             match port.read(&mut self.buffer[..room])? {
                 Event::Idle => return Ok(false),
-                Event::Attached => {
-                    self.rig.attach(id);
-                }
-                Event::Detached => self.rig.detach(id),
+                Event::Attached => self.rig.attach(id, self.clock.now())?,
+                Event::Detached => self.rig.detach(id, self.clock.now())?,
                 Event::Data(count) => {
                     if let Some(line) = port.client_line()? {
-                        self.rig.set_client_baud(id, line.baud);
+                        self.rig.set_client_line(
+                            id,
+                            ClientLine {
+                                baud: line.baud,
+                                stop_bits: line.stop_bits,
+                                raw: line.raw,
+                            },
+                        );
                     }
                     let now = self.clock.now();
                     self.rig

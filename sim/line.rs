@@ -19,12 +19,36 @@ choices! {
     }
 }
 
-/// Most bytes under way in one direction; the client's further bytes wait in its port's buffer,
-/// the device's further replies are dropped whole.
+/// Most bytes under way in one direction. Whoever asks for the room first keeps the client's
+/// further bytes waiting in its port's buffer; without asking they are lost. The device's further
+/// replies are dropped whole.
 pub const MOST_IN_FLIGHT: usize = 4096;
 
 /// Relative difference of the speeds beyond which bytes arrive wrong.
 const TOLERANCE: f64 = 0.035;
+
+/// How a client has set its end of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClientLine {
+    /// Bits per second.
+    pub baud: u32,
+    /// Stop bits, 1 or 2.
+    pub stop_bits: u8,
+    /// Whether its port passes bytes on untouched, without echo, editing or translation.
+    pub raw: bool,
+}
+
+impl ClientLine {
+    /// As it should be for a device that runs at `baud`.
+    #[must_use]
+    pub fn at(baud: u32) -> Self {
+        Self {
+            baud,
+            stop_bits: 1,
+            raw: true,
+        }
+    }
+}
 
 /// Something that happened on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +69,22 @@ pub enum LineEvent {
         /// Speed of both.
         baud: u32,
     },
+    /// The client's port echoes, edits or translates what passes.
+    NotRaw,
+    /// The client has set two stop bits.
+    StopBits,
+    /// The client sent more than the line holds, and the rest was lost.
+    SentTooMuch {
+        /// How many bytes were lost.
+        bytes: usize,
+    },
+    /// The system did not run the simulator for a while, during which simulated time stood still.
+    SimulatorLate {
+        /// For how long.
+        by: Duration,
+    },
+    /// The machine is too slow for the speed that was asked for.
+    SimulatorTooSlow,
     /// The client does not read; bytes for it were lost.
     Overrun {
         /// How many.
@@ -75,6 +115,11 @@ impl LineEvent {
             Self::Detached => "client_detached",
             Self::BaudMismatch { .. } => "baud_mismatch",
             Self::BaudMatched { .. } => "baud_matched",
+            Self::NotRaw => "line_not_raw",
+            Self::StopBits => "stop_bits",
+            Self::SentTooMuch { .. } => "sent_too_much",
+            Self::SimulatorLate { .. } => "simulator_late",
+            Self::SimulatorTooSlow => "simulator_too_slow",
             Self::Overrun { .. } => "overrun",
             Self::ReplyDropped { .. } => "line_full",
         }
@@ -85,7 +130,12 @@ impl LineEvent {
     pub fn is_client_fault(&self) -> bool {
         matches!(
             self,
-            Self::BaudMismatch { .. } | Self::Overrun { .. } | Self::ReplyDropped { .. }
+            Self::BaudMismatch { .. }
+                | Self::NotRaw
+                | Self::StopBits
+                | Self::SentTooMuch { .. }
+                | Self::Overrun { .. }
+                | Self::ReplyDropped { .. }
         )
     }
 }
@@ -101,6 +151,27 @@ impl fmt::Display for LineEvent {
                  bytes are garbled both ways, open the port at {device} baud"
             ),
             Self::BaudMatched { baud } => write!(f, "baud mismatch ended: both run at {baud}"),
+            Self::NotRaw => f.write_str(
+                "the client's port is not raw: replies are echoed back as requests or changed on \
+                 the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)",
+            ),
+            Self::StopBits => f.write_str(
+                "the client has set 2 stop bits, the device uses 1; open the port with 1",
+            ),
+            Self::SentTooMuch { bytes } => write!(
+                f,
+                "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
+            ),
+            Self::SimulatorLate { by } => write!(
+                f,
+                "the machine was busy and held the simulator up for {} ms; simulated time stood \
+                 still meanwhile",
+                by.as_millis()
+            ),
+            Self::SimulatorTooSlow => f.write_str(
+                "the machine cannot keep up: simulated time runs slower than asked for; lower \
+                 --speed or take longer steps",
+            ),
             Self::Overrun { bytes } => {
                 write!(f, "{bytes} bytes lost: the client does not read its port")
             }
@@ -121,6 +192,9 @@ struct Direction {
 }
 
 impl Direction {
+    /// Bytes sent at another speed are read as a burst with an idle line before and after, so what
+    /// comes of them depends on how they were cut into bursts; on a cable it depends on the pauses
+    /// between them in the same way.
     fn send(&mut self, now: SimTime, bytes: &[u8], from_baud: u32, to_baud: u32, wire: Wire) {
         let start = self.free_at.max(now);
         let byte_time = match wire {
@@ -170,14 +244,18 @@ fn matches(a: u32, b: u32) -> bool {
 #[derive(Debug, Clone)]
 pub struct SerialLine {
     device_baud: u32,
-    client_baud: u32,
+    client: ClientLine,
     wire: Wire,
     to_device: Direction,
     to_client: Direction,
     attached: bool,
     told_mismatch: bool,
+    told_not_raw: bool,
+    told_stop_bits: bool,
     /// Replies to a former client's bytes, which go nowhere: those sent until then.
     mute_until: Option<SimTime>,
+    /// When the last byte of a client that has left arrives, until that is taken note of.
+    last_of_former: Option<SimTime>,
 }
 
 impl SerialLine {
@@ -186,27 +264,48 @@ impl SerialLine {
     pub fn new(baud: u32, wire: Wire) -> Self {
         Self {
             device_baud: baud,
-            client_baud: baud,
+            client: ClientLine::at(baud),
             wire,
             to_device: Direction::default(),
             to_client: Direction::default(),
             attached: false,
             told_mismatch: false,
+            told_not_raw: false,
+            told_stop_bits: false,
             mute_until: None,
+            last_of_former: None,
         }
     }
 
     /// A client opened the port.
     pub fn attach(&mut self) {
         self.attached = true;
-        self.to_client.under_way.clear();
-        self.mute_until = self.to_device.under_way.back().map(|(arrival, _)| *arrival);
+        self.told_not_raw = false;
+        self.told_stop_bits = false;
+        self.to_client = Direction::default();
+        self.mute_until = self.last_under_way();
     }
 
-    /// The client is gone; what was on its way to it is lost.
+    /// The client is gone; what was on its way to it is lost, and the line to the next one is free.
+    /// What it has sent still arrives.
     pub fn detach(&mut self) {
         self.attached = false;
-        self.to_client.under_way.clear();
+        self.to_client = Direction::default();
+        self.last_of_former = Some(self.last_under_way().unwrap_or(SimTime::ZERO));
+    }
+
+    /// Whether the last byte of a client that has left has arrived by `now`; true once for each
+    /// that has left. Replies to it that the device still holds back then are nobody's.
+    pub fn take_former_done(&mut self, now: SimTime) -> bool {
+        let done = self.last_of_former.is_some_and(|last| last <= now);
+        if done {
+            self.last_of_former = None;
+        }
+        done
+    }
+
+    fn last_under_way(&self) -> Option<SimTime> {
+        self.to_device.under_way.back().map(|(arrival, _)| *arrival)
     }
 
     /// Whether a client has the port open.
@@ -221,28 +320,48 @@ impl SerialLine {
         MOST_IN_FLIGHT.saturating_sub(self.to_device.under_way.len())
     }
 
-    /// The client has set another speed.
-    pub fn set_client_baud(&mut self, baud: u32) -> Option<LineEvent> {
-        if baud == self.client_baud {
+    /// The client has set its end of the line. What is wrong with that is told when bytes pass,
+    /// since many a client opens its port first and sets it then.
+    pub fn set_client_line(&mut self, line: ClientLine) -> Option<LineEvent> {
+        let baud = line.baud;
+        let old = std::mem::replace(&mut self.client, line);
+        if baud == old.baud {
             return None;
         }
-        self.client_baud = baud;
         // Every new speed is a new story, so a further mismatch is told again.
         let told = std::mem::take(&mut self.told_mismatch);
         (told && matches(baud, self.device_baud)).then_some(LineEvent::BaudMatched { baud })
     }
 
-    /// The client sends.
-    pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Option<LineEvent> {
+    /// The client sends; gives what is to be told of it.
+    pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<LineEvent> {
+        let (sent, lost) = bytes.split_at(bytes.len().min(self.room()));
         self.to_device
-            .send(now, bytes, self.client_baud, self.device_baud, self.wire);
-        let mismatch = !matches(self.client_baud, self.device_baud);
-        (mismatch && !std::mem::replace(&mut self.told_mismatch, true)).then_some(
+            .send(now, sent, self.client.baud, self.device_baud, self.wire);
+        let mut events = Vec::new();
+        let mut once = |wrong: bool, told: &mut bool, event| {
+            if wrong && !std::mem::replace(told, true) {
+                events.push(event);
+            }
+        };
+        once(
+            !matches(self.client.baud, self.device_baud),
+            &mut self.told_mismatch,
             LineEvent::BaudMismatch {
-                client: self.client_baud,
+                client: self.client.baud,
                 device: self.device_baud,
             },
-        )
+        );
+        once(!self.client.raw, &mut self.told_not_raw, LineEvent::NotRaw);
+        once(
+            self.client.stop_bits != 1,
+            &mut self.told_stop_bits,
+            LineEvent::StopBits,
+        );
+        if !lost.is_empty() {
+            events.push(LineEvent::SentTooMuch { bytes: lost.len() });
+        }
+        events
     }
 
     /// The device sends; without a client the bytes go nowhere.
@@ -255,7 +374,7 @@ impl SerialLine {
             return Some(LineEvent::ReplyDropped { bytes: bytes.len() });
         }
         self.to_client
-            .send(now, bytes, self.device_baud, self.client_baud, self.wire);
+            .send(now, bytes, self.device_baud, self.client.baud, self.wire);
         None
     }
 
@@ -323,25 +442,78 @@ mod tests {
             client: 9600,
             device: 115_200,
         };
-        assert_eq!(line.set_client_baud(9600), None);
-        assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), Some(told));
-        assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), None);
-        assert_eq!(line.set_client_baud(9600), None);
-        assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), None);
         let matched = LineEvent::BaudMatched { baud: 115_200 };
-        assert_eq!(line.set_client_baud(115_200), Some(matched));
-        assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), None);
-        assert_eq!(line.set_client_baud(19_200), None);
-        assert!(line.client_sends(SimTime::ZERO, &[0xAA]).is_some());
-        assert_eq!(line.set_client_baud(38_400), None);
-        assert!(line.client_sends(SimTime::ZERO, &[0xAA]).is_some());
+        let mut set = |baud| {
+            let set = line.set_client_line(ClientLine::at(baud));
+            (set, line.client_sends(SimTime::ZERO, &[0xAA]))
+        };
+        assert_eq!(set(9600), (None, vec![told]));
+        assert_eq!(set(9600), (None, vec![]));
+        assert_eq!(set(115_200), (Some(matched), vec![]));
+        assert_eq!(set(19_200).1.len(), 1);
+        assert_eq!(set(38_400).1.len(), 1);
+    }
+
+    #[test]
+    fn a_port_that_echoes_or_sends_two_stop_bits_is_told_once_for_each_client() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        for _ in 0..2 {
+            line.attach();
+            let good = ClientLine::at(115_200);
+            line.set_client_line(ClientLine { raw: false, ..good });
+            let told = line.client_sends(SimTime::ZERO, &[0xAA]);
+            assert_eq!(told, [LineEvent::NotRaw]);
+            assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
+            line.set_client_line(ClientLine {
+                stop_bits: 2,
+                ..good
+            });
+            let told = line.client_sends(SimTime::ZERO, &[0xAA]);
+            assert_eq!(told, [LineEvent::StopBits]);
+            assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
+            line.detach();
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_lost_and_told() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let told = line.client_sends(SimTime::ZERO, &[0; MOST_IN_FLIGHT + 3]);
+        assert_eq!(told, [LineEvent::SentTooMuch { bytes: 3 }]);
+        assert_eq!(line.room(), 0);
+        assert_eq!(arrivals(&mut line).len(), MOST_IN_FLIGHT);
+    }
+
+    #[test]
+    fn the_next_client_s_first_reply_does_not_wait_behind_the_last_one_s() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach();
+        line.device_sends(SimTime::ZERO, &[0; 1000]);
+        line.detach();
+        line.attach();
+        line.device_sends(SimTime::ZERO, &[1]);
+        assert_eq!(line.next_for_client(), Some(SimTime::from_nanos(86_806)));
+    }
+
+    #[test]
+    fn a_former_client_is_done_once_when_its_last_byte_has_arrived() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach();
+        line.client_sends(SimTime::ZERO, &[9, 9]);
+        assert!(!line.take_former_done(SimTime::MAX));
+        line.detach();
+        line.attach();
+        line.client_sends(SimTime::ZERO, &[1]);
+        assert!(!line.take_former_done(SimTime::from_nanos(2 * 86_806 - 1)));
+        assert!(line.take_former_done(SimTime::from_nanos(2 * 86_806)));
+        assert!(!line.take_former_done(SimTime::MAX));
     }
 
     #[test]
     fn a_mismatch_garbles_both_ways() {
         let mut line = SerialLine::new(115_200, Wire::Instant);
         line.attach();
-        line.set_client_baud(57_600);
+        line.set_client_line(ClientLine::at(57_600));
         line.client_sends(SimTime::ZERO, &[0xAA, 0x55]);
         let mut at_device = Vec::new();
         while let Some(byte) = line.take_for_device(SimTime::ZERO) {

@@ -1,9 +1,11 @@
 //! The clients' side of a rig.
 
+use std::time::Duration;
+
 use sim_settings::SimTime;
 
 use super::{Rig, RigError};
-use crate::line::{LineEvent, SerialLine};
+use crate::line::{ClientLine, LineEvent, SerialLine};
 
 /// One serial port: a link of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,29 +18,56 @@ pub struct PortId {
 
 /// What clients do to a port. A port that does not exist is a client that nobody hears.
 impl Rig {
-    /// A client opened the port.
-    pub fn attach(&mut self, port: PortId) {
+    /// A client opened the port at `now`, to which the rig advances first.
+    ///
+    /// # Errors
+    /// As [`Rig::advance`].
+    pub fn attach(&mut self, port: PortId, now: SimTime) -> Result<(), RigError> {
+        self.advance(now)?;
         if let Some(line) = self.line_mut(port) {
             line.attach();
             self.line_event(port, Some(LineEvent::Attached));
         }
+        Ok(())
     }
 
-    /// The client closed the port; what was on its way to it is lost, what it has sent still
-    /// arrives.
-    pub fn detach(&mut self, port: PortId) {
+    /// The client closed the port at `now`, to which the rig advances first; what was on its way to
+    /// it is lost, what it has sent still arrives.
+    ///
+    /// # Errors
+    /// As [`Rig::advance`].
+    pub fn detach(&mut self, port: PortId, now: SimTime) -> Result<(), RigError> {
+        self.advance(now)?;
         if let Some(line) = self.line_mut(port) {
             line.detach();
             self.line_event(port, Some(LineEvent::Detached));
+            self.after_change(port.device);
         }
+        Ok(())
     }
 
-    /// The client has set another speed.
-    pub fn set_client_baud(&mut self, port: PortId, baud: u32) {
+    /// The client has set its end of the line.
+    pub fn set_client_line(&mut self, port: PortId, line: ClientLine) {
         let event = self
             .line_mut(port)
-            .and_then(|line| line.set_client_baud(baud));
+            .and_then(|own| own.set_client_line(line));
         self.line_event(port, event);
+    }
+
+    /// The system did not run the simulator for so long; told on every device.
+    pub fn simulator_late(&mut self, by: Duration) {
+        self.tell_all(LineEvent::SimulatorLate { by });
+    }
+
+    /// The machine is too slow for the speed that was asked for; told on every device.
+    pub fn simulator_too_slow(&mut self) {
+        self.tell_all(LineEvent::SimulatorTooSlow);
+    }
+
+    fn tell_all(&mut self, event: LineEvent) {
+        for device in 0..self.slots.len() {
+            self.line_event(PortId { device, link: 0 }, Some(event));
+        }
     }
 
     /// How many bytes the client may send now without filling the line.
@@ -62,12 +91,14 @@ impl Rig {
             self.advance(SimTime::from_nanos(before))?;
         }
         let now = now.max(self.now);
-        let event = self
+        let events = self
             .line_mut(port)
-            .and_then(|line| line.client_sends(now, bytes));
+            .map(|line| line.client_sends(now, bytes));
         self.reschedule(port.device);
         self.advance(now)?;
-        self.line_event(port, event);
+        for event in events.into_iter().flatten() {
+            self.line_event(port, Some(event));
+        }
         Ok(())
     }
 

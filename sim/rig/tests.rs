@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use sim_physics::r150::Load;
 
 use super::*;
+use crate::line::ClientLine;
 use crate::r150_device::command::Request;
 
 const PORT: PortId = PortId { device: 0, link: 0 };
@@ -20,7 +21,7 @@ fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Ri
     let mut settings = R150Settings::default();
     change(&mut settings);
     rig.add_r150("r150", &settings, Start::Ready, Pose::default());
-    rig.attach(PORT);
+    rig.attach(PORT, SimTime::ZERO).unwrap();
     rig
 }
 
@@ -228,11 +229,28 @@ fn a_short_on_each_rail_trips_within_a_millisecond() {
 }
 
 #[test]
+fn clients_come_and_go_at_the_time_they_do() {
+    let mut rig = rig(Wire::Paced);
+    let left = SimTime::from_millis(1234);
+    rig.detach(PORT, left).unwrap();
+    rig.attach(PORT, left + Duration::from_millis(7)).unwrap();
+    let events: Vec<_> = std::iter::from_fn(|| rig.poll_event())
+        .map(|event| (event.at.as_nanos() / 1_000_000, event.kind.code()))
+        .collect();
+    let expected = [
+        (0, "client_attached"),
+        (1234, "client_detached"),
+        (1241, "client_attached"),
+    ];
+    assert_eq!(events, expected);
+}
+
+#[test]
 fn a_port_that_does_not_exist_does_nothing() {
     let mut rig = rig(Wire::Paced);
     let nowhere = PortId { device: 3, link: 9 };
-    rig.attach(nowhere);
-    rig.set_client_baud(nowhere, 9600);
+    rig.attach(nowhere, SimTime::ZERO).unwrap();
+    rig.set_client_line(nowhere, ClientLine::at(9600));
     rig.client_sends(nowhere, SimTime::from_millis(1), &[1, 2, 3])
         .unwrap();
     rig.client_lost(nowhere, 1);
