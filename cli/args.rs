@@ -90,9 +90,10 @@ pub(crate) struct ServeArgs {
     pub(crate) start: StartArg,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
-    /// Whether bytes take as long on the line as they do on a cable.
-    #[arg(long, value_enum, default_value_t = WireArg::Paced)]
-    pub(crate) wire: WireArg,
+    /// Whether bytes take as long on the line as they do on a cable [default: paced on a
+    /// pseudo-terminal, instant on a real serial port, whose cable takes its own time].
+    #[arg(long, value_enum)]
+    pub(crate) wire: Option<WireArg>,
     /// Seed of everything random; a random one is chosen and printed if not given.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -160,6 +161,17 @@ impl From<WireArg> for Wire {
         match wire {
             WireArg::Paced => Self::Paced,
             WireArg::Instant => Self::Instant,
+        }
+    }
+}
+
+impl ServeArgs {
+    /// The wire as chosen, or as fits the port.
+    pub(crate) fn wire(&self) -> Wire {
+        match (self.wire, &self.serial) {
+            (Some(wire), _) => wire.into(),
+            (None, Some(_)) => Wire::Instant,
+            (None, None) => Wire::Paced,
         }
     }
 }

@@ -18,7 +18,15 @@ const MOST_BYTES: u64 = 1 << 20;
 pub(crate) fn load(args: &SettingsArgs) -> Result<SimSettings, Failure> {
     let mut settings = load_file(args)?;
     apply_flags(args, &mut settings)?;
+    check(&settings)?;
     Ok(settings)
+}
+
+/// Refuses settings that do not fit together.
+pub(crate) fn check(settings: &SimSettings) -> Result<(), Failure> {
+    settings
+        .check()
+        .map_err(|wrong| Failure::usage(anyhow!(wrong.join("\n"))))
 }
 
 /// Reads the settings file, if one is named.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use sim_physics::Pose;
+use sim_physics::{Pose, WorldMap};
 use sim_scenarios::{DevicePlan, RigPlan};
 use sim_settings::Source;
 
@@ -11,21 +11,35 @@ use crate::args::{Device, ServeArgs};
 use crate::config;
 use crate::exit::Failure;
 
-/// A plan, and the folder that its paths are relative to.
+/// A plan, what is in its world, and the folder that its paths are relative to.
 pub(crate) struct Plan {
     pub(crate) rig: RigPlan,
+    pub(crate) map: WorldMap,
     pub(crate) folder: PathBuf,
 }
 
 /// Makes the plan that the flags ask for.
 pub(crate) fn plan(args: &ServeArgs) -> Result<Plan, Failure> {
-    match &args.rig {
-        Some(file) => from_file(file, args),
-        None => from_flags(args),
-    }
+    let (rig, folder) = match &args.rig {
+        Some(file) => from_file(file, args)?,
+        None => (from_flags(args)?, PathBuf::new()),
+    };
+    // A flag is relative to where it was typed, a file's path to the file.
+    let world = args
+        .world
+        .clone()
+        .or_else(|| rig.world.as_ref().map(|path| folder.join(path)));
+    let map = match world {
+        Some(path) => {
+            let text = config::read(&path, "world file")?;
+            WorldMap::from_toml(&text, &path.display().to_string()).map_err(Failure::usage)?
+        }
+        None => WorldMap::default(),
+    };
+    Ok(Plan { rig, map, folder })
 }
 
-fn from_file(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
+fn from_file(file: &Path, args: &ServeArgs) -> Result<(RigPlan, PathBuf), Failure> {
     let base = config::load_file(&args.settings)?;
     let text = config::read(file, "rig file")?;
     let shown = file.display().to_string();
@@ -38,12 +52,13 @@ fn from_file(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
     config::apply_flags(&args.settings, &mut rig.settings)?;
     for device in &mut rig.devices {
         config::apply_flags(&args.settings, &mut device.settings)?;
+        config::check(&device.settings)?;
     }
     let folder = file.parent().map(Path::to_owned).unwrap_or_default();
-    Ok(Plan { rig, folder })
+    Ok((rig, folder))
 }
 
-fn from_flags(args: &ServeArgs) -> Result<Plan, Failure> {
+fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
     if args.pty.is_none() && args.serial.is_none() {
         return Err(Failure::usage(anyhow!(
             "say where to serve: --pty PATH for a pseudo-terminal, as in `sim --pty /tmp/r150`, \
@@ -65,14 +80,10 @@ fn from_flags(args: &ServeArgs) -> Result<Plan, Failure> {
         port: args.pty.clone(),
         ros_port: args.ros_pty.clone(),
     };
-    let rig = RigPlan {
+    Ok(RigPlan {
         world: None,
         seed: None,
         settings,
         devices: vec![device],
-    };
-    Ok(Plan {
-        rig,
-        folder: PathBuf::new(),
     })
 }

@@ -7,7 +7,6 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde_json::json;
 use sim_core::rig::PortId;
-use sim_physics::WorldMap;
 use sim_pty::{Port, PtyPort, SerialPort};
 use sim_scenarios::RigPlan;
 
@@ -22,9 +21,13 @@ use crate::summary::{self, DeviceSummary};
 
 /// Serves until a signal ends it.
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let Plan { rig: plan, folder } = plan(args)?;
+    let Plan {
+        rig: plan,
+        map,
+        folder,
+    } = plan(args)?;
     let seed = args.seed.or(plan.seed).unwrap_or_else(random_seed);
-    let rig = plan.build(WorldMap::default(), args.wire.into(), seed);
+    let rig = plan.build(map, args.wire(), seed);
     let ports = open_all(args, &plan, &folder)?;
 
     let options = LogOptions {
@@ -143,7 +146,7 @@ fn announce(log: &Log, args: &ServeArgs, plan: &RigPlan, ports: &[ShownPort], se
         return;
     }
     let version = env!("CARGO_PKG_VERSION");
-    let wire = sim_core::line::Wire::from(args.wire).word();
+    let wire = args.wire().word();
     let mut changed: Vec<String> = plan
         .devices
         .iter()

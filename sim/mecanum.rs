@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
-use sim_physics::{Pose, World};
+use sim_physics::{BodyId, Pose, World};
 use sim_settings::SimTime;
 
 use crate::event::EventKind;
@@ -65,6 +65,12 @@ impl Mecanum {
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
         self.plant.truth()
+    }
+
+    /// Its body in the world, for contact queries.
+    #[must_use]
+    pub fn body(&self) -> BodyId {
+        self.plant.body()
     }
 
     /// The hardware, to load, push or break it.

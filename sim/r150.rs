@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use sim_physics::r150::{R150Plant, R150Truth};
-use sim_physics::{Pose, World};
+use sim_physics::{BodyId, Pose, World};
 use sim_settings::SimTime;
 
 use crate::event::EventKind;
@@ -69,6 +69,12 @@ impl R150 {
     #[must_use]
     pub fn truth(&self) -> R150Truth {
         self.plant.truth()
+    }
+
+    /// Its body in the world, for contact queries.
+    #[must_use]
+    pub fn body(&self) -> BodyId {
+        self.plant.body()
     }
 
     /// The hardware, to load, push or break it.
