@@ -166,7 +166,7 @@ fn verbose_prints_requests_and_replies_in_words_and_hex() {
     let request = sim.wait_line(&["r150 -> 0xF0 version", "| AA 55 00 F0 F7 07"]);
     let reply = sim.wait_line(&[
         "r150 <- 0xF0 version",
-        "1.0.0.0",
+        "hardware",
         "| AA 55 08 F0 00 00 00 01",
     ]);
     // Its time in simulated seconds comes first.
