@@ -5,7 +5,8 @@
 //! port is in the epoll set only while a client is attached; the rest of the
 //! time inotify reports who opens its node. The same reports show what the
 //! master alone cannot: that one client has left and another has come in
-//! between two looks.
+//! between two looks, and, since writing is reported in its order too, whether
+//! the first had left anything unread.
 
 use std::collections::BTreeMap;
 use std::mem::MaybeUninit;
@@ -49,16 +50,21 @@ struct Node {
     token: usize,
     openers: u32,
     closed: bool,
-    emptied: bool,
+    /// Reports of writing so far, and how many of them are about bytes that
+    /// the port has read for certain.
+    writes: u64,
+    read_writes: u64,
+    departed: Option<Departure>,
+    /// Somebody came after that one, and has left as well.
+    departed_next: Option<Departure>,
+    paused: bool,
 }
 
-/// What happened to a node since its port last asked.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Visits {
-    /// Somebody closed the node.
-    pub(crate) closed: bool,
-    /// The last one who had the node open closed it.
-    pub(crate) emptied: bool,
+/// The last one who had a node open has closed it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Departure {
+    /// Whether it may have left bytes that the port had not read by then.
+    pub(crate) unread: bool,
 }
 
 impl Hub {
@@ -122,12 +128,28 @@ impl Hub {
     }
 }
 
+impl Node {
+    /// Of those who come and leave between two looks, the bytes of the first
+    /// are told apart only if there are none of it.
+    fn depart(&mut self, unread: bool) {
+        let place = match self.departed {
+            Some(Departure { unread: false }) => &mut self.departed_next,
+            _ => &mut self.departed,
+        };
+        let before = place.is_some_and(|departed| departed.unread);
+        *place = Some(Departure {
+            unread: before || unread,
+        });
+    }
+}
+
 impl State {
     fn note(&mut self, wd: i32, events: ReadFlags) {
         if events.contains(ReadFlags::QUEUE_OVERFLOW) {
             // Who came and went is lost: every port has a look for itself.
             for node in self.nodes.values_mut() {
                 node.closed = true;
+                node.writes += 1;
                 self.ready.push(node.token);
             }
             return;
@@ -141,9 +163,19 @@ impl State {
         if events.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
             node.closed = true;
             node.openers = node.openers.saturating_sub(1);
-            node.emptied |= node.openers == 0;
+            if node.openers == 0 {
+                let unread = node.writes > node.read_writes;
+                node.read_writes = node.writes;
+                node.depart(unread);
+            }
         }
-        self.ready.push(node.token);
+        if events.contains(ReadFlags::MODIFY) {
+            node.writes += 1;
+        }
+        // Bytes alone are no news from a port whose caller has no room.
+        if !node.paused || events != ReadFlags::MODIFY {
+            self.ready.push(node.token);
+        }
     }
 }
 
@@ -153,6 +185,8 @@ pub(crate) struct Registration {
     hub: Arc<Hub>,
     token: usize,
     wd: Option<i32>,
+    wanted: bool,
+    paused: bool,
     polling: bool,
 }
 
@@ -162,18 +196,45 @@ impl Registration {
             hub,
             token,
             wd: None,
+            wanted: false,
+            paused: false,
             polling: false,
         }
     }
 
-    /// Has the waiter report the port once, whatever its descriptors say.
+    /// Has the waiter report the port once, whatever its descriptors say, or
+    /// when it is no longer paused.
     pub(crate) fn mark_ready(&self) {
-        self.hub.lock().ready.push(self.token);
+        if !self.paused {
+            self.hub.lock().ready.push(self.token);
+        }
+    }
+
+    /// Takes note of everything that inotify has to report by now.
+    pub(crate) fn look(&self) -> Result<(), PortErrorKind> {
+        self.hub.drain().map_err(PortErrorKind::call("read"))
     }
 
     /// Starts or stops reporting that `fd` is readable. A descriptor that is
     /// about to be closed must be taken out first.
     pub(crate) fn poll_input(&mut self, fd: impl AsFd, wanted: bool) -> Result<(), PortErrorKind> {
+        self.wanted = wanted;
+        self.update(fd)
+    }
+
+    /// While paused, `fd` is not reported although it may be readable.
+    pub(crate) fn set_paused(&mut self, fd: impl AsFd, paused: bool) -> Result<(), PortErrorKind> {
+        if paused == self.paused {
+            return Ok(());
+        }
+        self.paused = paused;
+        self.with_node(|node| node.paused = paused);
+        self.mark_ready();
+        self.update(fd)
+    }
+
+    fn update(&mut self, fd: impl AsFd) -> Result<(), PortErrorKind> {
+        let wanted = self.wanted && !self.paused;
         if wanted == self.polling {
             return Ok(());
         }
@@ -196,7 +257,11 @@ impl Registration {
             token: self.token,
             openers: 0,
             closed: false,
-            emptied: false,
+            writes: 0,
+            read_writes: 0,
+            departed: None,
+            departed_next: None,
+            paused: self.paused,
         };
         self.hub.lock().nodes.insert(wd, node);
         self.wd = Some(wd);
@@ -207,8 +272,10 @@ impl Registration {
     /// to, and forgets every visit so far.
     pub(crate) fn ignore_readers(&mut self, node: &Path) -> Result<(), PortErrorKind> {
         self.add_watch(node, WatchFlags::CLOSE_WRITE)?;
-        self.hub.drain().map_err(PortErrorKind::call("read"))?;
-        self.take_visits();
+        self.look()?;
+        self.take_closed();
+        self.take_departure();
+        self.take_departure();
         Ok(())
     }
 
@@ -217,28 +284,44 @@ impl Registration {
         self.add_watch(node, Self::everybody()).map(drop)
     }
 
-    /// Corrects the number of those who have the node open.
+    /// Corrects the number of those who have the node open. They may have
+    /// written unnoticed.
     pub(crate) fn set_openers(&self, openers: u32) {
-        let mut state = self.hub.lock();
-        if let Some(node) = self.wd.and_then(|wd| state.nodes.get_mut(&wd)) {
+        self.with_node(|node| {
             node.openers = openers;
-        }
+            node.writes += u64::from(openers);
+        });
     }
 
-    /// What happened to the node since the last call.
-    pub(crate) fn take_visits(&self) -> Visits {
+    /// Whether somebody closed the node since the last call.
+    pub(crate) fn take_closed(&self) -> bool {
+        self.with_node(|node| std::mem::take(&mut node.closed))
+    }
+
+    /// Whether the node was closed by the last one who had it open, since the
+    /// last call.
+    pub(crate) fn take_departure(&self) -> Option<Departure> {
+        self.with_node(|node| std::mem::replace(&mut node.departed, node.departed_next.take()))
+    }
+
+    /// How much writing has been reported; for [`Self::all_read`].
+    pub(crate) fn writes(&self) -> u64 {
+        self.with_node(|node| node.writes)
+    }
+
+    /// Nothing was left to read after so much writing had been reported.
+    pub(crate) fn all_read(&self, writes: u64) {
+        self.with_node(|node| node.read_writes = node.read_writes.max(writes));
+    }
+
+    fn with_node<T: Default>(&self, act: impl FnOnce(&mut Node) -> T) -> T {
         let mut state = self.hub.lock();
-        let Some(node) = self.wd.and_then(|wd| state.nodes.get_mut(&wd)) else {
-            return Visits::default();
-        };
-        Visits {
-            closed: std::mem::take(&mut node.closed),
-            emptied: std::mem::take(&mut node.emptied),
-        }
+        let node = self.wd.and_then(|wd| state.nodes.get_mut(&wd));
+        node.map(act).unwrap_or_default()
     }
 
     fn everybody() -> WatchFlags {
-        WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE
+        WatchFlags::OPEN | WatchFlags::MODIFY | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE
     }
 
     fn add_watch(&self, node: &Path, flags: WatchFlags) -> Result<i32, PortErrorKind> {

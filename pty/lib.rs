@@ -37,7 +37,9 @@
 //! - A client that does not read never stalls the caller. The kernel keeps
 //!   about 20 kB for it; what does not fit is dropped and counted, as a UART
 //!   without flow control would lose it.
-//! - Bytes meant for one client are never handed to the next.
+//! - Bytes meant for one client are never handed to the next. Nor are bytes
+//!   of one client reported as another's; where two have come and gone so fast
+//!   that the bytes of both lie mixed in the kernel, all are the former's.
 //! - Nobody else's file is replaced or removed; [`PtyPort::open_at`] says
 //!   which link counts as our own.
 //! - Waiting costs nothing while nobody is attached.
@@ -52,6 +54,7 @@ mod port;
 mod pty_port;
 mod serial_port;
 mod signals;
+mod stash;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};

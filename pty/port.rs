@@ -77,6 +77,20 @@ impl Port {
         }
     }
 
+    /// Stops and starts the waiter's calling the port ready because of bytes
+    /// to be read, for a caller who has no room for them. Clients that leave
+    /// are still news, and reading with an empty buffer tells of them.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn set_paused(&mut self, paused: bool) -> Result<(), PortError> {
+        match self {
+            Self::Pty(port) => port.set_paused(paused),
+            Self::Serial(port) => port.set_paused(paused),
+        }
+    }
+
     /// Sends what fits without blocking, and drops and counts the rest.
     ///
     /// # Errors

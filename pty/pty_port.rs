@@ -10,11 +10,12 @@ use std::path::{Path, PathBuf};
 use rustix::io::{Errno, retry_on_intr};
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::Registration;
+use crate::hub::{Departure, Registration};
 use crate::line::LineSettings;
 use crate::link::Link;
 use crate::pair::{Access, Pair};
 use crate::port::{Counters, Event, Written};
+use crate::stash::Stash;
 
 /// A pseudo-terminal, with or without a link to it at a path of the user's
 /// choice.
@@ -26,8 +27,24 @@ pub struct PtyPort {
     pair: Pair,
     baud: u32,
     attached: bool,
+    /// Set from when a client's leaving is noticed until it is reported,
+    /// which is after the last of its bytes.
+    leaving: Option<Leaving>,
+    /// While somebody is leaving, its last bytes if it left any; else the
+    /// first ones of the client that is there.
+    stash: Stash,
     successor: bool,
+    /// The client's settings when it last sent something.
+    last_line: Option<LineSettings>,
     counters: Counters,
+}
+
+/// A client that is gone, though not yet as far as the caller knows.
+#[derive(Debug)]
+struct Leaving {
+    line: LineSettings,
+    /// Whether the stash is its own.
+    last_words: bool,
 }
 
 impl PtyPort {
@@ -75,7 +92,10 @@ impl PtyPort {
             pair,
             baud,
             attached: false,
+            leaving: None,
+            stash: Stash::default(),
             successor: false,
+            last_line: None,
             counters: Counters::default(),
         }
     }
@@ -106,18 +126,18 @@ impl PtyPort {
     }
 
     /// The line settings as the client has made them, or the device's own if
-    /// no client has.
+    /// no client has. Of a client that has left, until that is reported, they
+    /// are those with which it sent what is being read.
     ///
     /// # Errors
     ///
     /// When the system refuses.
     pub fn client_line(&self) -> Result<LineSettings, PortError> {
-        LineSettings::of(&self.pair).map_err(|errno| {
-            self.error(
-                "read the line settings of",
-                PortErrorKind::call("tcgetattr")(errno),
-            )
-        })
+        if let Some(leaving) = &self.leaving {
+            return Ok(leaving.line);
+        }
+        self.line()
+            .map_err(|kind| self.error("read the line settings of", kind))
     }
 
     /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
@@ -130,6 +150,20 @@ impl PtyPort {
             .map_err(|kind| self.error("read from", kind))
     }
 
+    /// Stops and starts the waiter's calling the port ready; see
+    /// [`Port::set_paused`](crate::Port::set_paused).
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn set_paused(&mut self, paused: bool) -> Result<(), PortError> {
+        let outcome = self
+            .registration
+            .as_mut()
+            .map_or(Ok(()), |r| r.set_paused(&self.pair, paused));
+        outcome.map_err(|kind| self.error("watch", kind))
+    }
+
     /// Sends what fits and drops the rest; see
     /// [`Port::write`](crate::Port::write).
     ///
@@ -137,7 +171,7 @@ impl PtyPort {
     ///
     /// When the system refuses.
     pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
-        if !self.attached {
+        if !self.attached || self.leaving.is_some() {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
             return Ok(Written {
                 accepted: 0,
@@ -180,51 +214,136 @@ impl PtyPort {
     }
 
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortErrorKind> {
-        let visits = self
-            .registration
-            .as_ref()
-            .map(Registration::take_visits)
-            .unwrap_or_default();
         if !self.attached {
-            // Somebody who came and left without a byte is reported too: it
-            // may have left settings or a lock behind.
-            if visits.closed || self.successor || self.has_client()? {
-                return self.attach();
-            }
-            return Ok(Event::Idle);
+            return self.arrival();
         }
-        if visits.emptied
-            && !self
-                .pair
-                .is_hung_up()
-                .map_err(PortErrorKind::call("poll"))?
+        if self.leaving.is_none()
+            && let Some(departure) = self.look()?
         {
-            return self.change_hands();
+            self.leave(departure)?;
         }
-        if buf.is_empty() {
-            return Ok(Event::Idle);
+        if self.leaving.is_some() {
+            return self.last_words(buf);
         }
+        if !self.stash.is_empty() || buf.is_empty() {
+            return Ok(self.stashed(buf));
+        }
+        let writes = self.registration.as_ref().map_or(0, Registration::writes);
         match retry_on_intr(|| rustix::io::read(&self.pair, &mut *buf)) {
             Ok(n) if n > 0 => {
+                // Whose they are is known only now: a client that left before
+                // they were read has been reported to us by this time.
+                if let Some(departure) = self.look()? {
+                    self.stash.push(&buf[..n]);
+                    self.leave(departure)?;
+                    return self.last_words(buf);
+                }
+                self.last_line = Some(self.line()?);
                 self.counters.received(n);
                 Ok(Event::Data(n))
             }
-            Err(Errno::AGAIN) => Ok(Event::Idle),
-            Ok(_) | Err(Errno::IO) => self.detach(),
+            Err(Errno::AGAIN) => {
+                if let Some(registration) = &self.registration {
+                    registration.all_read(writes);
+                }
+                Ok(Event::Idle)
+            }
+            Ok(_) | Err(Errno::IO) => {
+                self.vacate()?;
+                Ok(self.detach())
+            }
             Err(errno) => Err(PortErrorKind::call("read")(errno)),
         }
     }
 
-    fn attach(&mut self) -> Result<Event, PortErrorKind> {
+    /// Reports a client that has come.
+    fn arrival(&mut self) -> Result<Event, PortErrorKind> {
+        let closed = self.registration.as_ref().map(Registration::take_closed);
+        // Somebody who came and left without a byte is reported too: it may
+        // have left settings or a lock behind.
+        if !self.successor && closed != Some(true) && !self.has_client()? {
+            return Ok(Event::Idle);
+        }
         self.attached = true;
         self.successor = false;
+        self.last_line = None;
         self.counters.attached += 1;
         self.poll_input(true)?;
         Ok(Event::Attached)
     }
 
-    fn detach(&mut self) -> Result<Event, PortErrorKind> {
+    /// Looks whether the last one who had the node open has closed it, be it
+    /// that others have come since or not.
+    fn look(&self) -> Result<Option<Departure>, PortErrorKind> {
+        let Some(registration) = &self.registration else {
+            return Ok(None);
+        };
+        registration.look()?;
+        let departure = registration.take_departure();
+        if departure.is_some() {
+            registration.take_closed();
+        }
+        Ok(departure)
+    }
+
+    /// Takes note that the client has left. What it sent comes out of the
+    /// kernel now, before the next client's bytes are added to it.
+    fn leave(&mut self, departure: Departure) -> Result<(), PortErrorKind> {
+        if departure.unread {
+            self.stash
+                .fill_from(&self.pair)
+                .map_err(PortErrorKind::call("read"))?;
+        }
+        let hung_up = self.pair.is_hung_up();
+        let hung_up = hung_up.map_err(PortErrorKind::call("poll"))?;
+        // The settings are the next one's as soon as it is there.
+        let line = match self.last_line {
+            Some(line) if !hung_up => line,
+            _ => self.line()?,
+        };
+        self.leaving = Some(Leaving {
+            line,
+            last_words: departure.unread,
+        });
+        let foreign = !departure.unread && !self.stash.is_empty();
+        if foreign || self.has_client()? {
+            self.successor = true;
+            self.pair
+                .flush_output()
+                .map_err(PortErrorKind::call("tcsetattr"))
+        } else {
+            self.vacate()
+        }
+    }
+
+    /// Reports what is left of a client that has left, and then its leaving.
+    fn last_words(&mut self, buf: &mut [u8]) -> Result<Event, PortErrorKind> {
+        let last_words = self.leaving.as_ref().is_some_and(|l| l.last_words);
+        if last_words && !self.stash.is_empty() {
+            return Ok(self.stashed(buf));
+        }
+        Ok(self.detach())
+    }
+
+    fn stashed(&mut self, buf: &mut [u8]) -> Event {
+        let n = self.stash.take(buf);
+        if n == 0 {
+            return Event::Idle;
+        }
+        self.counters.received(n);
+        self.mark_ready();
+        Event::Data(n)
+    }
+
+    fn detach(&mut self) -> Event {
         self.attached = false;
+        self.leaving = None;
+        self.mark_ready();
+        Event::Detached
+    }
+
+    /// Makes the port as it was before any client came.
+    fn vacate(&mut self) -> Result<(), PortErrorKind> {
         // First of all, while the next client is least likely to be there.
         self.pair
             .reset()
@@ -234,25 +353,18 @@ impl PtyPort {
         let has_client = self.has_client()?;
         if let Some(registration) = &self.registration {
             registration.set_openers(u32::from(has_client));
-            if has_client {
-                registration.mark_ready();
-            }
         }
-        Ok(Event::Detached)
+        Ok(())
     }
 
-    /// One client has left and another has come unnoticed. The settings are
-    /// the new one's by now, so only what was sent to the old one goes.
-    fn change_hands(&mut self) -> Result<Event, PortErrorKind> {
-        self.pair
-            .flush_output()
-            .map_err(PortErrorKind::call("tcsetattr"))?;
-        self.attached = false;
-        self.successor = true;
+    fn mark_ready(&self) {
         if let Some(registration) = &self.registration {
             registration.mark_ready();
         }
-        Ok(Event::Detached)
+    }
+
+    fn line(&self) -> Result<LineSettings, PortErrorKind> {
+        LineSettings::of(&self.pair).map_err(PortErrorKind::call("tcgetattr"))
     }
 
     /// Sees to it that the next client may open the port, although the last

@@ -103,6 +103,22 @@ impl SerialPort {
         }
     }
 
+    /// Stops and starts the waiter's calling the port ready; see
+    /// [`Port::set_paused`](crate::Port::set_paused). That the port was
+    /// unplugged is noticed only when it is not paused.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn set_paused(&mut self, paused: bool) -> Result<(), PortError> {
+        let Some(mut registration) = self.registration.take() else {
+            return Ok(());
+        };
+        let outcome = registration.set_paused(self.fd(), paused);
+        self.registration = Some(registration);
+        outcome.map_err(|kind| PortError::new("watch", &self.path, kind))
+    }
+
     /// Sends what fits and drops the rest; see
     /// [`Port::write`](crate::Port::write).
     ///

@@ -271,6 +271,36 @@ fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
     assert_eq!(client.receive(1), b"!");
 }
 
+/// The kernel keeps 20,480 bytes for a side that does not read: 4 KiB where
+/// they are read, and 16 KiB of blocks on the way there. Writes that do not
+/// divide a block waste some of it, and a few small ones may fit in addition.
+#[test]
+fn about_twenty_thousand_bytes_are_kept_each_way() {
+    let kept = |from: &dyn std::os::fd::AsFd, chunk: usize| {
+        let bytes = vec![0x55; chunk];
+        let mut kept = 0;
+        // A pause lets the kernel move bytes on, which it does by itself.
+        for _ in 0..3 {
+            while let Ok(count) = rustix::io::write(from.as_fd(), &bytes) {
+                kept += count;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        kept
+    };
+    for chunk in [1, 6, 100, 1_000, 4_096] {
+        let (master, node) = raw_pair();
+        let client = Client::open(&node);
+        for kept in [kept(&master, chunk), kept(&client, chunk)] {
+            assert!((8_192..=24_576).contains(&kept), "{kept} by {chunk}");
+        }
+    }
+    let (master, node) = raw_pair();
+    let client = Client::open(&node);
+    let exact = [kept(&master, 1), kept(&client, 1)];
+    assert!(exact.contains(&20_480), "{exact:?} byte by byte");
+}
+
 #[test]
 fn a_client_may_flush_what_it_has_not_read() {
     let mut bench = Bench::unlinked();
