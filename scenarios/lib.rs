@@ -3,7 +3,6 @@
 //! Pure: text goes in, plans come out; whoever calls reads the files.
 
 mod assemble;
-pub mod quantity;
 pub mod rig_file;
 
 pub use assemble::Link;

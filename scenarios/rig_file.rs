@@ -24,11 +24,9 @@ use serde::Deserialize;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::settings::SimSettings;
 use sim_physics::Pose;
-use sim_settings::{Origin, SettingsError, Source, apply_table};
+use sim_settings::{Angle, Length, Origin, SettingsError, Source, apply_table};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-
-use crate::quantity::{Angle, Length};
 
 /// Most devices of a rig.
 pub const MOST_DEVICES: usize = 1000;
@@ -250,17 +248,17 @@ impl From<StartText> for Start {
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct PoseText {
-    x: Length,
-    y: Length,
-    heading: Angle,
+    x: Option<Length>,
+    y: Option<Length>,
+    heading: Option<Angle>,
 }
 
 impl From<PoseText> for Pose {
     fn from(text: PoseText) -> Self {
         Self {
-            x: text.x.0,
-            y: text.y.0,
-            heading: text.heading.0.to_radians(),
+            x: text.x.map_or(0.0, |x| x.0),
+            y: text.y.map_or(0.0, |y| y.0),
+            heading: text.heading.map_or(0.0, |heading| heading.0.to_radians()),
         }
     }
 }

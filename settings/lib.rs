@@ -14,12 +14,17 @@ mod macros;
 mod quantity;
 mod time;
 mod value;
+mod written;
 
 pub use document::{Root, Source, apply_table, load_toml, parse_assignment, set, show_toml};
 pub use error::{Origin, SettingsError};
 pub use quantity::parse_quantity;
 pub use time::{SimTime, show_duration};
 pub use value::{Bounds, SettingValue, Value, read_in};
+pub use written::{
+    Angle, Current, Force, Frequency, Length, Mass, Percent, Power, Resistance, Span, Speed,
+    Temperature, Torque, Voltage, private, read_written,
+};
 
 /// Why we believe a default.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
