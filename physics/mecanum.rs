@@ -155,7 +155,8 @@ impl MecanumPlant {
     pub fn after_step(&mut self, world: &mut World) {
         let step = world.step_length();
         if self.resting {
-            if world.is_still(self.body) {
+            if world.rests_on(self.body, self.settings.rest.speed) {
+                self.motion = world.motion(self.body);
                 self.rest(step);
                 // Others may be moving around it.
                 self.sensors.follow(step, world, self.body, &self.motion);

@@ -146,7 +146,8 @@ impl R150Plant {
     /// Takes over what the step did and advances the electrics. Call after every [`World::step`].
     pub fn after_step(&mut self, world: &mut World) {
         if self.resting {
-            if world.is_still(self.body) {
+            if world.rests_on(self.body, self.settings.rest.speed) {
+                self.motion = world.motion(self.body);
                 self.rest(world.step_length());
                 return;
             }

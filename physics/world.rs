@@ -51,6 +51,10 @@ pub enum PhysicsError {
     },
 }
 
+/// Multiple of the speed of rest at which a resting body may be eased out of a contact.
+/// Where one side of a contact rests first, the strain of the other pushes it for a step or two.
+const EASING: f64 = 5.0;
+
 /// One rapier2d world without gravity, seen from above.
 pub struct World {
     rapier: rapier::PhysicsWorld,
@@ -274,6 +278,26 @@ impl World {
     #[must_use]
     pub fn is_still(&self, id: BodyId) -> bool {
         !self.rigid_body(id).is_moving()
+    }
+
+    /// Whether a body that rested still does, looked at after a step; `speed` is that under which a
+    /// body may rest, m/s.
+    ///
+    /// One that is only eased out of what it touches, or pushed by what strain is left in another's
+    /// wheels, is stopped again and goes on resting; otherwise vehicles that lean on a wall or on one
+    /// another would keep waking for ever.
+    pub fn rests_on(&mut self, id: BodyId, speed: f64) -> bool {
+        if self.is_still(id) {
+            return true;
+        }
+        let motion = self.motion(id);
+        let [half_length, half_width] = self.bodies[id.0].half;
+        let spin = motion.yaw_rate.abs() * (half_length + half_width);
+        let eased = motion.vx.abs() + motion.vy.abs() + spin <= EASING * speed;
+        if eased {
+            self.set_velocity(id, [0.0; 2], 0.0);
+        }
+        eased
     }
 
     /// Gives a body a velocity: along the world's axes, and yaw rate.

@@ -282,3 +282,17 @@ fn hit_by_another_it_wakes() {
     println!("shoved {:.3} m", other.truth().pose.x - 1.0);
     assert!(rested && other.truth().pose.x > 1.02);
 }
+
+#[test]
+fn leaning_on_a_wall_it_still_comes_to_rest_and_stays_there() {
+    let mut car = Car::new();
+    car.world.add_wall([0.5, -2.0], [0.5, 2.0], 0.1);
+    car.turn(FORWARD, 0.6);
+    car.run(4.0);
+    car.brake();
+    car.run_while(2.0, |car| !car.plant.at_rest());
+    for _ in 0..2000 {
+        car.step();
+        assert!(car.plant.at_rest());
+    }
+}

@@ -12,8 +12,10 @@ mod common;
 use std::time::Instant;
 
 use common::{Bench, TICK};
+use sim_physics::mecanum::PortCommand;
 use sim_physics::{
-    BodyShape, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
+    BodyShape, MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant,
+    R150PlantSettings, World, WorldMap, WorldSettings,
 };
 
 const STEPS: u32 = 200_000;
@@ -75,6 +77,69 @@ fn driving(vehicles: u32, steps: u32, left: f64) -> f64 {
             plant.after_step(&mut world);
         }
     })
+}
+
+/// One car that strafes to and fro in a world, with a change of mind ten times a second.
+fn strafing(map: &WorldMap, steps: u32) -> f64 {
+    let mut world = World::with_map(&WorldSettings::default(), map);
+    let settings = MecanumPlantSettings::default();
+    let mut car = MecanumPlant::new(&settings, &mut world, Pose::default());
+    let mut commands = MecanumCommands {
+        speed_voltage: 0.5,
+        ..MecanumCommands::default()
+    };
+    let mut step = 0_u32;
+    nanoseconds_each(steps, || {
+        if step.is_multiple_of(20) {
+            let right = step / 200 % 2 == 1;
+            for (port, reverse) in [(0, !right), (1, right), (3, right), (4, !right)] {
+                commands.ports[port] = PortCommand {
+                    reverse,
+                    brake: false,
+                };
+            }
+            commands.speed_voltage = 0.5 + f64::from(step / 20 % 2) * 0.05;
+            car.set_commands(&commands);
+        }
+        step += 1;
+        car.before_step(&mut world);
+        world.step().unwrap();
+        car.after_step(&mut world);
+    })
+}
+
+#[test]
+#[ignore = "prints figures and judges nothing"]
+fn step_cost_of_cars() {
+    let yard = include_str!("../../worlds/yard.toml");
+    let line = include_str!("../../worlds/line-loop.toml");
+    for (name, text) in [("empty", "schema = 1"), ("yard", yard), ("line-loop", line)] {
+        let map = WorldMap::from_toml(text, name).unwrap();
+        let best = (0..5).fold(f64::INFINITY, |best: f64, _| {
+            best.min(strafing(&map, STEPS))
+        });
+        println!(
+            "one car, {name}: {best:.0} ns a step, {:.0} times real time",
+            5e6 / best
+        );
+    }
+    let map = WorldMap::from_toml(yard, "yard").unwrap();
+    let mut world = World::with_map(&WorldSettings::default(), &map);
+    let settings = MecanumPlantSettings::default();
+    let mut car = MecanumPlant::new(&settings, &mut world, Pose::default());
+    for _ in 0..400 {
+        car.before_step(&mut world);
+        world.step().unwrap();
+        car.after_step(&mut world);
+    }
+    assert!(car.at_rest());
+    let rest = nanoseconds_each(STEPS, || car.rest(TICK));
+    println!("one car at rest: {rest:.0} ns per 100 ms tick");
+    let beside = nanoseconds_each(STEPS, || {
+        car.before_step(&mut world);
+        car.after_step(&mut world);
+    });
+    println!("one car at rest beside a moving one: {beside:.0} ns a step on top of the world's");
 }
 
 #[test]

@@ -250,3 +250,6 @@ impl Solid {
 fn cross([x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) -> f64 {
     x0 * y1 - y0 * x1
 }
+
+#[cfg(test)]
+mod tests;

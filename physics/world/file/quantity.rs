@@ -117,7 +117,7 @@ fn within(value: f64, low: f64, high: f64) -> Result<f64, String> {
 /// A place on the plane: x and y in metres.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, JsonSchema)]
 #[serde(try_from = "Vec<f64>")]
-#[schemars(with = "[f64; 2]")]
+#[schemars(with = "[f64; 2]", extend("items" = {"type": "number", "minimum": -EDGE, "maximum": EDGE}))]
 pub(super) struct Point(pub(super) [f64; 2]);
 
 impl TryFrom<Vec<f64>> for Point {
@@ -134,7 +134,8 @@ impl TryFrom<Vec<f64>> for Point {
 /// A line from point to point: at least two.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize, JsonSchema)]
 #[serde(try_from = "Vec<Point>")]
-pub(super) struct Line(#[schemars(length(min = 2))] pub(super) Vec<Point>);
+#[schemars(extend("minItems" = 2))]
+pub(super) struct Line(pub(super) Vec<Point>);
 
 impl TryFrom<Vec<Point>> for Line {
     type Error = String;
@@ -151,7 +152,8 @@ impl TryFrom<Vec<Point>> for Line {
 /// A coefficient of friction between wheel and ground, 0 to 2.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, JsonSchema)]
 #[serde(try_from = "f64")]
-pub(super) struct Friction(#[schemars(range(min = 0, max = 2))] pub(super) f64);
+#[schemars(extend("minimum" = 0, "maximum" = 2))]
+pub(super) struct Friction(pub(super) f64);
 
 impl TryFrom<f64> for Friction {
     type Error = String;
@@ -164,7 +166,8 @@ impl TryFrom<f64> for Friction {
 /// The number that a reader reads of a tag: 1 to 4294967295, since 0 stands for no tag.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, JsonSchema)]
 #[serde(try_from = "i64")]
-pub(super) struct TagNumber(#[schemars(range(min = 1, max = 4_294_967_295_u32))] pub(super) u32);
+#[schemars(extend("minimum" = 1, "maximum" = u32::MAX))]
+pub(super) struct TagNumber(pub(super) u32);
 
 impl TryFrom<i64> for TagNumber {
     type Error = String;
@@ -181,7 +184,8 @@ impl TryFrom<i64> for TagNumber {
 /// Version of the file's form: 1.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, JsonSchema)]
 #[serde(try_from = "i64")]
-pub(super) struct Version(#[schemars(range(min = 1, max = 1))] u8);
+#[schemars(extend("minimum" = 1, "maximum" = 1))]
+pub(super) struct Version(u8);
 
 impl TryFrom<i64> for Version {
     type Error = String;

@@ -150,9 +150,8 @@ fn the_schema_describes_every_key_and_allows_no_other() {
     }
     assert!(schema.contains("\"additionalProperties\": false"));
     assert!(schema.contains("\"title\": \"sim world file\""));
-    assert_eq!(
-        schema,
-        include_str!("../../../worlds/world.schema.json"),
+    assert!(
+        schema == include_str!("../../../worlds/world.schema.json"),
         "worlds/world.schema.json is to read:\n{schema}"
     );
 }

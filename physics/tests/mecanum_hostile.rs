@@ -1,0 +1,219 @@
+//! Whatever is done to a car, its numbers stay numbers.
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
+
+#[path = "common/car.rs"]
+mod car;
+
+use std::time::Duration;
+
+use car::{Car, FULL, RADIUS};
+use proptest::prelude::*;
+use sim_physics::mecanum::{Encoder, Port, PortCommand, WHEELS, Wheel, WheelFaults, Wiring};
+use sim_physics::{
+    Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
+};
+
+/// Something that a client, an operator or a scenario may do.
+#[derive(Debug, Clone)]
+enum Action {
+    Drive([bool; 5], [bool; 5], f64),
+    Faults(usize, WheelFaults),
+    Payload(f64),
+    Push(f64, f64, f64),
+    Bump(f64, f64, f64),
+    Place(f64, f64, f64),
+    Ground(f64, f64, f64),
+    Supply(bool),
+    Rest(u64),
+    Steps(u32),
+}
+
+/// Mostly sensible, sometimes absurd.
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        6 => -2.0..2.0,
+        3 => -100.0..100.0,
+        1 => -1e7..1e7,
+        1 => prop::sample::select(vec![0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e308, f64::MIN_POSITIVE]),
+    ]
+}
+
+fn any_faults() -> impl Strategy<Value = WheelFaults> {
+    let encoder = prop_oneof![
+        Just(Encoder::Working),
+        Just(Encoder::Lost),
+        Just(Encoder::Stuck),
+        any_number().prop_map(Encoder::Noisy),
+    ];
+    (any::<[bool; 2]>(), any_number(), encoder).prop_map(
+        |([blocked, free_wheeling], drag_torque, encoder)| WheelFaults {
+            blocked,
+            drag_torque,
+            free_wheeling,
+            encoder,
+        },
+    )
+}
+
+fn any_action() -> impl Strategy<Value = Action> {
+    use any_number as n;
+    prop_oneof![
+        6 => (any::<[bool; 5]>(), any::<[bool; 5]>(), n()).prop_map(|(reverse, brake, voltage)| Action::Drive(reverse, brake, voltage)),
+        2 => (0..WHEELS, any_faults()).prop_map(|(wheel, faults)| Action::Faults(wheel, faults)),
+        1 => n().prop_map(Action::Payload),
+        1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
+        1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Bump(ahead, left, turn)),
+        1 => (-3.0..7.0, -3.5..3.5, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
+        1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
+        1 => any::<bool>().prop_map(Action::Supply),
+        1 => (0_u64..10_000_000).prop_map(Action::Rest),
+        6 => (1_u32..80).prop_map(Action::Steps),
+    ]
+}
+
+fn commands(reverse: [bool; 5], brake: [bool; 5], speed_voltage: f64) -> MecanumCommands {
+    MecanumCommands {
+        ports: Port::ALL.map(|port| PortCommand {
+            reverse: reverse[port.index()],
+            brake: brake[port.index()],
+        }),
+        speed_voltage,
+    }
+}
+
+fn apply(car: &mut Car, action: &Action) {
+    let Car { world, plant } = car;
+    match action.clone() {
+        Action::Drive(reverse, brake, voltage) => {
+            plant.set_commands(&commands(reverse, brake, voltage));
+        }
+        Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
+        Action::Payload(mass) => plant.set_payload(world, mass),
+        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Bump(ahead, left, turn) => plant.bump(world, ahead, left, turn),
+        Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
+        Action::Ground(friction, slope, uphill) => {
+            world.set_ground(Ground::new(friction, slope, uphill));
+            plant.wake();
+        }
+        Action::Supply(on) => plant.set_supply(on),
+        Action::Rest(millis) => plant.rest(Duration::from_millis(millis)),
+        Action::Steps(steps) => {
+            for _ in 0..steps {
+                car.step();
+                check(car);
+            }
+        }
+    }
+    check(car);
+}
+
+fn check(car: &Car) {
+    let truth = car.plant.truth();
+    let read = car.plant.measurements();
+    let numbers = [
+        truth.pose.x,
+        truth.pose.y,
+        truth.pose.heading,
+        truth.forward_speed,
+        truth.leftward_speed,
+        truth.yaw_rate,
+        truth.distance,
+        truth.mass,
+    ];
+    let mut all = numbers
+        .into_iter()
+        .chain(truth.wheel_speed)
+        .chain(truth.wheel_angle)
+        .chain(truth.motor_torque);
+    assert!(all.all(f64::is_finite), "{truth:?}");
+    let in_range = |echo: f64| (0.0..=4.5).contains(&echo);
+    assert!(read.echoes.into_iter().flatten().all(in_range), "{read:?}");
+}
+
+fn yard() -> World {
+    let text = include_str!("../../worlds/yard.toml");
+    let map = WorldMap::from_toml(text, "yard.toml").unwrap();
+    World::with_map(&WorldSettings::default(), &map)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn numbers_stay_finite_and_bounded(actions in prop::collection::vec(any_action(), 1..40)) {
+        let mut car = Car::within(yard(), &MecanumPlantSettings::default());
+        for action in &actions {
+            apply(&mut car, action);
+        }
+    }
+
+    #[test]
+    fn any_settings_within_their_ranges_drive(
+        stiffness in 0.1..100.0_f64,
+        drag in 0.0..2.0_f64,
+        relaxation in 0.0005..1.0_f64,
+        angle in 15.0..75.0_f64,
+        gain in 0.001..10_000.0_f64,
+        torque in 0.001..1000.0_f64,
+        inertia in 0.00001..10.0_f64,
+        mass in 0.1..500.0_f64,
+        yaw_inertia in 0.0005..500.0_f64,
+        friction in 0.0..2.0_f64,
+        drives in prop::collection::vec((any::<[bool; 5]>(), any::<[bool; 5]>(), 0.0..1.0_f64), 1..8),
+    ) {
+        let mut settings = MecanumPlantSettings::default();
+        settings.wheel.axial_stiffness = stiffness;
+        settings.wheel.roller_drag = drag;
+        settings.wheel.relaxation_length = relaxation;
+        settings.wheel.roller_angle = angle;
+        settings.motor.speed_gain = gain;
+        settings.motor.torque_limit = torque;
+        settings.motor.inertia = inertia;
+        settings.body.mass = mass;
+        settings.body.yaw_inertia = yaw_inertia;
+        let mut car = Car::with(&settings);
+        car.world.set_ground(Ground::flat(friction));
+        // Rollers at 75 degrees carry the body almost four times as fast sideways as the wheels turn.
+        let fastest = FULL * RADIUS * angle.to_radians().tan().max(1.0);
+        for (reverse, brake, voltage) in drives {
+            car.plant.set_commands(&commands(reverse, brake, voltage));
+            for _ in 0..100 {
+                car.step();
+                check(&car);
+            }
+            // No energy comes out of the solver.
+            let truth = car.plant.truth();
+            // A wheel that coasts turns as the body's way over its roller makes it.
+            for speed in truth.wheel_speed {
+                prop_assert!(speed.abs() < 6.0 * fastest / RADIUS + 1.0, "{truth:?}");
+            }
+            prop_assert!(truth.forward_speed.abs() < fastest * 1.5 + 0.1, "{truth:?}");
+            prop_assert!(truth.leftward_speed.abs() < fastest * 1.5 + 0.1, "{truth:?}");
+        }
+    }
+
+    #[test]
+    fn left_alone_on_the_flat_it_never_gains_speed(
+        ahead in -8.0..8.0_f64, left in -8.0..8.0_f64, turn in -0.5..0.5_f64,
+        brake in any::<[bool; 5]>(), supply in any::<bool>(),
+    ) {
+        let mut car = Car::wired(Wiring::X_Y_E0_E1);
+        car.plant.set_commands(&commands([false; 5], brake, 0.0));
+        car.plant.set_supply(supply);
+        car.plant.bump(&mut car.world, ahead, left, turn);
+        let energy = |car: &Car| {
+            let truth = car.plant.truth();
+            let speed = truth.forward_speed.powi(2) + truth.leftward_speed.powi(2);
+            8.0 * speed / 2.0 + 0.14 * truth.yaw_rate.powi(2) / 2.0
+        };
+        let mut peak = (ahead * ahead + left * left) / 16.0 + turn * turn / 0.28;
+        while !car.plant.at_rest() {
+            car.run(0.5);
+            // Within half a second a roller may give a little of its strain back.
+            prop_assert!(energy(&car) <= peak * 1.001 + 1e-3, "{} {peak}", energy(&car));
+            peak = energy(&car);
+            prop_assert!(car.world.steps() < 20_000);
+        }
+    }
+}
