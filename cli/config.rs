@@ -1,7 +1,7 @@
 //! Effective settings: defaults, then the file, then the flags.
 
-use std::fs;
-use std::io::Write as _;
+use std::fs::File;
+use std::io::{Read as _, Write as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
@@ -61,17 +61,17 @@ pub(crate) fn apply_flags(args: &SettingsArgs, settings: &mut SimSettings) -> Re
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
     let shown = path.display();
     let cannot = || format!("cannot read the {what} {shown}");
-    let size = fs::metadata(path)
+    // A device or a pipe has no length to be asked for, and may have no end.
+    let mut text = String::new();
+    File::open(path)
+        .and_then(|file| file.take(MOST_BYTES + 1).read_to_string(&mut text))
         .with_context(cannot)
-        .map_err(Failure::usage)?
-        .len();
-    if size > MOST_BYTES {
-        let why = anyhow!("the {what} {shown} is {size} bytes long; 1 MiB is allowed");
+        .map_err(Failure::usage)?;
+    if text.len() as u64 > MOST_BYTES {
+        let why = anyhow!("the {what} {shown} is too long; 1 MiB is allowed");
         return Err(Failure::usage(why));
     }
-    fs::read_to_string(path)
-        .with_context(cannot)
-        .map_err(Failure::usage)
+    Ok(text)
 }
 
 /// What differs from the defaults, as `key = value`.

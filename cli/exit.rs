@@ -19,7 +19,7 @@ impl Exit {
 Exit codes:
   0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP
   2  usage or configuration: a flag, a file or a setting is wrong
-  3  simulator or system: a port could not be made or served";
+  3  simulator or system: a port could not be made or served, or the simulator is at fault";
 }
 
 impl From<Exit> for ExitCode {

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Style};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
@@ -17,9 +17,14 @@ use crate::args::LogFormat;
 
 /// Most lines that wait to be printed; further ones are dropped and counted.
 const MOST_LINES: usize = 1 << 14;
-/// How long whoever reads the output may take for one line at the end before the rest is given up:
-/// a reader that has stopped reading must not keep the simulator from ending.
-const END_PATIENCE: Duration = Duration::from_secs(3);
+/// How long whoever reads the output may take at the end for the lines that wait; then the rest is
+/// left out, but for the last.
+const END_PATIENCE: Duration = Duration::from_secs(2);
+/// How long whoever reads the output may take at the end in all: a reader that has stopped reading
+/// must not keep the simulator from ending.
+const LAST_PATIENCE: Duration = Duration::from_secs(5);
+/// How long to wait for the end of the printing before looking around.
+const GLANCE: Duration = Duration::from_millis(20);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
 
@@ -37,13 +42,16 @@ enum Line {
     Text(String),
 }
 
-/// The sending end; dropping it prints the rest and ends the thread.
+/// The sending end; finishing or dropping it prints the rest and ends the thread.
 pub(crate) struct Log {
     lines: Option<Sender<Line>>,
     dropped: Arc<AtomicU64>,
     options: LogOptions,
-    /// Has something in it when a line was printed; disconnected when the thread has ended.
-    progress: Receiver<()>,
+    /// What to print after all lines, or after those for which there was time.
+    last: Sender<String>,
+    hurry: Arc<AtomicBool>,
+    /// Nothing is ever sent; disconnected when the thread has ended.
+    ended: Receiver<()>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -51,15 +59,19 @@ impl Log {
     /// Starts the thread; `names` are the devices by index.
     pub(crate) fn start(options: LogOptions, names: Vec<String>) -> io::Result<Self> {
         let (lines, receiver) = crossbeam_channel::bounded(MOST_LINES);
-        let (printed, progress) = crossbeam_channel::bounded(1);
+        let (last, last_receiver) = crossbeam_channel::bounded(1);
+        let (ends, ended) = crossbeam_channel::bounded(0);
         let dropped = Arc::new(AtomicU64::new(0));
+        let hurry = Arc::new(AtomicBool::new(false));
         let printer = Printer {
             options,
             names,
             dropped: Arc::clone(&dropped),
             told_dropped: 0,
             repeats: BTreeMap::new(),
-            printed,
+            last: last_receiver,
+            hurry: Arc::clone(&hurry),
+            _ends: ends,
         };
         let thread = std::thread::Builder::new()
             .name("log".to_owned())
@@ -68,7 +80,9 @@ impl Log {
             lines: Some(lines),
             dropped,
             options,
-            progress,
+            last,
+            hurry,
+            ended,
             thread: Some(thread),
         })
     }
@@ -106,21 +120,56 @@ impl Log {
     }
 }
 
-impl Drop for Log {
-    fn drop(&mut self) {
+impl Log {
+    /// Prints what waits and then `last`. Returns early if `interrupted`, which waits as long as
+    /// it is told, says so; what could not be printed is told on standard error.
+    pub(crate) fn finish(
+        mut self,
+        last: Option<String>,
+        mut interrupted: impl FnMut(Duration) -> bool,
+    ) {
+        if let Some(last) = last {
+            // The channel takes one, and this is the only one.
+            let _ = self.last.try_send(last);
+        }
+        let printed = self.drain(|| interrupted(GLANCE));
+        if !printed {
+            // Nothing is left to do if standard error is closed, too.
+            let _ = writeln!(
+                anstream::stderr(),
+                "some output was not printed: whoever reads it is too slow"
+            );
+        }
+    }
+
+    /// Waits until all is printed, up to a point; says whether it was.
+    fn drain(&mut self, mut interrupted: impl FnMut() -> bool) -> bool {
         self.lines = None;
-        let Some(thread) = self.thread.take() else {
-            return;
-        };
-        // Every round takes a line off a queue that is bounded and that nobody fills any more.
-        let end = loop {
-            if let Err(end) = self.progress.recv_timeout(END_PATIENCE) {
-                break end;
+        let begun = Instant::now();
+        let ended = loop {
+            match self.ended.recv_timeout(GLANCE) {
+                Err(RecvTimeoutError::Timeout) => {}
+                _ => break true,
+            }
+            if begun.elapsed() > END_PATIENCE {
+                self.hurry.store(true, Ordering::Relaxed);
+            }
+            if begun.elapsed() > LAST_PATIENCE || interrupted() {
+                break false;
             }
         };
-        if end == RecvTimeoutError::Disconnected {
+        if let Some(thread) = self.thread.take().filter(|_| ended) {
             // A panic of the printing thread has been printed by its own hook.
             let _ = thread.join();
+        }
+        ended
+    }
+}
+
+impl Drop for Log {
+    fn drop(&mut self) {
+        if self.thread.is_some() && self.lines.is_some() {
+            self.drain(|| false);
         }
     }
 }
@@ -132,8 +181,11 @@ struct Printer {
     told_dropped: u64,
     /// When an event of a device and kind was last printed, and how many were not since.
     repeats: BTreeMap<(usize, &'static str), (SimTime, u64)>,
-    /// Told of each line, if whoever listens has heard of the one before.
-    printed: Sender<()>,
+    last: Receiver<String>,
+    /// Set when there is no more time for the lines that wait.
+    hurry: Arc<AtomicBool>,
+    /// Dropped with the rest of it at the end.
+    _ends: Sender<()>,
 }
 
 impl Printer {
@@ -141,12 +193,19 @@ impl Printer {
         let mut out = anstream::stdout();
         // When nobody reads, as after `| head`, the lines go nowhere and the device goes on.
         while let Ok(line) = lines.recv() {
+            if self.hurry.load(Ordering::Relaxed) {
+                self.dropped.fetch_add(1, Ordering::Relaxed);
+                continue;
+            }
             let _ = self.print(&mut out, line);
-            let _ = self.printed.try_send(());
             if lines.is_empty() {
                 let _ = self.tell_dropped(&mut out);
                 let _ = out.flush();
             }
+        }
+        let _ = self.tell_dropped(&mut out);
+        if let Ok(last) = self.last.try_recv() {
+            let _ = writeln!(out, "{last}");
         }
         let _ = out.flush();
     }

@@ -2,8 +2,10 @@
 //! real ports in real time.
 
 mod args;
+mod clock;
 mod config;
 mod exit;
+mod fairness;
 mod log;
 mod plan;
 mod ready_file;
@@ -12,24 +14,56 @@ mod start;
 mod summary;
 
 use std::io::Write as _;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use clap::Parser as _;
 
 use args::{Cli, Command};
+use exit::{Exit, Failure};
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let outcome = match &cli.command {
-        Some(Command::Config(settings)) => config::print(settings),
-        None => start::serve(&cli.serve),
-    };
-    match outcome {
-        Ok(exit) => exit.into(),
-        Err(failure) => {
+    guarded(|| {
+        let cli = Cli::parse();
+        match &cli.command {
+            Some(Command::Config(settings)) => config::print(settings),
+            None => start::serve(&cli.serve),
+        }
+    })
+    .into()
+}
+
+/// Runs `program` and says how it ended. A panic ends it as a failure of the simulator, which it
+/// is; what was opened is closed on the way here, and the panic has been printed by its own hook.
+fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
+    // Nothing that the program has touched is used any more afterwards.
+    match catch_unwind(AssertUnwindSafe(program)) {
+        Ok(Ok(exit)) => exit,
+        Ok(Err(failure)) => {
             // Nothing is left to do if even standard error is closed.
             let _ = writeln!(anstream::stderr(), "error: {:#}", failure.error);
-            failure.exit.into()
+            failure.exit
         }
+        Err(_) => Exit::System,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_pty::PtyPort;
+
+    #[test]
+    fn a_panic_is_a_failure_of_the_simulator_and_leaves_no_link() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("r150");
+        let exit = guarded(|| {
+            let _port = PtyPort::open_at(&path, 115_200).unwrap();
+            assert!(path.exists());
+            panic!("as a test of what is done about it");
+        });
+        assert_eq!(exit, Exit::System);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        assert_eq!(guarded(|| Ok(Exit::Clean)), Exit::Clean);
     }
 }

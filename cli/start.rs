@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde_json::json;
 use sim_core::rig::PortId;
-use sim_pty::{Port, PtyPort, SerialPort};
+use sim_pty::{Port, PtyPort, SerialPort, Waiter};
 use sim_scenarios::RigPlan;
 
 use crate::args::{LogFormat, ServeArgs};
@@ -17,7 +17,7 @@ use crate::log::{Log, LogOptions};
 use crate::plan::{Plan, plan};
 use crate::ready_file::ReadyFile;
 use crate::serve::{Served, Server};
-use crate::summary::{self, DeviceSummary};
+use crate::summary::{self, DeviceSummary, RunSummary};
 
 /// Serves until a signal ends it.
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
@@ -28,6 +28,9 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     } = plan(args)?;
     let seed = args.seed.or(plan.seed).unwrap_or_else(random_seed);
     let rig = plan.build(map, args.wire(), seed);
+    // Before anything is opened, so that a signal at any time leaves nothing behind.
+    let mut waiter = Waiter::new().map_err(Failure::system)?;
+    waiter.catch_signals().map_err(Failure::system)?;
     let ports = open_all(args, &plan, &folder)?;
 
     let options = LogOptions {
@@ -47,7 +50,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         .iter()
         .map(|port| ShownPort::new(port, &plan))
         .collect();
-    let mut server = Server::new(rig, ports, args.speed).map_err(Failure::system)?;
+    let mut server = Server::new(rig, ports, waiter, args.speed).map_err(Failure::system)?;
 
     announce(&log, args, &plan, &shown, seed);
     let ready = json!({
@@ -56,7 +59,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         "seed": seed,
         "ports": shown.iter().map(ShownPort::json).collect::<Vec<_>>(),
     });
-    let _ready_file = args
+    let ready_file = args
         .ready_file
         .as_ref()
         .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
@@ -68,7 +71,10 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     });
 
     let outcome = server.run(&log).map_err(Failure::system);
-    if !log.is_quiet() {
+    // Whoever looks from here on finds nobody serving, however long the printing takes.
+    drop(ready_file);
+    let counters = server.close_ports();
+    let summary = (!log.is_quiet()).then(|| {
         let devices: Vec<DeviceSummary<'_>> = names
             .iter()
             .enumerate()
@@ -76,14 +82,24 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
                 name,
                 report: server.report(device),
                 distance_m: server.rig().distance_m(device),
+                ports: counters
+                    .iter()
+                    .filter(|(id, _)| id.device == device)
+                    .map(|(_, counters)| *counters)
+                    .collect(),
             })
             .collect();
-        let now = server.rig().now();
-        log.text(match log.format() {
-            LogFormat::Text => summary::text(now, &devices),
-            LogFormat::Json => summary::json(now, &devices).to_string(),
-        });
-    }
+        let run = RunSummary {
+            now: server.rig().now(),
+            events_lost: server.rig().events_lost(),
+            excused: server.excused(),
+        };
+        match log.format() {
+            LogFormat::Text => summary::text(&run, &devices),
+            LogFormat::Json => summary::json(&run, &devices).to_string(),
+        }
+    });
+    log.finish(summary, |within| server.is_interrupted(within));
     outcome.map(|()| Exit::Clean)
 }
 

@@ -6,21 +6,37 @@ use serde_json::{Value, json};
 use sim_core::SimTime;
 use sim_core::event::Hex;
 use sim_core::report::Report;
+use sim_pty::Counters;
 
 /// One device's part of the summary.
 pub(crate) struct DeviceSummary<'a> {
     pub(crate) name: &'a str,
     pub(crate) report: &'a Report,
     pub(crate) distance_m: f64,
+    /// Totals of its ports, by link.
+    pub(crate) ports: Vec<Counters>,
+}
+
+/// What concerns all devices.
+pub(crate) struct RunSummary {
+    pub(crate) now: SimTime,
+    /// Events that nobody took in time.
+    pub(crate) events_lost: u64,
+    /// Events that were not held against a client since the simulator was late.
+    pub(crate) excused: u64,
 }
 
 /// For people.
-pub(crate) fn text(now: SimTime, devices: &[DeviceSummary<'_>]) -> String {
-    let mut text = format!("summary after {:.1} s of simulated time", now.as_secs_f64());
+pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
+    let mut text = format!(
+        "summary after {:.1} s of simulated time",
+        run.now.as_secs_f64()
+    );
     for DeviceSummary {
         name,
         report,
         distance_m,
+        ports,
     } in devices
     {
         let Report {
@@ -42,6 +58,17 @@ pub(crate) fn text(now: SimTime, devices: &[DeviceSummary<'_>]) -> String {
         if !other.is_empty() {
             let _ = write!(text, "\n    events: {}", other.join(", "));
         }
+        for port in ports {
+            let full = port.dropped_full_bytes;
+            let alone = port.dropped_detached_bytes;
+            if full > 0 || alone > 0 {
+                let _ = write!(
+                    text,
+                    "\n    bytes lost at the port: {full} that the client did not read, {alone} \
+                     when it had gone"
+                );
+            }
+        }
         let mut faults = report.client_faults().peekable();
         if faults.peek().is_none() {
             let _ = write!(
@@ -62,11 +89,26 @@ pub(crate) fn text(now: SimTime, devices: &[DeviceSummary<'_>]) -> String {
             );
         }
     }
+    if run.excused > 0 {
+        let _ = write!(
+            text,
+            "\n  {} events are held against nobody: the machine was busy, and delivered at once \
+             what clients may have sent in time",
+            run.excused
+        );
+    }
+    if run.events_lost > 0 {
+        let _ = write!(
+            text,
+            "\n  {} events were lost before they were counted",
+            run.events_lost
+        );
+    }
     text
 }
 
 /// For programs.
-pub(crate) fn json(now: SimTime, devices: &[DeviceSummary<'_>]) -> Value {
+pub(crate) fn json(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> Value {
     let devices: Vec<Value> = devices
         .iter()
         .map(
@@ -74,7 +116,20 @@ pub(crate) fn json(now: SimTime, devices: &[DeviceSummary<'_>]) -> Value {
                  name,
                  report,
                  distance_m,
+                 ports,
              }| {
+                let ports: Vec<Value> = ports
+                    .iter()
+                    .map(|port| {
+                        json!({
+                            "received_bytes": port.received_bytes,
+                            "sent_bytes": port.sent_bytes,
+                            "dropped_full_bytes": port.dropped_full_bytes,
+                            "dropped_detached_bytes": port.dropped_detached_bytes,
+                            "attached": port.attached,
+                        })
+                    })
+                    .collect();
                 let events: Vec<Value> = report
                     .events
                     .iter()
@@ -95,9 +150,16 @@ pub(crate) fn json(now: SimTime, devices: &[DeviceSummary<'_>]) -> Value {
                     "replies": report.replies,
                     "distance_m": distance_m,
                     "events": events,
+                    "ports": ports,
                 })
             },
         )
         .collect();
-    json!({"code": "summary", "time_s": now.as_secs_f64(), "devices": devices})
+    json!({
+        "code": "summary",
+        "time_s": run.now.as_secs_f64(),
+        "events_lost": run.events_lost,
+        "excused": run.excused,
+        "devices": devices,
+    })
 }

@@ -1,0 +1,51 @@
+//! What is not held against a client because the machine was busy.
+
+use std::time::Duration;
+
+use sim_core::SimTime;
+use sim_core::event::Event;
+
+/// Whoever sends at a steady rate is back in its rhythm after two rounds at the R150's 20 Hz.
+const RHYTHM: Duration = Duration::from_millis(100);
+
+/// What a client does in steady time can look like this when a busy machine delivers it at once.
+const TIMING: [&str; 8] = [
+    "over_rate",
+    "watchdog_fired",
+    "heartbeat_lost",
+    "link_timeout",
+    "queue_full",
+    "line_full",
+    "reply_dropped",
+    "overrun",
+];
+
+/// Knows when the simulator was late.
+#[derive(Default)]
+pub(crate) struct Fairness {
+    excused_until: Option<SimTime>,
+    excused: u64,
+}
+
+impl Fairness {
+    /// The simulator was late at `now` by so much simulated time. What the clients sent meanwhile
+    /// arrives in one burst now, which takes less time than the sending did.
+    pub(crate) fn late(&mut self, now: SimTime, by: Duration) {
+        let until = now + by + RHYTHM;
+        self.excused_until = self.excused_until.max(Some(until));
+    }
+
+    /// Whether an event looks like the client's fault but may well be the machine's.
+    pub(crate) fn excuses(&mut self, event: &Event) -> bool {
+        let excused = event.kind.is_client_fault()
+            && self.excused_until.is_some_and(|until| event.at <= until)
+            && TIMING.contains(&event.kind.code());
+        self.excused += u64::from(excused);
+        excused
+    }
+
+    /// How many events were excused.
+    pub(crate) fn excused(&self) -> u64 {
+        self.excused
+    }
+}
