@@ -168,6 +168,7 @@ fn a_wrong_baud_rate_garbles_and_is_told_once() {
             assert!(!holds_frame(&garbled), "{garbled:02X?} at {baud} baud");
         }
         drop(client);
+        sim.wait_events("client_detached", 2 * round + 1);
         let mut client = sim.client();
         assert_eq!(client.ask(0xF0, &[]).len(), 8, "after {baud} baud");
         drop(client);
