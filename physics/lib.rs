@@ -1,7 +1,7 @@
 //! The world outside the firmware: bodies, tyres, motors, battery, rails.
 //!
-//! A [`World`] holds every body in one top-down rapier2d world. A plant, such as [`R150Plant`], is
-//! the hardware of one vehicle: it takes the pins that the firmware drives, solves the electrics
+//! A [`World`] holds every body in one top-down rapier2d world, with what a [`WorldMap`] puts into
+//! it. A plant, [`R150Plant`] or [`MecanumPlant`], is the hardware of one vehicle: it takes the pins that the firmware drives, solves the electrics
 //! and the tyres, and gives back what the firmware's sensors would read. The world and its plants
 //! advance together:
 //!

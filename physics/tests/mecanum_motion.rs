@@ -7,6 +7,7 @@ mod car;
 
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
 use sim_physics::mecanum::{Port, WHEELS, Wheel, WheelFaults, Wiring};
+use sim_physics::world::{Area, FrictionPatch, Rectangle};
 use sim_physics::{Ground, MecanumPlantSettings, Pose};
 
 const FORWARD: [i8; WHEELS] = [1; WHEELS];
@@ -295,4 +296,22 @@ fn leaning_on_a_wall_it_still_comes_to_rest_and_stays_there() {
         car.step();
         assert!(car.plant.at_rest());
     }
+}
+
+#[test]
+fn each_wheel_stands_on_its_own_ground() {
+    let mut car = Car::new();
+    // Ice under the left wheels only.
+    let ice = Rectangle::new([5.0, 0.5], 0.0, 20.0, 1.0);
+    car.world.add_friction(&FrictionPatch {
+        area: Area::Rectangle(ice),
+        friction: 0.02,
+    });
+    car.turn(FORWARD, 1.0);
+    car.run(0.3);
+    println!("half on ice: {:.4?}", car.gone());
+    // The right wheels push, the left ones spin.
+    assert!(car.gone()[2] > 0.01);
+    assert!(car.world.ground_at(0.0, 0.12).friction() < 0.1);
+    assert!(car.world.ground_at(0.0, -0.12).friction() > 0.5);
 }

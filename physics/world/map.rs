@@ -1,7 +1,6 @@
 //! What lies and stands on the plane.
 
 use super::area::{Disc, Rectangle};
-use super::ground::Ground;
 use super::scan::Tag;
 use super::{World, WorldSettings};
 use crate::pose::Pose;
@@ -118,27 +117,4 @@ impl World {
         }
         world
     }
-
-    /// Lets the ground slope somewhere.
-    pub fn add_slope(&mut self, slope: &Slope) {
-        let ground = Ground::new(0.0, slope.slope, slope.uphill);
-        self.areas.push((slope.area, Change::Slope(ground)));
-        self.changes += 1;
-    }
-
-    /// Gives the ground another friction somewhere.
-    pub fn add_friction(&mut self, patch: &FrictionPatch) {
-        let ground = Ground::flat(patch.friction);
-        self.areas.push((patch.area, Change::Friction(ground)));
-        self.changes += 1;
-    }
-}
-
-/// In what the ground of an area differs from that around it.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Change {
-    /// It has the slope of this ground.
-    Slope(Ground),
-    /// It has the friction of this ground.
-    Friction(Ground),
 }
