@@ -1,9 +1,9 @@
 //! The world outside the firmware: bodies, tyres, motors, battery, rails.
 //!
 //! A [`World`] holds every body in one top-down rapier2d world, with what a [`WorldMap`] puts into
-//! it. A plant, [`R150Plant`] or [`MecanumPlant`], is the hardware of one vehicle: it takes the pins that the firmware drives, solves the electrics
-//! and the tyres, and gives back what the firmware's sensors would read. The world and its plants
-//! advance together:
+//! it. A plant, [`R150Plant`] or [`MecanumPlant`], is the hardware of one vehicle: it takes the pins
+//! that the firmware drives, solves the electrics and the wheels, and gives back what the firmware's
+//! sensors would read. The world and its plants advance together:
 //!
 //! ```
 //! use sim_physics::{Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
