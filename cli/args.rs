@@ -8,6 +8,7 @@ use sim_core::r150_device::vehicle::Start;
 use sim_scenarios::Kind;
 
 use crate::exit::Exit;
+use crate::schema::FileKind;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -51,6 +52,13 @@ pub(crate) enum Command {
     ///
     /// The output is a valid --config file. Save it, change what you like, delete the rest.
     Config(SettingsArgs),
+    /// Print the JSON Schema of world files or of rig files; many editors complete and check with
+    /// it.
+    Schema {
+        /// Of which files.
+        #[arg(value_enum)]
+        of: FileKind,
+    },
 }
 
 /// Where settings come from; later ones win.

@@ -9,6 +9,7 @@ mod fairness;
 mod log;
 mod plan;
 mod ready_file;
+mod schema;
 mod serve;
 mod start;
 mod summary;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         let cli = Cli::parse();
         match &cli.command {
             Some(Command::Config(settings)) => config::print(settings),
+            Some(Command::Schema { of }) => schema::print(*of),
             None => start::serve(&cli.serve),
         }
     })

@@ -20,6 +20,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::settings::SimSettings;
@@ -32,7 +33,7 @@ use toml::de::{DeTable, DeValue};
 pub const MOST_DEVICES: usize = 1000;
 
 /// Which device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// XAG R150 unmanned ground vehicle.
@@ -101,6 +102,12 @@ impl From<Vec<SettingsError>> for RigFileError {
 }
 
 impl RigPlan {
+    /// The JSON Schema of rig files.
+    #[must_use]
+    pub fn json_schema() -> String {
+        format!("{:#}\n", schemars::schema_for!(RigText).as_value())
+    }
+
     /// Reads a rig file; its settings change those of `base`.
     ///
     /// # Errors
@@ -202,37 +209,68 @@ fn is_name(name: &str) -> bool {
     !name.is_empty() && name.len() <= 64 && name.chars().all(allowed)
 }
 
-#[derive(Debug, Deserialize)]
+// The comments are the descriptions in the JSON Schema. Tables of settings are read a second time,
+// with the places of their keys.
+
+/// Devices for `sim --rig`, in one world. Paths are relative to this file; quantities are text with
+/// a unit, as in "50 mm".
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "sim rig file", extend("required" = ["schema", "device"]))]
 struct RigText {
+    /// Version of the form of this file.
+    #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
     schema: Spanned<u32>,
+    /// The world file; an empty field without one.
     world: Option<PathBuf>,
+    /// Seed of everything random; a random one is chosen and printed if not given.
     seed: Option<u64>,
-    /// Read a second time, with the places of its keys.
+    /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default, rename = "settings")]
+    #[schemars(schema_with = "any_table")]
     _settings: toml::Table,
+    /// The devices.
     #[serde(default)]
+    #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1, "maxItems" = MOST_DEVICES))]
     device: Vec<Spanned<DeviceText>>,
 }
 
-#[derive(Debug, Deserialize)]
+/// A device.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct DeviceText {
+    /// Which device.
     kind: Kind,
+    /// Letters, digits, - and _; unique. The kind unless given, numbered if there are several.
+    #[schemars(extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
     name: Option<String>,
+    /// In which state an R150 begins; ready unless given.
     start: Option<StartText>,
+    /// Where it stands at the start; at the origin, looking along x, unless given.
     #[serde(default)]
     pose: PoseText,
+    /// Path of the pseudo-terminal of its main link; without one it has the system's name only.
     port: Option<PathBuf>,
+    /// Path of the pseudo-terminal of a mecanum car's ROS link; without one the link is not there
+    /// and the magnetic sensor has its UART.
     ros_port: Option<PathBuf>,
+    /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
     #[serde(default, rename = "settings")]
+    #[schemars(schema_with = "any_table")]
     _settings: toml::Table,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+fn any_table(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({"type": "object"})
+}
+
+/// A state at the start.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum StartText {
+    /// Unlocked, brake released, autonomous.
     Ready,
+    /// Locked, parked, in remote mode, as the hardware starts.
     Locked,
 }
 
@@ -245,11 +283,15 @@ impl From<StartText> for Start {
     }
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+/// A place and a direction in the world; what is not given is 0.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct PoseText {
+    /// East.
     x: Option<Length>,
+    /// North.
     y: Option<Length>,
+    /// Counter-clockwise from x.
     heading: Option<Angle>,
 }
 
@@ -334,6 +376,15 @@ mod tests {
         assert_eq!(second.settings.r150.plant.battery.initial_soc, 80.0);
         assert_eq!(second.settings.r150.firmware.heartbeat_timeout.as_secs(), 9);
         assert_eq!(plan.settings.world.slope, 3.0);
+    }
+
+    #[test]
+    fn the_schema_is_the_published_one() {
+        let schema = RigPlan::json_schema();
+        assert!(
+            schema == include_str!("../worlds/rig.schema.json"),
+            "worlds/rig.schema.json is to read:\n{schema}"
+        );
     }
 
     #[test]
