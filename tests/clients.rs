@@ -57,6 +57,89 @@ fn replies_to_one_client_never_reach_the_next() {
 }
 
 #[test]
+fn a_reply_to_one_client_never_reaches_one_that_comes_at_once() {
+    let delayed = ["--set", "r150.over_rate=delay"];
+    let sim = Sim::start(&[&JSON[..], &delayed].concat());
+    for round in 0..50 {
+        let mut client = sim.client();
+        // Gone before any of it is answered.
+        client.send(&frame(0x06, &[]));
+        drop(client);
+        let mut client = sim.client();
+        let start = Instant::now();
+        loop {
+            client.send(&frame(0xF0, &[]));
+            // Where the bytes of both lie mixed in the system's buffer, they count as the former's
+            // and nothing comes: then, as with any lost byte, the client asks again.
+            if let Some((command, reply)) = client.receive_within(Duration::from_millis(200)) {
+                assert_eq!((command, reply.len()), (0xF0, 8), "round {round}");
+                break;
+            }
+            assert!(start.elapsed() < PATIENCE, "no reply in round {round}");
+        }
+        // What was answered late must not pass for a reply to the next round's first client.
+        drop(client);
+        sim.wait_events("client_detached", 2 * round + 2);
+    }
+    sim.stop().expect_clean();
+}
+
+#[test]
+fn a_hang_up_is_noticed_behind_more_than_the_line_holds() {
+    let sim = Sim::start(&JSON);
+    let mut client = sim.client();
+    let request = frame(0x07, &[]).repeat(2000);
+    client.send(&request);
+    drop(client);
+    let mut client = sim.client();
+    // All of that takes a second on the line, and none of it is answered to this one.
+    let start = Instant::now();
+    let reply = loop {
+        client.send(&frame(0xF0, &[]));
+        if let Some(reply) = client.receive_within(Duration::from_millis(500)) {
+            break reply;
+        }
+        assert!(start.elapsed() < PATIENCE, "no reply");
+    };
+    assert_eq!((reply.0, reply.1.len()), (0xF0, 8));
+    drop(client);
+    sim.wait_events("client_detached", 2);
+    assert_eq!(sim.wait_events("client_attached", 2).len(), 2);
+    let summary = sim.stop().expect_clean().summary();
+    assert!(summary["requests"].as_u64() > Some(2000), "{summary}");
+}
+
+#[test]
+fn a_client_whose_port_is_not_as_it_should_be_is_told_what_to_do() {
+    use rustix::termios::{ControlModes, LocalModes, OptionalActions, tcgetattr, tcsetattr};
+    let sim = Sim::start(&JSON);
+    let flags = rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY;
+    let client = rustix::fs::open(sim.port(), flags, rustix::fs::Mode::empty()).unwrap();
+    let mut termios = tcgetattr(&client).unwrap();
+    termios.local_modes |= LocalModes::ECHO;
+    termios.control_modes |= ControlModes::CSTOPB;
+    tcsetattr(&client, OptionalActions::Now, &termios).unwrap();
+    rustix::io::write(&client, &frame(0x07, &[])).unwrap();
+    let told = sim.wait_event("line_not_raw");
+    assert_eq!(told["level"], "warning");
+    let text = told["text"].as_str().unwrap();
+    assert!(text.contains("stty") && text.contains("pyserial"), "{text}");
+    let told = sim.wait_event("stop_bits");
+    assert!(told["text"].as_str().unwrap().contains("with 1"), "{told}");
+    drop(client);
+    sim.wait_event("client_detached");
+    let summary = sim.stop().expect_clean().summary();
+    let events = summary["events"].as_array().unwrap();
+    for code in ["line_not_raw", "stop_bits"] {
+        let event = &harness::with_code(events, code)[0];
+        assert_eq!(
+            (&event["count"], &event["client_faults"]),
+            (&1.into(), &1.into())
+        );
+    }
+}
+
+#[test]
 fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
     let sim = Sim::start(&JSON);
     let mut client = sim.client();

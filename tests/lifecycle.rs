@@ -175,3 +175,29 @@ fn there_is_no_ready_file_when_nobody_can_connect() {
         .expect_refusal(2, &["ready file /no/such/dir/ready"]);
     assert!(names(dir.path()).is_empty(), "{:?}", names(dir.path()));
 }
+
+#[test]
+fn a_ready_file_replaces_nothing_but_its_like() {
+    let dir = tempfile::tempdir().unwrap();
+    let (port, ready) = (dir.path().join("r150"), dir.path().join("ready"));
+    fs::write(&ready, "precious").unwrap();
+    let (port, file) = (port.to_str().unwrap(), ready.to_str().unwrap());
+    run(&["--pty", port, "--ready-file", file]).expect_refusal(2, &[file, "left alone"]);
+    assert_eq!(fs::read_to_string(&ready).unwrap(), "precious");
+    assert_eq!(names(dir.path()), ["ready"]);
+
+    // One that a killed simulator has left is replaced.
+    fs::remove_file(&ready).unwrap();
+    let sim = Sim::start_at(Path::new(port), &["--ready-file", file]);
+    sim.signal(Signal::KILL);
+    sim.wait();
+    assert!(ready.exists());
+    let sim = Sim::start_at(Path::new(port), &["--ready-file", file]);
+    assert!(
+        fs::read_to_string(&ready)
+            .unwrap()
+            .contains(&sim.pid().to_string())
+    );
+    sim.stop().expect_clean();
+    assert!(names(dir.path()).is_empty(), "{:?}", names(dir.path()));
+}

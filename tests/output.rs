@@ -12,12 +12,13 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 use harness::client::Client;
 use harness::process::Process;
 use harness::transcript::Transcript;
 use harness::wire::frame;
-use harness::{Sim, command, with_code};
+use harness::{Sim, command, until, with_code};
 use rustix::fs::{Mode, OFlags};
 use rustix::process::Signal;
 use tempfile::TempDir;
@@ -235,14 +236,30 @@ fn start_piped(command: &mut Command) -> (Process, BufReader<std::process::Child
     (process, out)
 }
 
-fn expect_good_end(mut process: Process, port: &Path) {
+/// Ends it well, and gives what it has to complain about.
+fn complaints_at_the_end(mut process: Process, port: &Path) -> String {
     process.signal(Signal::TERM);
     assert_eq!(process.wait().code(), Some(0));
+    assert!(!port.exists());
+    complaints(&mut process)
+}
+
+fn complaints(process: &mut Process) -> String {
     let mut complaints = String::new();
     let mut err = process.child().stderr.take().unwrap();
     err.read_to_string(&mut complaints).unwrap();
-    assert_eq!(complaints, "");
-    assert!(!port.exists());
+    complaints
+}
+
+/// Has so many lines printed that nobody reads them: two for each heartbeat.
+fn chatter(port: &Path, heartbeats: usize) {
+    let mut client = Client::open(port);
+    for _ in 0..heartbeats / 50 {
+        client.send(&frame(0x07, &[]).repeat(50));
+        for _ in 0..50 {
+            assert_eq!(client.receive(), (0x07, vec![1]));
+        }
+    }
 }
 
 #[test]
@@ -255,20 +272,53 @@ fn a_reader_that_has_gone_does_not_stop_the_device() {
     for _ in 0..20 {
         short_session(&mut client);
     }
-    expect_good_end(process, &port);
+    assert_eq!(complaints_at_the_end(process, &port), "");
 }
 
 #[test]
 fn a_reader_that_does_not_read_stops_neither_the_device_nor_its_end() {
     let (_dir, port, mut command) = serving(&["-v", "--wire", "instant"]);
     let (process, out) = start_piped(&mut command);
-    let mut client = Client::open(&port);
-    // Each round prints more than 500 bytes, and the pipe takes 64 KiB.
-    for _ in 0..300 {
-        assert_eq!(client.ask(0x06, &[]).len(), 76);
-        client.send(&frame(0x07, &[]));
-        assert_eq!(client.receive(), (0x07, vec![1]));
-    }
-    expect_good_end(process, &port);
+    // These are more than 150 bytes, and the pipe takes 64 KiB.
+    chatter(&port, 1000);
+    let complaints = complaints_at_the_end(process, &port);
+    assert!(complaints.contains("not printed"), "{complaints:?}");
+    drop(out);
+}
+
+#[test]
+fn a_slow_reader_gets_the_summary_whatever_else_was_left_out() {
+    let (_dir, port, mut command) = serving(&["-v", "--wire", "instant"]);
+    let (mut process, mut out) = start_piped(&mut command);
+    // More lines than are kept for a reader that does not read.
+    chatter(&port, 12_000);
+    process.signal(Signal::TERM);
+    let mut all = String::new();
+    out.read_to_string(&mut all).unwrap();
+    assert_eq!(process.wait().code(), Some(0));
+    assert_eq!(complaints(&mut process), "");
+    let summary = all.rfind("\nsummary after").expect("there is a summary");
+    assert!(all[..summary].contains("lines not printed"));
+    assert!(
+        all[summary..].contains("12000 requests"),
+        "{}",
+        &all[summary..]
+    );
+}
+
+#[test]
+fn a_second_signal_does_not_wait_for_a_reader() {
+    let (_dir, port, mut command) = serving(&["-v", "--wire", "instant"]);
+    let (mut process, out) = start_piped(&mut command);
+    chatter(&port, 1000);
+    let start = Instant::now();
+    process.signal(Signal::TERM);
+    // Signals that come at once count as one; this one was taken.
+    until("the port is closed", || !port.exists());
+    process.signal(Signal::TERM);
+    assert_eq!(process.wait().code(), Some(0));
+    // It would wait for five seconds; what a busy machine may take of that is some milliseconds.
+    let took = start.elapsed();
+    assert!(took < Duration::from_secs(4), "it took {took:?}");
     drop(out);
 }

@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 
 use harness::client::Client;
 use harness::wire::motors;
-use harness::{PATIENCE, Sim, until};
+use harness::{PATIENCE, Sim, until, with_code};
+use rustix::process::Signal;
 
 /// User and system time used so far, in clock ticks of 10 ms.
 fn cpu_ticks(pid: u32) -> u64 {
@@ -126,4 +127,56 @@ fn simulated_time_runs_at_the_speed_asked_for() {
         assert!(start.elapsed() < PATIENCE, "never sooner than {took:?}");
     }
     sim.stop().expect_clean();
+}
+
+#[test]
+fn a_busy_machine_is_not_blamed_on_the_client() {
+    let sim = Sim::start(&["--log-format", "json"]);
+    let mut client = sim.client();
+    // Ten commands a second: far from both the least pause of 50 ms and the watchdog's 500 ms.
+    let mut send_for = |time: Duration| {
+        let start = Instant::now();
+        while start.elapsed() < time {
+            client.send(&motors(300, 300));
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    send_for(Duration::from_secs(1));
+    // What a machine does that has no time for the simulator.
+    sim.signal(Signal::STOP);
+    send_for(Duration::from_millis(900));
+    sim.signal(Signal::CONT);
+    send_for(Duration::from_secs(1));
+
+    let late = sim.wait_event("simulator_late");
+    assert_eq!(late["level"], "warning");
+    let finished = sim.stop().expect_clean();
+    let summary = finished.summary();
+    let events = summary["events"].as_array().unwrap();
+    for code in ["watchdog_fired", "over_rate"] {
+        assert!(with_code(events, code).is_empty(), "{events:?}");
+    }
+    let late = &with_code(events, "simulator_late")[0];
+    assert_eq!(late["client_faults"], 0);
+}
+
+#[test]
+fn a_machine_that_is_too_slow_is_told_so_and_obeys() {
+    // A fifth of a million steps of physics for each second: no machine does that.
+    let steps = ["--speed", "100", "--set", "world.step=500us"];
+    let sim = Sim::start(&[&steps[..], &["--log-format", "json"]].concat());
+    let mut client = sim.client();
+    let start = Instant::now();
+    while !sim.printed().contains("simulator_too_slow") {
+        assert!(start.elapsed() < PATIENCE, "it keeps up");
+        // At this speed the watchdog is a matter of milliseconds.
+        client.send(&motors(1000, 1000));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    // It looks at its ports all the while.
+    assert_eq!(client.skip_to(0x12).len(), 8);
+    drop(client);
+    let finished = sim.stop().expect_clean();
+    let told = with_code(&finished.json(), "simulator_too_slow");
+    assert_eq!(told.len(), 1);
 }

@@ -111,6 +111,9 @@ fn a_wrong_settings_file_is_named_with_line_and_column() {
     let says = format!("{shown}:1:");
     run(&["config", "--config", shown]).expect_refusal(2, &[&says, "unclosed table"]);
 
+    // It has no end.
+    run(&["config", "--config", "/dev/zero"]).expect_refusal(2, &["/dev/zero", "too long"]);
+
     fs::remove_file(&path).unwrap();
     let says = ["cannot read the settings file", shown];
     run(&["config", "--config", shown]).expect_refusal(2, &says);
