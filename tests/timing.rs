@@ -174,7 +174,7 @@ fn a_machine_that_is_too_slow_is_told_so_and_obeys() {
         std::thread::sleep(Duration::from_millis(2));
     }
     // It looks at its ports all the while.
-    assert_eq!(client.skip_to(0x12).len(), 8);
+    assert!(client.skip_to(0x12, PATIENCE).is_some());
     drop(client);
     let finished = sim.stop().expect_clean();
     let told = with_code(&finished.json(), "simulator_too_slow");
