@@ -11,6 +11,7 @@
     reason = "a test fails by panicking, and clippy takes helpers for production code"
 )]
 
+pub mod car;
 pub mod client;
 pub mod process;
 pub mod transcript;
