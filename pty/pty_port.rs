@@ -289,11 +289,6 @@ impl PtyPort {
     /// Takes note that the client has left. What it sent comes out of the
     /// kernel now, before the next client's bytes are added to it.
     fn leave(&mut self, departure: Departure) -> Result<(), PortErrorKind> {
-        if departure.unread {
-            self.stash
-                .fill_from(&self.pair)
-                .map_err(PortErrorKind::call("read"))?;
-        }
         let hung_up = self.pair.is_hung_up();
         let hung_up = hung_up.map_err(PortErrorKind::call("poll"))?;
         // The settings are the next one's as soon as it is there.
@@ -301,11 +296,18 @@ impl PtyPort {
             Some(line) if !hung_up => line,
             _ => self.line()?,
         };
+        // What a port echoes is not reported as written.
+        let unread = departure.unread || !line.raw;
+        if unread {
+            self.stash
+                .fill_from(&self.pair)
+                .map_err(PortErrorKind::call("read"))?;
+        }
         self.leaving = Some(Leaving {
             line,
-            last_words: departure.unread,
+            last_words: unread,
         });
-        let foreign = !departure.unread && !self.stash.is_empty();
+        let foreign = !unread && !self.stash.is_empty();
         if foreign || self.has_client()? {
             self.successor = true;
             self.pair

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use common::Bench;
 use rustix::io::Errno;
+use rustix::termios::LocalModes;
 use sim_pty::{Event, Port, PtyPort, Waiter};
 
 /// Fills the kernel's buffer, and says with how much.
@@ -84,6 +85,26 @@ fn bytes_that_lie_mixed_are_the_former_client_s() {
     bench.expect(Event::Detached);
     bench.expect(Event::Attached);
     bench.expect_quiet();
+}
+
+#[test]
+fn an_echo_of_one_client_s_port_is_not_another_client() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    client.set_termios(|termios| termios.local_modes |= LocalModes::ECHO);
+    client.send(b"x");
+    assert_eq!(bench.expect_bytes(1), b"x");
+    bench.expect_quiet();
+    let _ = bench.port.write(b"reply").unwrap();
+    common::until("the echo has come back", || {
+        rustix::io::ioctl_fionread(&client) == Ok(5)
+    });
+    drop(client);
+    assert_eq!(bench.expect_bytes(5), b"reply");
+    bench.expect(Event::Detached);
+    bench.expect_quiet();
+    assert_eq!(bench.port.counters().attached, 1);
 }
 
 #[test]
