@@ -73,6 +73,12 @@ impl Mecanum {
         self.plant.body()
     }
 
+    /// The hardware, to look at.
+    #[must_use]
+    pub fn plant(&self) -> &MecanumPlant {
+        &self.plant
+    }
+
     /// The hardware, to load, push or break it.
     pub fn plant_mut(&mut self) -> &mut MecanumPlant {
         &mut self.plant

@@ -77,6 +77,12 @@ impl R150 {
         self.plant.body()
     }
 
+    /// The hardware, to look at.
+    #[must_use]
+    pub fn plant(&self) -> &R150Plant {
+        &self.plant
+    }
+
     /// The hardware, to load, push or break it.
     pub fn plant_mut(&mut self) -> &mut R150Plant {
         &mut self.plant

@@ -303,6 +303,20 @@ impl Rig {
         Ok(())
     }
 
+    /// Advances to `to` and stops before anything happens there, so that what is done to the rig next
+    /// comes first at that instant. Earlier than the present does nothing.
+    ///
+    /// # Errors
+    /// As [`Rig::advance`].
+    pub fn approach(&mut self, to: SimTime) -> Result<(), RigError> {
+        if to > self.now {
+            // Later than the present, so it is not the first nanosecond.
+            self.advance(to - Duration::from_nanos(1))?;
+            self.now = to;
+        }
+        Ok(())
+    }
+
     /// When something next happens by itself; `None` never comes as long as there is a device.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {

@@ -102,6 +102,19 @@ impl Rig {
         Ok(())
     }
 
+    /// The client sends `bytes` at the present time; unlike [`Rig::client_sends`] this leaves whatever
+    /// else happens now to the next advance.
+    pub fn client_puts(&mut self, port: PortId, bytes: &[u8]) {
+        let now = self.now;
+        let events = self
+            .line_mut(port)
+            .map(|line| line.client_sends(now, bytes));
+        self.reschedule(port.device);
+        for event in events.into_iter().flatten() {
+            self.line_event(port, Some(event));
+        }
+    }
+
     /// Adds to `bytes` what has arrived at the client by the present time.
     pub fn client_reads(&mut self, port: PortId, bytes: &mut Vec<u8>) {
         let now = self.now;
