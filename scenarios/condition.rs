@@ -1,0 +1,193 @@
+//! Conditions: expressions in CEL over a documented tree of names.
+//!
+//! A condition is true or false. It is made of names, numbers, `true` and `false`, the operators
+//! `&& || ! == != < <= > >= + - * / ?:`, and the functions `abs(x)`, `min(a, b)` and `max(a, b)`.
+//! Every number is a decimal one, so that `2` and `2.0` are the same.
+//!
+//! `t` is the time since the start in seconds. Every other name is the name of a device, a dot, and
+//! a name of [`names`]: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
+//! a device's name is written `_`.
+//!
+//! All this is checked when the file is read: a condition that passed cannot fail for a name, a
+//! function or a type.
+
+mod check;
+mod mecanum;
+mod names;
+mod r150;
+mod seen;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, LazyLock};
+
+use cel::common::types::{CelBool, CelDouble, DOUBLE_TYPE};
+use cel::common::value::CowVal;
+use cel::context::VariableResolver;
+use cel::parser::{Expression, Parser};
+use cel::{Context, Env, ExecutionError, Value};
+use sim_core::rig::Rig;
+
+pub use names::{NameInfo, Unit, names};
+pub use seen::Seen;
+
+use check::Scope;
+use names::{Getter, Reading, View};
+
+/// Longest text of a condition.
+const MOST_TEXT: usize = 2000;
+/// How deeply a condition may be nested.
+const MOST_DEPTH: u16 = 40;
+
+/// A checked condition.
+#[derive(Debug, Clone)]
+pub struct Condition {
+    text: String,
+    expression: Expression,
+    names: BTreeMap<String, Origin>,
+}
+
+/// Where the value of a name comes from.
+#[derive(Debug, Clone, Copy)]
+enum Origin {
+    Time,
+    Device(usize, Getter),
+}
+
+/// The devices that conditions can speak of: name and kind, by their index in the rig.
+pub type Devices<'a> = [(&'a str, crate::Kind)];
+
+/// What conditions are evaluated against.
+#[derive(Clone, Copy)]
+pub struct Situation<'a> {
+    /// The devices and their world.
+    pub rig: &'a Rig,
+    /// What has been seen of each device, by its index.
+    pub seen: &'a [Seen],
+}
+
+impl Condition {
+    /// Reads a condition.
+    ///
+    /// # Errors
+    /// Says in words what is wrong and what is allowed.
+    pub fn parse(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
+        if text.len() > MOST_TEXT {
+            return Err(format!("a condition has at most {MOST_TEXT} bytes"));
+        }
+        let parser = Parser::new().max_recursion_depth(MOST_DEPTH);
+        let mut expression = parser.parse(text).map_err(|errors| {
+            let first = errors.errors.first();
+            first.map_or_else(
+                || "it is no expression".to_owned(),
+                |error| {
+                    let why = error.msg.replace('\n', " ");
+                    format!("{why} (at character {} of the condition)", error.pos.1)
+                },
+            )
+        })?;
+        let mut names = BTreeMap::new();
+        check::check(&mut expression, &Scope(devices), &mut names)?;
+        Ok(Self {
+            text: text.to_owned(),
+            expression,
+            names,
+        })
+    }
+
+    /// As it was written.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Whether it holds.
+    ///
+    /// # Errors
+    /// When it has no value, which only a number that is not one (as 0/0) can bring about.
+    pub fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
+        let resolver = Resolver {
+            names: &self.names,
+            situation,
+        };
+        let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
+        context.set_variable_resolver(&resolver);
+        let value = Value::resolve_val(&self.expression, &context)
+            .map_err(|error| format!("`{}` has no value: {error}", self.text))?;
+        value
+            .downcast_ref::<CelBool>()
+            .map(|holds| *holds.inner())
+            .ok_or_else(|| format!("`{}` is neither true nor false", self.text))
+    }
+
+    /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.
+    #[must_use]
+    pub fn explain(&self, situation: Situation<'_>) -> String {
+        let values = self.names.iter().map(|(name, origin)| {
+            let value = origin.read(situation);
+            format!("{name} = {value}")
+        });
+        values.collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl Origin {
+    fn read(self, situation: Situation<'_>) -> Reading {
+        match self {
+            Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),
+            Self::Device(device, getter) => match situation.seen.get(device) {
+                Some(seen) => getter.read(&View {
+                    rig: situation.rig,
+                    device,
+                    seen,
+                }),
+                None => Reading::Number(0.0),
+            },
+        }
+    }
+}
+
+struct Resolver<'a> {
+    names: &'a BTreeMap<String, Origin>,
+    situation: Situation<'a>,
+}
+
+impl VariableResolver for Resolver<'_> {
+    fn resolve<'b>(&'b self, variable: &str) -> Option<CowVal<'b, 'b>> {
+        let origin = self.names.get(variable)?;
+        Some(match origin.read(self.situation) {
+            Reading::Number(number) => CowVal::owned(CelDouble::from(number)),
+            Reading::Flag(flag) => CowVal::owned(CelBool::from(flag)),
+        })
+    }
+}
+
+/// The operators, and our functions.
+static ENVIRONMENT: LazyLock<Arc<Env>> = LazyLock::new(|| {
+    let mut environment = Env::default().with_stdlib();
+    let two = || vec![DOUBLE_TYPE, DOUBLE_TYPE];
+    let added = [
+        environment.add_overload("abs", "abs_double", vec![DOUBLE_TYPE], |args| {
+            number(&args, 0).map(|x| CowVal::owned(CelDouble::from(x.abs())))
+        }),
+        environment.add_overload("min", "min_double", two(), |args| {
+            let (a, b) = (number(&args, 0)?, number(&args, 1)?);
+            Ok(CowVal::owned(CelDouble::from(a.min(b))))
+        }),
+        environment.add_overload("max", "max_double", two(), |args| {
+            let (a, b) = (number(&args, 0)?, number(&args, 1)?);
+            Ok(CowVal::owned(CelDouble::from(a.max(b))))
+        }),
+    ];
+    debug_assert!(added.iter().all(Result::is_ok), "these names are ours");
+    Arc::new(environment)
+});
+
+fn number(args: &[CowVal<'_, '_>], index: usize) -> Result<f64, ExecutionError> {
+    args.get(index)
+        .and_then(|value| value.downcast_ref::<CelDouble>())
+        .map(|number| *number.inner())
+        .ok_or(ExecutionError::MissingArgumentOrTarget)
+}
+
+#[cfg(test)]
+mod tests;

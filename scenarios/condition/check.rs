@@ -1,0 +1,219 @@
+//! Whether an expression makes sense, before it is ever evaluated.
+
+use std::collections::BTreeMap;
+
+use cel::common::ast::{CallExpr, Expr, IdedExpr, LiteralValue, operators};
+use cel::common::types::CelDouble;
+
+use super::names::{NameInfo, Unit, names};
+use super::{Devices, Origin};
+use crate::suggest::nearest;
+
+/// What an expression is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Type {
+    Number,
+    Flag,
+}
+
+impl Type {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Number => "a number",
+            Self::Flag => "true or false",
+        }
+    }
+}
+
+/// The functions: name and how many numbers each takes.
+const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
+
+/// What names mean.
+pub(super) struct Scope<'a>(pub(super) &'a Devices<'a>);
+
+/// Checks a condition, writes its whole numbers as decimal ones, and notes what its names mean.
+pub(super) fn check(
+    expression: &mut IdedExpr,
+    scope: &Scope<'_>,
+    found: &mut BTreeMap<String, Origin>,
+) -> Result<(), String> {
+    match type_of(expression, scope, found)? {
+        Type::Flag => Ok(()),
+        Type::Number => Err("a condition is true or false, this is a number; \
+                             compare it, as in `truth.speed_mps > 1.5`"
+            .to_owned()),
+    }
+}
+
+fn type_of(
+    expression: &mut IdedExpr,
+    scope: &Scope<'_>,
+    found: &mut BTreeMap<String, Origin>,
+) -> Result<Type, String> {
+    if let Some(name) = qualified_name(&expression.expr) {
+        let (origin, unit) = scope.look_up(&name)?;
+        found.insert(name, origin);
+        return Ok(match unit {
+            Unit::Flag => Type::Flag,
+            _ => Type::Number,
+        });
+    }
+    match &mut expression.expr {
+        Expr::Literal(literal) => type_of_literal(literal),
+        Expr::Call(call) => type_of_call(call, scope, found),
+        Expr::List(_) | Expr::Map(_) | Expr::Struct(_) => {
+            Err("lists, maps and messages have no use here".to_owned())
+        }
+        Expr::Comprehension(_) => {
+            Err("macros such as `all` and `exists` have no use here".to_owned())
+        }
+        Expr::Select(select) => Err(format!("`.{}` is no name", select.field)),
+        Expr::Ident(_) | Expr::Unspecified => Err("it is no expression".to_owned()),
+    }
+}
+
+fn type_of_literal(literal: &mut LiteralValue) -> Result<Type, String> {
+    match literal {
+        LiteralValue::Boolean(_) => Ok(Type::Flag),
+        LiteralValue::Double(_) => Ok(Type::Number),
+        LiteralValue::Int(whole) => {
+            #[expect(
+                clippy::cast_precision_loss,
+                reason = "whoever writes more than 53 bits gets the nearest decimal number"
+            )]
+            let number = *whole.inner() as f64;
+            *literal = LiteralValue::Double(CelDouble::from(number));
+            Ok(Type::Number)
+        }
+        _ => Err("only numbers, true and false can be written here".to_owned()),
+    }
+}
+
+fn type_of_call(
+    call: &mut CallExpr,
+    scope: &Scope<'_>,
+    found: &mut BTreeMap<String, Origin>,
+) -> Result<Type, String> {
+    let name = call.func_name.clone();
+    if call.target.is_some() {
+        return Err(unknown_function(&name));
+    }
+    let mut types = Vec::with_capacity(call.args.len());
+    for argument in &mut call.args {
+        types.push(type_of(argument, scope, found)?);
+    }
+    let all = |wanted: Type, gives: Type| match types.iter().find(|got| **got != wanted) {
+        None => Ok(gives),
+        Some(got) => Err(format!(
+            "`{}` wants {}, this is {}",
+            shown(&name),
+            wanted.word(),
+            got.word()
+        )),
+    };
+    match name.as_str() {
+        operators::LOGICAL_AND | operators::LOGICAL_OR | operators::LOGICAL_NOT => {
+            all(Type::Flag, Type::Flag)
+        }
+        operators::ADD
+        | operators::SUBSTRACT
+        | operators::MULTIPLY
+        | operators::DIVIDE
+        | operators::NEGATE => all(Type::Number, Type::Number),
+        operators::LESS
+        | operators::LESS_EQUALS
+        | operators::GREATER
+        | operators::GREATER_EQUALS => all(Type::Number, Type::Flag),
+        operators::EQUALS | operators::NOT_EQUALS => match types[..] {
+            [left, right] if left == right => Ok(Type::Flag),
+            _ => Err(format!(
+                "`{}` compares a number with true or false",
+                shown(&name)
+            )),
+        },
+        operators::CONDITIONAL => match types[..] {
+            [Type::Flag, yes, no] if yes == no => Ok(yes),
+            _ => Err("`?:` wants a condition and two values of one kind".to_owned()),
+        },
+        _ => match FUNCTIONS.iter().find(|(known, _)| *known == name) {
+            Some((_, count)) if *count == types.len() => all(Type::Number, Type::Number),
+            Some((_, count)) => Err(format!("`{name}` takes {count}, not {}", types.len())),
+            None => Err(unknown_function(&name)),
+        },
+    }
+}
+
+fn unknown_function(name: &str) -> String {
+    format!(
+        "`{}` is not known here; allowed: && || ! == != < <= > >= + - * / ?: abs min max",
+        shown(name)
+    )
+}
+
+/// An operator as it is written: the library calls `+` by the name `_+_`.
+fn shown(name: &str) -> &str {
+    name.trim_matches(['_', '@'])
+}
+
+/// The dotted name that an expression is, if it is one.
+fn qualified_name(expression: &Expr) -> Option<String> {
+    match expression {
+        Expr::Ident(name) => Some(name.clone()),
+        Expr::Select(select) if !select.test => {
+            let mut name = qualified_name(&select.operand.expr)?;
+            name.push('.');
+            name.push_str(&select.field);
+            Some(name)
+        }
+        _ => None,
+    }
+}
+
+impl Scope<'_> {
+    fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
+        if name == "t" {
+            return Ok((Origin::Time, Unit::Number("s")));
+        }
+        let mut candidates = self
+            .0
+            .iter()
+            .enumerate()
+            .filter_map(|(index, (own, kind))| {
+                let own = identifier(own);
+                let inner = name
+                    .strip_prefix(&own)
+                    .and_then(|rest| rest.strip_prefix('.'))
+                    .or_else(|| (self.0.len() == 1).then_some(name))?;
+                let info = names(*kind).iter().find(|info| info.name == inner)?;
+                Some((Origin::Device(index, info.getter()), info.unit))
+            });
+        candidates.next().ok_or_else(|| self.unknown(name))
+    }
+
+    fn unknown(&self, name: &str) -> String {
+        let all = self.0.iter().flat_map(|(own, kind)| {
+            let own = identifier(own);
+            let short = self.0.len() == 1 && !name.starts_with(&format!("{own}."));
+            names(*kind).iter().map(move |NameInfo { name, .. }| {
+                if short {
+                    (*name).to_owned()
+                } else {
+                    format!("{own}.{name}")
+                }
+            })
+        });
+        let hint = nearest(name, all).map_or_else(
+            || {
+                let devices: Vec<String> = self.0.iter().map(|(own, _)| identifier(own)).collect();
+                format!("names begin with `t` or a device: {}", devices.join(", "))
+            },
+            |near| format!("did you mean `{near}`?"),
+        );
+        format!("no name `{name}`; {hint} (`sim names` lists them all)")
+    }
+}
+
+/// A device's name as it is written in a condition.
+pub(crate) fn identifier(name: &str) -> String {
+    name.replace('-', "_")
+}

@@ -1,0 +1,89 @@
+use super::*;
+use crate::Kind;
+
+fn parse(text: &str) -> Result<Condition, String> {
+    Condition::parse(text, &[("r150", Kind::R150)])
+}
+
+#[test]
+fn names_are_sorted_into_groups_and_unique() {
+    for kind in [Kind::R150, Kind::Mecanum] {
+        let mut seen = std::collections::BTreeSet::new();
+        for info in names(kind) {
+            assert!(seen.insert(info.name), "{} twice", info.name);
+            assert!(!info.meaning.is_empty());
+            let text = match info.unit {
+                Unit::Flag => info.name.to_owned(),
+                Unit::Number(_) => format!("{} > 1", info.name),
+            };
+            Condition::parse(&text, &[("d", kind)]).unwrap();
+        }
+    }
+}
+
+#[test]
+fn what_makes_sense_is_read() {
+    for text in [
+        "truth.speed_mps < 1.5",
+        "r150.truth.speed_mps * 2 <= 3",
+        "t > 3 && !(rail.v48_on || client.asked_v48)",
+        "abs(truth.y_m) + max(truth.x_m, 0) < min(1, 2.5)",
+        "rail.v48_on == client.asked_v48",
+        "t < 1 ? true : truth.at_rest",
+        "-truth.x_m != 0x10",
+        "true",
+    ] {
+        parse(text).unwrap_or_else(|why| panic!("{text}: {why}"));
+    }
+}
+
+#[test]
+fn what_makes_none_is_refused_in_words() {
+    for (text, expected) in [
+        ("truth.speed_mpss < 1.5", "did you mean `truth.speed_mps`?"),
+        ("speed_mps < 1.5", "did you mean `truth.speed_mps`?"),
+        (
+            "r150.truth.sped_mps < 1",
+            "did you mean `r150.truth.speed_mps`?",
+        ),
+        ("tank.x > 1", "names begin with `t` or a device: r150"),
+        ("truth.speed_mps", "compare it"),
+        (
+            "truth.speed_mps && true",
+            "`&&` wants true or false, this is a number",
+        ),
+        (
+            "truth.at_rest < 1",
+            "`<` wants a number, this is true or false",
+        ),
+        ("truth.at_rest == 1", "compares a number with true or false"),
+        ("size('a') == 1", "only numbers"),
+        ("sqrt(t) > 1", "`sqrt` is not known here"),
+        ("t.abs() > 1", "`abs` is not known here"),
+        ("abs(t, 1) > 1", "`abs` takes 1, not 2"),
+        ("[1].exists(x, x > 0)", "no use here"),
+        ("t >", "at character"),
+        ("", "at character"),
+        ("t % 2 == 0", "`%` is not known here"),
+        ("t in [1]", "no use here"),
+        ("has(truth.x_m)", "no name"),
+    ] {
+        let why = parse(text).expect_err(text);
+        assert!(why.contains(expected), "{text}: {why}");
+    }
+    let deep = format!("{}true{}", "(".repeat(900), ")".repeat(900));
+    assert!(parse(&deep).is_err());
+    assert!(parse(&"!".repeat(1900)).is_err());
+    assert!(parse(&format!("{}true", "true&&".repeat(300))).is_ok());
+    assert!(parse(&"x".repeat(3000)).unwrap_err().contains("at most"));
+}
+
+#[test]
+fn several_devices_have_to_be_named() {
+    let devices = [("r150-1", Kind::R150), ("car", Kind::Mecanum)];
+    let read = |text| Condition::parse(text, &devices);
+    assert!(read("r150_1.mode.locked && car.motion.running").is_ok());
+    let why = read("mode.locked").unwrap_err();
+    assert!(why.contains("did you mean `r150_1.mode.locked`?"), "{why}");
+    assert!(read("car.mode.locked").is_err());
+}

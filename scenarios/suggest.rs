@@ -1,0 +1,28 @@
+//! Finding what a misspelt word may have meant.
+
+/// The one most like `word`, if any is like it at all.
+pub(crate) fn nearest<S: AsRef<str>>(word: &str, known: impl IntoIterator<Item = S>) -> Option<S> {
+    let mut best: Option<(f64, S)> = None;
+    for candidate in known {
+        let text = candidate.as_ref();
+        // A forgotten group in front is as common as a misspelling.
+        let likeness = if text.ends_with(&format!(".{word}")) {
+            1.0
+        } else {
+            strsim::jaro_winkler(text, word)
+        };
+        if likeness > 0.8 && best.as_ref().is_none_or(|(found, _)| likeness > *found) {
+            best = Some((likeness, candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
+}
+
+/// `; did you mean …?`, or what is allowed.
+pub(crate) fn or_allowed(word: &str, allowed: &[&str]) -> String {
+    let list = allowed.join(", ");
+    nearest(word, allowed).map_or_else(
+        || format!("allowed: {list}"),
+        |near| format!("did you mean `{near}`? allowed: {list}"),
+    )
+}
