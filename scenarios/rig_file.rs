@@ -113,10 +113,19 @@ impl RigPlan {
     /// # Errors
     /// Names the file, the line, and what is allowed.
     pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
-        let wrong = |origin: Origin, why: String| RigFileError(vec![format!("{origin}: {why}")]);
-        let at = |span: std::ops::Range<usize>, why: String| wrong(source.place(span.start), why);
         let file: RigText = toml::from_str(source.text)
             .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))?;
+        Self::check(source, base, file)
+    }
+
+    /// What a file says that has these tables, and perhaps others.
+    pub(crate) fn check(
+        source: Source<'_>,
+        base: &SimSettings,
+        file: RigText,
+    ) -> Result<Self, RigFileError> {
+        let wrong = |origin: Origin, why: String| RigFileError(vec![format!("{origin}: {why}")]);
+        let at = |span: std::ops::Range<usize>, why: String| wrong(source.place(span.start), why);
         if *file.schema.get_ref() != 1 {
             return Err(at(
                 file.schema.span(),
@@ -138,32 +147,34 @@ impl RigPlan {
         for (index, text) in file.device.iter().enumerate() {
             let device = text.get_ref();
             let kind = device.kind;
-            let name = device
-                .name
-                .clone()
-                .unwrap_or_else(|| default_name(&file.device, index));
+            let (name, name_at) = match &device.name {
+                Some(name) => (name.get_ref().clone(), name.span()),
+                None => (default_name(&file.device, index), text.span()),
+            };
             if !is_name(&name) {
-                let why = format!("`name`: \"{name}\" may have letters, digits, - and _ only");
-                return Err(at(text.span(), why));
+                let why =
+                    format!("`device.name`: \"{name}\" may have letters, digits, - and _ only");
+                return Err(at(name_at, why));
             }
             if !names.insert(name.clone()) {
-                return Err(at(
-                    text.span(),
-                    format!("`name`: two devices are named \"{name}\""),
-                ));
+                let why = format!("`device.name`: two devices are named \"{name}\"");
+                return Err(at(name_at, why));
             }
-            for path in device.port.iter().chain(&device.ros_port) {
-                if !paths.insert(path.clone()) {
-                    let why = format!("two ports have the path {}", path.display());
-                    return Err(at(text.span(), why));
+            if let (Kind::R150, Some(path)) = (kind, &device.ros_port) {
+                let why = "`device.ros_port`: only a mecanum car has one".to_owned();
+                return Err(at(path.span(), why));
+            }
+            if let (Kind::Mecanum, Some(start)) = (kind, &device.start) {
+                let why = "`device.start`: only an R150 has one".to_owned();
+                return Err(at(start.span(), why));
+            }
+            for (key, path) in [("port", &device.port), ("ros_port", &device.ros_port)] {
+                let Some(path) = path else { continue };
+                if !paths.insert(path.get_ref().clone()) {
+                    let shown = path.get_ref().display();
+                    let why = format!("`device.{key}`: two ports have the path {shown}");
+                    return Err(at(path.span(), why));
                 }
-            }
-            if kind != Kind::Mecanum && device.ros_port.is_some() {
-                let why = "`ros_port`: only a mecanum car has one".to_owned();
-                return Err(at(text.span(), why));
-            }
-            if kind != Kind::R150 && device.start.is_some() {
-                return Err(at(text.span(), "`start`: only an R150 has one".to_owned()));
             }
             let mut own = settings.clone();
             if let Some(table) = tables.of_device(index) {
@@ -172,11 +183,14 @@ impl RigPlan {
             devices.push(DevicePlan {
                 name,
                 kind,
-                start: device.start.map_or(Start::Ready, Into::into),
+                start: device
+                    .start
+                    .as_ref()
+                    .map_or(Start::Ready, |start| (*start.get_ref()).into()),
                 pose: device.pose.into(),
                 settings: own,
-                port: device.port.clone(),
-                ros_port: device.ros_port.clone(),
+                port: device.port.as_ref().map(|path| path.get_ref().clone()),
+                ros_port: device.ros_port.as_ref().map(|path| path.get_ref().clone()),
             });
         }
         Ok(Self {
@@ -217,50 +231,53 @@ fn is_name(name: &str) -> bool {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "sim rig file", extend("required" = ["schema", "device"]))]
-struct RigText {
+pub(crate) struct RigText {
     /// Version of the form of this file.
     #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
-    schema: Spanned<u32>,
+    pub(crate) schema: Spanned<u32>,
     /// The world file; an empty field without one.
-    world: Option<PathBuf>,
+    pub(crate) world: Option<PathBuf>,
     /// Seed of everything random; a random one is chosen and printed if not given.
-    seed: Option<u64>,
+    pub(crate) seed: Option<u64>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default, rename = "settings")]
     #[schemars(schema_with = "any_table")]
-    _settings: toml::Table,
+    pub(crate) _settings: toml::Table,
     /// The devices.
     #[serde(default)]
     #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1, "maxItems" = MOST_DEVICES))]
-    device: Vec<Spanned<DeviceText>>,
+    pub(crate) device: Vec<Spanned<DeviceText>>,
 }
 
 /// A device.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct DeviceText {
+pub(crate) struct DeviceText {
     /// Which device.
     kind: Kind,
     /// Letters, digits, - and _; unique. The kind unless given, numbered if there are several.
-    #[schemars(extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
-    name: Option<String>,
+    #[schemars(with = "Option<String>", extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
+    name: Option<Spanned<String>>,
     /// In which state an R150 begins; ready unless given.
-    start: Option<StartText>,
+    #[schemars(with = "Option<StartText>")]
+    start: Option<Spanned<StartText>>,
     /// Where it stands at the start; at the origin, looking along x, unless given.
     #[serde(default)]
     pose: PoseText,
     /// Path of the pseudo-terminal of its main link; without one it has the system's name only.
-    port: Option<PathBuf>,
+    #[schemars(with = "Option<PathBuf>")]
+    port: Option<Spanned<PathBuf>>,
     /// Path of the pseudo-terminal of a mecanum car's ROS link; without one the link is not there
     /// and the magnetic sensor has its UART.
-    ros_port: Option<PathBuf>,
+    #[schemars(with = "Option<PathBuf>")]
+    ros_port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
     #[serde(default, rename = "settings")]
     #[schemars(schema_with = "any_table")]
     _settings: toml::Table,
 }
 
-fn any_table(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+pub(crate) fn any_table(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     schemars::json_schema!({"type": "object"})
 }
 
@@ -286,7 +303,7 @@ impl From<StartText> for Start {
 /// A place and a direction in the world; what is not given is 0.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-struct PoseText {
+pub(crate) struct PoseText {
     /// East.
     x: Option<Length>,
     /// North.
@@ -398,27 +415,36 @@ mod tests {
             ("schema = 1\n", "1 to 1000 [[device]]"),
             (
                 "schema = 1\ndevices = 3\n",
-                "my-rig.toml:2:1: unknown field",
+                "my-rig.toml:2:1: `devices`: unknown field",
             ),
-            ("schema = 1\n[[device]]\nkind = \"tank\"", "my-rig.toml:3:8"),
+            (
+                "schema = 1\n[[device]]\nkind = \"tank\"",
+                "my-rig.toml:3:8: `device.kind`: ",
+            ),
             (&format!("{one}color = \"red\""), "unknown field `color`"),
             (
                 &format!("{one}pose = {{ x = \"1 V\" }}"),
-                "`V` is not a unit",
+                "my-rig.toml:4:14: `device.pose.x`: ",
             ),
-            (&format!("{one}name = \"a b\""), "letters, digits"),
-            (&format!("{one}ros_port = \"/tmp/x\""), "only a mecanum car"),
+            (
+                &format!("{one}name = \"a b\""),
+                "my-rig.toml:4:8: `device.name`: \"a b\" may have letters, digits",
+            ),
+            (
+                &format!("{one}ros_port = \"/tmp/x\""),
+                "my-rig.toml:4:12: `device.ros_port`: only a mecanum car",
+            ),
             (
                 &format!("{one}settings = {{ nonsense = 1 }}"),
                 "my-rig.toml:4:14: no setting",
             ),
             (
                 &format!("{one}port = \"/tmp/x\"\n[[device]]\nkind = \"r150\"\nport = \"/tmp/x\""),
-                "two ports have the path /tmp/x",
+                "my-rig.toml:7:8: `device.port`: two ports have the path /tmp/x",
             ),
             (
                 &format!("{one}name = \"a\"\n[[device]]\nkind = \"r150\"\nname = \"a\""),
-                "two devices are named",
+                "my-rig.toml:7:8: `device.name`: two devices are named",
             ),
         ] {
             let error = parse(text).unwrap_err();

@@ -6,6 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{Origin, SettingsError};
+use crate::key::key_at;
 use crate::value::Value;
 use crate::{Problem, Settings};
 
@@ -34,13 +35,24 @@ impl Source<'_> {
         }
     }
 
-    /// The same error of the TOML parser, with its place.
+    /// The key at the byte at index `at`, or whose value is there, with the tables around it;
+    /// `None` if the text is not TOML or no key is there.
+    #[must_use]
+    pub fn key_at(&self, at: usize) -> Option<String> {
+        key_at(self.text, at)
+    }
+
+    /// The same error of the TOML parser, with its place and key.
     #[must_use]
     pub fn syntax(&self, error: &toml::de::Error) -> SettingsError {
-        let origin = self.place(error.span().map_or(0, |span| span.start));
+        let at = error.span().map_or(0, |span| span.start);
+        let why = error.message().replace('\n', " ");
         SettingsError::Syntax {
-            origin,
-            why: error.message().to_owned(),
+            origin: self.place(at),
+            why: match self.key_at(at) {
+                Some(key) => format!("`{key}`: {why}"),
+                None => why,
+            },
         }
     }
 }

@@ -10,6 +10,7 @@
 mod choice;
 mod document;
 mod error;
+mod key;
 mod macros;
 mod quantity;
 mod time;

@@ -191,12 +191,20 @@ fn wrong_rigs_are_refused_by_name() {
     let one = "schema = 1\n[[device]]\nkind = \"r150\"\nport = \"never-made\"\n";
     for (text, place, says) in [
         ("schema = 3\n", "1:10", "`schema`"),
-        ("schema = 1\n[[device]]\nkind = \"boat\"\n", "3:8", "`boat`"),
-        (&format!("{one}colour = \"red\"\n"), "5:1", "`colour`"),
+        (
+            "schema = 1\n[[device]]\nkind = \"boat\"\n",
+            "3:8",
+            "`device.kind`",
+        ),
+        (
+            &format!("{one}colour = \"red\"\n"),
+            "5:1",
+            "`device.colour`",
+        ),
         (
             &format!("{one}pose = {{ x = \"1 V\" }}\n"),
             "5:14",
-            "`V` is not a unit",
+            "`device.pose.x`",
         ),
         (
             &format!("{one}settings = {{ heartbeat_timeout = \"5h\" }}\n"),
@@ -205,8 +213,8 @@ fn wrong_rigs_are_refused_by_name() {
         ),
         (
             &format!("{one}ros_port = \"never-made-2\"\n"),
-            "2:",
-            "`ros_port`",
+            "5:12",
+            "`device.ros_port`",
         ),
         (&format!("{one}[[device\n"), "5:", ""),
     ] {
