@@ -122,19 +122,22 @@ impl Server {
 
     /// Serves until a signal asks for the end.
     pub(crate) fn run(&mut self, log: &Log) -> anyhow::Result<()> {
-        let mut sleep = Some(Duration::ZERO);
+        let mut sleep_asked = Some(Duration::ZERO);
         let mut awake_at = Instant::now();
         loop {
-            let wake = self.waiter.wait(sleep)?;
+            let asleep_at = Instant::now();
+            let wake = self.waiter.wait(sleep_asked)?;
             if wake.signal().is_some() {
                 return Ok(());
             }
             let ready: Vec<usize> = wake.ready().to_vec();
-            let late = sleep.map_or(Duration::ZERO, |sleep| {
-                awake_at.elapsed().saturating_sub(sleep)
-            });
-            if late > MOST_LATE {
+            let sleep = sleep_asked.unwrap_or(Duration::MAX);
+            let late = awake_at.elapsed().saturating_sub(sleep);
+            if asleep_at.elapsed().saturating_sub(sleep) > MOST_LATE {
                 self.was_held_up(late);
+            } else if late > MOST_LATE {
+                // Not in its sleep but at its work, which may have been too much.
+                self.fell_behind(late);
             }
             self.advance()?;
             // From here to the end of the next sleep nothing takes long, unless the system makes
@@ -147,7 +150,7 @@ impl Server {
             self.resume()?;
             self.pass_events(log);
             let due = self.rig.next_deadline();
-            sleep = due.map(|due| self.clock.until(due).max(SHORTEST_SLEEP));
+            sleep_asked = due.map(|due| self.clock.until(due).max(SHORTEST_SLEEP));
         }
     }
 
@@ -169,30 +172,31 @@ impl Server {
                 .advance(slice)
                 .context("the simulation cannot go on")?;
             if begun.elapsed() > BUDGET && self.rig.now() < to {
-                return self.ran_out_of_time();
+                self.fell_behind(self.clock.since(self.rig.now()));
+                return Ok(());
             }
         }
         Ok(())
     }
 
-    fn ran_out_of_time(&mut self) -> anyhow::Result<()> {
-        let behind = self.clock.since(self.rig.now());
+    /// There was more to do than time to do it. A machine that is too slow does not come to be far
+    /// behind, since time is set back at each turn; one that was busy elsewhere does.
+    fn fell_behind(&mut self, by: Duration) {
         if self.slowness.note() {
             self.rig.simulator_too_slow();
         }
-        // A machine that is too slow does not come to be far behind: time is set back each time.
-        if behind > MOST_LATE && !self.slowness.told {
-            self.was_held_up(behind);
+        if by > MOST_LATE && !self.slowness.told {
+            self.was_held_up(by);
         } else {
             self.clock.set_back(self.rig.now());
         }
-        Ok(())
     }
 
     /// The time of what has just been read: now, unless the simulator was held up so that it may
-    /// have come long before; the next round finds that out too.
+    /// have come long before; the next round finds that out too. A machine that is too slow has
+    /// no time to advance for each read.
     fn present(&self) -> SimTime {
-        if self.clock.since(self.rig.now()) > MOST_LATE {
+        if self.slowness.told || self.clock.since(self.rig.now()) > MOST_LATE {
             return self.rig.now();
         }
         self.clock.now()
