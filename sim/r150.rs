@@ -113,6 +113,10 @@ impl Unit for R150 {
         }
     }
 
+    fn client_left(&mut self, _link: usize) {
+        self.device.forget_replies();
+    }
+
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
         self.device.poll_output().map(|frame| (0, frame))
     }

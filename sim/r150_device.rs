@@ -169,6 +169,12 @@ impl R150Device {
         .min()
     }
 
+    /// Drops the replies that are held back: whoever asked is gone.
+    pub fn forget_replies(&mut self) {
+        self.replies.clear();
+        self.motors.forget_answer();
+    }
+
     /// The next frame for the client.
     pub fn poll_output(&mut self) -> Option<Vec<u8>> {
         self.output.pop_front()

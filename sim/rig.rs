@@ -368,6 +368,11 @@ impl Rig {
         // What the firmware answers to a measurement at once, such as a trip without delay.
         unit.advance(now);
         unit.settle(now);
+        for (link, line) in slot.lines.iter_mut().enumerate() {
+            if line.take_former_done(now) {
+                unit.client_left(link);
+            }
+        }
         while let Some((link, bytes)) = unit.poll_output() {
             if let Some(event) = slot.lines[link].device_sends(now, &bytes) {
                 let kind = EventKind::Line { link, event };

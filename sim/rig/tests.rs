@@ -248,6 +248,30 @@ fn clients_come_and_go_at_the_time_they_do() {
 }
 
 #[test]
+fn a_reply_that_is_held_back_is_not_handed_to_the_next_client() {
+    let delay = Duration::from_millis(100);
+    for (name, late) in [("reply_delay", true), ("over_rate", false)] {
+        let mut rig = rig_with(Wire::Instant, 1, |s| {
+            if late {
+                s.firmware.reply_delay = delay;
+            } else {
+                s.firmware.over_rate = crate::r150_device::settings::OverRate::Delay;
+            }
+        });
+        let motors = Request::SetMotors { right: 1, left: 1 }.encode();
+        for _ in 0..2 {
+            rig.client_sends(PORT, SimTime::from_millis(1), &motors)
+                .unwrap();
+        }
+        let _ = read(&mut rig);
+        rig.detach(PORT, SimTime::from_millis(2)).unwrap();
+        rig.attach(PORT, SimTime::from_millis(3)).unwrap();
+        rig.advance(SimTime::from_secs(1)).unwrap();
+        assert_eq!(read(&mut rig), [], "{name}");
+    }
+}
+
+#[test]
 fn a_port_that_does_not_exist_does_nothing() {
     let mut rig = rig(Wire::Paced);
     let nowhere = PortId { device: 3, link: 9 };
