@@ -32,7 +32,7 @@ pub mod signals;
 use std::time::Duration;
 
 pub use encoder::Encoder;
-pub use faults::WheelFaults;
+pub use faults::{MecanumFaults, Ultrasonic, WheelFaults};
 pub use sensing::MecanumTruth;
 pub use settings::{
     BarSettings, BeamSettings, CarBodySettings, CarMotorSettings, EncoderSettings,
@@ -61,7 +61,14 @@ pub struct MecanumPlant {
     body: BodyId,
     commands: MecanumCommands,
     supplied: bool,
-    faults: [WheelFaults; WHEELS],
+    wheel_faults: [WheelFaults; WHEELS],
+    faults: MecanumFaults,
+    /// The wiring without what the faults swap.
+    plain_wiring: Wiring,
+    /// What the ports' counters show besides their wheel's pulses.
+    pulse_offset: [u32; PORTS],
+    /// kg, without what the faults add.
+    payload: f64,
     /// Ahead, left, counter-clockwise; N and N·m.
     push: [f64; 3],
     drive: Drive,
@@ -102,13 +109,18 @@ impl MecanumPlant {
         let motion = world.motion(body);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body, &motion);
+        let wiring = settings.plugs.wiring(Wiring::default());
         Self {
-            wiring: settings.plugs.wiring(Wiring::default()),
+            wiring,
+            plain_wiring: wiring,
+            pulse_offset: [0; PORTS],
+            payload: settings.body.payload,
             settings: settings.clone(),
             body,
             commands: MecanumCommands::default(),
             supplied: true,
-            faults: [WheelFaults::default(); WHEELS],
+            wheel_faults: [WheelFaults::default(); WHEELS],
+            faults: MecanumFaults::default(),
             push: [0.0; 3],
             drive,
             sensors,
@@ -170,7 +182,7 @@ impl MecanumPlant {
         let velocity = self.motion.body_velocity();
         let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
         self.distance += speed.sqrt() * seconds;
-        self.drive.follow(velocity, seconds, &self.faults);
+        self.drive.follow(velocity, seconds, &self.wheel_faults);
         self.settle(world, seconds);
         self.sensors.follow(step, world, self.body, &self.motion);
     }
@@ -178,7 +190,7 @@ impl MecanumPlant {
     /// Lets time pass while the car [rests](Self::at_rest) and the world is not stepped. Nothing
     /// changes then but a disturbed encoder's count, so the span may be anything.
     pub fn rest(&mut self, span: Duration) {
-        self.drive.rest(span.as_secs_f64(), &self.faults);
+        self.drive.rest(span.as_secs_f64(), &self.wheel_faults);
     }
 
     /// Whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in for steps

@@ -18,7 +18,7 @@ mod slow;
 
 use std::time::Duration;
 
-pub use faults::{Encoder, SideFaults};
+pub use faults::{Encoder, R150Faults, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
     BatterySettings, BodySettings, FuseSettings, MotorSettings, PwmSettings, R150PlantSettings,
@@ -36,6 +36,9 @@ use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};
 use slow::SlowStates;
 
+/// What a supply keeps however much it lacks, V; divisions stay bounded by it.
+const LOWEST_SUPPLY: f64 = 1.0;
+
 /// One vehicle.
 ///
 /// Time passes for it in one of two ways, never both for the same span: with the world, through
@@ -50,6 +53,9 @@ pub struct R150Plant {
     loads: [Load; RAILS],
     pwm_sources: [PwmSource; 4],
     side_faults: Sides<SideFaults>,
+    faults: R150Faults,
+    /// kg, without what the faults add.
+    payload: f64,
     power_module_fault: bool,
     /// Ahead, left, counter-clockwise; N and N·m.
     push: [f64; 3],
@@ -95,6 +101,8 @@ impl R150Plant {
             loads: [Load::Open; RAILS],
             pwm_sources: [PwmSource::None; 4],
             side_faults: Sides::default(),
+            faults: R150Faults::default(),
+            payload: settings.body.payload,
             power_module_fault: false,
             push: [0.0; 3],
             drive,
@@ -201,26 +209,42 @@ impl R150Plant {
             Side::Right => FuseId::MotorRight,
             Side::Left => FuseId::MotorLeft,
         };
-        let supplied = self.commands.propulsion_power && !self.slow.fuses[fuse.index()].is_blown();
+        let supplied = self.commands.propulsion_power && !self.is_fuse_blown(fuse);
+        let faults = &self.side_faults[side];
+        let duty = self.commands.motor_duty[self.port_of(side)];
         MotorPort {
-            connected: supplied && !self.side_faults[side].motor_disconnected,
-            duty: self.commands.motor_duty[side],
+            connected: supplied && !faults.motor_disconnected,
+            duty: if faults.reversed { -duty } else { duty },
             back_emf: self.drive.back_emf(side),
             resistance: self.settings.motor.resistance,
         }
     }
 
+    /// The side for which the firmware takes the motor and the encoder of a side.
+    fn port_of(&self, side: Side) -> Side {
+        match (self.faults.sides_swapped, side) {
+            (false, side) => side,
+            (true, Side::Right) => Side::Left,
+            (true, Side::Left) => Side::Right,
+        }
+    }
+
     fn solve_network(&mut self) {
-        let fuse_whole = |fuse: FuseId| !self.slow.fuses[fuse.index()].is_blown();
+        let fuse_whole = |fuse: FuseId| !self.is_fuse_blown(fuse);
+        let battery = &self.slow.battery;
+        let mut loads = self.loads;
+        for (load, fault) in loads.iter_mut().zip(self.faults.loads) {
+            *load = fault.unwrap_or(*load);
+        }
         let demand = Demand {
             source: Source {
-                voltage: self.slow.battery.open_circuit(),
-                resistance: self.slow.battery.resistance(),
+                voltage: (battery.open_circuit() - self.faults.supply_drop).max(LOWEST_SUPPLY),
+                resistance: battery.resistance() + self.faults.supply_resistance,
             },
             motors: Side::BOTH.map(|side| self.motor_port(side)),
             tail: fuse_whole(FuseId::Tail),
             rail_on: self.commands.rail_on,
-            loads: self.loads,
+            loads,
             small_modules: if fuse_whole(FuseId::SmallModules) {
                 self.settings.rails.small_modules_power
             } else {

@@ -161,14 +161,21 @@ impl Drive {
 impl MecanumPlant {
     /// What a wheel's motor is asked to do.
     pub(super) fn order(&self, wheel: Wheel) -> Order {
-        if !self.supplied || self.faults[wheel.index()].free_wheeling {
+        let faults = &self.wheel_faults[wheel.index()];
+        if faults.brake_stuck_on {
+            return Order::Brake;
+        }
+        if !self.is_supplied() || faults.free_wheeling {
             return Order::Coast;
         }
         let PortCommand { reverse, brake } = self.wiring.command(&self.commands, wheel);
-        if brake {
-            Order::Brake
-        } else {
-            self.drive.law.order(self.commands.speed_voltage, reverse)
+        match (brake, faults.brake_stuck_open) {
+            (true, true) => Order::Coast,
+            (true, false) => Order::Brake,
+            (false, _) => {
+                let reverse = reverse != faults.reversed;
+                self.drive.law.order(self.commands.speed_voltage, reverse)
+            }
         }
     }
 }
@@ -181,6 +188,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let gravity = world.gravity();
     let orders = Wheel::ALL.map(|wheel| plant.order(wheel));
 
+    let push = plant.total_push();
     let drive = &mut plant.drive;
     let weight = drive.mass * gravity;
     let pull = motion
@@ -198,13 +206,13 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
             wheel,
             orders[index],
             grips[index],
-            &plant.faults[index],
+            &plant.wheel_faults[index],
             loads[index],
             dt,
         )
     });
 
-    let [push_ahead, push_left, push_turn] = plant.push;
+    let [push_ahead, push_left, push_turn] = push;
     let [ahead, left, yaw_rate] = motion.body_velocity();
     let mut chassis = Chassis {
         mass: drive.mass,
@@ -215,7 +223,10 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
             yaw_rate + dt * push_turn / drive.inertia,
         ],
     };
-    let friction = world.friction_under(&motion, &drive.stance.places());
+    let mut friction = world.friction_under(&motion, &drive.stance.places());
+    if let Some(most) = plant.faults.friction {
+        friction = friction.map(|friction| friction.min(most));
+    }
     let rolling = drive.wheel_speed;
     drive
         .traction

@@ -2,7 +2,7 @@
 
 use super::MecanumPlant;
 use super::encoder::Encoder;
-use super::signals::Wheel;
+use super::signals::{ECHOES, MecanumMeasurements, Port, Wheel};
 use crate::pose::Pose;
 use crate::world::World;
 
@@ -15,15 +15,129 @@ pub struct WheelFaults {
     pub drag_torque: f64,
     /// Its motor neither drives nor holds it.
     pub free_wheeling: bool,
+    /// Its motor holds it all the time.
+    pub brake_stuck_on: bool,
+    /// Its motor does not hold it when it should.
+    pub brake_stuck_open: bool,
+    /// Its motor turns the other way than FR says.
+    pub reversed: bool,
     /// Its encoder.
     pub encoder: Encoder,
 }
 
+/// What an ultrasonic sensor does.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Ultrasonic {
+    /// It measures.
+    #[default]
+    Working,
+    /// It hears nothing.
+    Missing,
+    /// It gives this, whatever there is; m.
+    Stuck(Option<f64>),
+    /// It hears an echo from this distance, unless something is nearer; m.
+    Ghost(f64),
+}
+
+/// What is wrong with the car as a whole. It lies over what was set otherwise, so that taking it
+/// away leaves no trace but in how the car has moved meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MecanumFaults {
+    /// Board and motors have no supply.
+    pub unsupplied: bool,
+    /// The plugs in these two ports are swapped.
+    pub swapped: Option<[Port; 2]>,
+    /// Most friction that the ground under the wheels gives.
+    pub friction: Option<f64>,
+    /// Payload added, kg.
+    pub payload: f64,
+    /// Push added: ahead, left in N; counter-clockwise in N·m.
+    pub push: [f64; 3],
+    /// The ultrasonic sensors, in the order of [`MecanumMeasurements::echoes`].
+    pub ultrasonic: [Ultrasonic; ECHOES],
+    /// What the reader takes any tag for.
+    pub tag_reads_as: Option<u32>,
+    /// The magnetic bar does not feel a strip.
+    pub strip_lost: bool,
+    /// What the infrared sensor gives, whatever there is.
+    pub infrared_stuck: Option<bool>,
+}
+
+impl MecanumFaults {
+    /// What the sensors make of what they should see.
+    pub(super) fn spoil(&self, measured: &mut MecanumMeasurements) {
+        for (echo, sensor) in measured.echoes.iter_mut().zip(self.ultrasonic) {
+            *echo = match sensor {
+                Ultrasonic::Working => *echo,
+                Ultrasonic::Missing => None,
+                Ultrasonic::Stuck(stuck) => stuck,
+                Ultrasonic::Ghost(ghost) => Some(echo.map_or(ghost, |echo| echo.min(ghost))),
+            };
+        }
+        if measured.tag != 0 {
+            measured.tag = self.tag_reads_as.unwrap_or(measured.tag);
+        }
+        if self.strip_lost {
+            measured.magnetic_bar = 0;
+        }
+        measured.obstacle_ahead = self.infrared_stuck.unwrap_or(measured.obstacle_ahead);
+    }
+
+    /// Holds everything in the ranges of the methods that set the same.
+    fn within_limits(&self) -> Self {
+        Self {
+            friction: self
+                .friction
+                .map(|friction| number(friction).clamp(0.0, 10.0)),
+            payload: number(self.payload).clamp(0.0, 100.0),
+            push: self.push.map(|part| number(part).clamp(-1e4, 1e4)),
+            ultrasonic: self.ultrasonic.map(|sensor| match sensor {
+                Ultrasonic::Ghost(distance) => {
+                    Ultrasonic::Ghost(number(distance).clamp(0.0, 1000.0))
+                }
+                other => other,
+            }),
+            ..*self
+        }
+    }
+}
+
 impl MecanumPlant {
+    /// Replaces all that is wrong with the car as a whole.
+    pub fn set_faults(&mut self, world: &mut World, faults: &MecanumFaults) {
+        let before = self.raw_pulses();
+        self.faults = faults.within_limits();
+        let plain = self.plain_wiring;
+        self.wiring = match self.faults.swapped {
+            Some([one, other]) => plain.swapped(one, other),
+            None => plain,
+        };
+        // A counter counts on from where it is, whichever wheel's wire it gets.
+        let after = self.raw_pulses();
+        for (port, offset) in self.pulse_offset.iter_mut().enumerate() {
+            let jump = before[port].wrapping_sub(after[port]);
+            *offset = offset.wrapping_add(jump);
+        }
+        self.follow_payload(world);
+        self.wake();
+    }
+
+    /// What is wrong with the car as a whole.
+    #[must_use]
+    pub fn faults(&self) -> &MecanumFaults {
+        &self.faults
+    }
+
+    /// Interference adds pulses to a wheel's wire.
+    pub fn add_pulses(&mut self, wheel: Wheel, pulses: u32) {
+        let port = self.wiring.port(wheel).index();
+        self.pulse_offset[port] = self.pulse_offset[port].wrapping_add(pulses);
+    }
+
     /// Replaces all that is wrong with a wheel. Drag is held within 0–1000 N·m, the pulses of
     /// interference within 0–1 million a second.
     pub fn set_wheel_faults(&mut self, wheel: Wheel, faults: WheelFaults) {
-        self.faults[wheel.index()] = WheelFaults {
+        self.wheel_faults[wheel.index()] = WheelFaults {
             drag_torque: number(faults.drag_torque).clamp(0.0, 1e3),
             encoder: match faults.encoder {
                 Encoder::Noisy(rate) => Encoder::Noisy(number(rate).clamp(0.0, 1e6)),
@@ -40,7 +154,7 @@ impl MecanumPlant {
     /// What is wrong with a wheel.
     #[must_use]
     pub fn wheel_faults(&self, wheel: Wheel) -> WheelFaults {
-        self.faults[wheel.index()]
+        self.wheel_faults[wheel.index()]
     }
 
     /// Switches the supply of board and motors. Without it the wheels turn freely.
@@ -51,10 +165,15 @@ impl MecanumPlant {
 
     /// Puts a payload on the deck, kg, within 0–100.
     pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.drive
-            .set_payload(&self.settings, number(payload).clamp(0.0, 100.0));
-        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
+        self.payload = number(payload).clamp(0.0, 100.0);
+        self.follow_payload(world);
         self.wake();
+    }
+
+    fn follow_payload(&mut self, world: &mut World) {
+        let payload = self.payload + self.faults.payload;
+        self.drive.set_payload(&self.settings, payload);
+        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is

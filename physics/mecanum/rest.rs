@@ -36,9 +36,14 @@ impl MecanumPlant {
         }
     }
 
+    /// Ahead, left, counter-clockwise; N and N·m.
+    pub(super) fn total_push(&self) -> [f64; 3] {
+        std::array::from_fn(|part| self.push[part] + self.faults.push[part])
+    }
+
     /// Whether something is trying to move the car.
     fn is_driven(&self) -> bool {
         let turns = |wheel| matches!(self.order(wheel), Order::Turn(speed) if speed != 0.0);
-        self.push != [0.0; 3] || Wheel::ALL.into_iter().any(turns)
+        self.total_push() != [0.0; 3] || Wheel::ALL.into_iter().any(turns)
     }
 }

@@ -34,19 +34,41 @@ impl MecanumPlant {
     /// What the board's inputs read now.
     #[must_use]
     pub fn measurements(&self) -> MecanumMeasurements {
-        let mut pulses = [0; PORTS];
-        for wheel in Wheel::ALL {
-            pulses[self.wiring.port(wheel).index()] = self.drive.count(wheel);
+        let mut measured = self.unspoilt();
+        self.faults.spoil(&mut measured);
+        measured
+    }
+
+    /// What the board's inputs would read now if the sensors were whole.
+    #[must_use]
+    pub fn unspoilt(&self) -> MecanumMeasurements {
+        let mut pulses = self.raw_pulses();
+        for (pulses, offset) in pulses.iter_mut().zip(self.pulse_offset) {
+            *pulses = pulses.wrapping_add(offset);
         }
         let seen = self.sensors.seen();
         MecanumMeasurements {
-            board_powered: self.supplied,
+            board_powered: self.is_supplied(),
             pulses,
             echoes: seen.echoes,
             obstacle_ahead: seen.obstacle_ahead,
             tag: seen.tag,
             magnetic_bar: seen.magnetic_bar,
         }
+    }
+
+    /// Whether board and motors have a supply.
+    pub(super) fn is_supplied(&self) -> bool {
+        self.supplied && !self.faults.unsupplied
+    }
+
+    /// Pulses by port as the wheels give them.
+    pub(super) fn raw_pulses(&self) -> [u32; PORTS] {
+        let mut pulses = [0; PORTS];
+        for wheel in Wheel::ALL {
+            pulses[self.wiring.port(wheel).index()] = self.drive.count(wheel);
+        }
+        pulses
     }
 
     /// How things really are.

@@ -15,6 +15,8 @@ pub(super) struct Battery {
     capacity: f64,
     /// 0–1
     soc: f64,
+    /// Share of the capacity that a fault has taken away for as long as it lasts.
+    missing: f64,
     /// A·s drawn so far.
     drawn: f64,
 }
@@ -29,13 +31,14 @@ impl Battery {
             extra_resistance: 0.0,
             capacity: settings.capacity * packs * 3600.0,
             soc: settings.initial_soc / 100.0,
+            missing: 0.0,
             drawn: 0.0,
         }
     }
 
     /// Voltage without current, V.
     pub(super) fn open_circuit(&self) -> f64 {
-        let place = self.soc * 10.0;
+        let place = self.soc() * 10.0;
         let mut below = 0;
         // Ten comparisons cost less than a conversion that must be proven to be in range.
         while below < 9 && place >= [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0][below] {
@@ -51,7 +54,11 @@ impl Battery {
     }
 
     pub(super) fn soc(&self) -> f64 {
-        self.soc
+        (self.soc - self.missing).max(0.0)
+    }
+
+    pub(super) fn set_missing(&mut self, share: f64) {
+        self.missing = share;
     }
 
     /// A·h

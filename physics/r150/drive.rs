@@ -115,7 +115,7 @@ impl Drive {
     fn wheel(&self, side: Side, drive: &SideDrive, dt: f64) -> Wheel {
         let speed = self.wheel_speed[side.index()];
         let faults = &drive.faults;
-        let brake = if drive.brake && !faults.brake_stuck_open {
+        let brake = if (drive.brake && !faults.brake_stuck_open) || faults.brake_stuck_on {
             self.brake_torque
         } else {
             0.0
@@ -184,7 +184,7 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
         drive.wheel(side, &side_drive, dt)
     });
 
-    let [push_ahead, push_left, push_turn] = plant.push;
+    let [push_ahead, push_left, push_turn] = plant.total_push();
     let [ahead, left, yaw_rate] = motion.body_velocity();
     let mut chassis = Chassis {
         mass: drive.mass,
@@ -195,7 +195,10 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
             yaw_rate + dt * push_turn / drive.inertia,
         ],
     };
-    let friction = world.friction_under(&motion, &drive.stance.places());
+    let mut friction = world.friction_under(&motion, &drive.stance.places());
+    if let Some(most) = plant.faults.friction {
+        friction = friction.map(|friction| friction.min(most));
+    }
     let rolling = drive.wheel_speed;
     plant
         .drive

@@ -1,8 +1,8 @@
 //! What an operator, a scenario or bad luck does to the vehicle.
 
 use super::R150Plant;
-use super::fuse::FuseId;
-use super::signals::{Load, PwmSource, Rail, Side};
+use super::fuse::{FUSES, FuseId};
+use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
 use crate::pose::Pose;
 use crate::world::World;
 
@@ -29,18 +29,94 @@ pub struct SideFaults {
     pub motor_disconnected: bool,
     /// The brake does not hold.
     pub brake_stuck_open: bool,
+    /// The brake holds all the time.
+    pub brake_stuck_on: bool,
+    /// The motor is wired backwards. Its encoder is not.
+    pub reversed: bool,
     /// The encoder.
     pub encoder: Encoder,
 }
 
+/// What is wrong with the vehicle as a whole. It lies over what was set otherwise, so that taking
+/// it away leaves no trace but what it did to charge, fuses and motion meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct R150Faults {
+    /// Loads in place of those that are wired, by [`Rail::index`].
+    pub loads: [Option<Load>; RAILS],
+    /// What the battery's voltage lacks, V.
+    pub supply_drop: f64,
+    /// Resistance added to the battery, Ω.
+    pub supply_resistance: f64,
+    /// Charge that the battery lacks, 0–1.
+    pub missing_charge: f64,
+    /// Least temperature of a 12 V converter pair, °C.
+    pub temperature: [Option<f64>; 2],
+    /// The power module reports a fault of its own.
+    pub power_module: bool,
+    /// Fuses that are out, by their place in [`FuseId::ALL`].
+    pub fuses_out: [bool; FUSES],
+    /// The cables of the two motors and their encoders are swapped.
+    pub sides_swapped: bool,
+    /// Added to what the encoders read, rpm.
+    pub encoder_error: Sides<f64>,
+    /// Most friction that the ground under the tyres gives.
+    pub friction: Option<f64>,
+    /// Payload added, kg.
+    pub payload: f64,
+    /// Push added: ahead, left in N; counter-clockwise in N·m.
+    pub push: [f64; 3],
+}
+
+impl R150Faults {
+    /// Holds everything in the ranges of the methods that set the same.
+    fn within_limits(&self) -> Self {
+        Self {
+            loads: self.loads.map(|load| load.map(within)),
+            supply_drop: number(self.supply_drop).clamp(0.0, 1000.0),
+            supply_resistance: number(self.supply_resistance).clamp(0.0, 10.0),
+            missing_charge: number(self.missing_charge).clamp(0.0, 1.0),
+            temperature: self
+                .temperature
+                .map(|celsius| celsius.map(|celsius| number(celsius).clamp(-200.0, 1000.0))),
+            encoder_error: Sides {
+                right: number(self.encoder_error.right).clamp(-1e5, 1e5),
+                left: number(self.encoder_error.left).clamp(-1e5, 1e5),
+            },
+            friction: self
+                .friction
+                .map(|friction| number(friction).clamp(0.0, 10.0)),
+            payload: number(self.payload).clamp(0.0, 1000.0),
+            push: self.push.map(|part| number(part).clamp(-1e5, 1e5)),
+            ..*self
+        }
+    }
+}
+
 impl R150Plant {
+    /// Replaces all that is wrong with the vehicle as a whole.
+    pub fn set_faults(&mut self, world: &mut World, faults: &R150Faults) {
+        self.faults = faults.within_limits();
+        self.slow.battery.set_missing(self.faults.missing_charge);
+        self.follow_payload(world);
+        self.solve_network();
+        self.wake();
+    }
+
+    /// What is wrong with the vehicle as a whole.
+    #[must_use]
+    pub fn faults(&self) -> &R150Faults {
+        &self.faults
+    }
+
+    /// Changes what the encoders' interference adds to their readings, rpm.
+    pub fn set_encoder_error(&mut self, error: Sides<f64>) {
+        self.faults.encoder_error = error;
+        self.faults = self.faults.within_limits();
+    }
+
     /// Wires a load to a rail. Power is held within 0–100 kW, resistance above 1 mΩ.
     pub fn set_load(&mut self, rail: Rail, load: Load) {
-        self.loads[rail.index()] = match load {
-            Load::Power(power) => Load::Power(number(power).clamp(0.0, 1e5)),
-            Load::Resistance(resistance) => Load::Resistance(number(resistance).clamp(1e-3, 1e9)),
-            other => other,
-        };
+        self.loads[rail.index()] = within(load);
         self.solve_network();
     }
 
@@ -52,10 +128,15 @@ impl R150Plant {
 
     /// Puts a payload on the deck, kg, within 0–1000.
     pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.drive
-            .set_payload(&self.settings, number(payload).clamp(0.0, 1000.0));
-        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
+        self.payload = number(payload).clamp(0.0, 1000.0);
+        self.follow_payload(world);
         self.wake();
+    }
+
+    fn follow_payload(&mut self, world: &mut World) {
+        let payload = self.payload + self.faults.payload;
+        self.drive.set_payload(&self.settings, payload);
+        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is
@@ -127,7 +208,7 @@ impl R150Plant {
     /// Whether a fuse has blown.
     #[must_use]
     pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
-        self.slow.fuses[fuse.index()].is_blown()
+        self.slow.fuses[fuse.index()].is_blown() || self.faults.fuses_out[fuse.index()]
     }
 
     /// Wires a source to a PWM input, 0–3.
@@ -166,6 +247,14 @@ impl R150Plant {
     /// Makes the power module report a fault of its own, or stop doing so.
     pub fn set_power_module_fault(&mut self, present: bool) {
         self.power_module_fault = present;
+    }
+}
+
+fn within(load: Load) -> Load {
+    match load {
+        Load::Power(power) => Load::Power(number(power).clamp(0.0, 1e5)),
+        Load::Resistance(resistance) => Load::Resistance(number(resistance).clamp(1e-3, 1e9)),
+        other => other,
     }
 }
 

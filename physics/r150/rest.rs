@@ -68,6 +68,11 @@ impl R150Plant {
             let port = self.motor_port(*side);
             port.connected && port.duty != 0.0
         });
-        motors || self.push != [0.0; 3]
+        motors || self.total_push() != [0.0; 3]
+    }
+
+    /// Ahead, left, counter-clockwise; N and N·m.
+    pub(super) fn total_push(&self) -> [f64; 3] {
+        std::array::from_fn(|part| self.push[part] + self.faults.push[part])
     }
 }

@@ -19,11 +19,11 @@ impl R150Plant {
             bus_voltage: self.flow.bus,
             rail_voltage: self.flow.rail_voltage,
             rail_current: self.flow.rail_current,
-            temperature: self.slow.temperature,
+            temperature: self.temperature(),
             pwm_in: self
                 .pwm_sources
                 .map(|source| pwm::read(source, &self.commands.pwm_out_duty, &self.settings.pwm)),
-            power_module_fault: self.power_module_fault,
+            power_module_fault: self.power_module_fault || self.faults.power_module,
         }
     }
 
@@ -58,11 +58,23 @@ impl R150Plant {
         }
     }
 
+    /// What reaches the firmware's input for a side.
     fn encoder(&self, side: Side) -> f64 {
-        match self.side_faults[side].encoder {
+        // Swapped cables lead to the other side's encoder.
+        let side = self.port_of(side);
+        let rpm = match self.side_faults[side].encoder {
             Encoder::Lost => 0.0,
             Encoder::Working | Encoder::Stuck => self.encoder_rpm[side.index()],
+        };
+        rpm + self.faults.encoder_error[side]
+    }
+
+    fn temperature(&self) -> [f64; 2] {
+        let mut celsius = self.slow.temperature;
+        for (celsius, least) in celsius.iter_mut().zip(self.faults.temperature) {
+            *celsius = least.map_or(*celsius, |least| celsius.max(least));
         }
+        celsius
     }
 }
 

@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use common::Bench;
 use proptest::prelude::*;
-use sim_physics::r150::{Encoder, FuseId, Load, PwmSource, Rail, Side, SideFaults, Sides};
+use sim_physics::r150::{
+    Encoder, FuseId, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides,
+};
 use sim_physics::{Ground, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
@@ -20,6 +22,7 @@ enum Action {
     Bump(f64, f64, f64),
     Place(f64, f64, f64),
     Faults(bool, SideFaults),
+    Whole(Box<R150Faults>),
     Fuse(usize, bool),
     Battery(f64, f64),
     Ground(f64, f64, f64),
@@ -50,15 +53,53 @@ fn any_load() -> impl Strategy<Value = Load> {
 
 fn any_faults() -> impl Strategy<Value = SideFaults> {
     let encoder = prop::sample::select(vec![Encoder::Working, Encoder::Lost, Encoder::Stuck]);
-    (any::<[bool; 3]>(), any_number(), encoder).prop_map(
-        |([blocked, motor_disconnected, brake_stuck_open], drag_torque, encoder)| SideFaults {
+    (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
+        let [
+            blocked,
+            motor_disconnected,
+            brake_stuck_open,
+            brake_stuck_on,
+            reversed,
+        ] = broken;
+        SideFaults {
             blocked,
             drag_torque,
             motor_disconnected,
             brake_stuck_open,
+            brake_stuck_on,
+            reversed,
             encoder,
-        },
+        }
+    })
+}
+
+fn any_whole() -> impl Strategy<Value = R150Faults> {
+    use any_number as n;
+    (
+        any::<[bool; 6]>(),
+        (n(), n(), n(), n()),
+        (n(), n(), n(), n()),
+        any_load(),
     )
+        .prop_map(|(broken, electrical, mechanical, load)| {
+            let (supply_drop, supply_resistance, missing_charge, celsius) = electrical;
+            let (error, friction, payload, push) = mechanical;
+            let [power_module, sides_swapped, loaded, fuses_out @ ..] = broken;
+            R150Faults {
+                loads: [loaded.then_some(load); 6],
+                supply_drop,
+                supply_resistance,
+                missing_charge,
+                temperature: [Some(celsius), None],
+                power_module,
+                fuses_out: [fuses_out[0], fuses_out[1], fuses_out[2], false],
+                sides_swapped,
+                encoder_error: Sides::from([error, -error]),
+                friction: Some(friction),
+                payload,
+                push: [push, push, -push],
+            }
+        })
 }
 
 fn any_action() -> impl Strategy<Value = Action> {
@@ -72,6 +113,7 @@ fn any_action() -> impl Strategy<Value = Action> {
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Bump(ahead, left, turn)),
         1 => (-50.0..50.0, -50.0..50.0, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         2 => (any::<bool>(), any_faults()).prop_map(|(left, faults)| Action::Faults(left, faults)),
+        2 => any_whole().prop_map(|faults| Action::Whole(Box::new(faults))),
         1 => (0_usize..4, any::<bool>()).prop_map(|(fuse, blow)| Action::Fuse(fuse, blow)),
         1 => (n(), n()).prop_map(|(soc, sag)| Action::Battery(soc, sag)),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
@@ -99,6 +141,7 @@ fn apply(bench: &mut Bench, action: &Action) {
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);
         }
+        Action::Whole(faults) => plant.set_faults(world, &faults),
         Action::Fuse(fuse, true) => plant.blow_fuse(FuseId::ALL[fuse]),
         Action::Fuse(fuse, false) => plant.replace_fuse(FuseId::ALL[fuse]),
         Action::Battery(soc, sag) => {

@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use car::{Car, FULL, RADIUS};
 use proptest::prelude::*;
-use sim_physics::mecanum::{Encoder, Port, PortCommand, WHEELS, Wheel, WheelFaults, Wiring};
+use sim_physics::mecanum::{
+    Encoder, MecanumFaults, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults, Wiring,
+};
 use sim_physics::{
     Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
 };
@@ -18,6 +20,7 @@ use sim_physics::{
 enum Action {
     Drive([bool; 5], [bool; 5], f64),
     Faults(usize, WheelFaults),
+    CarFaults(Box<MecanumFaults>),
     Payload(f64),
     Push(f64, f64, f64),
     Bump(f64, f64, f64),
@@ -45,12 +48,45 @@ fn any_faults() -> impl Strategy<Value = WheelFaults> {
         Just(Encoder::Stuck),
         any_number().prop_map(Encoder::Noisy),
     ];
-    (any::<[bool; 2]>(), any_number(), encoder).prop_map(
-        |([blocked, free_wheeling], drag_torque, encoder)| WheelFaults {
+    (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
+        let [
+            blocked,
+            free_wheeling,
+            brake_stuck_on,
+            brake_stuck_open,
+            reversed,
+        ] = broken;
+        WheelFaults {
             blocked,
             drag_torque,
             free_wheeling,
+            brake_stuck_on,
+            brake_stuck_open,
+            reversed,
             encoder,
+        }
+    })
+}
+
+fn any_car_faults() -> impl Strategy<Value = MecanumFaults> {
+    use any_number as n;
+    let swapped = proptest::option::of((0..5_usize, 0..5_usize));
+    (any::<[bool; 3]>(), swapped, (n(), n(), n(), n())).prop_map(
+        |([unsupplied, strip_lost, ghosts], swapped, (friction, payload, push, distance))| {
+            MecanumFaults {
+                unsupplied,
+                swapped: swapped.map(|(one, other)| [Port::ALL[one], Port::ALL[other]]),
+                friction: Some(friction),
+                payload,
+                push: [push, -push, push],
+                ultrasonic: [if ghosts {
+                    Ultrasonic::Ghost(distance)
+                } else {
+                    Ultrasonic::Missing
+                }; 8],
+                strip_lost,
+                ..MecanumFaults::default()
+            }
         },
     )
 }
@@ -60,6 +96,7 @@ fn any_action() -> impl Strategy<Value = Action> {
     prop_oneof![
         6 => (any::<[bool; 5]>(), any::<[bool; 5]>(), n()).prop_map(|(reverse, brake, voltage)| Action::Drive(reverse, brake, voltage)),
         2 => (0..WHEELS, any_faults()).prop_map(|(wheel, faults)| Action::Faults(wheel, faults)),
+        1 => any_car_faults().prop_map(|faults| Action::CarFaults(Box::new(faults))),
         1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Bump(ahead, left, turn)),
@@ -88,6 +125,7 @@ fn apply(car: &mut Car, action: &Action) {
             plant.set_commands(&commands(reverse, brake, voltage));
         }
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
+        Action::CarFaults(faults) => plant.set_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
         Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
         Action::Bump(ahead, left, turn) => plant.bump(world, ahead, left, turn),

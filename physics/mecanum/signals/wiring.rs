@@ -52,6 +52,19 @@ impl Wiring {
         self.reversed[wheel.index()]
     }
 
+    /// This wiring with the plugs in two ports swapped; either may be empty.
+    #[must_use]
+    pub fn swapped(mut self, one: Port, other: Port) -> Self {
+        for port in &mut self.ports {
+            if *port == one {
+                *port = other;
+            } else if *port == other {
+                *port = one;
+            }
+        }
+        self
+    }
+
     /// The wheel at a port, if any.
     #[must_use]
     pub fn wheel(&self, port: Port) -> Option<Wheel> {
