@@ -267,7 +267,7 @@ fn a_reply_that_is_held_back_is_not_handed_to_the_next_client() {
         rig.detach(PORT, SimTime::from_millis(2)).unwrap();
         rig.attach(PORT, SimTime::from_millis(3)).unwrap();
         rig.advance(SimTime::from_secs(1)).unwrap();
-        assert_eq!(read(&mut rig), [], "{name}");
+        assert!(read(&mut rig).is_empty(), "{name}");
     }
 }
 
