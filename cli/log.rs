@@ -28,6 +28,13 @@ const GLANCE: Duration = Duration::from_millis(20);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
 
+/// What a device and its links are called.
+#[derive(Debug, Clone)]
+pub(crate) struct DeviceName {
+    pub(crate) name: String,
+    pub(crate) links: Vec<&'static str>,
+}
+
 /// What to print.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LogOptions {
@@ -57,7 +64,7 @@ pub(crate) struct Log {
 
 impl Log {
     /// Starts the thread; `names` are the devices by index.
-    pub(crate) fn start(options: LogOptions, names: Vec<String>) -> io::Result<Self> {
+    pub(crate) fn start(options: LogOptions, names: Vec<DeviceName>) -> io::Result<Self> {
         let (lines, receiver) = crossbeam_channel::bounded(MOST_LINES);
         let (last, last_receiver) = crossbeam_channel::bounded(1);
         let (ends, ended) = crossbeam_channel::bounded(0);
@@ -176,7 +183,7 @@ impl Drop for Log {
 
 struct Printer {
     options: LogOptions,
-    names: Vec<String>,
+    names: Vec<DeviceName>,
     dropped: Arc<AtomicU64>,
     told_dropped: u64,
     /// When an event of a device and kind was last printed, and how many were not since.
@@ -256,14 +263,20 @@ impl Printer {
             // Red is readable on dark and on light backgrounds.
             (Level::Warning, _) => (" !", AnsiColor::Red.on_default().bold()),
         };
-        let name = self.names.get(event.device).map_or("?", String::as_str);
+        let name = self.name(event);
         let code = match kind.level() {
             Level::Traffic => String::new(),
             _ => format!(" [{}]", kind.code()),
         };
-        let bytes = match (kind.level(), kind.bytes()) {
-            (Level::Traffic, Some(bytes)) => format!("  | {}", Hex(&bytes)),
-            _ => String::new(),
+        // Some events name their bytes themselves.
+        let text = kind.to_string();
+        let bytes = kind
+            .bytes()
+            .map(|bytes| Hex(&bytes).to_string())
+            .unwrap_or_default();
+        let bytes = match text.contains(&bytes) {
+            true => String::new(),
+            false => format!("  | {bytes}"),
         };
         let repeats = match repeats {
             0 => String::new(),
@@ -272,15 +285,32 @@ impl Printer {
         let time = event.at;
         writeln!(
             out,
-            "{time:>12} {name} {style}{mark} {kind}{style:#}{code}{bytes}{repeats}"
+            "{time:>12} {name} {style}{mark} {text}{style:#}{code}{bytes}{repeats}"
         )
+    }
+
+    /// The device, and its link if it has several and the event is about one.
+    fn name(&self, event: &Event) -> String {
+        let Some(device) = self.names.get(event.device) else {
+            return "?".to_owned();
+        };
+        match self.link(event) {
+            Some(link) if device.links.len() > 1 => format!("{}/{link}", device.name),
+            _ => device.name.clone(),
+        }
+    }
+
+    fn link(&self, event: &Event) -> Option<&'static str> {
+        let device = self.names.get(event.device)?;
+        device.links.get(event.kind.link()?).copied()
     }
 
     fn print_json(&self, out: &mut impl Write, event: &Event) -> io::Result<()> {
         let kind = &event.kind;
         let line = json!({
             "time_s": event.at.as_secs_f64(),
-            "device": self.names.get(event.device),
+            "device": self.names.get(event.device).map(|device| &device.name),
+            "link": self.link(event),
             "level": kind.level().word(),
             "code": kind.code(),
             "text": kind.to_string(),

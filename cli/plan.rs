@@ -78,6 +78,7 @@ fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
         pose: Pose::default(),
         settings: settings.clone(),
         port: args.pty.clone(),
+        ros: args.ros_pty.is_some(),
         ros_port: args.ros_pty.clone(),
     };
     Ok(RigPlan {

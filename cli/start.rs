@@ -13,7 +13,7 @@ use sim_scenarios::RigPlan;
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::log::{Log, LogOptions};
+use crate::log::{DeviceName, Log, LogOptions};
 use crate::plan::{Plan, plan};
 use crate::ready_file::ReadyFile;
 use crate::serve::{Served, Server};
@@ -38,10 +38,13 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         verbose: args.verbose,
         quiet: args.quiet,
     };
-    let names: Vec<String> = plan
+    let names: Vec<DeviceName> = plan
         .devices
         .iter()
-        .map(|device| device.name.clone())
+        .map(|device| DeviceName {
+            name: device.name.clone(),
+            links: device.links().iter().map(|link| link.name).collect(),
+        })
         .collect();
     let log = Log::start(options, names.clone())
         .context("cannot start the thread that prints")
@@ -78,8 +81,8 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         let devices: Vec<DeviceSummary<'_>> = names
             .iter()
             .enumerate()
-            .map(|(device, name)| DeviceSummary {
-                name,
+            .map(|(device, named)| DeviceSummary {
+                name: &named.name,
                 report: server.report(device),
                 distance_m: server.rig().distance_m(device),
                 ports: counters

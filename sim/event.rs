@@ -6,7 +6,7 @@ use std::fmt;
 use sim_settings::SimTime;
 
 use crate::line::LineEvent;
-use crate::mecanum_device::MecanumEvent;
+use crate::mecanum_device::{Link, MecanumEvent};
 use crate::r150_device::R150Event;
 
 /// How much an event matters to somebody who writes a client.
@@ -87,6 +87,16 @@ impl EventKind {
             Self::Line { event, .. } => event.is_client_fault(),
             Self::R150(event) => event.is_client_fault(),
             Self::Mecanum(event) => event.is_client_fault(),
+        }
+    }
+
+    /// Index of the link that it is about, if it is about one.
+    #[must_use]
+    pub fn link(&self) -> Option<usize> {
+        match self {
+            Self::Line { link, .. } => Some(*link),
+            Self::R150(event) => event.bytes().map(|_| 0),
+            Self::Mecanum(event) => event.link().map(Link::index),
         }
     }
 

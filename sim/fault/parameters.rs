@@ -114,7 +114,7 @@ impl JsonSchema for HexBytes {
 
 /// Declares a choice of words.
 macro_rules! words {
-    ($( $(#[doc = $doc:literal])+ $name:ident {
+    ($( $(#[doc = $doc:literal])+ $name:ident $(default $default:ident)? {
         $( $(#[doc = $about:literal])+ $variant:ident = $word:literal, )+
     } )+) => { $(
         $(#[doc = $doc])+
@@ -134,6 +134,12 @@ macro_rules! words {
             }
         }
 
+        $( impl Default for $name {
+            fn default() -> Self {
+                Self::$default
+            }
+        } )?
+
         impl fmt::Display for $name {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(self.word())
@@ -144,7 +150,7 @@ macro_rules! words {
 
 words! {
     /// Which way bytes travel.
-    Direction {
+    Direction default Both {
         /// From the client to the device.
         ToDevice = "to-device",
         /// From the device to the client.
@@ -153,14 +159,14 @@ words! {
         Both = "both",
     }
     /// A serial link of a device.
-    LinkName {
+    LinkName default Main {
         /// The R150's only one; the car's binary one.
         Main = "main",
         /// The car's ASCII one.
         Ros = "ros",
     }
     /// What of a frame's length is wrong.
-    WrongLength {
+    WrongLength default Parameters {
         /// Parameters are missing or added, and the rest of the frame fits them.
         Parameters = "parameters",
         /// The length field alone lies.
@@ -241,7 +247,7 @@ words! {
         Right = "right",
     }
     /// Ultrasonic sensors of the car, each row counted from the left.
-    EchoSensor {
+    EchoSensor default All {
         /// All eight.
         All = "all",
         /// All in front.
@@ -264,30 +270,6 @@ words! {
         Rear3 = "rear-3",
         /// Rightmost in the rear, `ut_b[3]`.
         Rear4 = "rear-4",
-    }
-}
-
-impl Default for Direction {
-    fn default() -> Self {
-        Self::Both
-    }
-}
-
-impl Default for LinkName {
-    fn default() -> Self {
-        Self::Main
-    }
-}
-
-impl Default for WrongLength {
-    fn default() -> Self {
-        Self::Parameters
-    }
-}
-
-impl Default for EchoSensor {
-    fn default() -> Self {
-        Self::All
     }
 }
 

@@ -8,7 +8,7 @@ use super::codec::Decoded;
 use super::kinematics::Movement;
 use super::motion::{Change, Motion};
 use super::packet::{Request, Status};
-use super::{Action, MAX_SPEED};
+use super::{Action, Link, MAX_SPEED};
 use crate::event::{Hex, Level};
 
 /// A field of a request that has few legal values.
@@ -111,6 +111,20 @@ impl MecanumEvent {
             | Self::Operated(_)
             | Self::Started => Level::Notice,
             _ => Level::Warning,
+        }
+    }
+
+    /// The link that it is about, if it is about one.
+    #[must_use]
+    pub fn link(&self) -> Option<Link> {
+        match self {
+            Self::Request(_)
+            | Self::Status(_)
+            | Self::BadStream(_)
+            | Self::SpeedClamped { .. }
+            | Self::BadField { .. } => Some(Link::Main),
+            Self::Command(_) | Self::Report(_) | Self::BadLine { .. } => Some(Link::Ros),
+            _ => None,
         }
     }
 
