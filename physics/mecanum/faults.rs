@@ -83,8 +83,9 @@ impl MecanumFaults {
         measured.obstacle_ahead = self.infrared_stuck.unwrap_or(measured.obstacle_ahead);
     }
 
-    /// Holds everything in the ranges of the methods that set the same.
-    fn within_limits(&self) -> Self {
+    /// Holds everything in the ranges of the methods that set the same, and ghosts where a sensor
+    /// can hear them.
+    fn within_limits(&self, hearing: f64) -> Self {
         Self {
             friction: self
                 .friction
@@ -93,7 +94,7 @@ impl MecanumFaults {
             push: self.push.map(|part| number(part).clamp(-1e4, 1e4)),
             ultrasonic: self.ultrasonic.map(|sensor| match sensor {
                 Ultrasonic::Ghost(distance) => {
-                    Ultrasonic::Ghost(number(distance).clamp(0.0, 1000.0))
+                    Ultrasonic::Ghost(number(distance).clamp(0.0, hearing))
                 }
                 other => other,
             }),
@@ -106,7 +107,7 @@ impl MecanumPlant {
     /// Replaces all that is wrong with the car as a whole.
     pub fn set_faults(&mut self, world: &mut World, faults: &MecanumFaults) {
         let before = self.raw_pulses();
-        self.faults = faults.within_limits();
+        self.faults = faults.within_limits(self.settings.ultrasonic.range);
         let plain = self.plain_wiring;
         self.wiring = match self.faults.swapped {
             Some([one, other]) => plain.swapped(one, other),
