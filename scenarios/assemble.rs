@@ -42,11 +42,11 @@ impl DevicePlan {
                     baud: firmware.baud,
                     path: self.port.clone(),
                 };
-                let ros = self.ros_port.as_ref().map(|path| Link {
+                let ros = self.ros.then(|| Link {
                     index: 1,
                     name: "ROS",
                     baud: firmware.ros_baud,
-                    path: Some(path.clone()),
+                    path: self.ros_port.clone(),
                 });
                 std::iter::once(main).chain(ros).collect()
             }
@@ -84,8 +84,7 @@ impl RigPlan {
                 }
                 Kind::Mecanum => {
                     let settings = &device.settings.mecanum;
-                    let ros = device.ros_port.is_some();
-                    rig.add_mecanum(&device.name, settings, ros, device.pose);
+                    rig.add_mecanum(&device.name, settings, device.ros, device.pose);
                 }
             }
         }

@@ -68,7 +68,9 @@ pub struct DevicePlan {
     pub settings: SimSettings,
     /// Path of its main port; without one the port has no name but the system's.
     pub port: Option<PathBuf>,
-    /// Path of a mecanum car's ROS port; without one that link is not configured.
+    /// Whether a mecanum car's ROS link is configured.
+    pub ros: bool,
+    /// Path of a mecanum car's ROS port; without one the port has no name but the system's.
     pub ros_port: Option<PathBuf>,
 }
 
@@ -160,6 +162,10 @@ impl RigPlan {
                 let why = format!("`device.name`: two devices are named \"{name}\"");
                 return Err(at(name_at, why));
             }
+            if let (Kind::R150, Some(ros)) = (kind, &device.ros) {
+                let why = "`device.ros`: only a mecanum car has one".to_owned();
+                return Err(at(ros.span(), why));
+            }
             if let (Kind::R150, Some(path)) = (kind, &device.ros_port) {
                 let why = "`device.ros_port`: only a mecanum car has one".to_owned();
                 return Err(at(path.span(), why));
@@ -190,6 +196,8 @@ impl RigPlan {
                 pose: device.pose.into(),
                 settings: own,
                 port: device.port.as_ref().map(|path| path.get_ref().clone()),
+                ros: device.ros.as_ref().is_some_and(|ros| *ros.get_ref())
+                    || device.ros_port.is_some(),
                 ros_port: device.ros_port.as_ref().map(|path| path.get_ref().clone()),
             });
         }
@@ -267,8 +275,10 @@ pub(crate) struct DeviceText {
     /// Path of the pseudo-terminal of its main link; without one it has the system's name only.
     #[schemars(with = "Option<PathBuf>")]
     port: Option<Spanned<PathBuf>>,
-    /// Path of the pseudo-terminal of a mecanum car's ROS link; without one the link is not there
-    /// and the magnetic sensor has its UART.
+    /// Whether a mecanum car has a ROS link; without it the magnetic sensor has its UART.
+    #[schemars(with = "Option<bool>")]
+    ros: Option<Spanned<bool>>,
+    /// Path of the pseudo-terminal of a mecanum car's ROS link, which is there then.
     #[schemars(with = "Option<PathBuf>")]
     ros_port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
