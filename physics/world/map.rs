@@ -93,28 +93,34 @@ impl World {
     #[must_use]
     pub fn with_map(settings: &WorldSettings, map: &WorldMap) -> Self {
         let mut world = Self::new(settings);
+        world.add_map(map);
+        world
+    }
+
+    /// Puts contents into the world, beside those that it has.
+    pub fn add_map(&mut self, map: &WorldMap) {
         for wall in &map.walls {
-            world.add_wall(wall.from, wall.to, wall.thickness);
+            self.add_wall(wall.from, wall.to, wall.thickness);
         }
         for block in &map.boxes {
             let [x, y] = block.centre;
             let heading = libm::atan2(block.direction[1], block.direction[0]);
             let [length, width] = block.half.map(|half| half * 2.0);
-            world.add_box(Pose { x, y, heading }, length, width);
+            self.add_box(Pose { x, y, heading }, length, width);
         }
         for Disc { centre, radius } in &map.circles {
-            world.add_disc(centre[0], centre[1], *radius);
+            self.add_disc(centre[0], centre[1], *radius);
         }
         for slope in &map.slopes {
-            world.add_slope(slope);
+            self.add_slope(slope);
         }
         for patch in &map.frictions {
-            world.add_friction(patch);
+            self.add_friction(patch);
         }
-        world.tags.extend(&map.tags);
+        self.tags.extend(&map.tags);
         for strip in &map.strips {
-            world.strips.extend(strip.bands());
+            self.strips.extend(strip.bands());
         }
-        world
+        self.changes += 1;
     }
 }
