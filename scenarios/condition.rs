@@ -30,6 +30,8 @@ use sim_core::rig::Rig;
 pub use names::{NameInfo, Unit, names};
 pub use seen::Seen;
 
+pub(crate) use check::identifier;
+
 use check::Scope;
 use names::{Getter, Reading, View};
 

@@ -26,3 +26,19 @@ pub(crate) fn or_allowed(word: &str, allowed: &[&str]) -> String {
         |near| format!("did you mean `{near}`? allowed: {list}"),
     )
 }
+
+/// Adds to an error of the TOML reader what a misspelt field or word may have meant.
+pub(crate) fn improve(message: &str) -> String {
+    let Some(at) = message
+        .find("unknown field `")
+        .or_else(|| message.find("unknown variant `"))
+    else {
+        return message.to_owned();
+    };
+    let mut words = message[at..].split('`').skip(1).step_by(2);
+    let near = words.next().and_then(|word| nearest(word, words));
+    near.map_or_else(
+        || message.to_owned(),
+        |near| format!("{message}; did you mean `{near}`?"),
+    )
+}

@@ -1,0 +1,52 @@
+//! What is planned, and when.
+
+use std::collections::BTreeMap;
+
+use sim_core::SimTime;
+
+use super::steps::Undo;
+
+/// Something planned.
+#[derive(Debug, Clone)]
+pub(super) enum Item {
+    /// A step happens, for the first time or again.
+    Occur(usize),
+    /// What a step did ends.
+    End(usize, Undo),
+    /// Conditions are looked at.
+    Look,
+}
+
+/// By time, then in the order of the file, then as it was planned.
+#[derive(Debug, Default)]
+pub(super) struct Agenda {
+    items: BTreeMap<(SimTime, usize, u64), Item>,
+    planned: u64,
+}
+
+impl Agenda {
+    pub(super) fn plan(&mut self, at: SimTime, item: Item) {
+        let place = match &item {
+            Item::Occur(step) | Item::End(step, _) => *step,
+            Item::Look => usize::MAX,
+        };
+        self.planned += 1;
+        self.items.insert((at, place, self.planned), item);
+    }
+
+    pub(super) fn next(&self) -> Option<SimTime> {
+        self.items.keys().next().map(|(at, ..)| *at)
+    }
+
+    pub(super) fn is_due(&self, now: SimTime) -> bool {
+        self.next().is_some_and(|at| at <= now)
+    }
+
+    pub(super) fn take_due(&mut self, now: SimTime) -> Option<Item> {
+        if self.is_due(now) {
+            self.items.pop_first().map(|(_, item)| item)
+        } else {
+            None
+        }
+    }
+}

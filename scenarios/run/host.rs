@@ -1,0 +1,289 @@
+//! The scripted client: it sends what the file says and compares what comes back.
+
+use std::time::Duration;
+
+use sim_core::SimTime;
+use sim_core::event::Hex;
+use sim_core::line::ClientLine;
+use sim_core::mecanum_device::ascii;
+use sim_core::mecanum_device::codec as car;
+use sim_core::mecanum_device::packet::Status;
+use sim_core::r150_device::codec as r150;
+use sim_core::r150_device::reply::Reply;
+use sim_core::r150_device::settings::Resync;
+use sim_core::rig::PortId;
+
+use super::agenda::Item;
+use super::{Run, RunError};
+use crate::Kind;
+use crate::scenario::{
+    Fields, HostAction, HostDoes, ReplyWanted, Wanted, line_fields, matches_fields, r150_fields,
+    status_fields,
+};
+
+/// Silence after which a client gives up a frame that was begun.
+const PAUSE: Duration = Duration::from_millis(50);
+/// Most bytes kept for a comparison.
+const MOST_RAW: usize = 4096;
+
+/// The scripted client's end of a port.
+pub(super) struct HostPort {
+    decoder: Decoder,
+    /// A car sends by itself, so not every packet answers.
+    chatters: bool,
+    waiting: Vec<Waiting>,
+}
+
+enum Decoder {
+    R150(r150::Decoder),
+    Main(car::Decoder<Status>),
+    Ros(Vec<u8>),
+}
+
+struct Waiting {
+    step: usize,
+    due: SimTime,
+    wanted: ReplyWanted,
+    raw: Vec<u8>,
+    /// Why what came so far is not it.
+    so_far: String,
+}
+
+/// What came.
+struct Found {
+    command: Option<u8>,
+    fields: Fields,
+}
+
+impl HostPort {
+    fn new(kind: Kind, link: usize) -> Self {
+        let decoder = match (kind, link) {
+            (Kind::R150, _) => Decoder::R150(r150::Decoder::new(PAUSE, Resync::SecondByte)),
+            (Kind::Mecanum, 0) => Decoder::Main(car::Decoder::new(PAUSE)),
+            (Kind::Mecanum, _) => Decoder::Ros(Vec::new()),
+        };
+        Self {
+            decoder,
+            chatters: kind == Kind::Mecanum,
+            waiting: Vec::new(),
+        }
+    }
+}
+
+impl Decoder {
+    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Found> {
+        let mut found = Vec::new();
+        match self {
+            Self::R150(decoder) => {
+                decoder.expire(now, &mut |_| {});
+                decoder.push(now, byte, &mut |decoded| {
+                    if let r150::Decoded::Frame(frame) = decoded {
+                        found.extend(read_frame(&frame));
+                    }
+                });
+            }
+            Self::Main(decoder) => {
+                decoder.expire(now, &mut |_| {});
+                decoder.push(now, byte, &mut |decoded| {
+                    if let car::Decoded::Packet(status) = decoded {
+                        let fields = status_fields(&status);
+                        found.push(Found {
+                            command: None,
+                            fields,
+                        });
+                    }
+                });
+            }
+            Self::Ros(line) if byte == b'\n' => {
+                let report = ascii::Report::parse(&std::mem::take(line));
+                found.extend(report.map(|report| Found {
+                    command: None,
+                    fields: line_fields(&report),
+                }));
+            }
+            Self::Ros(line) => {
+                if line.len() < MOST_RAW {
+                    line.push(byte);
+                }
+            }
+        }
+        found
+    }
+}
+
+/// A reply; some modules set the command's high bit in it.
+fn read_frame(frame: &r150::Frame) -> Option<Found> {
+    let plain = [frame.command, frame.command & 0x7F];
+    plain.into_iter().find_map(|command| {
+        let reply = Reply::parse(command, &frame.parameters).ok()?;
+        Some(Found {
+            command: Some(command),
+            fields: r150_fields(&reply),
+        })
+    })
+}
+
+/// What a byte or a reply means to one that waits.
+enum Verdict {
+    GoOn,
+    Came,
+    Wrong(String),
+}
+
+impl Waiting {
+    fn byte(&mut self, byte: u8, chatters: bool) -> Verdict {
+        if self.raw.len() < MOST_RAW {
+            self.raw.push(byte);
+        }
+        match &self.wanted.wanted {
+            Wanted::Silence => Verdict::Wrong(format!("wanted silence, {byte:02X} came")),
+            Wanted::Bytes(bytes) if chatters => {
+                if self.raw.ends_with(bytes) {
+                    Verdict::Came
+                } else {
+                    Verdict::GoOn
+                }
+            }
+            Wanted::Bytes(bytes) if !bytes.starts_with(&self.raw) => {
+                Verdict::Wrong(format!("wanted {}, {} came", Hex(bytes), Hex(&self.raw)))
+            }
+            Wanted::Bytes(bytes) if self.raw.len() == bytes.len() => Verdict::Came,
+            _ => Verdict::GoOn,
+        }
+    }
+
+    fn found(&mut self, found: &Found, chatters: bool) -> Verdict {
+        if self.wanted.command.is_some() && self.wanted.command != found.command {
+            return Verdict::GoOn;
+        }
+        match &self.wanted.wanted {
+            Wanted::Any => Verdict::Came,
+            Wanted::Fields(fields) => match matches_fields(&found.fields, fields) {
+                Ok(()) => Verdict::Came,
+                Err(why) if chatters => {
+                    self.so_far = format!("; in the last packet {why}");
+                    Verdict::GoOn
+                }
+                Err(why) => Verdict::Wrong(why),
+            },
+            Wanted::Bytes(_) | Wanted::Silence => Verdict::GoOn,
+        }
+    }
+}
+
+impl Run {
+    /// Opens the scripted client's ports.
+    pub(super) fn open_script(&mut self) -> Result<(), RunError> {
+        if self.options.live {
+            return Ok(());
+        }
+        for port in self.ports.clone() {
+            let kind = self.scenario.rig.devices[port.device].kind;
+            self.hosts.insert(port, HostPort::new(kind, port.link));
+            self.rig.attach(port, SimTime::ZERO)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn host_acts(&mut self, step: usize, action: &HostAction, now: SimTime) {
+        let port = action.port;
+        match &action.does {
+            HostDoes::Send(bytes) => {
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.host_sent(now, port, bytes);
+                }
+                self.rig.client_puts(port, bytes);
+            }
+            // The rig is where it is to be, so this goes no further and cannot fail.
+            HostDoes::Open => drop(self.rig.attach(port, now)),
+            HostDoes::Close => drop(self.rig.detach(port, now)),
+            HostDoes::Baud(baud) => self.rig.set_client_line(port, ClientLine::at(*baud)),
+            HostDoes::Nothing => {}
+        }
+        if let (Some(wanted), Some(host)) = (&action.expect, self.hosts.get_mut(&port)) {
+            let due = now + wanted.within;
+            host.waiting.push(Waiting {
+                step,
+                due,
+                wanted: wanted.clone(),
+                raw: Vec::new(),
+                so_far: String::new(),
+            });
+            self.agenda.plan(due, Item::Look);
+            self.time_begun(step);
+        }
+    }
+
+    /// Bytes have come for the scripted client.
+    pub(super) fn host_reads(&mut self, now: SimTime, port: PortId, bytes: &[u8]) {
+        let Some(host) = self.hosts.get_mut(&port) else {
+            return;
+        };
+        let chatters = host.chatters;
+        let mut over = Vec::new();
+        for &byte in bytes {
+            let found = host.decoder.push(now, byte);
+            host.waiting.retain_mut(|waiting| {
+                let mut verdict = waiting.byte(byte, chatters);
+                for found in &found {
+                    if matches!(verdict, Verdict::GoOn) {
+                        verdict = waiting.found(found, chatters);
+                    }
+                }
+                let why = match verdict {
+                    Verdict::GoOn => return true,
+                    Verdict::Came => None,
+                    Verdict::Wrong(why) => Some(why),
+                };
+                over.push((waiting.step, why));
+                false
+            });
+        }
+        self.answers_over(over, now);
+    }
+
+    /// Ends the wait for replies whose time has come.
+    pub(super) fn host_due(&mut self, now: SimTime) {
+        let mut over = Vec::new();
+        for host in self.hosts.values_mut() {
+            host.waiting.retain(|waiting| {
+                if waiting.due > now {
+                    return true;
+                }
+                let silent = matches!(waiting.wanted.wanted, Wanted::Silence);
+                let why = (!silent).then(|| waiting.missing());
+                over.push((waiting.step, why));
+                false
+            });
+        }
+        self.answers_over(over, now);
+    }
+
+    /// The steps that still wait for an answer, and for what.
+    pub(super) fn unanswered(&self) -> Vec<(usize, String)> {
+        let waiting = self.hosts.values().flat_map(|host| &host.waiting);
+        let waiting = waiting.filter(|w| !matches!(w.wanted.wanted, Wanted::Silence));
+        waiting.map(|w| (w.step, w.missing())).collect()
+    }
+
+    fn answers_over(&mut self, over: Vec<(usize, Option<String>)>, now: SimTime) {
+        for (step, why) in over {
+            if let Some(why) = why {
+                self.fail_step(step, now, why);
+            }
+            self.time_over(step, now);
+        }
+    }
+}
+
+impl Waiting {
+    fn missing(&self) -> String {
+        let within = sim_settings::show_duration(self.wanted.within);
+        let wanted = match &self.wanted.wanted {
+            Wanted::Any | Wanted::Silence => "an answer".to_owned(),
+            Wanted::Fields(_) => "an answer with these fields".to_owned(),
+            Wanted::Bytes(bytes) => format!("{}", Hex(bytes)),
+        };
+        format!("wanted {wanted} within {within}, none came{}", self.so_far)
+    }
+}

@@ -1,0 +1,360 @@
+//! Conditions as the run goes on, and the verdict at its end.
+
+use std::time::Duration;
+
+use sim_core::SimTime;
+use sim_core::event::Event;
+use sim_settings::show_duration;
+
+use super::agenda::Item;
+use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
+use super::{MOST_RECENT, Run};
+use crate::condition::{Condition, Situation};
+use crate::report::OF_A_DISTURBED_LINE;
+use crate::scenario::{Action, Scenario, Trigger};
+
+/// Most failures that are told; further ones are counted.
+const MOST_FAILURES: usize = 50;
+/// How long after a fault of the line its traces may still come.
+pub(super) const EXCUSED_AFTER: Duration = Duration::from_millis(200);
+
+/// A condition that a step waits for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Expected {
+    pub step: usize,
+    pub due: SimTime,
+}
+
+/// How far a condition over time has come.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RuleState {
+    from: Option<SimTime>,
+    until: SimTime,
+    /// It is looked at no more: it was violated, or does not count.
+    closed: bool,
+}
+
+pub(super) fn rule_states(scenario: &Scenario) -> Vec<RuleState> {
+    let state = RuleState {
+        from: None,
+        until: SimTime::MAX,
+        closed: false,
+    };
+    vec![state; scenario.rules.len()]
+}
+
+impl Run {
+    /// The window of a rule begins to be counted from now, if it waits for the step `after` only.
+    pub(super) fn open_window(&mut self, index: usize, after: Option<usize>, now: SimTime) {
+        let rule = &self.scenario.rules[index];
+        let counts = self.counts(rule.only);
+        let state = &mut self.rules[index];
+        if rule.after != after || state.from.is_some() {
+            return;
+        }
+        let from = now + rule.from;
+        state.from = Some(from);
+        state.closed = !counts;
+        self.agenda.plan(from, Item::Look);
+        if let Some(until) = rule.until {
+            state.until = now + until;
+            self.agenda.plan(state.until, Item::Look);
+        }
+    }
+
+    /// Whether any condition is to be looked at now and then.
+    pub(super) fn is_watched(&self) -> bool {
+        let now = self.rig.now();
+        !self.expected.is_empty()
+            || self.steps.iter().any(|state| state.watching)
+            || self.rules.iter().any(|rule| {
+                !rule.closed && rule.from.is_some_and(|from| from <= now) && now < rule.until
+            })
+    }
+
+    /// Looks at every condition that matters now.
+    pub(super) fn judge(&mut self, now: SimTime) {
+        self.judge_steps(now);
+        self.judge_expected(now);
+        self.host_due(now);
+        self.judge_rules(now);
+    }
+
+    fn judge_steps(&mut self, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        for (index, step) in scenario.steps.iter().enumerate() {
+            let Trigger::When(condition) = &step.trigger else {
+                continue;
+            };
+            if !self.steps[index].watching {
+                continue;
+            }
+            match self.holds(condition) {
+                Ok(true) => self.begin(index, now),
+                Ok(false) => {}
+                Err(why) => {
+                    self.steps[index].watching = false;
+                    self.fail_step(index, now, why);
+                }
+            }
+        }
+    }
+
+    fn judge_expected(&mut self, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        let waiting = std::mem::take(&mut self.expected);
+        for expected in waiting {
+            let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
+                continue;
+            };
+            let why = match self.holds(that) {
+                Ok(true) => None,
+                Ok(false) if expected.due > now => {
+                    self.expected.push(expected);
+                    continue;
+                }
+                Ok(false) => Some(self.not_held(that, message.as_deref())),
+                Err(why) => Some(why),
+            };
+            if let Some(why) = why {
+                self.fail_step(expected.step, now, why);
+            }
+            self.time_over(expected.step, now);
+        }
+    }
+
+    fn judge_rules(&mut self, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        for (index, rule) in scenario.rules.iter().enumerate() {
+            let state = self.rules[index];
+            let open = state.from.is_some_and(|from| from <= now) && now <= state.until;
+            if state.closed || !open {
+                continue;
+            }
+            let what = match self.holds(&rule.that) {
+                Ok(holds) if holds == rule.must_hold => continue,
+                Ok(_) => {
+                    let word = if rule.must_hold { "always" } else { "never" };
+                    let found = self.explain(&rule.that);
+                    let text = format!("{word} `{}`, but {found}", rule.that.text());
+                    with_message(rule.message.as_deref(), &text)
+                }
+                Err(why) => why,
+            };
+            self.rules[index].closed = true;
+            self.note_failure(Failure {
+                at: now,
+                step: None,
+                what,
+            });
+        }
+    }
+
+    fn situation(&self) -> Situation<'_> {
+        Situation {
+            rig: &self.rig,
+            seen: &self.seen,
+        }
+    }
+
+    fn holds(&self, condition: &Condition) -> Result<bool, String> {
+        condition.holds(self.situation())
+    }
+
+    fn explain(&self, condition: &Condition) -> String {
+        condition.explain(self.situation())
+    }
+
+    fn not_held(&self, condition: &Condition, message: Option<&str>) -> String {
+        let found = self.explain(condition);
+        let text = format!("expected `{}`, but {found}", condition.text());
+        with_message(message, &text)
+    }
+
+    /// Whether what happened is not the client's fault.
+    pub(super) fn is_excused(&mut self, event: &Event) -> bool {
+        let disturbed = self
+            .excused_until
+            .get(event.device)
+            .is_some_and(|until| event.at <= *until);
+        let own = disturbed && OF_A_DISTURBED_LINE.contains(&event.kind.code());
+        // Asked in any case, for it may count.
+        let by_others = self.excuse.as_mut().is_some_and(|excuse| excuse(event));
+        own || by_others
+    }
+
+    pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {
+        let step = Some(self.scenario.steps[index].name.clone());
+        self.note_failure(Failure { at, step, what });
+    }
+
+    pub(super) fn note_failure(&mut self, failure: Failure) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.failure(&failure);
+        }
+        if let Some(outcome) = &mut self.outcome {
+            outcome.passed = false;
+            outcome.failures.push(failure);
+        } else if self.failures.len() < MOST_FAILURES {
+            self.failures.push(failure);
+        } else {
+            self.more_failures += 1;
+        }
+    }
+
+    /// The run is over: what did not come, and what came of it all.
+    pub(super) fn finish(&mut self) {
+        let now = self.rig.now();
+        self.fail_what_waits(now);
+        let faults = self.close_faults(now);
+        self.fail_what_never_began(now);
+        self.judge_reports(now);
+        let outcome = Outcome {
+            passed: self.failures.is_empty(),
+            title: self.scenario.title.clone(),
+            seed: self.options.seed,
+            ended_at: now,
+            failures: std::mem::take(&mut self.failures),
+            more_failures: self.more_failures,
+            faults,
+            devices: self
+                .scenario
+                .rig
+                .devices
+                .iter()
+                .zip(&self.seen)
+                .map(|(plan, seen)| DeviceReport {
+                    name: plan.name.clone(),
+                    report: seen.report().clone(),
+                })
+                .collect(),
+            traffic: self.traffic(),
+        };
+        if let Some(recorder) = &mut self.recorder {
+            recorder.end(now, outcome.passed);
+        }
+        self.outcome = Some(outcome);
+    }
+
+    fn fail_what_waits(&mut self, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        for expected in std::mem::take(&mut self.expected) {
+            let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
+                continue;
+            };
+            let why = self.not_held(that, message.as_deref());
+            let why = format!("the run ended before its time was up: {why}");
+            self.fail_step(expected.step, now, why);
+        }
+        for (step, why) in self.unanswered() {
+            let why = format!("the run ended before its time was up: {why}");
+            self.fail_step(step, now, why);
+        }
+    }
+
+    fn close_faults(&mut self, now: SimTime) -> Vec<FaultRecord> {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        let mut records = Vec::new();
+        for (index, step) in scenario.steps.iter().enumerate() {
+            let Action::Fault(fault) = &step.action else {
+                continue;
+            };
+            let Some(begun) = self.steps[index].begun else {
+                continue;
+            };
+            // One that is over by itself takes its number along.
+            for number in self.active_faults(index) {
+                self.clear_fault(index, number);
+            }
+            let (armed, hits) = self.steps[index].fault_counts();
+            if armed > 0 && hits == 0 && !step.may_not_trigger {
+                let why = format!(
+                    "the fault {} was there from {begun} s on and never hit anything; \
+                     if that is all right, say `may_not_trigger = true`",
+                    fault.id()
+                );
+                self.fail_step(index, now, why);
+            }
+            records.push(FaultRecord {
+                step: step.name.clone(),
+                id: fault.id(),
+                armed,
+                hits,
+            });
+        }
+        records
+    }
+
+    fn fail_what_never_began(&mut self, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        for (index, step) in scenario.steps.iter().enumerate() {
+            let begun = self.steps[index].begun.is_some();
+            if begun || step.may_not_trigger || !self.is_played(step) {
+                continue;
+            }
+            let why = match &step.trigger {
+                Trigger::At(at) => format!("it was to begin at {at} s, the run ended before"),
+                Trigger::When(condition) => {
+                    format!("it never began: `{}` never held", condition.text())
+                }
+                Trigger::After(other) => {
+                    let name = &scenario.steps[*other].name;
+                    format!("it never began: \"{name}\" was not done in time")
+                }
+            };
+            let delay = match step.delay {
+                Duration::ZERO => String::new(),
+                delay => format!(", or not {} before the end", show_duration(delay)),
+            };
+            self.fail_step(index, now, why + &delay);
+        }
+    }
+
+    fn judge_reports(&mut self, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        let Some(demand) = &scenario.demand else {
+            return;
+        };
+        if !self.counts(demand.only) {
+            return;
+        }
+        for (index, plan) in scenario.rig.devices.iter().enumerate() {
+            let found: Vec<String> = self.seen[index]
+                .report()
+                .client_faults()
+                .filter(|(code, _)| match &demand.allowed {
+                    Some(allowed) => !allowed.iter().any(|kind| kind == code),
+                    None => demand.forbidden.iter().any(|kind| kind == code),
+                })
+                .map(|(code, tally)| {
+                    format!(
+                        "{code} × {}, first at {} s: {}",
+                        tally.client_faults, tally.first_at, tally.first
+                    )
+                })
+                .collect();
+            for what in found {
+                let what = format!("client report of {}: {what}", plan.name);
+                self.note_failure(Failure {
+                    at: now,
+                    step: None,
+                    what,
+                });
+            }
+        }
+    }
+
+    fn traffic(&self) -> Vec<String> {
+        debug_assert!(self.recent.len() <= MOST_RECENT);
+        let devices = &self.scenario.rig.devices;
+        let line = |event: &Event| {
+            let name = devices.get(event.device).map_or("?", |plan| &plan.name);
+            format!("{} {name} {}", event.at, event.kind)
+        };
+        self.recent.iter().map(line).collect()
+    }
+}
+
+fn with_message(message: Option<&str>, text: &str) -> String {
+    message.map_or_else(|| text.to_owned(), |message| format!("{message}: {text}"))
+}

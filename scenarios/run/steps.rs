@@ -1,0 +1,374 @@
+//! The file's steps as they happen.
+
+use std::collections::BTreeMap;
+
+use sim_core::SimTime;
+use sim_core::mecanum_device as mecanum;
+use sim_core::noise::Noise;
+use sim_core::r150_device::vehicle;
+use sim_physics::Ground;
+use sim_physics::r150::{Load, PwmSource, Rail};
+
+use super::agenda::Item;
+use super::judge::Expected;
+use super::{MOST_ROUNDS, Run};
+use crate::fault::{self, Fault, FaultHandle, FaultRig as _};
+use crate::scenario::{Action, Only, OperatorAction, Scenario, Step, Trigger, WorldAction};
+
+/// How far a step has come.
+#[derive(Debug)]
+pub(super) struct StepState {
+    /// Whether its condition is still waited for.
+    pub(super) watching: bool,
+    pub(super) begun: Option<SimTime>,
+    pub(super) done: Option<SimTime>,
+    times: u32,
+    all_begun: bool,
+    /// How many of its times go on.
+    pending: u32,
+    chance: Noise,
+    /// Faults that it has brought and that go on, by a number of their own.
+    faults: BTreeMap<u64, FaultHandle>,
+    injected: u64,
+    hits: u64,
+}
+
+/// What ends the effect of a step.
+#[derive(Debug, Clone)]
+pub(super) enum Undo {
+    Fault(u64),
+    R150(vehicle::Action),
+    Mecanum(mecanum::Action),
+    Push,
+    Payload,
+    Friction,
+    Load(Rail, Load),
+    Pwm(usize),
+}
+
+impl StepState {
+    pub(super) fn all(scenario: &Scenario, seed: u64) -> Vec<Self> {
+        let of = |step: &Step| Self {
+            watching: matches!(step.trigger, Trigger::When(_)),
+            begun: None,
+            done: None,
+            times: 0,
+            all_begun: false,
+            pending: 0,
+            chance: Noise::new(seed, &format!("scenario.{}", step.name)),
+            faults: BTreeMap::new(),
+            injected: 0,
+            hits: 0,
+        };
+        scenario.steps.iter().map(of).collect()
+    }
+
+    /// How often it brought its fault, and how often that hit something.
+    pub(super) fn fault_counts(&self) -> (u64, u64) {
+        (self.injected, self.hits)
+    }
+}
+
+impl Run {
+    /// Plans what has a time of its own.
+    pub(super) fn schedule(&mut self) {
+        for (index, step) in self.scenario.steps.iter().enumerate() {
+            if let Trigger::At(at) = step.trigger {
+                self.agenda.plan(at, Item::Occur(index));
+            }
+        }
+        for rule in 0..self.rules.len() {
+            self.open_window(rule, None, SimTime::ZERO);
+        }
+        self.agenda.plan(SimTime::ZERO, Item::Look);
+    }
+
+    /// Whether a step is played in this kind of run.
+    pub(super) fn is_played(&self, step: &Step) -> bool {
+        let host = matches!(step.action, Action::Host(_));
+        self.counts(step.only) && !(host && self.options.live)
+    }
+
+    pub(super) fn counts(&self, only: Option<Only>) -> bool {
+        match only {
+            None => true,
+            Some(Only::Live) => self.options.live,
+            Some(Only::Scripted) => !self.options.live,
+        }
+    }
+
+    /// A step's condition holds, or what it waits for is done.
+    pub(super) fn begin(&mut self, index: usize, now: SimTime) {
+        let state = &mut self.steps[index];
+        state.watching = false;
+        let at = now + self.scenario.steps[index].delay;
+        self.agenda.plan(at, Item::Occur(index));
+    }
+
+    /// Does what is planned for now; says whether that was anything.
+    pub(super) fn run_agenda(&mut self, now: SimTime) -> bool {
+        let mut any = false;
+        for _ in 0..MOST_ROUNDS {
+            let Some(item) = self.agenda.take_due(now) else {
+                break;
+            };
+            any = true;
+            match item {
+                Item::Look => {}
+                Item::Occur(index) => self.occur(index, now),
+                Item::End(index, undo) => {
+                    self.undo(index, undo);
+                    self.time_over(index, now);
+                }
+            }
+        }
+        any
+    }
+
+    fn occur(&mut self, index: usize, now: SimTime) {
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        let step = &scenario.steps[index];
+        let state = &mut self.steps[index];
+        if state.begun.is_none() {
+            state.begun = Some(now);
+            if let Some(recorder) = &mut self.recorder {
+                recorder.step(now, &step.name, "begun");
+            }
+        }
+        state.times += 1;
+        match step.every {
+            Some(every) if step.count.is_none_or(|count| state.times < count) => {
+                self.agenda.plan(now + every, Item::Occur(index));
+            }
+            _ => state.all_begun = true,
+        }
+        // Drawn each time, so that what is left out does not shift what comes after.
+        let drawn = step
+            .probability
+            .is_none_or(|probability| state.chance.uniform() < probability);
+        if drawn && self.is_played(step) {
+            // Held while it acts, so that an effect that ends at once does not end the step early.
+            self.steps[index].pending += 1;
+            self.act(index, step, now);
+            self.steps[index].pending -= 1;
+        }
+        self.check_done(index, now);
+    }
+
+    fn act(&mut self, index: usize, step: &Step, now: SimTime) {
+        let undo = match &step.action {
+            Action::Host(host) => {
+                self.host_acts(index, host, now);
+                None
+            }
+            Action::Fault(fault) => self.inject(index, step, fault, now),
+            Action::Clear(other) => {
+                for number in self.active_faults(*other) {
+                    self.clear_fault(*other, number);
+                }
+                None
+            }
+            Action::Operator(action) => self.operate(step.device, action),
+            Action::World(action) => self.change_world(step.device, action),
+            Action::Expect { within, .. } => {
+                let due = now + within.unwrap_or_default();
+                self.expected.push(Expected { step: index, due });
+                self.agenda.plan(due, Item::Look);
+                self.steps[index].pending += 1;
+                None
+            }
+        };
+        if let (Some(undo), Some(lasts)) = (undo, step.lasts) {
+            self.steps[index].pending += 1;
+            self.agenda.plan(now + lasts, Item::End(index, undo));
+        }
+    }
+
+    fn inject(&mut self, index: usize, step: &Step, fault: &Fault, now: SimTime) -> Option<Undo> {
+        match fault::inject(&mut self.rig, step.device, &step.name, fault) {
+            Ok(handle) => {
+                let state = &mut self.steps[index];
+                state.injected += 1;
+                let number = state.injected;
+                state.faults.insert(number, handle);
+                if fault::disturbs_line(fault) {
+                    self.excused_until[step.device] = SimTime::MAX;
+                }
+                Some(Undo::Fault(number))
+            }
+            Err(why) => {
+                self.fail_step(index, now, format!("the fault {}: {why}", fault.id()));
+                None
+            }
+        }
+    }
+
+    /// Mends a fault, unless that has been done.
+    pub(super) fn clear_fault(&mut self, index: usize, number: u64) {
+        let Some(handle) = self.steps[index].faults.remove(&number) else {
+            return;
+        };
+        self.steps[index].hits += self.rig.fault_hits(handle);
+        self.rig.clear(handle);
+        let device = self.scenario.steps[index].device;
+        if !self.is_line_disturbed(device) && self.excused_until[device] == SimTime::MAX {
+            self.excused_until[device] = self.rig.now() + super::judge::EXCUSED_AFTER;
+        }
+    }
+
+    /// The numbers of a step's faults that go on.
+    pub(super) fn active_faults(&self, index: usize) -> Vec<u64> {
+        self.steps[index].faults.keys().copied().collect()
+    }
+
+    fn is_line_disturbed(&self, device: usize) -> bool {
+        let steps = self.scenario.steps.iter().zip(&self.steps);
+        steps
+            .filter(|(step, state)| step.device == device && !state.faults.is_empty())
+            .any(|(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_line(f)))
+    }
+
+    fn operate(&mut self, device: usize, action: &OperatorAction) -> Option<Undo> {
+        match action {
+            OperatorAction::R150(action, end) => {
+                self.rig
+                    .with_r150(device, |r150, _, now| r150.operate(now, *action));
+                end.map(Undo::R150)
+            }
+            OperatorAction::Mecanum(action, end) => {
+                self.rig
+                    .with_mecanum(device, |car, _, now| car.operate(now, *action));
+                end.map(Undo::Mecanum)
+            }
+            OperatorAction::Push(push) => {
+                self.push(device, *push);
+                Some(Undo::Push)
+            }
+            OperatorAction::Payload(mass) => {
+                self.payload(device, *mass);
+                Some(Undo::Payload)
+            }
+            OperatorAction::Place(pose) => {
+                self.rig.with_r150(device, |r150, world, _| {
+                    r150.plant_mut().place(world, *pose);
+                });
+                self.rig.with_mecanum(device, |car, world, _| {
+                    car.plant_mut().place(world, *pose);
+                });
+                None
+            }
+        }
+    }
+
+    fn push(&mut self, device: usize, [ahead, left, turn]: [f64; 3]) {
+        self.rig.with_r150(device, |r150, _, _| {
+            r150.plant_mut().set_push(ahead, left, turn);
+        });
+        self.rig.with_mecanum(device, |car, _, _| {
+            car.plant_mut().set_push(ahead, left, turn);
+        });
+    }
+
+    fn payload(&mut self, device: usize, mass: f64) {
+        self.rig.with_r150(device, |r150, world, _| {
+            r150.plant_mut().set_payload(world, mass);
+        });
+        self.rig.with_mecanum(device, |car, world, _| {
+            car.plant_mut().set_payload(world, mass);
+        });
+    }
+
+    fn change_world(&mut self, device: usize, action: &WorldAction) -> Option<Undo> {
+        match action {
+            WorldAction::Add(map) => {
+                self.rig.with_world(|world| world.add_map(map));
+                None
+            }
+            WorldAction::Friction(friction) => {
+                let ground = self.ground.with_friction_of(&Ground::flat(*friction));
+                self.rig.with_world(|world| world.set_ground(ground));
+                Some(Undo::Friction)
+            }
+            WorldAction::Load(rail, load) => {
+                let before = self.load(device, *rail, *load)?;
+                Some(Undo::Load(*rail, before))
+            }
+            WorldAction::Pwm(input, source) => {
+                self.pwm(device, *input, *source);
+                Some(Undo::Pwm(*input))
+            }
+        }
+    }
+
+    /// Wires a load; gives what was there before.
+    fn load(&mut self, device: usize, rail: Rail, load: Load) -> Option<Load> {
+        self.rig.with_r150(device, |r150, _, _| {
+            let before = r150.plant().load(rail);
+            r150.plant_mut().set_load(rail, load);
+            before
+        })
+    }
+
+    fn pwm(&mut self, device: usize, input: usize, source: PwmSource) {
+        self.rig.with_r150(device, |r150, _, _| {
+            r150.plant_mut().set_pwm_source(input, source);
+        });
+    }
+
+    fn undo(&mut self, index: usize, undo: Undo) {
+        let device = self.scenario.steps[index].device;
+        match undo {
+            Undo::Fault(number) => self.clear_fault(index, number),
+            Undo::R150(action) => {
+                self.rig
+                    .with_r150(device, |r150, _, now| r150.operate(now, action));
+            }
+            Undo::Mecanum(action) => {
+                self.rig
+                    .with_mecanum(device, |car, _, now| car.operate(now, action));
+            }
+            Undo::Push => self.push(device, [0.0; 3]),
+            Undo::Payload => self.payload(device, 0.0),
+            Undo::Friction => {
+                let ground = self.ground;
+                self.rig.with_world(|world| world.set_ground(ground));
+            }
+            Undo::Load(rail, before) => {
+                self.load(device, rail, before);
+            }
+            Undo::Pwm(input) => self.pwm(device, input, PwmSource::None),
+        }
+    }
+
+    /// One of a step's times that went on is over.
+    pub(super) fn time_over(&mut self, index: usize, now: SimTime) {
+        let state = &mut self.steps[index];
+        state.pending = state.pending.saturating_sub(1);
+        self.check_done(index, now);
+    }
+
+    /// One more of a step's times goes on.
+    pub(super) fn time_begun(&mut self, index: usize) {
+        self.steps[index].pending += 1;
+    }
+
+    fn check_done(&mut self, index: usize, now: SimTime) {
+        let state = &mut self.steps[index];
+        if !state.all_begun || state.pending > 0 || state.done.is_some() {
+            return;
+        }
+        state.done = Some(now);
+        let scenario = std::sync::Arc::clone(&self.scenario);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(now, &scenario.steps[index].name, "done");
+        }
+        for (other, step) in scenario.steps.iter().enumerate() {
+            if matches!(step.trigger, Trigger::After(waited) if waited == index) {
+                self.begin(other, now);
+            }
+        }
+        for rule in 0..self.rules.len() {
+            self.open_window(rule, Some(index), now);
+        }
+    }
+}

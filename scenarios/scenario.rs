@@ -1,0 +1,179 @@
+//! Scenario files: what happens to devices, and what must come of it.
+//!
+//! ```toml
+//! schema = 1
+//! title = "The motor watchdog stops a silent client's vehicle"
+//! good_client = "Repeats motor commands every 50 ms and sends a stop before it falls silent."
+//! limit = "4 s"
+//!
+//! [[device]]
+//! kind = "r150"
+//!
+//! [[step]]
+//! name = "drive"
+//! at = "100 ms"
+//! every = "50 ms"
+//! for = "2 s"
+//! host = { send = { set_motors = { right = 500, left = 500 } } }
+//!
+//! [[step]]
+//! after = "drive"
+//! expect = { that = "truth.at_rest", within = "1.5 s" }
+//!
+//! [[always]]
+//! that = "client.travel_since_motor_command_m < 0.6"
+//! ```
+
+mod actions;
+mod check;
+mod document;
+mod host;
+mod problems;
+
+use std::path::Path;
+use std::time::Duration;
+
+use sim_core::SimTime;
+use sim_core::settings::SimSettings;
+use sim_settings::Source;
+
+pub use document::Only;
+
+pub(crate) use actions::{OperatorAction, WorldAction};
+pub(crate) use host::{
+    Fields, HostAction, HostDoes, ReplyWanted, Wanted, line_fields, matches_fields, r150_fields,
+    status_fields,
+};
+
+use crate::condition::Condition;
+use crate::fault::Fault;
+use crate::rig_file::{RigFileError, RigPlan};
+
+/// Most steps, and most conditions over time, of a file.
+pub const MOST_STEPS: usize = 1000;
+
+/// A scenario that makes sense.
+#[derive(Debug, Clone)]
+pub struct Scenario {
+    /// The file's name, as errors call it.
+    pub file: String,
+    /// What is in the file.
+    pub text: String,
+    /// What is tried, in a few words.
+    pub title: String,
+    /// What happens.
+    pub description: Option<String>,
+    /// What a good client does.
+    pub good_client: String,
+    /// The devices, the world file, the seed.
+    pub rig: RigPlan,
+    /// How long it takes in simulated time.
+    pub limit: Duration,
+    /// How long it may take in real time.
+    pub wall_limit: Option<Duration>,
+    pub(crate) base: SimSettings,
+    pub(crate) steps: Vec<Step>,
+    pub(crate) rules: Vec<Rule>,
+    pub(crate) demand: Option<Demand>,
+}
+
+/// One thing that happens.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    /// As the file says, or `step 3`.
+    pub name: String,
+    pub trigger: Trigger,
+    /// From what the trigger says to the first time.
+    pub delay: Duration,
+    pub every: Option<Duration>,
+    pub count: Option<u32>,
+    /// How long each time's effect lasts; `None` for what has no end or needs none.
+    pub lasts: Option<Duration>,
+    pub probability: Option<f64>,
+    pub may_not_trigger: bool,
+    pub only: Option<Only>,
+    pub device: usize,
+    pub action: Action,
+}
+
+/// When a step begins.
+#[derive(Debug, Clone)]
+pub(crate) enum Trigger {
+    At(SimTime),
+    When(Condition),
+    /// The step with this index is done.
+    After(usize),
+}
+
+/// What a step does.
+#[derive(Debug, Clone)]
+pub(crate) enum Action {
+    Host(HostAction),
+    Fault(Fault),
+    /// Mends what the step with this index broke.
+    Clear(usize),
+    Operator(OperatorAction),
+    World(WorldAction),
+    Expect {
+        that: Condition,
+        within: Option<Duration>,
+        message: Option<String>,
+    },
+}
+
+/// A condition over time.
+#[derive(Debug, Clone)]
+pub(crate) struct Rule {
+    pub that: Condition,
+    /// Whether the condition must hold; it must not otherwise.
+    pub must_hold: bool,
+    pub message: Option<String>,
+    pub from: Duration,
+    pub until: Option<Duration>,
+    pub after: Option<usize>,
+    pub only: Option<Only>,
+}
+
+/// What the client report may have in it.
+#[derive(Debug, Clone)]
+pub(crate) struct Demand {
+    pub allowed: Option<Vec<String>>,
+    pub forbidden: Vec<String>,
+    pub only: Option<Only>,
+}
+
+impl Scenario {
+    /// Reads a scenario file; its settings change those of `base`.
+    ///
+    /// # Errors
+    /// Up to 20 lines, each naming the file, the line, the column, the key, and what is allowed.
+    pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
+        check::read(source, base)
+    }
+
+    /// The world file, relative to the scenario file.
+    #[must_use]
+    pub fn world(&self) -> Option<&Path> {
+        self.rig.world.as_deref()
+    }
+
+    /// The JSON Schema of scenario files.
+    #[must_use]
+    pub fn json_schema() -> String {
+        format!(
+            "{:#}\n",
+            schemars::schema_for!(document::Document).as_value()
+        )
+    }
+
+    /// Whether the file has a scripted client.
+    #[must_use]
+    pub fn has_script(&self) -> bool {
+        self.steps
+            .iter()
+            .any(|step| matches!(step.action, Action::Host(_)))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,434 @@
+//! From what a file says to a scenario that makes sense.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use sim_core::SimTime;
+use sim_core::settings::SimSettings;
+use sim_settings::Source;
+use toml::Spanned;
+
+use super::document::{DemandText, Document, RuleText, StepText};
+use super::problems::Problems;
+use super::{
+    Action, Demand, HostAction, MOST_STEPS, OperatorAction, Rule, Scenario, Step, Trigger,
+    WorldAction,
+};
+use crate::Kind;
+use crate::condition::{Condition, identifier, names};
+use crate::fault::DeviceKind;
+use crate::report::CLIENT_FAULTS;
+use crate::rig_file::{RigFileError, RigPlan, RigText};
+use crate::suggest::{improve, nearest, or_allowed};
+
+pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
+    let document: Document = toml::from_str(source.text).map_err(|error| {
+        let line = source.syntax(&error).to_string();
+        RigFileError(vec![improve(&line)])
+    })?;
+    let rig_text = RigText {
+        schema: document.schema,
+        world: document.world,
+        seed: document.seed,
+        _settings: document.settings,
+        device: document.device,
+    };
+    let rig = RigPlan::check(source, base, rig_text)?;
+    let mut problems = Problems::new(source);
+    if document.limit.get_ref().0.is_zero() {
+        problems.add(document.limit.span(), "a run takes some time");
+    }
+    let mut checker = Checker {
+        rig: &rig,
+        devices: rig
+            .devices
+            .iter()
+            .map(|device| (device.name.as_str(), device.kind))
+            .collect(),
+        names: BTreeMap::new(),
+        problems,
+    };
+    checker.check_device_names();
+    checker.note_names(&document.step);
+    let too_many = document.step.len() > MOST_STEPS
+        || document.always.len() + document.never.len() > MOST_STEPS;
+    if too_many {
+        let why = format!("at most {MOST_STEPS} steps and {MOST_STEPS} conditions over time");
+        checker.problems.add(0..0, &why);
+        checker.problems.into_result()?;
+        return Err(RigFileError(vec![why]));
+    }
+    let steps: Vec<Option<Step>> = document
+        .step
+        .iter()
+        .enumerate()
+        .map(|(index, text)| checker.step(index, text))
+        .collect();
+    let mut rules = Vec::new();
+    for (texts, must_hold) in [(&document.always, true), (&document.never, false)] {
+        for text in texts {
+            rules.extend(checker.rule(text, must_hold));
+        }
+    }
+    let demand = document
+        .client_report
+        .as_ref()
+        .map(|text| checker.demand(text));
+    if let Some(steps) = steps.iter().map(Option::as_ref).collect::<Option<Vec<_>>>() {
+        checker.check_order(&steps, &document.step, &rules);
+    }
+    checker.problems.into_result()?;
+    Ok(Scenario {
+        file: source.file.to_owned(),
+        text: source.text.to_owned(),
+        title: document.title,
+        description: document.description,
+        good_client: document.good_client,
+        limit: document.limit.get_ref().0,
+        wall_limit: document.wall_limit.map(|limit| limit.0),
+        base: base.clone(),
+        steps: steps.into_iter().flatten().collect(),
+        rules: rules.into_iter().map(|(rule, _)| rule).collect(),
+        demand,
+        rig,
+    })
+}
+
+struct Checker<'a> {
+    rig: &'a RigPlan,
+    devices: Vec<(&'a str, Kind)>,
+    /// Steps by their names.
+    names: BTreeMap<String, usize>,
+    problems: Problems<'a>,
+}
+
+impl Checker<'_> {
+    /// Conditions call devices by their names, so these must not be mistaken for others.
+    fn check_device_names(&mut self) {
+        let mut seen = BTreeMap::new();
+        for (name, _) in &self.devices {
+            let own = identifier(name);
+            let group = [Kind::R150, Kind::Mecanum]
+                .iter()
+                .flat_map(|kind| names(*kind))
+                .any(|info| info.name.split('.').next() == Some(own.as_str()));
+            let why =
+                if own.starts_with(|first: char| first.is_ascii_digit()) || own == "t" || group {
+                    Some(format!("in a scenario no device can be named \"{name}\""))
+                } else {
+                    seen.insert(own, *name)
+                        .map(|other| format!("conditions cannot tell \"{name}\" from \"{other}\""))
+                };
+            if let Some(why) = why {
+                self.problems.add(0..0, &why);
+            }
+        }
+    }
+
+    fn note_names(&mut self, steps: &[Spanned<StepText>]) {
+        for (index, step) in steps.iter().enumerate() {
+            if let Some(name) = &step.get_ref().name
+                && self.names.insert(name.get_ref().clone(), index).is_some()
+            {
+                let why = format!("two steps are named \"{}\"", name.get_ref());
+                self.problems.add(name.span(), &why);
+            }
+        }
+    }
+
+    fn condition(&mut self, text: &Spanned<String>) -> Option<Condition> {
+        let condition = Condition::parse(text.get_ref(), &self.devices);
+        self.problems.take(text.span(), condition)
+    }
+
+    fn step_named(&mut self, name: &Spanned<String>) -> Option<usize> {
+        let found = self.names.get(name.get_ref()).copied().ok_or_else(|| {
+            let hint = nearest(name.get_ref(), self.names.keys())
+                .map(|near| format!(", did you mean \"{near}\"?"))
+                .unwrap_or_default();
+            format!("no step is named \"{}\"{hint}", name.get_ref())
+        });
+        self.problems.take(name.span(), found)
+    }
+
+    fn step(&mut self, index: usize, spanned: &Spanned<StepText>) -> Option<Step> {
+        let text = spanned.get_ref();
+        let at = spanned.span();
+        let device = self.device(text, at.clone());
+        let action = device.and_then(|device| self.action(text, at.clone(), device));
+        let trigger = self.trigger(text, at);
+        let (action, trigger, device) = (action?, trigger?, device?);
+        let (every, count, lasts) = self.timing(text, &action)?;
+        if let Some(probability) = &text.probability
+            && !(0.0..=1.0).contains(probability.get_ref())
+        {
+            let why = "out of range; allowed: 0 to 1";
+            self.problems.add(probability.span(), why);
+        }
+        let name = text.name.as_ref().map(|name| name.get_ref().clone());
+        Some(Step {
+            name: name.unwrap_or_else(|| format!("step {}", index + 1)),
+            trigger,
+            delay: text.delay.unwrap_or_default().0,
+            every,
+            count,
+            lasts,
+            probability: text.probability.as_ref().map(|p| *p.get_ref()),
+            may_not_trigger: text.may_not_trigger,
+            only: text.only,
+            device,
+            action,
+        })
+    }
+
+    fn device(&mut self, text: &StepText, at: Range<usize>) -> Option<usize> {
+        let Some(name) = &text.device else {
+            // What is about no device in particular is said to be the first one's.
+            let matters = text.host.is_some() || text.fault.is_some() || text.operator.is_some();
+            if matters && self.devices.len() > 1 {
+                let why = "`device` has to say which of several devices is meant";
+                self.problems.add(at, why);
+                return None;
+            }
+            return Some(0);
+        };
+        let found = self
+            .devices
+            .iter()
+            .position(|(own, _)| own == name.get_ref());
+        let found = found.ok_or_else(|| {
+            let own: Vec<&str> = self.devices.iter().map(|(own, _)| *own).collect();
+            let allowed = or_allowed(name.get_ref(), &own);
+            format!("no device is named \"{}\"; {allowed}", name.get_ref())
+        });
+        self.problems.take(name.span(), found)
+    }
+
+    fn trigger(&mut self, text: &StepText, at: Range<usize>) -> Option<Trigger> {
+        match (&text.at, &text.when, &text.after) {
+            (Some(time), None, None) if text.delay.is_none() => {
+                Some(Trigger::At(SimTime::ZERO + time.0))
+            }
+            (None, Some(condition), None) => self.condition(condition).map(Trigger::When),
+            (None, None, Some(name)) => self.step_named(name).map(Trigger::After),
+            (Some(_), None, None) => {
+                self.problems
+                    .add(at, "`delay` goes with `when` and `after`");
+                None
+            }
+            _ => {
+                let why = "exactly one of `at`, `when` and `after` says when the step begins";
+                self.problems.add(at, why);
+                None
+            }
+        }
+    }
+
+    fn action(&mut self, text: &StepText, at: Range<usize>, device: usize) -> Option<Action> {
+        let plan = &self.rig.devices[device];
+        let kind = plan.kind;
+        let mut actions = Vec::new();
+        if let Some(host) = &text.host {
+            let (own, at) = (host.get_ref(), host.span());
+            let read = HostAction::read(own, at, device, plan, &mut self.problems);
+            actions.push(read.map(Action::Host));
+        }
+        if let Some(fault) = &text.fault {
+            let kind = match kind {
+                Kind::R150 => DeviceKind::R150,
+                Kind::Mecanum => DeviceKind::Mecanum,
+            };
+            let checked = fault.get_ref().check(kind);
+            let checked = self.problems.take(fault.span(), checked);
+            actions.push(checked.map(|()| Action::Fault(fault.get_ref().clone())));
+        }
+        if let Some(name) = &text.clear {
+            actions.push(self.step_named(name).map(Action::Clear));
+        }
+        if let Some(operator) = &text.operator {
+            let read = OperatorAction::read(operator.get_ref(), kind);
+            let read = self.problems.take(operator.span(), read);
+            actions.push(read.map(Action::Operator));
+        }
+        if let Some(world) = &text.world {
+            let read = WorldAction::read(world.get_ref(), kind);
+            let read = self.problems.take(world.span(), read);
+            actions.push(read.map(Action::World));
+        }
+        if let Some(expect) = &text.expect {
+            let that = self.condition(&expect.that);
+            actions.push(that.map(|that| Action::Expect {
+                that,
+                within: expect.within.map(|within| within.0),
+                message: expect.message.clone(),
+            }));
+        }
+        if actions.len() != 1 {
+            let why = "exactly one of `host`, `fault`, `clear`, `operator`, `world` and `expect` \
+                       says what the step does";
+            self.problems.add(at, why);
+            return None;
+        }
+        actions.pop().flatten()
+    }
+
+    /// How often, and how long each time lasts.
+    fn timing(&mut self, text: &StepText, action: &Action) -> Option<Timing> {
+        let every = text.every.as_ref().map(|every| every.get_ref().0);
+        if let Some(spanned) = text
+            .every
+            .as_ref()
+            .filter(|every| every.get_ref().0.is_zero())
+        {
+            self.problems.add(spanned.span(), "some time has to pass");
+            return None;
+        }
+        if let Some(count) = &text.count
+            && (every.is_none() || *count.get_ref() == 0)
+        {
+            let why = "is at least 1 and needs `every`";
+            self.problems.add(count.span(), why);
+            return None;
+        }
+        let count = text.count.as_ref().map(|count| *count.get_ref());
+        let Some(lasts) = &text.lasts else {
+            return Some((every, count, None));
+        };
+        let span = lasts.get_ref().0;
+        let ends = match action {
+            Action::Host(_) | Action::Expect { .. } => {
+                let Some(every) = every.filter(|_| count.is_none()) else {
+                    let why = "says how long this is repeated: it needs `every`, and no `count`";
+                    self.problems.add(lasts.span(), why);
+                    return None;
+                };
+                let times = span.as_nanos().div_ceil(every.as_nanos()).max(1);
+                let times = u32::try_from(times).unwrap_or(u32::MAX);
+                return Some((Some(every), Some(times), None));
+            }
+            Action::Fault(_) => true,
+            Action::Clear(_) => false,
+            Action::Operator(action) => action.can_end(),
+            Action::World(action) => action.can_end(),
+        };
+        if !ends {
+            self.problems
+                .add(lasts.span(), "this cannot be undone after a time");
+            return None;
+        }
+        if every.is_some_and(|every| every < span) {
+            let why = "each time has to be over before the next one";
+            self.problems.add(lasts.span(), why);
+            return None;
+        }
+        Some((every, count, Some(span)))
+    }
+
+    fn rule(&mut self, text: &RuleText, must_hold: bool) -> Option<(Rule, Option<Range<usize>>)> {
+        let that = self.condition(&text.that);
+        let after = match &text.after {
+            Some(name) => Some(self.step_named(name)?),
+            None => None,
+        };
+        let from = text.from.unwrap_or_default().0;
+        let until = text.until.as_ref().map(|until| until.get_ref().0);
+        if let Some(spanned) = &text.until
+            && spanned.get_ref().0 < from
+        {
+            self.problems.add(spanned.span(), "is before `from`");
+        }
+        let rule = Rule {
+            that: that?,
+            must_hold,
+            message: text.message.clone(),
+            from,
+            until,
+            after,
+            only: text.only,
+        };
+        Some((rule, text.after.as_ref().map(Spanned::span)))
+    }
+
+    fn demand(&mut self, text: &Spanned<DemandText>) -> Demand {
+        let DemandText::Kinds(kinds) = text.get_ref() else {
+            return Demand {
+                allowed: Some(Vec::new()),
+                forbidden: Vec::new(),
+                only: None,
+            };
+        };
+        for kind in kinds.allowed.iter().chain(&kinds.forbidden).flatten() {
+            if !CLIENT_FAULTS.contains(&kind.as_str()) {
+                let allowed = or_allowed(kind, CLIENT_FAULTS);
+                let why = format!("the client report has no kind `{kind}`; {allowed}");
+                self.problems.add(text.span(), &why);
+            }
+        }
+        if kinds.allowed.is_some() == kinds.forbidden.is_some() {
+            let why = "exactly one of `allowed` and `forbidden` says what may be in it";
+            self.problems.add(text.span(), why);
+        }
+        Demand {
+            allowed: kinds.allowed.clone(),
+            forbidden: kinds.forbidden.clone().unwrap_or_default(),
+            only: kinds.only,
+        }
+    }
+
+    /// What steps and conditions wait for has to come.
+    fn check_order(
+        &mut self,
+        steps: &[&Step],
+        texts: &[Spanned<StepText>],
+        rules: &[(Rule, Option<Range<usize>>)],
+    ) {
+        let mut waits = Vec::new();
+        for (index, (step, text)) in steps.iter().zip(texts).enumerate() {
+            let at = text.get_ref().after.as_ref().map(Spanned::span);
+            if let (Trigger::After(other), Some(at)) = (&step.trigger, at) {
+                waits.push((*other, at.clone()));
+                if comes_back(steps, index) {
+                    let why = "the steps wait for one another in a circle";
+                    self.problems.add(at, why);
+                }
+            }
+            if let (Action::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
+                && !matches!(steps[*other].action, Action::Fault(_))
+            {
+                let why = format!("\"{}\" is no fault", name.get_ref());
+                self.problems.add(name.span(), &why);
+            }
+        }
+        let of_rules = rules
+            .iter()
+            .filter_map(|(rule, at)| Some((rule.after?, at.clone()?)));
+        waits.extend(of_rules);
+        for (other, at) in waits {
+            if steps[other].every.is_some() && steps[other].count.is_none() {
+                let name = &steps[other].name;
+                let why = format!("\"{name}\" is repeated without end, so it is never done");
+                self.problems.add(at, &why);
+            }
+        }
+    }
+}
+
+/// Times between repetitions, their number, and how long each lasts.
+type Timing = (
+    Option<std::time::Duration>,
+    Option<u32>,
+    Option<std::time::Duration>,
+);
+
+/// Whether following what a step waits for leads back to it.
+fn comes_back(steps: &[&Step], start: usize) -> bool {
+    let mut at = start;
+    for _ in 0..steps.len() {
+        match steps[at].trigger {
+            Trigger::After(other) if other == start => return true,
+            Trigger::After(other) => at = other,
+            _ => return false,
+        }
+    }
+    false
+}

@@ -1,0 +1,528 @@
+//! The form of a scenario file. The comments are the descriptions in its JSON Schema.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use sim_settings::{
+    Angle, Force, Frequency, Length, Mass, Percent, Power, Resistance, Span, Torque, Voltage,
+};
+use toml::Spanned;
+
+use crate::fault::Fault;
+use crate::rig_file::{DeviceText, any_table};
+
+/// A scenario for `sim run`: devices in a world, what happens to them, and what must come of it.
+/// Times and quantities are text with a unit, as in "250ms" or "48 V"; paths are relative to this
+/// file. Conditions are CEL expressions over the names that `sim names` lists.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "sim scenario file")]
+pub(crate) struct Document {
+    /// Version of the form of this file.
+    #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
+    pub schema: Spanned<u32>,
+    /// What is tried, in a few words.
+    pub title: String,
+    /// What happens, for readers.
+    pub description: Option<String>,
+    /// What a good client does.
+    pub good_client: String,
+    /// The world file; an empty field without one.
+    pub world: Option<PathBuf>,
+    /// Seed of everything random; the caller's if not given.
+    pub seed: Option<u64>,
+    /// How long the run takes, in simulated time.
+    #[schemars(with = "Span")]
+    pub limit: Spanned<Span>,
+    /// How long it may take in real time with a client; no longer than simulated time needs, and a
+    /// little more, unless given.
+    pub wall_limit: Option<Span>,
+    /// Settings of all devices and of the world; `sim config` lists them.
+    #[serde(default)]
+    #[schemars(schema_with = "any_table")]
+    pub settings: toml::Table,
+    /// The devices.
+    #[serde(default)]
+    #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1))]
+    pub device: Vec<Spanned<DeviceText>>,
+    /// What happens.
+    #[serde(default)]
+    #[schemars(with = "Vec<StepText>")]
+    pub step: Vec<Spanned<StepText>>,
+    /// Conditions that have to hold all the time.
+    #[serde(default)]
+    pub always: Vec<RuleText>,
+    /// Conditions that must not hold at any time.
+    #[serde(default)]
+    pub never: Vec<RuleText>,
+    /// What the client report may have in it; anything unless given.
+    #[schemars(with = "Option<DemandText>")]
+    pub client_report: Option<Spanned<DemandText>>,
+}
+
+/// One thing that happens: one of `at`, `when` and `after` says when, and one of `host`, `fault`,
+/// `clear`, `operator`, `world` and `expect` says what.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StepText {
+    /// Unique; other steps and messages call it so.
+    #[schemars(with = "Option<String>")]
+    pub name: Option<Spanned<String>>,
+    /// So long after the start.
+    pub at: Option<Span>,
+    /// As soon as this condition holds.
+    #[schemars(with = "Option<String>")]
+    pub when: Option<Spanned<String>>,
+    /// As soon as the step of this name is done, with all its repetitions and what they last.
+    #[schemars(with = "Option<String>")]
+    pub after: Option<Spanned<String>>,
+    /// So long after `when` or `after` says.
+    pub delay: Option<Span>,
+    /// How long it lasts: the fault is cleared then, the key released, the load taken off. With a
+    /// host's step, how long it is repeated.
+    #[serde(rename = "for")]
+    #[schemars(with = "Option<Span>")]
+    pub lasts: Option<Spanned<Span>>,
+    /// Once more each time that so much time has passed.
+    #[schemars(with = "Option<Span>")]
+    pub every: Option<Spanned<Span>>,
+    /// How often altogether; without end unless given.
+    #[schemars(with = "Option<u32>", extend("minimum" = 1))]
+    pub count: Option<Spanned<u32>>,
+    /// How likely each time is, 0 to 1; certain unless given.
+    #[schemars(with = "Option<f64>", extend("minimum" = 0, "maximum" = 1))]
+    pub probability: Option<Spanned<f64>>,
+    /// Nothing is wrong if this step never begins, or its fault never hits anything.
+    #[serde(default)]
+    pub may_not_trigger: bool,
+    /// In which runs it counts; in all unless given.
+    pub only: Option<Only>,
+    /// Which device it is about; may be left out when there is one.
+    #[schemars(with = "Option<String>")]
+    pub device: Option<Spanned<String>>,
+    /// The scripted client does something. Where a real client is tested, these steps are left out:
+    /// it stands in their place.
+    #[schemars(with = "Option<HostText>")]
+    pub host: Option<Spanned<HostText>>,
+    /// Something breaks.
+    #[schemars(with = "Option<Fault>")]
+    pub fault: Option<Spanned<Fault>>,
+    /// The fault of the step of this name is mended.
+    #[schemars(with = "Option<String>")]
+    pub clear: Option<Spanned<String>>,
+    /// Somebody does something to the vehicle.
+    #[schemars(with = "Option<OperatorText>")]
+    pub operator: Option<Spanned<OperatorText>>,
+    /// Something changes around the vehicle.
+    #[schemars(with = "Option<WorldText>")]
+    pub world: Option<Spanned<WorldText>>,
+    /// A condition holds now, or within a time.
+    pub expect: Option<ExpectText>,
+}
+
+/// With whom.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Only {
+    /// Only with the scripted client of this file.
+    Scripted,
+    /// Only with a real client.
+    Live,
+}
+
+/// What the scripted client does: one of `send`, `bytes`, `port` and `baud`, and what it expects.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct HostText {
+    /// On which link of a mecanum car; the main one unless given.
+    pub link: Option<LinkText>,
+    /// Sends a command.
+    pub send: Option<CommandText>,
+    /// Sends bytes: hexadecimal, as in "AA 55 00 07".
+    #[schemars(with = "Option<String>")]
+    pub bytes: Option<Spanned<String>>,
+    /// Opens or closes the port; it is open at the start.
+    pub port: Option<PortText>,
+    /// Sets the port's speed.
+    pub baud: Option<u32>,
+    /// What has to come back.
+    pub expect: Option<ReplyText>,
+}
+
+/// A link of a mecanum car.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum LinkText {
+    /// To the on-board Android.
+    Main,
+    /// To a ROS system.
+    Ros,
+}
+
+/// What to do with the port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum PortText {
+    /// Open it.
+    Open,
+    /// Close it.
+    Close,
+}
+
+/// A command by name and fields. Numbers are as on the wire.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum CommandText {
+    /// R150: switch these rails on and the others off.
+    PowerControl(PowerText),
+    /// R150: duty of the four PWM outputs.
+    SetPwmOutputs(DutyText),
+    /// R150.
+    GetPwmOutputs,
+    /// R150.
+    GetPwmInputs,
+    /// R150.
+    SystemInfo,
+    /// R150.
+    Heartbeat,
+    /// R150.
+    Version,
+    /// R150: motor PWM.
+    SetMotors(MotorsText),
+    /// Mecanum car: a motion.
+    Motion(MotionText),
+    /// Mecanum car: says where it is.
+    SetPose(SetPoseText),
+    /// Mecanum car: who drives.
+    ControlMode(ModeText),
+    /// Mecanum car, ROS link: a line without its end, as in "X10".
+    Line(String),
+}
+
+/// Which rails are to be on: names, or the bits themselves.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PowerText {
+    /// Names of rails.
+    pub on: Option<Vec<RailText>>,
+    /// The bits as on the wire.
+    pub status: Option<u32>,
+}
+
+/// The rails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+pub(crate) enum RailText {
+    /// 12 V output A.
+    #[serde(rename = "12V-A")]
+    V12A,
+    /// 12 V output B.
+    #[serde(rename = "12V-B")]
+    V12B,
+    /// 12 V output C.
+    #[serde(rename = "12V-C")]
+    V12C,
+    /// 12 V output D.
+    #[serde(rename = "12V-D")]
+    V12D,
+    /// The 48 V output.
+    #[serde(rename = "48V")]
+    V48,
+    /// The 5 V output.
+    #[serde(rename = "5V")]
+    V5,
+}
+
+/// Duties of A to D.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct DutyText {
+    /// 0.1 %.
+    pub duty: [u16; 4],
+}
+
+/// Motor PWM, 0.1 %, positive forward.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MotorsText {
+    /// Right motor.
+    pub right: i16,
+    /// Left motor.
+    pub left: i16,
+}
+
+/// A motion packet.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MotionText {
+    /// Sequence number; 0 unless given.
+    #[serde(default)]
+    pub seq: u8,
+    /// 1 discards what runs and waits, 0 appends; 1 unless given.
+    #[serde(default = "one")]
+    pub is_reset: u8,
+    /// 0 forward, 1 rotate, 2 strafe, 3 left-front, 4 right-front.
+    pub moving_idx: u8,
+    /// Distance, 1/10 revolution.
+    pub s: u16,
+    /// Speed, 1/10 r/min, -500 to 500.
+    pub v: i16,
+}
+
+fn one() -> u8 {
+    1
+}
+
+/// A pose packet.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SetPoseText {
+    /// Sequence number; 0 unless given.
+    #[serde(default)]
+    pub seq: u8,
+    /// 1/10 revolution.
+    pub axis_x: i16,
+    /// 1/10 revolution.
+    pub axis_y: i16,
+    /// 1/10 degree, counter-clockwise.
+    pub ori: i16,
+}
+
+/// A control mode packet.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ModeText {
+    /// Sequence number; 0 unless given.
+    #[serde(default)]
+    pub seq: u8,
+    /// 0 board, 1 remote control.
+    pub mode: u8,
+}
+
+/// What has to come back: any answer unless one of `reply`, `bytes` and `silence` says more. An
+/// R150's next reply to the command has to match; of a mecanum car's packets, one has to.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ReplyText {
+    /// By when.
+    #[schemars(with = "Span")]
+    pub within: Spanned<Span>,
+    /// Fields of the reply with their values, as in `{ success = true }`. A number may also be a
+    /// range: `{ min = 1, max = 5 }`.
+    #[schemars(with = "Option<std::collections::BTreeMap<String, serde_json::Value>>")]
+    pub reply: Option<Spanned<toml::Table>>,
+    /// The bytes themselves, hexadecimal.
+    #[schemars(with = "Option<String>")]
+    pub bytes: Option<Spanned<String>>,
+    /// Nothing at all may come.
+    #[serde(default)]
+    pub silence: bool,
+}
+
+/// What an operator, the app or a passer-by does.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum OperatorText {
+    /// R150: long press of both rear buttons.
+    Unlock,
+    /// R150: short press of the rear buttons.
+    Lock,
+    /// R150: long press of the top button.
+    ReleaseParking,
+    /// R150: long press of the middle button.
+    Autonomous,
+    /// A motion key of the remote control goes down; with `for`, up again after that. R150:
+    /// forward, backward, left, right; mecanum car: forward, backward, turn-left, turn-right,
+    /// strafe-left, strafe-right, left-front, right-front, left-rear, right-rear.
+    Press(String),
+    /// The motion key goes up.
+    Release,
+    /// R150: the emergency stop goes in (true) or out; with `for`, the other way after that.
+    EmergencyStop(bool),
+    /// R150: the app takes or leaves control.
+    AppHolds(AppHoldsText),
+    /// R150: what the app wants of the outputs.
+    AppSets(AppSetsText),
+    /// Pushes steadily until another push, or for as long as `for` says.
+    Push(PushText),
+    /// Puts a payload on the deck.
+    Payload(Mass),
+    /// Lifts the vehicle and sets it down elsewhere.
+    Place(PlaceText),
+}
+
+/// Of what the app has control, whatever the client sends.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AppHoldsText {
+    /// Of the power rails.
+    #[serde(default)]
+    pub power: bool,
+    /// Of the PWM outputs.
+    #[serde(default)]
+    pub pwm: bool,
+}
+
+/// The app's set-points.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AppSetsText {
+    /// Rails to be on.
+    #[serde(default)]
+    pub on: Vec<RailText>,
+    /// Duty of the PWM outputs, 0.1 %.
+    #[serde(default)]
+    pub pwm: [u16; 4],
+}
+
+/// A push in the vehicle's axes.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PushText {
+    /// Ahead.
+    pub ahead: Option<Force>,
+    /// To the left.
+    pub left: Option<Force>,
+    /// Counter-clockwise.
+    pub turn: Option<Torque>,
+}
+
+/// A place.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlaceText {
+    /// East.
+    pub x: Length,
+    /// North.
+    pub y: Length,
+    /// Counter-clockwise from x; 0 unless given.
+    pub heading: Option<Angle>,
+}
+
+/// A change around the vehicle.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum WorldText {
+    /// Puts things into the world, in the form of a world file: `wall`, `box`, `circle`, `slope`,
+    /// `friction`, `tag`, `strip`. They stay.
+    #[schemars(with = "std::collections::BTreeMap<String, serde_json::Value>")]
+    Add(toml::Table),
+    /// Changes the friction of the ground wherever no area of the world has its own; with `for`,
+    /// back after that.
+    Friction(f64),
+    /// R150: wires a load to a rail; with `for`, what was there before after that.
+    Load(LoadText),
+    /// R150: wires a signal to a PWM input; with `for`, nothing after that.
+    PwmSignal(SignalText),
+}
+
+/// A load: one of `power` and `resistance`, or nothing.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LoadText {
+    /// Where.
+    pub rail: RailText,
+    /// A device that draws this at any voltage.
+    pub power: Option<Power>,
+    /// A resistor.
+    pub resistance: Option<Resistance>,
+    /// A dead short.
+    #[serde(default)]
+    pub short: bool,
+}
+
+/// A signal: a generator's `frequency` and `duty`, one of the module's own outputs, or nothing.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SignalText {
+    /// The input.
+    pub input: ChannelText,
+    /// Of a generator.
+    pub frequency: Option<Frequency>,
+    /// Of a generator; 50 % unless given.
+    pub duty: Option<Percent>,
+    /// Of a generator; 5 V unless given.
+    pub high: Option<Voltage>,
+    /// The module's own output.
+    pub from_output: Option<ChannelText>,
+}
+
+/// A PWM input or output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+pub(crate) enum ChannelText {
+    /// A.
+    A,
+    /// B.
+    B,
+    /// C.
+    C,
+    /// D.
+    D,
+}
+
+/// A condition that is to hold.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ExpectText {
+    /// The condition.
+    #[schemars(with = "String")]
+    pub that: Spanned<String>,
+    /// By when; at once unless given.
+    pub within: Option<Span>,
+    /// What to say if it does not.
+    pub message: Option<String>,
+}
+
+/// A condition over the whole run, or a part of it.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RuleText {
+    /// The condition.
+    #[schemars(with = "String")]
+    pub that: Spanned<String>,
+    /// What to say if it is violated.
+    pub message: Option<String>,
+    /// From when on: so long after the start, or after the step that `after` names is done.
+    pub from: Option<Span>,
+    /// Until when: so long after the start, or after that step is done.
+    #[schemars(with = "Option<Span>")]
+    pub until: Option<Spanned<Span>>,
+    /// Counts from when the step of this name is done.
+    #[schemars(with = "Option<String>")]
+    pub after: Option<Spanned<String>>,
+    /// In which runs it counts; in all unless given.
+    pub only: Option<Only>,
+}
+
+/// What the client report may have in it: "empty" for nothing at all, or by kind.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "\"empty\", or a table of `allowed` or `forbidden` kinds and perhaps `only`"
+)]
+pub(crate) enum DemandText {
+    /// Nothing at all.
+    Word(EmptyText),
+    /// By kind.
+    Kinds(KindsText),
+}
+
+/// Nothing.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum EmptyText {
+    /// Nothing at all.
+    Empty,
+}
+
+/// Kinds of the client report.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct KindsText {
+    /// These kinds and no others.
+    pub allowed: Option<Vec<String>>,
+    /// Anything but these kinds.
+    pub forbidden: Option<Vec<String>>,
+    /// With whom; with anybody unless given.
+    pub only: Option<Only>,
+}

@@ -1,0 +1,254 @@
+//! Traces: a run as lines of JSON, and the run again from them.
+//!
+//! Each line is an object whose `kind` says what it is. Times `t` are nanoseconds since the start
+//! in simulated time; bytes are hexadecimal. A line is written when what it tells of is over, so
+//! lines of bytes may stand a little behind others of the same time.
+//!
+//! | kind | what |
+//! |---|---|
+//! | `header` | the first line: everything that a second run needs |
+//! | `attach`, `detach` | a client opened or closed a port |
+//! | `line` | a client set its end of a line |
+//! | `in` | a client sent bytes, all at `t` |
+//! | `host` | the scripted client sent bytes |
+//! | `out` | bytes of the device arrived at the client: the first at `t`, each further one `dt` later |
+//! | `event` | something happened, traffic aside |
+//! | `pose` | where a device really was, every 100 ms while it moves |
+//! | `step` | a step of the file has begun, or is done |
+//! | `failure` | something was not as the file says |
+//! | `end` | the last line |
+
+mod record;
+mod replay;
+
+use std::collections::{BTreeMap, VecDeque};
+
+use sim_core::SimTime;
+use sim_core::event::{Event, Level};
+use sim_core::line::{ClientLine, Wire};
+use sim_core::rig::{PortId, Rig};
+use sim_settings::{Root, Source};
+
+pub use record::{Header, Hexed, PortRecord, Record, WorldRecord};
+pub use replay::{Difference, Replay, ReplayError};
+
+use crate::run::{Failure, RunOptions};
+use crate::scenario::Scenario;
+
+/// Version of the form of a trace.
+pub const FORMAT: u32 = 1;
+/// Most lines that wait to be taken; further ones are dropped and the trace is of no use then,
+/// which its last line says.
+const MOST_LINES: usize = 1 << 20;
+/// Most bytes of one line.
+const MOST_BYTES: usize = 1024;
+/// How often poses are noted, ns.
+const POSE_PERIOD: u64 = 100_000_000;
+
+/// Writes a run down.
+pub(crate) struct Recorder {
+    lines: VecDeque<String>,
+    dropped: u64,
+    /// Bytes of devices that make one line so far.
+    out: BTreeMap<PortId, Burst>,
+    poses: Vec<[f64; 3]>,
+}
+
+/// Bytes that follow one another evenly.
+struct Burst {
+    begin: u64,
+    last: u64,
+    dt: u64,
+    bytes: Vec<u8>,
+}
+
+impl Recorder {
+    pub(crate) fn new(scenario: &Scenario, world: Option<Source<'_>>, options: RunOptions) -> Self {
+        let mut recorder = Self {
+            lines: VecDeque::new(),
+            dropped: 0,
+            out: BTreeMap::new(),
+            poses: Vec::new(),
+        };
+        recorder.write(&Record::Header(Box::new(Header {
+            format: FORMAT,
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: options.seed,
+            paced: options.wire == Wire::Paced,
+            live: options.live,
+            file: scenario.file.clone(),
+            scenario: scenario.text.clone(),
+            settings: changed_settings(&scenario.base),
+            world: world.map(|source| WorldRecord {
+                file: source.file.to_owned(),
+                text: source.text.to_owned(),
+            }),
+        })));
+        recorder
+    }
+
+    pub(crate) fn poll(&mut self) -> Option<String> {
+        self.lines.pop_front()
+    }
+
+    pub(crate) fn attached(&mut self, at: SimTime, port: PortId) {
+        self.write(&Record::Attach {
+            t: at.as_nanos(),
+            port: port.into(),
+        });
+    }
+
+    pub(crate) fn detached(&mut self, at: SimTime, port: PortId) {
+        self.write(&Record::Detach {
+            t: at.as_nanos(),
+            port: port.into(),
+        });
+    }
+
+    pub(crate) fn line_set(&mut self, at: SimTime, port: PortId, line: ClientLine) {
+        self.write(&Record::Line {
+            t: at.as_nanos(),
+            port: port.into(),
+            baud: line.baud,
+            stop_bits: line.stop_bits,
+            raw: line.raw,
+        });
+    }
+
+    pub(crate) fn client_sent(&mut self, at: SimTime, port: PortId, bytes: &[u8]) {
+        self.write(&Record::In {
+            t: at.as_nanos(),
+            port: port.into(),
+            bytes: Hexed(bytes.to_vec()),
+        });
+    }
+
+    pub(crate) fn host_sent(&mut self, at: SimTime, port: PortId, bytes: &[u8]) {
+        self.write(&Record::Host {
+            t: at.as_nanos(),
+            port: port.into(),
+            bytes: Hexed(bytes.to_vec()),
+        });
+    }
+
+    /// Bytes arrived at the client at one instant.
+    pub(crate) fn device_sent(&mut self, at: SimTime, port: PortId, bytes: &[u8]) {
+        for &byte in bytes {
+            self.device_byte(at.as_nanos(), port, byte);
+        }
+    }
+
+    fn device_byte(&mut self, at: u64, port: PortId, byte: u8) {
+        if let Some(burst) = self.out.get_mut(&port) {
+            let dt = at - burst.last;
+            // A pause begins a new line even behind a single byte.
+            let even = (burst.bytes.len() == 1 && dt < 10_000_000) || dt == burst.dt;
+            if even && burst.bytes.len() < MOST_BYTES {
+                burst.dt = dt;
+                burst.last = at;
+                burst.bytes.push(byte);
+                return;
+            }
+        }
+        let begun = Burst {
+            begin: at,
+            last: at,
+            dt: 0,
+            bytes: vec![byte],
+        };
+        if let Some(burst) = self.out.insert(port, begun) {
+            self.write_burst(port, burst);
+        }
+    }
+
+    pub(crate) fn event(&mut self, event: &Event) {
+        if event.kind.level() != Level::Traffic {
+            self.write(&Record::Event {
+                t: event.at.as_nanos(),
+                device: event.device,
+                code: event.kind.code().into(),
+                text: event.kind.to_string(),
+            });
+        }
+    }
+
+    pub(crate) fn step(&mut self, at: SimTime, step: &str, what: &'static str) {
+        self.write(&Record::Step {
+            t: at.as_nanos(),
+            step: step.to_owned(),
+            what: what.into(),
+        });
+    }
+
+    pub(crate) fn failure(&mut self, failure: &Failure) {
+        self.write(&Record::Failure {
+            t: failure.at.as_nanos(),
+            step: failure.step.clone(),
+            what: failure.what.clone(),
+        });
+    }
+
+    /// Notes where devices are, if it is time to.
+    pub(crate) fn sample(&mut self, at: SimTime, rig: &Rig) {
+        let t = at.as_nanos();
+        if t % POSE_PERIOD != 0 {
+            return;
+        }
+        self.poses.resize(rig.devices(), [f64::NAN; 3]);
+        for device in 0..rig.devices() {
+            let r150 = rig.r150(device).map(|r150| r150.truth().pose);
+            let pose = r150.or_else(|| rig.mecanum(device).map(|car| car.truth().pose));
+            let Some(pose) = pose else { continue };
+            let place = [pose.x, pose.y, pose.heading];
+            if std::mem::replace(&mut self.poses[device], place) != place {
+                self.write(&Record::Pose {
+                    t,
+                    device,
+                    x: pose.x,
+                    y: pose.y,
+                    heading: pose.heading,
+                });
+            }
+        }
+    }
+
+    pub(crate) fn end(&mut self, at: SimTime, passed: bool) {
+        for (port, burst) in std::mem::take(&mut self.out) {
+            self.write_burst(port, burst);
+        }
+        let record = Record::End {
+            t: at.as_nanos(),
+            passed,
+            dropped: self.dropped,
+        };
+        self.lines.extend(record.to_line());
+    }
+
+    fn write_burst(&mut self, port: PortId, burst: Burst) {
+        self.write(&Record::Out {
+            t: burst.begin,
+            dt: burst.dt,
+            port: port.into(),
+            bytes: Hexed(burst.bytes),
+        });
+    }
+
+    fn write(&mut self, record: &Record) {
+        if self.lines.len() >= MOST_LINES {
+            self.dropped += 1;
+        } else {
+            self.lines.extend(record.to_line());
+        }
+    }
+}
+
+/// The settings that are not as they are by default, as TOML.
+fn changed_settings(settings: &dyn Root) -> String {
+    let mut text = String::new();
+    settings.visit(&mut |entry| {
+        if entry.value != entry.default {
+            text.push_str(&format!("{} = {}\n", entry.key, entry.value));
+        }
+    });
+    text
+}

@@ -1,0 +1,168 @@
+//! The lines of a trace.
+
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use sim_core::rig::PortId;
+
+/// A line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[expect(
+    missing_docs,
+    reason = "the table in the module's documentation has them"
+)]
+pub enum Record {
+    Header(Box<Header>),
+    Attach {
+        t: u64,
+        port: PortRecord,
+    },
+    Detach {
+        t: u64,
+        port: PortRecord,
+    },
+    Line {
+        t: u64,
+        port: PortRecord,
+        baud: u32,
+        stop_bits: u8,
+        raw: bool,
+    },
+    In {
+        t: u64,
+        port: PortRecord,
+        bytes: Hexed,
+    },
+    Host {
+        t: u64,
+        port: PortRecord,
+        bytes: Hexed,
+    },
+    Out {
+        t: u64,
+        dt: u64,
+        port: PortRecord,
+        bytes: Hexed,
+    },
+    Event {
+        t: u64,
+        device: usize,
+        code: Cow<'static, str>,
+        text: String,
+    },
+    Pose {
+        t: u64,
+        device: usize,
+        x: f64,
+        y: f64,
+        heading: f64,
+    },
+    Step {
+        t: u64,
+        step: String,
+        what: Cow<'static, str>,
+    },
+    Failure {
+        t: u64,
+        step: Option<String>,
+        what: String,
+    },
+    End {
+        t: u64,
+        passed: bool,
+        /// Lines that were lost because nobody took them.
+        dropped: u64,
+    },
+}
+
+/// Everything that a second run needs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Header {
+    /// Version of the form of the trace.
+    pub format: u32,
+    /// Version of the program.
+    pub program: String,
+    /// From which everything random was derived.
+    pub seed: u64,
+    /// Whether bytes took time on the lines.
+    pub paced: bool,
+    /// Whether a real client was there.
+    pub live: bool,
+    /// Name of the scenario file.
+    pub file: String,
+    /// What was in it.
+    pub scenario: String,
+    /// Settings that were not as they are by default, beside those of the file.
+    pub settings: String,
+    /// The world file.
+    pub world: Option<WorldRecord>,
+}
+
+/// A world file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WorldRecord {
+    /// Its name.
+    pub file: String,
+    /// What was in it.
+    pub text: String,
+}
+
+/// A port: device and link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PortRecord(pub usize, pub usize);
+
+impl From<PortId> for PortRecord {
+    fn from(port: PortId) -> Self {
+        Self(port.device, port.link)
+    }
+}
+
+impl From<PortRecord> for PortId {
+    fn from(PortRecord(device, link): PortRecord) -> Self {
+        Self { device, link }
+    }
+}
+
+/// Bytes, written in hexadecimal.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Hexed(pub Vec<u8>);
+
+impl Serialize for Hexed {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut text = String::with_capacity(self.0.len() * 2);
+        for byte in &self.0 {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{byte:02X}");
+        }
+        serializer.serialize_str(&text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Hexed {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = Cow::<'de, str>::deserialize(deserializer)?;
+        let digit = |byte: &u8| char::from(*byte).to_digit(16);
+        let bytes: Option<Vec<u8>> = text
+            .as_bytes()
+            .chunks(2)
+            .map(|pair| match pair {
+                [high, low] => u8::try_from(digit(high)? * 16 + digit(low)?).ok(),
+                _ => None,
+            })
+            .collect();
+        bytes
+            .map(Self)
+            .ok_or_else(|| serde::de::Error::custom("pairs of hexadecimal digits are wanted"))
+    }
+}
+
+impl Record {
+    /// The line, without its line feed.
+    pub(super) fn to_line(&self) -> Option<String> {
+        let line = serde_json::to_string(self);
+        debug_assert!(line.is_ok(), "every record can be written");
+        line.ok()
+    }
+}

@@ -1,0 +1,291 @@
+//! The run again, from its trace.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use sim_core::SimTime;
+use sim_core::event::Hex;
+use sim_core::line::{ClientLine, Wire};
+use sim_core::rig::PortId;
+use sim_core::settings::SimSettings;
+use sim_settings::{Source, load_toml};
+
+use super::FORMAT;
+use super::record::{Header, Record};
+use crate::run::{Run, RunError, RunOptions};
+use crate::scenario::Scenario;
+
+/// A second run that is compared with the first as the trace is read.
+///
+/// The recorded client's bytes are sent at their recorded times, and what the devices send has to
+/// be the same bytes at the same times.
+pub struct Replay {
+    run: Run,
+    /// What was recorded and what came now, of each port, as far as they are not yet compared.
+    streams: BTreeMap<PortId, Stream>,
+    line: usize,
+    ended: bool,
+}
+
+#[derive(Default)]
+struct Stream {
+    recorded: VecDeque<(u64, u8)>,
+    now: VecDeque<(u64, u8)>,
+    compared: u64,
+}
+
+/// Where a second run first differs.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "device {} link {}: byte {offset} differs: {} recorded, {} in the second run",
+    port.device, port.link, shown(*recorded), shown(*found)
+)]
+pub struct Difference {
+    /// Where.
+    pub port: PortId,
+    /// Which byte of those that the device sent there, from 0.
+    pub offset: u64,
+    /// Time and byte of the recording; `None` if it has none.
+    pub recorded: Option<(SimTime, u8)>,
+    /// Time and byte of the second run; `None` if it has none.
+    pub found: Option<(SimTime, u8)>,
+}
+
+fn shown(byte: Option<(SimTime, u8)>) -> String {
+    byte.map_or_else(
+        || "nothing".to_owned(),
+        |(at, byte)| format!("{} at {} ns", Hex(&[byte]), at.as_nanos()),
+    )
+}
+
+/// Why a trace is not repeated.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ReplayError {
+    /// The second run is another one.
+    #[error(transparent)]
+    Differs(#[from] Box<Difference>),
+    /// The trace cannot be read.
+    #[error("line {line} of the trace: {why}")]
+    Malformed {
+        /// Which, from 1.
+        line: usize,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// The second run cannot go on.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl Replay {
+    /// Repeats a whole trace.
+    ///
+    /// # Errors
+    /// Where the second run first differs, or what is wrong with the trace.
+    pub fn all<'l>(lines: impl IntoIterator<Item = &'l str>) -> Result<(), ReplayError> {
+        let mut lines = lines.into_iter();
+        let mut replay = Self::begin(lines.next().unwrap_or_default())?;
+        for line in lines {
+            replay.line(line)?;
+        }
+        replay.finish()
+    }
+
+    /// Begins with the first line.
+    ///
+    /// # Errors
+    /// When it is no header, or the scenario in it cannot be read any more.
+    pub fn begin(line: &str) -> Result<Self, ReplayError> {
+        let malformed = |why| ReplayError::Malformed { line: 1, why };
+        let Record::Header(header) = read(line, 1)? else {
+            return Err(malformed("a trace begins with its header".to_owned()));
+        };
+        if header.format != FORMAT {
+            let why = format!("format {} is not known; allowed: {FORMAT}", header.format);
+            return Err(malformed(why));
+        }
+        let run = start(&header).map_err(malformed)??;
+        Ok(Self {
+            run,
+            streams: BTreeMap::new(),
+            line: 1,
+            ended: false,
+        })
+    }
+
+    /// Takes a further line.
+    ///
+    /// # Errors
+    /// Where the second run first differs, or what is wrong with the line.
+    pub fn line(&mut self, line: &str) -> Result<(), ReplayError> {
+        self.line += 1;
+        if line.trim().is_empty() {
+            return Ok(());
+        }
+        match read(line, self.line)? {
+            Record::Header(_) => {
+                return Err(self.malformed("a second header".to_owned()));
+            }
+            Record::Attach { t, port } => {
+                self.run.attach(port.into(), SimTime::from_nanos(t))?;
+            }
+            Record::Detach { t, port } => {
+                self.run.detach(port.into(), SimTime::from_nanos(t))?;
+            }
+            Record::In { t, port, bytes } => {
+                let at = SimTime::from_nanos(t);
+                self.run.client_sends(port.into(), at, &bytes.0)?;
+            }
+            Record::Line {
+                t,
+                port,
+                baud,
+                stop_bits,
+                raw,
+            } => {
+                self.run.advance(SimTime::from_nanos(t))?;
+                let line = ClientLine {
+                    baud,
+                    stop_bits,
+                    raw,
+                };
+                self.run.set_client_line(port.into(), line);
+            }
+            Record::Out { t, dt, port, bytes } => {
+                self.stream(port.into())
+                    .recorded
+                    .extend(spread(t, dt, &bytes.0));
+            }
+            Record::End { t, dropped, .. } => {
+                if dropped > 0 {
+                    let why = format!("it lacks {dropped} lines, which were lost in recording");
+                    return Err(self.malformed(why));
+                }
+                self.run.advance(SimTime::from_nanos(t))?;
+                self.run.end();
+                self.ended = true;
+            }
+            Record::Host { .. }
+            | Record::Event { .. }
+            | Record::Pose { .. }
+            | Record::Step { .. }
+            | Record::Failure { .. } => {}
+        }
+        self.take_own()?;
+        self.compare()
+    }
+
+    /// Ends it: nothing may be missing on either side.
+    ///
+    /// # Errors
+    /// Where the second run first differs, or that the trace has no end.
+    pub fn finish(self) -> Result<(), ReplayError> {
+        if !self.ended {
+            return Err(self.malformed("the trace has no end".to_owned()));
+        }
+        for (port, stream) in &self.streams {
+            let recorded = stream.recorded.front().copied();
+            let found = stream.now.front().copied();
+            if recorded.is_some() || found.is_some() {
+                return Err(differs(*port, stream.compared, recorded, found));
+            }
+        }
+        Ok(())
+    }
+
+    fn stream(&mut self, port: PortId) -> &mut Stream {
+        self.streams.entry(port).or_default()
+    }
+
+    /// Takes what the second run has written down.
+    fn take_own(&mut self) -> Result<(), ReplayError> {
+        while let Some(line) = self.run.poll_trace() {
+            if let Record::Out { t, dt, port, bytes } = read(&line, self.line)? {
+                let bytes = spread(t, dt, &bytes.0);
+                self.stream(port.into()).now.extend(bytes);
+            }
+        }
+        while self.run.poll_event().is_some() {}
+        Ok(())
+    }
+
+    fn compare(&mut self) -> Result<(), ReplayError> {
+        for (port, stream) in &mut self.streams {
+            while let (Some(recorded), Some(found)) = (
+                stream.recorded.front().copied(),
+                stream.now.front().copied(),
+            ) {
+                if recorded != found {
+                    let (recorded, found) = (Some(recorded), Some(found));
+                    return Err(differs(*port, stream.compared, recorded, found));
+                }
+                stream.recorded.pop_front();
+                stream.now.pop_front();
+                stream.compared += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn malformed(&self, why: String) -> ReplayError {
+        ReplayError::Malformed {
+            line: self.line,
+            why,
+        }
+    }
+}
+
+fn start(header: &Header) -> Result<Result<Run, RunError>, String> {
+    let mut base = SimSettings::default();
+    load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
+        let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+        errors.join("; ")
+    })?;
+    let source = Source {
+        file: &header.file,
+        text: &header.scenario,
+    };
+    let scenario = Scenario::parse(source, &base).map_err(|error| error.to_string())?;
+    let world = header.world.as_ref().map(|world| Source {
+        file: &world.file,
+        text: &world.text,
+    });
+    let options = RunOptions {
+        seed: header.seed,
+        wire: if header.paced {
+            Wire::Paced
+        } else {
+            Wire::Instant
+        },
+        live: header.live,
+        trace: true,
+    };
+    Ok(Run::new(Arc::new(scenario), world, options))
+}
+
+fn read(line: &str, number: usize) -> Result<Record, ReplayError> {
+    serde_json::from_str(line).map_err(|error| ReplayError::Malformed {
+        line: number,
+        why: error.to_string(),
+    })
+}
+
+fn spread(t: u64, dt: u64, bytes: &[u8]) -> impl Iterator<Item = (u64, u8)> + '_ {
+    let times = std::iter::successors(Some(t), move |t| Some(t.saturating_add(dt)));
+    times.zip(bytes.iter().copied())
+}
+
+fn differs(
+    port: PortId,
+    offset: u64,
+    recorded: Option<(u64, u8)>,
+    found: Option<(u64, u8)>,
+) -> ReplayError {
+    let at = |byte: Option<(u64, u8)>| byte.map(|(t, byte)| (SimTime::from_nanos(t), byte));
+    ReplayError::Differs(Box::new(Difference {
+        port,
+        offset,
+        recorded: at(recorded),
+        found: at(found),
+    }))
+}
