@@ -91,6 +91,8 @@ fn a_hang_up_is_noticed_behind_more_than_the_line_holds() {
     let request = frame(0x07, &[]).repeat(2000);
     client.send(&request);
     drop(client);
+    // Until it is noticed, whoever opens the port may still read what the first client left.
+    sim.wait_event("client_detached");
     let mut client = sim.client();
     // All of that takes a second on the line, and none of it is answered to this one.
     let start = Instant::now();
