@@ -7,6 +7,7 @@ use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
 use sim_physics::{BodyId, Pose, World};
 use sim_settings::SimTime;
 
+use crate::defects::Defects;
 use crate::event::EventKind;
 use crate::mecanum_device::{Action, Link, MecanumDevice};
 use crate::settings::MecanumSettings;
@@ -53,6 +54,16 @@ impl Mecanum {
     /// Somebody works the remote control.
     pub fn operate(&mut self, now: SimTime, action: Action) {
         self.device.operate(now, action);
+    }
+
+    /// Replaces all that is wrong with the firmware.
+    pub fn set_defects(&mut self, now: SimTime, defects: Defects) {
+        self.device.set_defects(now, defects);
+    }
+
+    /// The firmware restarts, and is up after `boot`; says whether it ran.
+    pub fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
+        self.device.reset(now, boot)
     }
 
     /// The firmware's state.

@@ -20,6 +20,7 @@ pub mod codec;
 mod drive;
 pub mod encoder;
 mod event;
+mod flaws;
 pub mod kinematics;
 pub mod motion;
 pub mod odometry;
@@ -36,6 +37,7 @@ use std::fmt;
 use sim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
 use sim_settings::SimTime;
 
+use crate::defects::{DefectCounts, Defects};
 use ascii::{Letter, Line};
 use codec::{Decoded, Decoder};
 use drive::Drive;
@@ -113,6 +115,16 @@ pub struct MecanumDevice {
     heard: SimTime,
     output: VecDeque<(Link, Vec<u8>)>,
     events: VecDeque<(SimTime, MecanumEvent)>,
+    defects: Defects,
+    defect_counts: DefectCounts,
+    /// The motor state that is reported in place of the present one.
+    stuck_status: Option<u8>,
+    /// When the firmware is up, while it is not.
+    boot_due: Option<SimTime>,
+    /// What was due while it hung is done then.
+    not_before: SimTime,
+    /// A link timeout that is out of order has missed its time.
+    missed_timeout: bool,
 }
 
 impl MecanumDevice {
@@ -139,6 +151,12 @@ impl MecanumDevice {
             heard: now,
             output: VecDeque::new(),
             events: VecDeque::new(),
+            defects: Defects::default(),
+            defect_counts: DefectCounts::default(),
+            stuck_status: None,
+            boot_due: None,
+            not_before: SimTime::ZERO,
+            missed_timeout: false,
             settings,
         };
         if measured.board_powered {
@@ -150,7 +168,7 @@ impl MecanumDevice {
     /// Takes bytes whose last has arrived on `link` at `now`.
     pub fn receive(&mut self, now: SimTime, link: Link, bytes: &[u8]) {
         self.advance_before(now);
-        if !self.measured.board_powered {
+        if !self.hears(bytes.len()) {
             return;
         }
         for &byte in bytes {
@@ -174,6 +192,7 @@ impl MecanumDevice {
     /// Takes what the inputs read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &MecanumMeasurements) {
         self.advance_before(now);
+        let measured = &self.overlook(measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).board_powered;
         match (was_powered, measured.board_powered) {
             (true, false) => self.lose_power(now),
@@ -182,13 +201,13 @@ impl MecanumDevice {
                 self.schedule(now);
                 self.event(now, MecanumEvent::Started);
             }
-            (true, true) => {
+            (true, true) if self.works() => {
                 let events = &mut self.events;
                 self.drive.sense(now, &measured.pulses, &mut |change| {
                     keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
                 });
             }
-            (false, false) => {}
+            _ => {}
         }
     }
 
@@ -198,7 +217,7 @@ impl MecanumDevice {
         self.event(now, MecanumEvent::Operated(action));
         match action {
             Action::Press(movement) => {
-                if self.measured.board_powered && !self.drive.is_remote() {
+                if self.works() && !self.drive.is_remote() {
                     self.event(now, MecanumEvent::KeyIgnored(movement));
                 }
                 self.drive.set_key(Some(movement));
@@ -218,6 +237,13 @@ impl MecanumDevice {
     /// When something next happens by itself.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
+        if self.boot_due.is_some() {
+            return self.boot_due.filter(|_| !self.defects.hung);
+        }
+        if self.defects.hung {
+            // Nothing is sent then, but it is counted.
+            return self.status_due.into_iter().chain(self.report_due).min();
+        }
         [
             self.decoder.deadline(),
             self.link_deadline(),
@@ -242,7 +268,7 @@ impl MecanumDevice {
     /// The pins that the firmware drives.
     #[must_use]
     pub fn commands(&self) -> MecanumCommands {
-        if self.measured.board_powered {
+        if self.measured.board_powered && self.boot_due.is_none() {
             self.drive.commands(&self.settings)
         } else {
             MecanumCommands::default()
@@ -281,15 +307,30 @@ impl MecanumDevice {
     }
 
     /// Does what is due at `now` and not earlier.
-    fn serve(&mut self, now: SimTime) {
+    fn serve(&mut self, due: SimTime) {
+        let now = due.max(self.not_before);
+        if self.boot_due.is_some() {
+            self.boot(now);
+            return;
+        }
+        if self.defects.hung {
+            self.miss_packets(now);
+            return;
+        }
         let mut found = Vec::new();
         self.decoder.expire(now, &mut |decoded| found.push(decoded));
         self.handle(now, found);
-        if self.link_deadline().is_some_and(|due| due <= now) {
+        let timed_out = self.link_deadline().is_some_and(|due| due <= now);
+        if timed_out && self.defects.watchdog_off {
+            self.missed_timeout = true;
+            self.defect_counts.watchdog_off += 1;
+        } else if timed_out {
             self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
         }
         if let Some(due) = self.status_due.filter(|due| *due <= now) {
-            self.status_due = Some(due + self.settings.status_period);
+            let period = self.settings.status_period + self.slowness();
+            self.status_due = Some(due + period);
+            self.note_stuck_status(now);
             let status = self.status(now);
             self.seq = self.seq.wrapping_add(1);
             keep(
@@ -300,7 +341,8 @@ impl MecanumDevice {
             self.event(now, MecanumEvent::Status(status));
         }
         if let Some(due) = self.report_due.filter(|due| *due <= now) {
-            self.report_due = Some(due + self.settings.ros_report_period);
+            let period = self.settings.ros_report_period + self.slowness();
+            self.report_due = Some(due + period);
             let report = self.report(now);
             keep(&mut self.output, (Link::Ros, report.encode()), MOST_OUTPUTS);
             self.event(now, MecanumEvent::Report(report));
@@ -309,7 +351,10 @@ impl MecanumDevice {
 
     /// When the motions are discarded unless the client sends something.
     fn link_deadline(&self) -> Option<SimTime> {
-        let timeout = self.settings.link_timeout?;
+        let timeout = self
+            .settings
+            .link_timeout
+            .filter(|_| !self.missed_timeout)?;
         self.drive.motions().running()?;
         Some(self.heard + timeout)
     }
@@ -324,7 +369,7 @@ impl MecanumDevice {
     }
 
     fn request(&mut self, now: SimTime, request: Request) {
-        self.heard = now;
+        self.hear(now);
         self.event(now, MecanumEvent::Request(request));
         match request {
             Request::Motion {
@@ -382,7 +427,7 @@ impl MecanumDevice {
                 return;
             }
         };
-        self.heard = now;
+        self.hear(now);
         self.event(now, MecanumEvent::Command(command));
         let motion = Motion {
             movement: Movement {
@@ -442,13 +487,23 @@ impl MecanumDevice {
 
     /// Without a supply the board forgets everything.
     fn lose_power(&mut self, now: SimTime) {
+        self.forget();
+        self.boot_due = None;
+        self.event(now, MecanumEvent::PowerLost);
+    }
+
+    fn forget(&mut self) {
         self.decoder.clear();
         self.lines.clear();
         self.drive = Drive::new(&self.settings, &self.measured);
         self.status_due = None;
         self.report_due = None;
         self.seq = 0;
-        self.event(now, MecanumEvent::PowerLost);
+    }
+
+    fn hear(&mut self, now: SimTime) {
+        self.heard = now;
+        self.missed_timeout = false;
     }
 
     fn event(&mut self, now: SimTime, event: MecanumEvent) {

@@ -6,6 +6,7 @@ use sim_physics::r150::{R150Plant, R150Truth};
 use sim_physics::{BodyId, Pose, World};
 use sim_settings::SimTime;
 
+use crate::defects::Defects;
 use crate::event::EventKind;
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
@@ -57,6 +58,16 @@ impl R150 {
     /// Somebody works a button.
     pub fn operate(&mut self, now: SimTime, action: Action) {
         self.device.operate(now, action);
+    }
+
+    /// Replaces all that is wrong with the firmware.
+    pub fn set_defects(&mut self, now: SimTime, defects: Defects) {
+        self.device.set_defects(now, defects);
+    }
+
+    /// The firmware restarts, and is up after `boot`; says whether it ran.
+    pub fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
+        self.device.reset(now, boot)
     }
 
     /// The firmware's state.

@@ -17,6 +17,7 @@ pub mod codec;
 pub mod command;
 pub mod control;
 mod event;
+mod flaws;
 pub mod motors;
 pub mod protection;
 pub mod reply;
@@ -32,6 +33,7 @@ use std::collections::VecDeque;
 use sim_physics::r150::{R150Commands, R150Measurements, Sides};
 use sim_settings::SimTime;
 
+use crate::defects::{DefectCounts, Defects};
 use crate::noise::Noise;
 use crate::uart;
 use codec::{Decoded, Decoder};
@@ -40,7 +42,7 @@ use control::{Control, Outputs, POWER_BITS};
 pub use event::{R150Event, ValueFault};
 use motors::{Answer, FULL, Motors};
 use protection::Protection;
-use reply::Reply;
+use reply::{Reply, SystemInfo};
 use settings::{OutOfRange, R150FirmwareSettings, RefusalReply, ReplyCommand, ReservedBits};
 use vehicle::{Action, Drive, Start, Vehicle};
 
@@ -66,6 +68,14 @@ pub struct R150Device {
     replies: VecDeque<(SimTime, Reply)>,
     output: VecDeque<Vec<u8>>,
     events: VecDeque<(SimTime, R150Event)>,
+    defects: Defects,
+    defect_counts: DefectCounts,
+    /// The status that is reported in place of the present one.
+    stuck_status: Option<SystemInfo>,
+    /// When the firmware is up, while it is not.
+    boot_due: Option<SimTime>,
+    /// What was due while it hung is done then.
+    not_before: SimTime,
 }
 
 impl R150Device {
@@ -93,6 +103,11 @@ impl R150Device {
             replies: VecDeque::new(),
             output: VecDeque::new(),
             events: VecDeque::new(),
+            defects: Defects::default(),
+            defect_counts: DefectCounts::default(),
+            stuck_status: None,
+            boot_due: None,
+            not_before: SimTime::ZERO,
             settings,
         };
         if !measured.module_powered {
@@ -104,7 +119,7 @@ impl R150Device {
     /// Takes bytes whose last has arrived at `now`.
     pub fn receive(&mut self, now: SimTime, bytes: &[u8]) {
         self.advance_before(now);
-        if !self.measured.module_powered {
+        if !self.hears(bytes.len()) {
             return;
         }
         for &byte in bytes {
@@ -118,13 +133,16 @@ impl R150Device {
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
+        if self.overlooks(measured) {
+            return;
+        }
         let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
         match (was_powered, measured.module_powered) {
             (true, false) => self.lose_power(now),
             (false, true) => self.event(now, R150Event::Started),
             _ => {}
         }
-        if measured.module_powered {
+        if self.runs() {
             let requested = self.control.outputs.power;
             self.protection
                 .sense(now, measured, requested, &mut |event| {
@@ -156,6 +174,9 @@ impl R150Device {
     /// When something next happens by itself.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
+        if self.defects.hung || self.boot_due.is_some() {
+            return self.boot_due;
+        }
         [
             self.decoder.deadline(),
             self.control.deadline(),
@@ -230,7 +251,7 @@ impl R150Device {
     /// The bits of `powerStatus`: rails that are on.
     #[must_use]
     pub fn power_status(&self) -> u8 {
-        if self.measured.module_powered {
+        if self.runs() {
             self.control.outputs.power & self.protection.allowed()
         } else {
             0
@@ -244,7 +265,7 @@ impl R150Device {
     }
 
     fn pwm_outputs(&self) -> [u16; 4] {
-        if self.measured.module_powered {
+        if self.runs() {
             self.control.outputs.pwm
         } else {
             [0; 4]
@@ -263,7 +284,12 @@ impl R150Device {
     }
 
     /// Does what is due at `now` and not earlier.
-    fn serve(&mut self, now: SimTime) {
+    fn serve(&mut self, due: SimTime) {
+        let now = due.max(self.not_before);
+        if self.boot_due.is_some() {
+            self.boot(now);
+            return;
+        }
         let mut found = Vec::new();
         self.decoder.expire(now, &mut |decoded| found.push(decoded));
         self.handle(now, found);
@@ -271,7 +297,10 @@ impl R150Device {
             self.event(now, R150Event::HeartbeatLost);
             self.power_requested(now);
         }
-        if let Some([right, left]) = self.motors.expire(now) {
+        if self.defects.watchdog_off {
+            let missed = self.motors.miss_watchdog(now);
+            self.defect_counts.watchdog_off += u64::from(missed);
+        } else if let Some([right, left]) = self.motors.expire(now) {
             let driving = self.vehicle.obstacles(self.battery_empty()).is_empty();
             self.event(
                 now,
@@ -453,8 +482,8 @@ impl R150Device {
         if self.replies.len() >= MOST_REPLIES {
             self.event(now, R150Event::ReplyDropped);
         } else {
-            self.replies
-                .push_back((now + self.settings.reply_delay, reply));
+            let delay = self.settings.reply_delay + self.slowness();
+            self.replies.push_back((now + delay, reply));
         }
     }
 
@@ -468,12 +497,17 @@ impl R150Device {
 
     /// Without a supply the module forgets everything; the vehicle's own state stays.
     fn lose_power(&mut self, now: SimTime) {
+        self.forget();
+        self.boot_due = None;
+        self.event(now, R150Event::PowerLost);
+    }
+
+    fn forget(&mut self) {
         self.decoder.clear();
         self.control.restart();
         self.protection = Protection::new(self.settings.protection.clone());
         self.motors = Motors::default();
         self.replies.clear();
-        self.event(now, R150Event::PowerLost);
     }
 
     fn event(&mut self, now: SimTime, event: R150Event) {

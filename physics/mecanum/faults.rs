@@ -65,7 +65,7 @@ pub struct MecanumFaults {
 
 impl MecanumFaults {
     /// What the sensors make of what they should see.
-    pub(super) fn spoil(&self, measured: &mut MecanumMeasurements) {
+    pub fn spoil(&self, measured: &mut MecanumMeasurements) {
         for (echo, sensor) in measured.echoes.iter_mut().zip(self.ultrasonic) {
             *echo = match sensor {
                 Ultrasonic::Working => *echo,

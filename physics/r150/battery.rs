@@ -57,6 +57,11 @@ impl Battery {
         (self.soc - self.missing).max(0.0)
     }
 
+    /// Without what is missing.
+    pub(super) fn own_soc(&self) -> f64 {
+        self.soc
+    }
+
     pub(super) fn set_missing(&mut self, share: f64) {
         self.missing = share;
     }

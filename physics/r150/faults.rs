@@ -108,6 +108,24 @@ impl R150Plant {
         &self.faults
     }
 
+    /// Temperature of the 12 V converter pairs without what is wrong, °C.
+    #[must_use]
+    pub fn own_temperature(&self) -> [f64; 2] {
+        self.slow.temperature
+    }
+
+    /// Charge without what is missing, 0–1.
+    #[must_use]
+    pub fn own_soc(&self) -> f64 {
+        self.slow.battery.own_soc()
+    }
+
+    /// By how much a side's motor turns faster than its encoder says, rpm.
+    #[must_use]
+    pub fn encoder_lag(&self, side: Side) -> f64 {
+        self.motor_rpm(side) - self.encoder_rpm[side.index()]
+    }
+
     /// Changes what the encoders' interference adds to their readings, rpm.
     pub fn set_encoder_error(&mut self, error: Sides<f64>) {
         self.faults.encoder_error = error;

@@ -52,10 +52,13 @@ impl R150Plant {
     pub(super) fn note_encoders(&mut self) {
         for side in Side::BOTH {
             if self.side_faults[side].encoder != Encoder::Stuck {
-                self.encoder_rpm[side.index()] =
-                    self.drive.motor_speed(side) * 60.0 / std::f64::consts::TAU;
+                self.encoder_rpm[side.index()] = self.motor_rpm(side);
             }
         }
+    }
+
+    pub(super) fn motor_rpm(&self, side: Side) -> f64 {
+        self.drive.motor_speed(side) * 60.0 / std::f64::consts::TAU
     }
 
     /// What reaches the firmware's input for a side.

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
+use sim_settings::show_duration;
+
 use super::ascii::{self, Fault, HIGHEST, LOWEST, MAX_LINE};
 use super::codec::Decoded;
 use super::kinematics::Movement;
@@ -89,6 +91,11 @@ pub enum MecanumEvent {
     KeyIgnored(Movement),
     /// The board lost its supply.
     PowerLost,
+    /// The firmware restarts by itself.
+    Reset {
+        /// What it takes.
+        boot: Duration,
+    },
     /// The board has started.
     Started,
 }
@@ -160,6 +167,7 @@ impl MecanumEvent {
             Self::Operated(_) => "operated",
             Self::KeyIgnored(_) => "key_ignored",
             Self::PowerLost => "power_lost",
+            Self::Reset { .. } => "firmware_reset",
             Self::Started => "started",
         }
     }
@@ -273,6 +281,11 @@ impl fmt::Display for MecanumEvent {
                 write!(f, "{movement} key has no effect: the board drives")
             }
             Self::PowerLost => write!(f, "the board lost its supply and is silent"),
+            Self::Reset { boot } => write!(
+                f,
+                "the board's firmware restarts; it is silent for {}",
+                show_duration(*boot)
+            ),
             Self::Started => write!(f, "the board has started"),
         }
     }

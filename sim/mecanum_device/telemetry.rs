@@ -38,7 +38,7 @@ impl MecanumDevice {
             infra: u8::from(measured.obstacle_ahead),
             ut_f: [f0, f1, f2, f3],
             ut_b: [b0, b1, b2, b3],
-            moto_state: self.motor_state(now),
+            moto_state: self.stuck_status.unwrap_or_else(|| self.motor_state(now)),
             mile: wrap_i16(odometry.mileage_m() * 1000.0).cast_unsigned(),
         }
     }
@@ -52,7 +52,7 @@ impl MecanumDevice {
         }
     }
 
-    fn motor_state(&self, now: SimTime) -> u8 {
+    pub(super) fn motor_state(&self, now: SimTime) -> u8 {
         let running = match self.settings.moto_state {
             MotorState::Driven => self.drive.rotations().map(|rotation| rotation != 0),
             MotorState::Turning => self.drive.turning(now),

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
+use sim_settings::show_duration;
+
 use super::codec::Decoded;
 use super::command::{Refusal, Request, name};
 use super::control::POWER_BITS;
@@ -81,6 +83,11 @@ pub enum R150Event {
     PowerModuleRecovered,
     /// The module lost its supply.
     PowerLost,
+    /// The firmware restarts by itself.
+    Reset {
+        /// What it takes.
+        boot: Duration,
+    },
     /// The module has started.
     Started,
     /// Somebody pressed a button.
@@ -177,6 +184,7 @@ impl R150Event {
             Self::PowerModuleFault { .. } => "power_module_fault",
             Self::PowerModuleRecovered => "power_module_recovered",
             Self::PowerLost => "power_lost",
+            Self::Reset { .. } => "firmware_reset",
             Self::Started => "started",
             Self::Operated(_) => "operated",
             Self::ReplyDropped => "reply_dropped",
@@ -299,6 +307,11 @@ impl fmt::Display for R150Event {
             }
             Self::PowerModuleRecovered => write!(f, "power module fault ended"),
             Self::PowerLost => write!(f, "the module lost its supply and is silent"),
+            Self::Reset { boot } => write!(
+                f,
+                "the module's firmware restarts; it is silent for {}",
+                show_duration(*boot)
+            ),
             Self::Started => write!(f, "the module has started"),
             Self::Operated(action) => write!(f, "operator: {action}"),
             Self::ReplyDropped => write!(f, "a reply was dropped: too many wait to be sent"),

@@ -22,6 +22,8 @@ pub struct Motors {
     watchdog_due: Option<SimTime>,
     last_answer: Option<SimTime>,
     answer_due: Option<SimTime>,
+    /// A watchdog that is out of order has missed its time.
+    missed: bool,
 }
 
 /// Largest motor PWM.
@@ -44,6 +46,7 @@ impl Motors {
     ) -> (Answer, Option<std::time::Duration>) {
         self.set_point = set_point.map(|pwm| pwm.clamp(-FULL, FULL));
         self.watchdog_due = Some(now + settings.motor_watchdog);
+        self.missed = false;
         let since = self.last_answer.map(|last| now.since(last));
         let Some(too_soon) = since.filter(|since| *since < settings.motor_reply_interval) else {
             self.last_answer = Some(now);
@@ -86,6 +89,23 @@ impl Motors {
         self.watchdog_due = None;
         let cleared = std::mem::take(&mut self.set_point);
         (cleared != [0, 0]).then_some(cleared)
+    }
+
+    /// Lets the time of the watchdog pass without effect; says whether that left the motors on.
+    pub fn miss_watchdog(&mut self, now: SimTime) -> bool {
+        if self.watchdog_due.is_none_or(|due| due > now) {
+            return false;
+        }
+        self.watchdog_due = None;
+        self.missed = true;
+        self.set_point != [0, 0]
+    }
+
+    /// The watchdog works again, and makes up for what it has missed.
+    pub fn mend_watchdog(&mut self, now: SimTime) {
+        if std::mem::take(&mut self.missed) {
+            self.watchdog_due = Some(now);
+        }
     }
 
     /// Drops the delayed answer.

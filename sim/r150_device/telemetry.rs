@@ -25,7 +25,6 @@ impl R150Device {
     /// The reply to 0x06.
     pub(super) fn system_info(&mut self) -> SystemInfo {
         let measured = self.measured;
-        let pwm = self.pwm_outputs();
         let spread = self.settings.measurement_noise / 100.0;
         let noise = &mut self.noise;
         let mut spoil = |value: f64| {
@@ -47,17 +46,27 @@ impl R150Device {
             .map(|amperes| round(spoil(amperes) * 1000.0));
         let [v12a, v12b, v12c, v12d, ..] = voltage;
         let [i12a, i12b, i12c, i12d, i48, _] = current;
-        SystemInfo {
+        let info = SystemInfo {
             voltage_12v: [v12a, v12b, v12c, v12d],
             voltage_48v: round(spoil(volts_48v) * 1000.0),
             current_12v: [i12a, i12b, i12c, i12d],
             current_48v: i48,
             temp_12v: measured.temperature.map(|celsius| round(celsius * 10.0)),
+            ..self.system_status()
+        };
+        self.stick(info)
+    }
+
+    /// The part of the reply to 0x06 that no sensor gives.
+    pub(super) fn system_status(&self) -> SystemInfo {
+        let pwm = self.pwm_outputs();
+        SystemInfo {
             sys_status: self.protection.sys_status(),
             power_ctrl_mode: u8::from(!self.control.power_by_client),
             pwm_ctrl_mode: u8::from(!self.control.pwm_by_client),
             power_status: self.power_status(),
             pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
+            ..SystemInfo::default()
         }
     }
 }

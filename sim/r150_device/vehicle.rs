@@ -27,6 +27,8 @@ pub enum Action {
     Lock,
     /// Long press of the top button, 解除驻车; works unlocked and in remote mode only.
     ReleaseParking,
+    /// The parking brake is put on, 驻车. The manual does not say by which button.
+    Park,
     /// Long press of the blank middle button, 切换自主模式.
     Autonomous,
     /// A motion key goes down, 运动控制; switches to remote mode.
@@ -52,6 +54,7 @@ impl fmt::Display for Action {
             Self::Unlock => f.write_str("unlock"),
             Self::Lock => f.write_str("lock"),
             Self::ReleaseParking => f.write_str("release the parking brake"),
+            Self::Park => f.write_str("put the parking brake on"),
             Self::Autonomous => f.write_str("autonomous mode"),
             Self::Press(Key::Forward) => f.write_str("forward key down"),
             Self::Press(Key::Backward) => f.write_str("backward key down"),
@@ -155,6 +158,7 @@ impl Vehicle {
                 self.key = None;
             }
             Action::ReleaseParking => self.parked &= self.locked || self.autonomous,
+            Action::Park => self.parked = true,
             Action::Autonomous => {
                 self.autonomous = true;
                 self.key = None;
