@@ -5,6 +5,7 @@ use std::fmt;
 
 use sim_settings::SimTime;
 
+use crate::fault::FaultPhase;
 use crate::line::LineEvent;
 use crate::mecanum_device::{Link, MecanumEvent};
 use crate::r150_device::R150Event;
@@ -53,6 +54,15 @@ pub enum EventKind {
         /// What.
         event: LineEvent,
     },
+    /// Something went wrong on purpose, or may from now on.
+    Fault {
+        /// What whoever armed it calls it.
+        name: String,
+        /// Its id in the catalogue.
+        id: &'static str,
+        /// What becomes of it.
+        phase: FaultPhase,
+    },
     /// In an R150.
     R150(R150Event),
     /// In a mecanum car.
@@ -65,6 +75,7 @@ impl EventKind {
     pub fn level(&self) -> Level {
         match self {
             Self::Line { event, .. } => event.level(),
+            Self::Fault { .. } => Level::Notice,
             Self::R150(event) => event.level(),
             Self::Mecanum(event) => event.level(),
         }
@@ -75,6 +86,11 @@ impl EventKind {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Line { event, .. } => event.code(),
+            Self::Fault { phase, .. } => match phase {
+                FaultPhase::Armed => "fault_armed",
+                FaultPhase::Triggered { .. } => "fault_triggered",
+                FaultPhase::Cleared => "fault_cleared",
+            },
             Self::R150(event) => event.code(),
             Self::Mecanum(event) => event.code(),
         }
@@ -85,6 +101,7 @@ impl EventKind {
     pub fn is_client_fault(&self) -> bool {
         match self {
             Self::Line { event, .. } => event.is_client_fault(),
+            Self::Fault { .. } => false,
             Self::R150(event) => event.is_client_fault(),
             Self::Mecanum(event) => event.is_client_fault(),
         }
@@ -95,6 +112,7 @@ impl EventKind {
     pub fn link(&self) -> Option<usize> {
         match self {
             Self::Line { link, .. } => Some(*link),
+            Self::Fault { .. } => None,
             Self::R150(event) => event.bytes().map(|_| 0),
             Self::Mecanum(event) => event.link().map(Link::index),
         }
@@ -125,7 +143,7 @@ impl EventKind {
     #[must_use]
     pub fn bytes(&self) -> Option<Cow<'_, [u8]>> {
         match self {
-            Self::Line { .. } => None,
+            Self::Line { .. } | Self::Fault { .. } => None,
             Self::R150(event) => event.bytes().map(Cow::Borrowed),
             Self::Mecanum(event) => event.bytes().map(Cow::Owned),
         }
@@ -136,6 +154,19 @@ impl fmt::Display for EventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line { event, .. } => event.fmt(f),
+            Self::Fault { name, id, phase } => {
+                // A name that says nothing new is not said twice.
+                if name == id {
+                    write!(f, "fault {id} ")?;
+                } else {
+                    write!(f, "fault {name} ({id}) ")?;
+                }
+                match phase {
+                    FaultPhase::Armed => f.write_str("armed"),
+                    FaultPhase::Triggered { what } => write!(f, "triggered: {what}"),
+                    FaultPhase::Cleared => f.write_str("cleared"),
+                }
+            }
             Self::R150(event) => event.fmt(f),
             Self::Mecanum(event) => event.fmt(f),
         }

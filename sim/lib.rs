@@ -11,12 +11,16 @@
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
 //! | [`mecanum`] | that firmware with the hardware around it |
+//! | [`fault`], [`defects`] | what goes wrong on purpose, at every level |
 //! | [`line`], [`uart`] | the serial line: pacing, baud mismatch |
 //! | [`rig`] | any number of devices in one world, advanced from event to event |
 //! | [`event`], [`report`] | what is told to whoever watches |
 //! | [`settings`] | every setting of a run, in one tree |
 
+pub mod defects;
+pub mod device_kind;
 pub mod event;
+pub mod fault;
 pub mod line;
 pub mod mecanum;
 pub mod mecanum_device;

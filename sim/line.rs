@@ -244,6 +244,8 @@ fn matches(a: u32, b: u32) -> bool {
 #[derive(Debug, Clone)]
 pub struct SerialLine {
     device_baud: u32,
+    /// Speed at which the device's end runs by a fault.
+    faulty_baud: Option<u32>,
     client: ClientLine,
     wire: Wire,
     to_device: Direction,
@@ -264,6 +266,7 @@ impl SerialLine {
     pub fn new(baud: u32, wire: Wire) -> Self {
         Self {
             device_baud: baud,
+            faulty_baud: None,
             client: ClientLine::at(baud),
             wire,
             to_device: Direction::default(),
@@ -337,7 +340,7 @@ impl SerialLine {
     pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<LineEvent> {
         let (sent, lost) = bytes.split_at(bytes.len().min(self.room()));
         self.to_device
-            .send(now, sent, self.client.baud, self.device_baud, self.wire);
+            .send(now, sent, self.client.baud, self.device_end(), self.wire);
         let mut events = Vec::new();
         let mut once = |wrong: bool, told: &mut bool, event| {
             if wrong && !std::mem::replace(told, true) {
@@ -374,8 +377,24 @@ impl SerialLine {
             return Some(LineEvent::ReplyDropped { bytes: bytes.len() });
         }
         self.to_client
-            .send(now, bytes, self.device_baud, self.client.baud, self.wire);
+            .send(now, bytes, self.device_end(), self.client.baud, self.wire);
         None
+    }
+
+    /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or
+    /// no longer does.
+    pub fn set_faulty_baud(&mut self, baud: Option<u32>) {
+        self.faulty_baud = baud;
+    }
+
+    /// Whether bytes arrive wrong because the speeds of both ends differ.
+    #[must_use]
+    pub fn is_garbled(&self) -> bool {
+        !matches(self.client.baud, self.device_end())
+    }
+
+    fn device_end(&self) -> u32 {
+        self.faulty_baud.unwrap_or(self.device_baud)
     }
 
     /// The next byte that has arrived at the device by `now`.

@@ -32,6 +32,18 @@ impl Noise {
         mantissa / 9_007_199_254_740_992.0
     }
 
+    /// Evenly spread over 0..`end`; 0 if that is empty.
+    pub fn below(&mut self, end: u32) -> u32 {
+        // The high half of a product keeps the bias under one in four thousand million.
+        let product = (self.0.next_u64() >> 32) * u64::from(end);
+        u32::try_from(product >> 32).unwrap_or(0)
+    }
+
+    /// Any byte.
+    pub fn byte(&mut self) -> u8 {
+        u8::try_from(self.below(256)).unwrap_or(u8::MAX)
+    }
+
     /// About normally distributed with mean 0 and standard deviation 1, never beyond ±6.
     ///
     /// The sum of twelve uniform numbers needs no transcendental function, which could differ

@@ -5,15 +5,17 @@
 //! arrive, then deadlines of the firmware are served, device by device in the order in which they
 //! were added; then the physics takes the step that ends there.
 
+mod faults;
 mod port;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use sim_physics::{PhysicsError, Pose, World, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
 use crate::event::{Event, EventKind};
+use crate::fault::Faults;
 use crate::line::{LineEvent, SerialLine, Wire};
 use crate::mecanum::Mecanum;
 use crate::r150::R150;
@@ -85,6 +87,8 @@ impl Vehicle {
 struct Slot {
     vehicle: Vehicle,
     lines: Vec<SerialLine>,
+    /// What goes wrong with it, if anything does.
+    faults: Option<Box<Faults>>,
     /// When anything next happens to it by itself.
     next: SimTime,
 }
@@ -100,6 +104,10 @@ pub struct Rig {
     resting: bool,
     events: VecDeque<Event>,
     events_lost: u64,
+    /// How often each fault has acted, by handle.
+    fault_hits: Vec<u64>,
+    /// How often faults have been armed under each name.
+    fault_names: BTreeMap<String, u32>,
 }
 
 impl Rig {
@@ -117,6 +125,8 @@ impl Rig {
             resting: false,
             events: VecDeque::new(),
             events_lost: 0,
+            fault_hits: Vec::new(),
+            fault_names: BTreeMap::new(),
         }
     }
 
@@ -163,6 +173,7 @@ impl Rig {
                 .iter()
                 .map(|baud| SerialLine::new(*baud, wire))
                 .collect(),
+            faults: None,
             next: SimTime::MAX,
         });
         self.resting = false;
@@ -324,6 +335,8 @@ impl Rig {
         let to_client = slots
             .flat_map(|slot| &slot.lines)
             .filter_map(SerialLine::next_for_client);
+        let faults = self.slots.iter().filter_map(|slot| slot.faults.as_ref());
+        let to_client = to_client.chain(faults.filter_map(|faults| faults.next_for_client()));
         let own = self
             .slots
             .iter()
@@ -348,7 +361,14 @@ impl Rig {
         let slot = &mut self.slots[device];
         let unit = slot.vehicle.unit_mut();
         for (link, line) in slot.lines.iter_mut().enumerate() {
-            while let Some(byte) = line.take_for_device(now) {
+            let Some(faults) = &mut slot.faults else {
+                while let Some(byte) = line.take_for_device(now) {
+                    unit.receive(now, link, &[byte]);
+                }
+                continue;
+            };
+            faults.pump(now, link, line);
+            while let Some(byte) = faults.take_for_device(now, link) {
                 unit.receive(now, link, &[byte]);
             }
         }
@@ -371,10 +391,13 @@ impl Rig {
         for (link, line) in slot.lines.iter_mut().enumerate() {
             if line.take_former_done(now) {
                 unit.client_left(link);
+                if let Some(faults) = &mut slot.faults {
+                    faults.forget_late(link);
+                }
             }
         }
-        while let Some((link, bytes)) = unit.poll_output() {
-            if let Some(event) = slot.lines[link].device_sends(now, &bytes) {
+        let mut send = |line: &mut SerialLine, link: usize, bytes: &[u8]| {
+            if let Some(event) = line.device_sends(now, bytes) {
                 let kind = EventKind::Line { link, event };
                 keep(
                     &mut self.events,
@@ -385,6 +408,24 @@ impl Rig {
                         kind,
                     },
                 );
+            }
+        };
+        while let Some((link, bytes)) = unit.poll_output() {
+            let line = &mut slot.lines[link];
+            let Some(faults) = &mut slot.faults else {
+                send(line, link, &bytes);
+                continue;
+            };
+            for frame in faults.send(now, link, bytes) {
+                faults.note_sent(link, false, frame.len(), line.is_garbled());
+                send(line, link, &frame);
+            }
+        }
+        if let Some(faults) = &mut slot.faults {
+            while let Some((link, frame)) = faults.take_due(now) {
+                let line = &mut slot.lines[link];
+                faults.note_sent(link, false, frame.len(), line.is_garbled());
+                send(line, link, &frame);
             }
         }
         while let Some((at, kind)) = unit.poll_event() {
@@ -399,11 +440,20 @@ impl Rig {
             .chain(unit.next_deadline())
             .min()
             .unwrap_or(SimTime::MAX);
+        if let Some(faults) = &slot.faults {
+            // Faults of the wire act on bytes to the client when they arrive, too.
+            let to_client = slot.lines.iter().filter_map(SerialLine::next_for_client);
+            let next = to_client.chain(faults.next()).min();
+            slot.next = next.map_or(slot.next, |next| next.min(slot.next));
+        }
         if self.resting && !unit.at_rest() {
             self.resting = false;
             self.physics_due = self
                 .physics_due
                 .min(now.next_multiple(self.world.step_length()));
+        }
+        if self.slots[device].faults.is_some() {
+            self.watch_faults(device);
         }
     }
 
@@ -444,6 +494,11 @@ impl Rig {
                 slot.vehicle
                     .unit_mut()
                     .after_step(now, step, &mut self.world);
+            }
+        }
+        for slot in &mut self.slots {
+            if let Some(faults) = &mut slot.faults {
+                faults.tick(now, &mut slot.vehicle.target());
             }
         }
         self.resting = self.slots.iter().all(|slot| slot.vehicle.unit().at_rest());

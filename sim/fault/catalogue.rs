@@ -66,7 +66,10 @@ macro_rules! faults {
             parameters: &[$( ParameterInfo {
                 name: stringify!($field),
                 description: concat!($($about),+).trim_ascii_start(),
-                required: [$(stringify!($($serde)*),)?].len() == 0,
+                required: {
+                    let given: &[&str] = &[$(stringify!($($serde)*),)?];
+                    given.is_empty()
+                },
             } ),*],
             client_sees: $sees,
             counts: $counts,

@@ -5,6 +5,7 @@ use std::time::Duration;
 use sim_settings::SimTime;
 
 use super::{Rig, RigError};
+use crate::fault::Faults;
 use crate::line::{ClientLine, LineEvent, SerialLine};
 
 /// One serial port: a link of a device.
@@ -40,6 +41,9 @@ impl Rig {
         self.advance(now)?;
         if let Some(line) = self.line_mut(port) {
             line.detach();
+            if let Some(faults) = self.faults_mut(port.device) {
+                faults.detach(port.link);
+            }
             self.line_event(port, Some(LineEvent::Detached));
             self.after_change(port.device);
         }
@@ -94,6 +98,7 @@ impl Rig {
         let events = self
             .line_mut(port)
             .map(|line| line.client_sends(now, bytes));
+        self.note_sent(port, bytes.len());
         self.reschedule(port.device);
         self.advance(now)?;
         for event in events.into_iter().flatten() {
@@ -109,6 +114,7 @@ impl Rig {
         let events = self
             .line_mut(port)
             .map(|line| line.client_sends(now, bytes));
+        self.note_sent(port, bytes.len());
         self.reschedule(port.device);
         for event in events.into_iter().flatten() {
             self.line_event(port, Some(event));
@@ -118,9 +124,18 @@ impl Rig {
     /// Adds to `bytes` what has arrived at the client by the present time.
     pub fn client_reads(&mut self, port: PortId, bytes: &mut Vec<u8>) {
         let now = self.now;
-        if let Some(line) = self.line_mut(port) {
+        let Some(slot) = self.slots.get_mut(port.device) else {
+            return;
+        };
+        let Some(line) = slot.lines.get_mut(port.link) else {
+            return;
+        };
+        let Some(faults) = &mut slot.faults else {
             line.take_for_client(now, bytes);
-        }
+            return;
+        };
+        faults.pump_to_client(now, port.link, line);
+        faults.take_for_client(now, port.link, bytes);
     }
 
     /// The client did not read, and `bytes` of what it should have got were lost.
@@ -128,10 +143,24 @@ impl Rig {
         self.line_event(port, Some(LineEvent::Overrun { bytes }));
     }
 
+    fn faults_mut(&mut self, device: usize) -> Option<&mut Faults> {
+        self.slots.get_mut(device)?.faults.as_deref_mut()
+    }
+
+    /// The client has put bytes on the line.
+    fn note_sent(&mut self, port: PortId, bytes: usize) {
+        let garbled = self.line(port).is_some_and(SerialLine::is_garbled);
+        if let Some(faults) = self.faults_mut(port.device) {
+            faults.note_sent(port.link, true, bytes, garbled);
+        }
+    }
+
     fn reschedule(&mut self, device: usize) {
         if let Some(slot) = self.slots.get_mut(device) {
             let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
+            let faults = slot.faults.as_ref();
             slot.next = arrivals
+                .chain(faults.and_then(|faults| faults.next()))
                 .min()
                 .map_or(slot.next, |arrival| arrival.min(slot.next));
         }

@@ -1,0 +1,196 @@
+//! What goes wrong, on purpose: bytes on the wire, frames, firmware, hardware, operators, sensors.
+//!
+//! A fault acts at its own level only. Electrical, mechanical, operator and sensor faults change
+//! the hardware or work its buttons, and reach the client through what the firmware then measures;
+//! none writes a status into a reply. Faults of the firmware are bugs in it.
+//!
+//! [`Rig::inject`](crate::rig::Rig::inject) arms a fault, [`Rig::clear`](crate::rig::Rig::clear)
+//! ends it, and any number may be armed at once: they act in the order in which they were armed.
+//! Each random one draws from streams of its own, named by the fault's name and direction, so that
+//! another fault never changes what it does. Without a fault none of this runs.
+
+mod active;
+mod catalogue;
+mod check;
+mod defaults;
+mod firmware;
+mod frame;
+mod mecanum;
+mod operator;
+pub mod parameters;
+mod protocol;
+mod r150;
+mod stage;
+mod wire;
+
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+
+pub(crate) use active::{Faults, Target};
+pub use catalogue::{Fault, catalogue};
+
+use crate::device_kind::DeviceKind;
+
+/// At what level something goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FaultLevel {
+    /// Bytes on their way.
+    Wire,
+    /// Whole frames, packets and lines of the device.
+    Protocol,
+    /// The device's program.
+    Firmware,
+    /// Supply, outputs, fuses.
+    Electrical,
+    /// Motors, wheels, brakes, load, ground.
+    Mechanical,
+    /// People.
+    Operator,
+    /// What the device looks at the world with.
+    Sensor,
+}
+
+impl FaultLevel {
+    /// All, in the order of the catalogue.
+    pub const ALL: [Self; 7] = [
+        Self::Wire,
+        Self::Protocol,
+        Self::Firmware,
+        Self::Electrical,
+        Self::Mechanical,
+        Self::Operator,
+        Self::Sensor,
+    ];
+
+    /// Lower-case name.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Wire => "wire",
+            Self::Protocol => "protocol",
+            Self::Firmware => "firmware",
+            Self::Electrical => "electrical",
+            Self::Mechanical => "mechanical",
+            Self::Operator => "operator",
+            Self::Sensor => "sensor",
+        }
+    }
+}
+
+impl fmt::Display for FaultLevel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// A fault of the catalogue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FaultInfo {
+    /// Its `kind` in files.
+    pub id: &'static str,
+    /// Where it acts.
+    pub level: FaultLevel,
+    /// Devices that can have it.
+    pub devices: &'static [DeviceKind],
+    /// What it takes.
+    pub parameters: &'static [ParameterInfo],
+    /// What a client notices of it.
+    pub client_sees: &'static str,
+    /// What counts as a trigger.
+    pub counts: &'static str,
+    /// What goes wrong.
+    pub summary: &'static str,
+}
+
+/// A parameter of a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ParameterInfo {
+    /// Its key in files.
+    pub name: &'static str,
+    /// What it means, and what it is unless given.
+    pub description: &'static str,
+    /// Whether it must be given.
+    pub required: bool,
+}
+
+impl Fault {
+    /// Its `kind` in files.
+    #[must_use]
+    pub fn id(&self) -> &'static str {
+        self.info().id
+    }
+
+    /// At what level it acts.
+    #[must_use]
+    pub fn level(&self) -> FaultLevel {
+        self.info().level
+    }
+}
+
+/// A fault that was armed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FaultHandle(pub(crate) usize);
+
+/// Why a fault was not armed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FaultError {
+    /// There is no such device in the rig.
+    #[error("there is no device {0}")]
+    NoDevice(usize),
+    /// The device cannot have it.
+    #[error("{0}")]
+    Impossible(String),
+    /// Too many are armed.
+    #[error("more than {MOST_ARMED} faults at once on one device, or {MOST_EVER} in one run")]
+    TooMany,
+}
+
+/// Most faults armed at once on one device.
+pub(crate) const MOST_ARMED: usize = 256;
+/// Most faults armed in a run.
+pub(crate) const MOST_EVER: usize = 1_000_000;
+
+/// What becomes of a fault.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum FaultPhase {
+    /// It may act from now on.
+    Armed,
+    /// It acted for the first time.
+    Triggered {
+        /// On what.
+        what: String,
+    },
+    /// It has ended.
+    Cleared,
+}
+
+/// How often a fault has acted, and on what first.
+#[derive(Debug, Default)]
+struct Tally {
+    hits: u64,
+    /// Until it has been told.
+    first: Option<String>,
+}
+
+impl Tally {
+    /// Counts; only the first is put into words.
+    fn hit(&mut self, what: impl FnOnce() -> String) {
+        if self.hits == 0 {
+            self.first = Some(what());
+        }
+        self.hits = self.hits.saturating_add(1);
+    }
+
+    fn hit_times(&mut self, times: u64, what: impl FnOnce() -> String) {
+        if times > 0 {
+            self.hit(what);
+            self.hits = self.hits.saturating_add(times - 1);
+        }
+    }
+
+    fn is_below(&self, most: Option<u64>) -> bool {
+        most.is_none_or(|most| self.hits < most)
+    }
+}

@@ -1,0 +1,199 @@
+//! What goes wrong in a rig, on purpose.
+
+use super::{PortId, Rig, Slot, Vehicle, keep};
+use crate::device_kind::DeviceKind;
+use crate::event::{Event, EventKind};
+use crate::fault::{
+    Fault, FaultError, FaultHandle, FaultPhase, Faults, MOST_ARMED, MOST_EVER, Target,
+};
+use crate::line::SerialLine;
+use crate::noise::Noise;
+
+impl Vehicle {
+    fn kind(&self) -> DeviceKind {
+        match self {
+            Self::R150(_) => DeviceKind::R150,
+            Self::Mecanum(_) => DeviceKind::Mecanum,
+        }
+    }
+
+    pub(super) fn target(&mut self) -> Target<'_> {
+        match self {
+            Self::R150(r150) => Target::R150(r150),
+            Self::Mecanum(car) => Target::Mecanum(car),
+        }
+    }
+}
+
+impl Rig {
+    /// Which device this is; `None` if there is no such device.
+    #[must_use]
+    pub fn kind(&self, device: usize) -> Option<DeviceKind> {
+        self.slots.get(device).map(|slot| slot.vehicle.kind())
+    }
+
+    /// Arms a fault on a device now. `name` tells it apart in events, and gives its random numbers:
+    /// the same ones in every run with the same seed, whatever else is armed.
+    ///
+    /// # Errors
+    /// When there is no such device, it cannot have such a fault, or too many are armed.
+    pub fn inject(
+        &mut self,
+        device: usize,
+        name: &str,
+        fault: &Fault,
+    ) -> Result<FaultHandle, FaultError> {
+        let now = self.now;
+        let slot = self.slots.get(device).ok_or(FaultError::NoDevice(device))?;
+        let kind = slot.vehicle.kind();
+        fault.check(kind).map_err(FaultError::Impossible)?;
+        possible(fault, slot).map_err(FaultError::Impossible)?;
+        let armed = slot.faults.as_ref().map_or(0, |faults| faults.count());
+        if armed >= MOST_ARMED || self.fault_hits.len() >= MOST_EVER {
+            return Err(FaultError::TooMany);
+        }
+        let handle = FaultHandle(self.fault_hits.len());
+        self.fault_hits.push(0);
+        self.fault_event(device, name, fault.id(), FaultPhase::Armed);
+        // Armed again under the same name, a fault draws other numbers than the first time.
+        let times = self.fault_names.entry(name.to_owned()).or_insert(0);
+        *times += 1;
+        let stem = format!("fault.{name}.{times}");
+        let seed = self.settings.seed;
+        self.rest_to_grid(device);
+        let slot = &mut self.slots[device];
+        let links = slot.lines.len();
+        let faults = slot
+            .faults
+            .get_or_insert_with(|| Box::new(Faults::new(kind, links, now)));
+        // What has arrived already has arrived whole.
+        for (link, line) in slot.lines.iter_mut().enumerate() {
+            faults.pump(now, link, line);
+        }
+        let mut target = slot.vehicle.target();
+        let stream = |purpose: &str| Noise::new(seed, &format!("{stem}.{purpose}"));
+        faults.arm(now, (handle, name), fault, &mut target, stream);
+        faults.apply(now, &mut target, &mut self.world);
+        if let Fault::CablePulled { link } = fault {
+            let link = link.index();
+            let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
+            faults.pull_cable(link, attached);
+        }
+        slot.follow_baud();
+        self.after_change(device);
+        Ok(handle)
+    }
+
+    /// Ends a fault; hardware goes back to what it was. One that has ended already stays so.
+    pub fn clear(&mut self, handle: FaultHandle) {
+        let now = self.now;
+        for device in 0..self.slots.len() {
+            let slot = &mut self.slots[device];
+            let Some(faults) = &mut slot.faults else {
+                continue;
+            };
+            // What has arrived until now is still the fault's.
+            for (link, line) in slot.lines.iter_mut().enumerate() {
+                faults.pump(now, link, line);
+            }
+            self.report_faults(device);
+            self.rest_to_grid(device);
+            let slot = &mut self.slots[device];
+            let Some(faults) = &mut slot.faults else {
+                continue;
+            };
+            let mut target = slot.vehicle.target();
+            let Some((name, id)) = faults.disarm(now, handle, &mut target) else {
+                continue;
+            };
+            faults.apply(now, &mut target, &mut self.world);
+            slot.follow_baud();
+            self.fault_event(device, &name, id, FaultPhase::Cleared);
+            self.after_change(device);
+            return;
+        }
+    }
+
+    /// How often a fault has acted so far; the catalogue says what counts.
+    #[must_use]
+    pub fn fault_hits(&self, handle: FaultHandle) -> u64 {
+        self.fault_hits.get(handle.0).copied().unwrap_or(0)
+    }
+
+    /// Whether the cable of a port is out: whoever serves the port to a real client hangs it up as
+    /// long as this holds.
+    #[must_use]
+    pub fn cable_pulled(&self, port: PortId) -> bool {
+        let slot = self.slots.get(port.device);
+        slot.and_then(|slot| slot.faults.as_ref())
+            .is_some_and(|faults| faults.cable_pulled(port.link))
+    }
+
+    /// Looks what the faults of a device have done, and tells of it.
+    pub(super) fn watch_faults(&mut self, device: usize) {
+        let slot = &mut self.slots[device];
+        let Some(faults) = &mut slot.faults else {
+            return;
+        };
+        faults.watch(&slot.vehicle.target());
+        self.report_faults(device);
+        let slot = &mut self.slots[device];
+        slot.faults.take_if(|faults| faults.is_spent());
+    }
+
+    fn report_faults(&mut self, device: usize) {
+        let at = self.now;
+        let Some(faults) = &mut self.slots[device].faults else {
+            return;
+        };
+        faults.report(|handle, name, id, hits, first| {
+            if let Some(own) = self.fault_hits.get_mut(handle.0) {
+                *own = hits;
+            }
+            if let Some(what) = first {
+                let phase = FaultPhase::Triggered { what };
+                let name = name.to_owned();
+                let kind = EventKind::Fault { name, id, phase };
+                let event = Event { at, device, kind };
+                keep(&mut self.events, &mut self.events_lost, event);
+            }
+        });
+    }
+
+    fn fault_event(&mut self, device: usize, name: &str, id: &'static str, phase: FaultPhase) {
+        let name = name.to_owned();
+        let event = Event {
+            at: self.now,
+            device,
+            kind: EventKind::Fault { name, id, phase },
+        };
+        keep(&mut self.events, &mut self.events_lost, event);
+    }
+}
+
+impl Slot {
+    /// Has the device's ends of the lines run at the speeds that the faults say.
+    fn follow_baud(&mut self) {
+        for (link, line) in self.lines.iter_mut().enumerate() {
+            let faults = self.faults.as_ref();
+            line.set_faulty_baud(faults.and_then(|faults| faults.baud(link)));
+        }
+    }
+}
+
+/// What depends on how the device is set up.
+fn possible(fault: &Fault, slot: &Slot) -> Result<(), String> {
+    if let Some(link) = fault.link()
+        && link.index() >= slot.lines.len()
+    {
+        return Err(format!(
+            "`link`: the {link} link of this car is not configured"
+        ));
+    }
+    match (fault, &slot.vehicle) {
+        (Fault::WatchdogOff {}, Vehicle::Mecanum(car)) if !car.device().has_watchdog() => Err(
+            "this car has no watchdog that could fail: its `link_timeout` is \"off\"".to_owned(),
+        ),
+        _ => Ok(()),
+    }
+}
