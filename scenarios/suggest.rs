@@ -1,5 +1,8 @@
 //! Finding what a misspelt word may have meant.
 
+/// One wrong letter of three is just a little more like than this.
+const LIKE_ENOUGH: f64 = 0.79;
+
 /// The one most like `word`, if any is like it at all.
 pub(crate) fn nearest<S: AsRef<str>>(word: &str, known: impl IntoIterator<Item = S>) -> Option<S> {
     let mut best: Option<(f64, S)> = None;
@@ -11,7 +14,7 @@ pub(crate) fn nearest<S: AsRef<str>>(word: &str, known: impl IntoIterator<Item =
         } else {
             strsim::jaro_winkler(text, word)
         };
-        if likeness > 0.8 && best.as_ref().is_none_or(|(found, _)| likeness > *found) {
+        if likeness > LIKE_ENOUGH && best.as_ref().is_none_or(|(found, _)| likeness > *found) {
             best = Some((likeness, candidate));
         }
     }

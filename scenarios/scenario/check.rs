@@ -46,6 +46,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
             .map(|device| (device.name.as_str(), device.kind))
             .collect(),
         names: BTreeMap::new(),
+        limit: document.limit.get_ref().0,
         problems,
     };
     checker.check_device_names();
@@ -99,6 +100,7 @@ struct Checker<'a> {
     devices: Vec<(&'a str, Kind)>,
     /// Steps by their names.
     names: BTreeMap<String, usize>,
+    limit: std::time::Duration,
     problems: Problems<'a>,
 }
 
@@ -207,7 +209,10 @@ impl Checker<'_> {
     fn trigger(&mut self, text: &StepText, at: Range<usize>) -> Option<Trigger> {
         match (&text.at, &text.when, &text.after) {
             (Some(time), None, None) if text.delay.is_none() => {
-                Some(Trigger::At(SimTime::ZERO + time.0))
+                if time.get_ref().0 > self.limit {
+                    self.problems.add(time.span(), "later than the run lasts");
+                }
+                Some(Trigger::At(SimTime::ZERO + time.get_ref().0))
             }
             (None, Some(condition), None) => self.condition(condition).map(Trigger::When),
             (None, None, Some(name)) => self.step_named(name).map(Trigger::After),

@@ -70,7 +70,8 @@ pub(crate) struct StepText {
     #[schemars(with = "Option<String>")]
     pub name: Option<Spanned<String>>,
     /// So long after the start.
-    pub at: Option<Span>,
+    #[schemars(with = "Option<Span>")]
+    pub at: Option<Spanned<Span>>,
     /// As soon as this condition holds.
     #[schemars(with = "Option<String>")]
     pub when: Option<Spanned<String>>,

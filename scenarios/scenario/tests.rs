@@ -1,1 +1,300 @@
 use super::*;
+
+fn parse(text: &str) -> Result<Scenario, String> {
+    let source = Source {
+        file: "s.toml",
+        text,
+    };
+    Scenario::parse(source, &SimSettings::default()).map_err(|error| error.to_string())
+}
+
+/// Four lines, so that what follows begins at line 5.
+const HEAD: &str = "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"9s\"\n";
+const R150: &str = "[[device]]\nkind = \"r150\"\n";
+const CAR: &str = "[[device]]\nkind = \"mecanum\"\n";
+
+#[test]
+fn a_full_scenario_is_read() {
+    let text = format!(
+        "{HEAD}description = \"d\"\nworld = \"yard.toml\"\nseed = 3\nwall_limit = \"1 min\"\n\
+         client_report = {{ allowed = [\"over_rate\"] }}\n\
+         [settings]\nr150.heartbeat_timeout = \"2s\"\n{R150}{CAR}ros = true\n\
+         [[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"50ms\"\nfor = \"1s\"\ndevice = \"r150\"\n\
+         host = {{ send = {{ set_motors = {{ right = 1, left = -1 }} }} }}\n\
+         [[step]]\nafter = \"a\"\ndelay = \"10ms\"\ndevice = \"mecanum\"\n\
+         host = {{ send = {{ line = \"X10\" }}, expect = {{ within = \"1s\" }} }}\n\
+         [[always]]\nthat = \"t < 100\"\nfrom = \"1s\"\nuntil = \"2s\"\nafter = \"a\"\n"
+    );
+    let scenario = parse(&text).unwrap();
+    assert_eq!(scenario.rig.seed, Some(3));
+    assert_eq!(scenario.world(), Some(Path::new("yard.toml")));
+    assert_eq!(scenario.wall_limit, Some(Duration::from_secs(60)));
+    let timeout = scenario.rig.devices[0]
+        .settings
+        .r150
+        .firmware
+        .heartbeat_timeout;
+    assert_eq!(timeout.as_secs(), 2);
+    assert_eq!(scenario.steps[0].count, Some(20));
+    assert_eq!(scenario.steps[1].name, "step 2");
+    assert!(scenario.has_script());
+}
+
+#[test]
+fn the_document_s_example_is_a_scenario() {
+    let example: String = include_str!("../scenario.rs")
+        .lines()
+        .filter_map(|line| line.strip_prefix("//!"))
+        .skip_while(|line| !line.contains("```toml"))
+        .skip(1)
+        .take_while(|line| !line.contains("```"))
+        .map(|line| format!("{}\n", line.trim()))
+        .collect();
+    parse(&example).unwrap();
+}
+
+/// Each is what follows [`HEAD`] and a device, so the first line of it is the seventh.
+#[test]
+fn errors_name_file_line_key_and_what_is_allowed() {
+    let step = "[[step]]\nat = \"1s\"\n";
+    for (more, expected) in [
+        // Fields and values.
+        (
+            "[[step]]\natt = \"1s\"",
+            "s.toml:8:1: `step.att`: unknown field",
+        ),
+        ("[[step]]\natt = \"1s\"", "did you mean `at`?"),
+        ("[[stepp]]\nat = \"1s\"", "did you mean `step`?"),
+        ("[[step]]\nat = 1", "a time with its unit"),
+        ("[[step]]\nat = \"1 m\"", "s.toml:8:6: `step.at`: "),
+        ("[[step]]\nat = \"1s\"", "exactly one of `host`"),
+        (
+            &format!("{step}after = \"x\"\nclear = \"x\""),
+            "exactly one of `at`",
+        ),
+        (
+            &format!("{step}host = {{ }}"),
+            "s.toml:9:8: `step.host`: exactly one of `send`",
+        ),
+        (
+            &format!("{step}host = {{ send = \"hartbeat\" }}"),
+            "did you mean `heartbeat`?",
+        ),
+        (
+            &format!("{step}host = {{ bytes = \"AA 5\" }}"),
+            "pairs of hexadecimal digits",
+        ),
+        (
+            &format!("{step}host = {{ bytes = \"+1\" }}"),
+            "pairs of hexadecimal digits",
+        ),
+        (
+            &format!("{step}host = {{ link = \"ros\", bytes = \"AA\" }}"),
+            "no ROS link",
+        ),
+        (
+            &format!("{step}host = {{ send = {{ motion = {{ moving_idx = 0, s = 1, v = 1 }} }} }}"),
+            "an R150 has no such command",
+        ),
+        (
+            &format!("{step}host = {{ send = {{ power_control = {{ on = [\"49V\"] }} }} }}"),
+            "did you mean `48V`?",
+        ),
+        (
+            &format!(
+                "{step}host = {{ send = \"heartbeat\", expect = {{ within = \"1s\", \
+                 reply = {{ succes = true }} }} }}"
+            ),
+            "that reply has no field `succes`; did you mean `success`?",
+        ),
+        (
+            &format!(
+                "{step}host = {{ send = \"heartbeat\", expect = {{ within = \"1s\", \
+                 silence = true, bytes = \"AA\" }} }}"
+            ),
+            "only one of `reply`",
+        ),
+        // Conditions.
+        (
+            "[[step]]\nwhen = \"truth.sped_mps > 1\"\nclear = \"x\"",
+            "s.toml:8:8: `step.when`: no name `truth.sped_mps`; did you mean `truth.speed_mps`?",
+        ),
+        ("[[never]]\nthat = \"t > \"", "s.toml:8:8: `never.that`: "),
+        (
+            "[[always]]\nthat = \"t\"",
+            "s.toml:8:8: `always.that`: a condition is true or false",
+        ),
+        (
+            "[[always]]\nthat = \"t > 1\"\nfrom = \"2s\"\nuntil = \"1s\"",
+            "s.toml:10:9: `always.until`: is before `from`",
+        ),
+        // Other steps.
+        (
+            "[[step]]\nname = \"drive\"\nat = \"1s\"\noperator = \"lock\"\n\
+             [[step]]\nafter = \"dirve\"\noperator = \"lock\"",
+            "s.toml:12:9: `step.after`: no step is named \"dirve\", did you mean \"drive\"?",
+        ),
+        (
+            "[[step]]\nname = \"a\"\nafter = \"b\"\noperator = \"lock\"\n\
+             [[step]]\nname = \"b\"\nafter = \"a\"\noperator = \"lock\"",
+            "wait for one another in a circle",
+        ),
+        (
+            "[[step]]\nname = \"a\"\nafter = \"a\"\noperator = \"lock\"",
+            "s.toml:9:9: `step.after`: the steps wait for one another in a circle",
+        ),
+        (
+            "[[step]]\nname = \"a\"\nat = \"1s\"\noperator = \"lock\"\n\
+             [[step]]\nat = \"1s\"\nclear = \"a\"",
+            "\"a\" is no fault",
+        ),
+        (
+            "[[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"1s\"\noperator = \"lock\"\n\
+             [[step]]\nafter = \"a\"\noperator = \"lock\"",
+            "repeated without end",
+        ),
+        (
+            "[[step]]\nname = \"a\"\nat = \"1s\"\noperator = \"lock\"\n\
+             [[step]]\nname = \"a\"\nat = \"1s\"\noperator = \"lock\"",
+            "s.toml:12:8: `step.name`: two steps are named \"a\"",
+        ),
+        // Times.
+        (
+            "[[step]]\nat = \"10s\"\noperator = \"lock\"",
+            "later than the run lasts",
+        ),
+        (
+            &format!("{step}count = 3\noperator = \"lock\""),
+            "needs `every`",
+        ),
+        (
+            &format!("{step}every = \"0s\"\noperator = \"lock\""),
+            "some time has to pass",
+        ),
+        (
+            &format!("{step}for = \"1s\"\noperator = \"autonomous\""),
+            "cannot be undone",
+        ),
+        (
+            &format!("{step}for = \"1s\"\nhost = {{ send = \"heartbeat\" }}"),
+            "it needs `every`",
+        ),
+        (
+            &format!("{step}for = \"2s\"\nevery = \"1s\"\noperator = {{ press = \"left\" }}"),
+            "over before the next",
+        ),
+        (
+            &format!("{step}probability = 2\noperator = \"lock\""),
+            "0 to 1",
+        ),
+        (
+            &format!("{step}delay = \"1s\"\noperator = \"lock\""),
+            "`delay` goes with",
+        ),
+        // Devices.
+        (
+            &format!("{step}device = \"r15\"\noperator = \"lock\""),
+            "did you mean `r150`?",
+        ),
+        (
+            &format!("{step}operator = {{ press = \"up\" }}"),
+            "no key `up`",
+        ),
+        (
+            &format!("{step}operator = \"locked\""),
+            "did you mean `lock`?",
+        ),
+        (
+            &format!("{step}world = {{ friction = 3 }}"),
+            "allowed: 0 to 2",
+        ),
+        (
+            &format!("{step}world = {{ add = {{ wal = [] }} }}"),
+            "unknown field `wal`",
+        ),
+        (
+            &format!(
+                "{step}world = {{ load = {{ rail = \"48V\", power = \"1 W\", short = true }} }}"
+            ),
+            "only one of `power`",
+        ),
+        ("client_report = \"full\"", "`empty`, or a table"),
+    ] {
+        let (before, after) = if more.starts_with("client_report") {
+            (more, "")
+        } else {
+            ("", more)
+        };
+        let error =
+            parse(&format!("{HEAD}{before}\n{R150}{after}\n").replace("\"9s\"\n\n", "\"9s\"\n"))
+                .expect_err(more);
+        let expected = expected.replace("`empty`", "\"empty\"");
+        assert!(error.contains(&expected), "{more}\n{error}\n{expected}");
+    }
+}
+
+#[test]
+fn what_the_whole_file_lacks_is_told() {
+    for (text, expected) in [
+        (format!("{HEAD}"), "1 to 1000 [[device]]"),
+        (
+            format!("{HEAD}{R150}").replace("= 1", "= 2"),
+            "only schema 1",
+        ),
+        (
+            format!("{HEAD}{R150}").replace("title", "titel"),
+            "did you mean `title`?",
+        ),
+        (
+            format!("{HEAD}{R150}").replace("9s", "0s"),
+            "a run takes some time",
+        ),
+        (
+            format!("{HEAD}{R150}name = \"truth\"\n"),
+            "no device can be named \"truth\"",
+        ),
+        (
+            format!("{HEAD}{R150}name = \"1st\"\n"),
+            "no device can be named \"1st\"",
+        ),
+        (
+            format!("{HEAD}{R150}name = \"a-b\"\n{R150}name = \"a_b\"\n"),
+            "cannot tell \"a_b\" from \"a-b\"",
+        ),
+        (
+            format!("{HEAD}{R150}{CAR}[[step]]\nat = \"1s\"\noperator = \"release\"\n"),
+            "`device` has to say which",
+        ),
+        (
+            format!("{HEAD}{CAR}[[step]]\nat = \"1s\"\noperator = \"unlock\"\n"),
+            "a mecanum car has press",
+        ),
+        (
+            format!("{HEAD}client_report = {{ allowed = [\"over_rat\"] }}\n{CAR}"),
+            "did you mean `over_rate`?",
+        ),
+        (
+            format!("{HEAD}client_report = {{ only = \"live\" }}\n{CAR}"),
+            "exactly one of `allowed` and `forbidden`",
+        ),
+    ] {
+        let error = parse(&text).expect_err(&text);
+        assert!(error.contains(expected), "{text}\n{error}");
+    }
+}
+
+#[test]
+fn several_errors_are_told_at_once() {
+    let bad = "[[step]]\nat = \"1s\"\nexpect = { that = \"x\" }\n".repeat(30);
+    let error = parse(&format!("{HEAD}{R150}{bad}")).unwrap_err();
+    assert_eq!(error.lines().count(), 20);
+}
+
+#[test]
+fn the_schema_is_the_published_one() {
+    let schema = Scenario::json_schema();
+    assert!(
+        schema == include_str!("../scenario.schema.json"),
+        "scenarios/scenario.schema.json is to read:\n{schema}"
+    );
+}

@@ -1,0 +1,219 @@
+use super::*;
+use crate::trace::{Record, Replay, ReplayError};
+use proptest::prelude::*;
+use sim_core::r150_device::command::Request;
+
+const PORT: PortId = PortId { device: 0, link: 0 };
+
+/// The trace of a scripted run.
+fn trace(text: &str, seed: u64) -> Vec<String> {
+    let options = RunOptions {
+        trace: true,
+        ..RunOptions::scripted(seed)
+    };
+    let mut run = Run::new(scenario(text), None, options).unwrap();
+    let mut lines = Vec::new();
+    run.play(&mut |line| lines.push(line.to_owned())).unwrap();
+    lines
+}
+
+fn replay(lines: &[String]) -> Result<(), ReplayError> {
+    Replay::all(lines.iter().map(String::as_str))
+}
+
+/// A live run whose client sends these at these times, and is asked for its bytes at odd times.
+fn live(text: &str, wire: Wire, sent: &[(u64, Vec<u8>)]) -> Vec<String> {
+    let options = RunOptions {
+        seed: 5,
+        wire,
+        live: true,
+        trace: true,
+    };
+    let mut run = Run::new(scenario(text), None, options).unwrap();
+    run.attach(PORT, SimTime::from_millis(1)).unwrap();
+    run.set_client_line(PORT, ClientLine::at(115_200));
+    let mut got = Vec::new();
+    for (at, bytes) in sent {
+        let at = SimTime::from_nanos(*at);
+        run.advance(at - Duration::from_nanos(777)).unwrap();
+        run.client_reads(PORT, &mut got);
+        run.advance(at).unwrap();
+        run.client_sends(PORT, at, bytes).unwrap();
+    }
+    run.detach(PORT, run.rig().now()).unwrap();
+    run.advance(SimTime::MAX).unwrap();
+    assert!(run.finished().is_some());
+    std::iter::from_fn(|| run.poll_trace()).collect()
+}
+
+#[test]
+fn a_scripted_run_is_the_same_again_and_from_its_trace() {
+    let text = text(
+        R150,
+        "4s",
+        &format!("{DRIVE}[[always]]\nthat = \"truth.speed_mps < 1.5\"\n"),
+    );
+    let lines = trace(&text, 1);
+    assert_eq!(lines, trace(&text, 1));
+    replay(&lines).unwrap();
+    for kind in ["header", "host", "out", "event", "pose", "step", "end"] {
+        let wanted = format!("{{\"kind\":\"{kind}\"");
+        assert!(lines.iter().any(|line| line.starts_with(&wanted)), "{kind}");
+    }
+}
+
+#[test]
+fn lines_of_bytes_say_when_each_arrived() {
+    let text = text(
+        R150,
+        "1s",
+        "[[step]]\nat = \"0s\"\nhost = { send = \"heartbeat\" }\n",
+    );
+    let out: Vec<Record> = trace(&text, 1)
+        .iter()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .filter(|record| matches!(record, Record::Out { .. }))
+        .collect();
+    let [Record::Out { t, dt, bytes, .. }] = &out[..] else {
+        panic!("{out:?}")
+    };
+    // Six bytes there, then one of the reply.
+    assert_eq!((*t, *dt), (7 * 86_806, 86_806));
+    assert_eq!(bytes.0, [0xAA, 0x55, 1, 7, 1, 0xC6, 0x53]);
+}
+
+#[test]
+fn a_flipped_byte_a_lost_line_and_another_seed_are_found() {
+    let settings = "[settings]\nr150.measurement_noise = \"1 %\"\n";
+    let text = format!(
+        "{HEAD}limit = \"3s\"\n{settings}{R150}{DRIVE}[[step]]\nat = \"1s\"\nevery = \"100ms\"\nhost = {{ send = \"system_info\" }}\n"
+    );
+    let lines = trace(&text, 1);
+    replay(&lines).unwrap();
+    let at = lines
+        .iter()
+        .position(|line| line.contains("\"out\""))
+        .unwrap();
+    let mut flipped = lines.clone();
+    flipped[at] = flipped[at].replacen("AA55", "AA54", 1);
+    let Err(ReplayError::Differs(difference)) = replay(&flipped) else {
+        panic!("a flipped byte")
+    };
+    assert_eq!(difference.offset, 1);
+    assert_eq!(difference.recorded.unwrap().1, 0x54);
+    assert_eq!(difference.found.unwrap().1, 0x55);
+    assert!(difference.to_string().contains("byte 1 differs: 54 at"));
+    let mut lost = lines.clone();
+    lost.remove(at);
+    assert!(matches!(replay(&lost), Err(ReplayError::Differs(_))));
+    let mut reseeded = lines.clone();
+    reseeded[0] = reseeded[0].replace("\"seed\":1", "\"seed\":2");
+    assert!(matches!(replay(&reseeded), Err(ReplayError::Differs(_))));
+    let cut = &lines[..lines.len() - 1];
+    assert!(replay(cut).unwrap_err().to_string().contains("has no end"));
+    assert!(replay(&[]).is_err());
+    assert!(
+        replay(&lines[1..])
+            .unwrap_err()
+            .to_string()
+            .contains("header")
+    );
+}
+
+#[test]
+fn base_settings_travel_in_the_header() {
+    let text = text(
+        R150,
+        "2s",
+        "[[step]]\nat = \"1s\"\nhost = { send = \"version\" }\n",
+    );
+    let mut base = SimSettings::default();
+    sim_settings::load_toml(
+        "r150.software_version = \"9.8.7.6\"\nr150.reply_delay = \"3ms\"",
+        "flags",
+        &mut base,
+    )
+    .unwrap();
+    let source = Source {
+        file: "s.toml",
+        text: &text,
+    };
+    let scenario = Arc::new(Scenario::parse(source, &base).unwrap());
+    let options = RunOptions {
+        trace: true,
+        ..RunOptions::scripted(1)
+    };
+    let mut run = Run::new(scenario, None, options).unwrap();
+    let mut lines = Vec::new();
+    run.play(&mut |line| lines.push(line.to_owned())).unwrap();
+    assert!(lines[0].contains("9.8.7.6"));
+    replay(&lines).unwrap();
+}
+
+#[test]
+fn a_live_run_leaves_the_script_out_and_is_repeated_from_its_trace() {
+    let text = text(
+        R150,
+        "3s",
+        "[[step]]\nat = \"1s\"\nevery = \"1s\"\nhost = { send = { power_control = { on = [\"5V\"] } } }\n\
+         [[step]]\nat = \"1s\"\noperator = \"lock\"\n",
+    );
+    let motors = Request::SetMotors {
+        right: 400,
+        left: 400,
+    };
+    let sent: Vec<(u64, Vec<u8>)> = (0..40)
+        .map(|i| (10_000_000 + i * 50_000_000, motors.encode()))
+        .collect();
+    let lines = live(&text, Wire::Paced, &sent);
+    assert!(!lines.iter().any(|line| line.contains("\"host\"")));
+    assert!(lines.iter().filter(|line| line.contains("\"in\"")).count() == 40);
+    assert!(lines.iter().any(|line| line.contains("\"detach\"")));
+    replay(&lines).unwrap();
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn two_runs_are_the_same_for_any_seed(seed: u64) {
+        let settings = "[settings]\nr150.measurement_noise = \"1 %\"\n";
+        let chance = "[[step]]\nname = \"ask\"\nat = \"1s\"\nevery = \"70ms\"\nprobability = 0.5\nhost = { send = \"system_info\" }\n";
+        let text = format!("{HEAD}limit = \"3s\"\n{settings}{R150}{DRIVE}{chance}");
+        let lines = trace(&text, seed);
+        prop_assert_eq!(&lines, &trace(&text, seed));
+        replay(&lines).unwrap();
+    }
+
+    /// Whatever a client sends and whenever, on a paced wire or an instant one, a recorded run is
+    /// the same again.
+    #[test]
+    fn any_live_run_is_repeated_from_its_trace(
+        instant: bool,
+        sent in prop::collection::vec((0u64..200_000_000, prop_oneof![
+            3 => (any::<i16>(), any::<i16>())
+                .prop_map(|(right, left)| Request::SetMotors { right, left }.encode()),
+            1 => Just(Request::SystemInfo.encode()),
+            1 => prop::collection::vec(any::<u8>(), 0..20),
+        ]), 0..20),
+    ) {
+        let text = text(
+            R150,
+            "4s",
+            "[[step]]\nat = \"1s\"\noperator = \"lock\"\n\
+             [[step]]\nwhen = \"truth.speed_mps > 0.2\"\nmay_not_trigger = true\noperator = { emergency_stop = true }\n\
+             [[always]]\nthat = \"t < 100\"\n",
+        );
+        let mut at = 2_000_000;
+        let sent: Vec<_> = sent
+            .into_iter()
+            .map(|(pause, bytes)| {
+                at += pause;
+                // Often on the grid of the physics, where ties are.
+                (if pause % 2 == 0 { at / 5_000_000 * 5_000_000 } else { at }, bytes)
+            })
+            .collect();
+        let wire = if instant { Wire::Instant } else { Wire::Paced };
+        replay(&live(&text, wire, &sent)).unwrap();
+    }
+}
