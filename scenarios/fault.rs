@@ -1,81 +1,44 @@
-//! The faults, until the rig has them.
+//! The faults of the catalogue, as scenarios use them.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use sim_core::rig::Rig;
-use sim_physics::r150::{Load, Rail};
+use sim_core::device_kind::DeviceKind;
+use sim_core::fault::parameters::Direction;
+pub(crate) use sim_core::fault::parameters::{LinkName, RailName};
+pub(crate) use sim_core::fault::{Fault, FaultHandle};
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DeviceKind {
-    R150,
-    Mecanum,
-}
+use crate::Kind;
+use crate::rig_file::DevicePlan;
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Fault {
-    /// A dead short on the 48 V output.
-    Short48,
-    /// Nothing.
-    Dummy { hits: u64 },
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FaultHandle(usize, u64);
-
-impl Fault {
-    pub fn id(&self) -> &'static str {
-        match self {
-            Self::Short48 => "short48",
-            Self::Dummy { .. } => "dummy",
-        }
+/// Whether a device as it is planned can have a fault.
+pub(crate) fn check(fault: &Fault, plan: &DevicePlan) -> Result<(), String> {
+    fault.check(match plan.kind {
+        Kind::R150 => DeviceKind::R150,
+        Kind::Mecanum => DeviceKind::Mecanum,
+    })?;
+    if fault.link() == Some(LinkName::Ros) && !plan.ros {
+        return Err("this car has no ROS link; it has one with `ros = true`".to_owned());
     }
-    pub fn check(&self, kind: DeviceKind) -> Result<(), String> {
-        match (self, kind) {
-            (Self::Short48, DeviceKind::Mecanum) => Err("only an R150 has rails".to_owned()),
-            _ => Ok(()),
-        }
-    }
+    Ok(())
 }
 
-pub trait FaultRig {
-    fn inject(&mut self, device: usize, name: &str, fault: &Fault) -> Result<FaultHandle, String>;
-    fn clear(&mut self, handle: FaultHandle);
-    fn fault_hits(&self, handle: FaultHandle) -> u64;
-}
-
-impl FaultRig for Rig {
-    fn inject(&mut self, device: usize, _name: &str, fault: &Fault) -> Result<FaultHandle, String> {
-        match fault {
-            Fault::Short48 => {
-                self.with_r150(device, |r, _, _| {
-                    r.plant_mut().set_load(Rail::V48, Load::Short)
-                });
-                Ok(FaultHandle(device, 1))
-            }
-            Fault::Dummy { hits } => Ok(FaultHandle(usize::MAX, *hits)),
-        }
+/// Whether a device may get other bytes than its client has sent, or miss some. What that looks
+/// like is not the client's fault.
+pub(crate) fn disturbs_requests(fault: &Fault) -> bool {
+    let reaches_device = |direction: &Direction| *direction != Direction::ToClient;
+    match fault {
+        Fault::BitFlips { direction, .. }
+        | Fault::DroppedBytes { direction, .. }
+        | Fault::DuplicatedBytes { direction, .. }
+        | Fault::InsertedBytes { direction, .. }
+        | Fault::Burst { direction, .. }
+        | Fault::Delay { direction, .. }
+        | Fault::Fragmentation { direction, .. }
+        | Fault::Stall { direction, .. }
+        | Fault::Mute { direction, .. }
+        | Fault::IdleNoise { direction, .. } => reaches_device(direction),
+        Fault::WrongBaud { .. }
+        | Fault::CablePulled { .. }
+        | Fault::Reset { .. }
+        | Fault::Hang { .. } => true,
+        _ => false,
     }
-    fn clear(&mut self, handle: FaultHandle) {
-        self.with_r150(handle.0, |r, _, _| {
-            r.plant_mut().set_load(Rail::V48, Load::Open)
-        });
-    }
-    fn fault_hits(&self, handle: FaultHandle) -> u64 {
-        handle.1
-    }
-}
-
-pub(crate) fn inject(
-    rig: &mut Rig,
-    device: usize,
-    name: &str,
-    fault: &Fault,
-) -> Result<FaultHandle, String> {
-    rig.inject(device, name, fault)
-}
-
-/// Whether bytes may arrive otherwise than they were sent.
-pub(crate) fn disturbs_line(_fault: &Fault) -> bool {
-    false
 }

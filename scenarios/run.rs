@@ -314,7 +314,7 @@ impl Run {
     /// Does all that belongs to one instant; `act` is what a client does.
     fn instant(&mut self, at: SimTime, act: impl FnOnce(&mut Rig)) -> Result<(), RunError> {
         self.rig.approach(at)?;
-        let mut looked_at = at.as_nanos() % self.physics_step() == 0;
+        let mut looked_at = at.as_nanos().is_multiple_of(self.physics_step());
         let mut act = Some(act);
         for _ in 0..MOST_ROUNDS {
             looked_at |= self.run_agenda(at);

@@ -191,7 +191,7 @@ impl Recorder {
     /// Notes where devices are, if it is time to.
     pub(crate) fn sample(&mut self, at: SimTime, rig: &Rig) {
         let t = at.as_nanos();
-        if t % POSE_PERIOD != 0 {
+        if !t.is_multiple_of(POSE_PERIOD) {
             return;
         }
         self.poses.resize(rig.devices(), [f64::NAN; 3]);

@@ -113,4 +113,5 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::count("count.motions_discarded", "motions_discarded", "times that motions were discarded"),
     NameInfo::count("count.link_timeout", "link_timeout", "times that the link timed out"),
     NameInfo::count("count.power_lost", "power_lost", "times that the board lost its supply"),
+    NameInfo::count("count.firmware_reset", "firmware_reset", "times that the firmware restarted by itself"),
 ];

@@ -194,6 +194,7 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::count("count.overcurrent", "overcurrent", "overcurrent trips"),
     NameInfo::count("count.over_temperature", "over_temperature", "over-temperature trips"),
     NameInfo::count("count.power_lost", "power_lost", "times that the module lost its supply"),
+    NameInfo::count("count.firmware_reset", "firmware_reset", "times that the firmware restarted by itself"),
 ];
 
 /// The length of a vector; a square root is the same on every machine.

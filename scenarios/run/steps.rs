@@ -12,7 +12,7 @@ use sim_physics::r150::{Load, PwmSource, Rail};
 use super::agenda::Item;
 use super::judge::Expected;
 use super::{MOST_ROUNDS, Run};
-use crate::fault::{self, Fault, FaultHandle, FaultRig as _};
+use crate::fault::{self, Fault, FaultHandle};
 use crate::scenario::{Action, Only, OperatorAction, Scenario, Step, Trigger, WorldAction};
 
 /// How far a step has come.
@@ -185,13 +185,18 @@ impl Run {
     }
 
     fn inject(&mut self, index: usize, step: &Step, fault: &Fault, now: SimTime) -> Option<Undo> {
-        match fault::inject(&mut self.rig, step.device, &step.name, fault) {
+        let number = self.steps[index].injected + 1;
+        // Its random numbers come from its name, and are not to be the same each time.
+        let name = match number {
+            1 => step.name.clone(),
+            number => format!("{} #{number}", step.name),
+        };
+        match self.rig.inject(step.device, &name, fault) {
             Ok(handle) => {
                 let state = &mut self.steps[index];
-                state.injected += 1;
-                let number = state.injected;
+                state.injected = number;
                 state.faults.insert(number, handle);
-                if fault::disturbs_line(fault) {
+                if fault::disturbs_requests(fault) {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
                 Some(Undo::Fault(number))
@@ -225,7 +230,9 @@ impl Run {
         let steps = self.scenario.steps.iter().zip(&self.steps);
         steps
             .filter(|(step, state)| step.device == device && !state.faults.is_empty())
-            .any(|(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_line(f)))
+            .any(
+                |(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_requests(f)),
+            )
     }
 
     fn operate(&mut self, device: usize, action: &OperatorAction) -> Option<Undo> {

@@ -1,3 +1,4 @@
+mod faults;
 mod rules;
 mod steps;
 mod traces;

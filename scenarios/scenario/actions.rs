@@ -7,7 +7,7 @@ use sim_core::r150_device::vehicle::{Action, Key};
 use sim_physics::r150::{Load, PwmSource, Rail};
 use sim_physics::{Pose, WorldMap};
 
-use super::document::{ChannelText, LoadText, OperatorText, RailText, SignalText, WorldText};
+use super::document::{ChannelText, LoadText, OperatorText, SignalText, WorldText};
 use super::host::bits;
 use crate::Kind;
 use crate::suggest::or_allowed;
@@ -199,20 +199,6 @@ fn read_signal(signal: &SignalText) -> Result<PwmSource, String> {
         (None, None) => Ok(PwmSource::None),
         (Some(_), Some(_)) => {
             Err("a signal has only one of `frequency` and `from_output`".to_owned())
-        }
-    }
-}
-
-impl RailText {
-    /// The rail of that name.
-    pub(super) fn rail(self) -> Rail {
-        match self {
-            Self::V12A => Rail::V12A,
-            Self::V12B => Rail::V12B,
-            Self::V12C => Rail::V12C,
-            Self::V12D => Rail::V12D,
-            Self::V48 => Rail::V48,
-            Self::V5 => Rail::V5,
         }
     }
 }

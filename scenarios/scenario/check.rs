@@ -16,7 +16,7 @@ use super::{
 };
 use crate::Kind;
 use crate::condition::{Condition, identifier, names};
-use crate::fault::DeviceKind;
+use crate::fault;
 use crate::report::CLIENT_FAULTS;
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::suggest::{improve, nearest, or_allowed};
@@ -239,11 +239,7 @@ impl Checker<'_> {
             actions.push(read.map(Action::Host));
         }
         if let Some(fault) = &text.fault {
-            let kind = match kind {
-                Kind::R150 => DeviceKind::R150,
-                Kind::Mecanum => DeviceKind::Mecanum,
-            };
-            let checked = fault.get_ref().check(kind);
+            let checked = fault::check(fault.get_ref(), plan);
             let checked = self.problems.take(fault.span(), checked);
             actions.push(checked.map(|()| Action::Fault(fault.get_ref().clone())));
         }

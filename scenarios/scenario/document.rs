@@ -9,7 +9,7 @@ use sim_settings::{
 };
 use toml::Spanned;
 
-use crate::fault::Fault;
+use crate::fault::{Fault, LinkName, RailName};
 use crate::rig_file::{DeviceText, any_table};
 
 /// A scenario for `sim run`: devices in a world, what happens to them, and what must come of it.
@@ -137,7 +137,7 @@ pub enum Only {
 #[serde(deny_unknown_fields)]
 pub(crate) struct HostText {
     /// On which link of a mecanum car; the main one unless given.
-    pub link: Option<LinkText>,
+    pub link: Option<LinkName>,
     /// Sends a command.
     pub send: Option<CommandText>,
     /// Sends bytes: hexadecimal, as in "AA 55 00 07".
@@ -149,16 +149,6 @@ pub(crate) struct HostText {
     pub baud: Option<u32>,
     /// What has to come back.
     pub expect: Option<ReplyText>,
-}
-
-/// A link of a mecanum car.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum LinkText {
-    /// To the on-board Android.
-    Main,
-    /// To a ROS system.
-    Ros,
 }
 
 /// What to do with the port.
@@ -206,32 +196,9 @@ pub(crate) enum CommandText {
 #[serde(deny_unknown_fields)]
 pub(crate) struct PowerText {
     /// Names of rails.
-    pub on: Option<Vec<RailText>>,
+    pub on: Option<Vec<RailName>>,
     /// The bits as on the wire.
     pub status: Option<u32>,
-}
-
-/// The rails.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
-pub(crate) enum RailText {
-    /// 12 V output A.
-    #[serde(rename = "12V-A")]
-    V12A,
-    /// 12 V output B.
-    #[serde(rename = "12V-B")]
-    V12B,
-    /// 12 V output C.
-    #[serde(rename = "12V-C")]
-    V12C,
-    /// 12 V output D.
-    #[serde(rename = "12V-D")]
-    V12D,
-    /// The 48 V output.
-    #[serde(rename = "48V")]
-    V48,
-    /// The 5 V output.
-    #[serde(rename = "5V")]
-    V5,
 }
 
 /// Duties of A to D.
@@ -370,7 +337,7 @@ pub(crate) struct AppHoldsText {
 pub(crate) struct AppSetsText {
     /// Rails to be on.
     #[serde(default)]
-    pub on: Vec<RailText>,
+    pub on: Vec<RailName>,
     /// Duty of the PWM outputs, 0.1 %.
     #[serde(default)]
     pub pwm: [u16; 4],
@@ -422,7 +389,7 @@ pub(crate) enum WorldText {
 #[serde(deny_unknown_fields)]
 pub(crate) struct LoadText {
     /// Where.
-    pub rail: RailText,
+    pub rail: RailName,
     /// A device that draws this at any voltage.
     pub power: Option<Power>,
     /// A resistor.

@@ -9,9 +9,10 @@ use sim_core::r150_device::reply::Reply;
 use sim_core::rig::PortId;
 use toml::Value;
 
-use super::document::{CommandText, HostText, LinkText, PortText, PowerText, RailText, ReplyText};
+use super::document::{CommandText, HostText, PortText, PowerText, ReplyText};
 use super::problems::Problems;
 use crate::Kind;
+use crate::fault::{LinkName, RailName};
 use crate::rig_file::DevicePlan;
 use crate::suggest::or_allowed;
 
@@ -208,7 +209,7 @@ impl HostAction {
         problems: &mut Problems<'_>,
     ) -> Option<Self> {
         let link = match (text.link, &text.send) {
-            (Some(LinkText::Ros), _) | (None, Some(CommandText::Line(_))) => 1,
+            (Some(LinkName::Ros), _) | (None, Some(CommandText::Line(_))) => 1,
             _ => 0,
         };
         if link >= plan.links().len() {
@@ -383,7 +384,7 @@ fn status(power: &PowerText) -> Result<u32, String> {
 }
 
 /// The bits of rails.
-pub(super) fn bits(rails: &[RailText]) -> u8 {
+pub(super) fn bits(rails: &[RailName]) -> u8 {
     rails
         .iter()
         .fold(0, |bits, rail| bits | 1 << rail.rail().index())

@@ -97,8 +97,8 @@ fn errors_name_file_line_key_and_what_is_allowed() {
             "an R150 has no such command",
         ),
         (
-            &format!("{step}host = {{ send = {{ power_control = {{ on = [\"49V\"] }} }} }}"),
-            "did you mean `48V`?",
+            &format!("{step}host = {{ send = {{ power_control = {{ on = [\"49v\"] }} }} }}"),
+            "did you mean `48v`?",
         ),
         (
             &format!(
@@ -214,7 +214,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!(
-                "{step}world = {{ load = {{ rail = \"48V\", power = \"1 W\", short = true }} }}"
+                "{step}world = {{ load = {{ rail = \"48v\", power = \"1 W\", short = true }} }}"
             ),
             "only one of `power`",
         ),
@@ -236,7 +236,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
 #[test]
 fn what_the_whole_file_lacks_is_told() {
     for (text, expected) in [
-        (format!("{HEAD}"), "1 to 1000 [[device]]"),
+        (HEAD.to_owned(), "1 to 1000 [[device]]"),
         (
             format!("{HEAD}{R150}").replace("= 1", "= 2"),
             "only schema 1",

@@ -7,7 +7,7 @@ fn a_host_sends_by_name_or_bytes_and_compares_what_comes_back() {
         "[[step]]\nname = \"a\"\nat = \"10ms\"\nhost = { send = \"heartbeat\", expect = { within = \"5ms\", reply = { success = true } } }\n\
          [[step]]\nname = \"b\"\nafter = \"a\"\nhost = { bytes = \"AA 55 00 07 C7 84\", expect = { within = \"5ms\", bytes = \"AA 55 01 07 01 C6 53\" } }\n\
          [[step]]\nname = \"c\"\nafter = \"b\"\nhost = { bytes = \"AA 55 00 07 00 00\", expect = { within = \"50ms\", silence = true } }\n\
-         [[step]]\nname = \"d\"\nafter = \"c\"\nhost = { send = { power_control = { on = [\"48V\", \"5V\"] } }, expect = { within = \"5ms\" } }\n\
+         [[step]]\nname = \"d\"\nafter = \"c\"\nhost = { send = { power_control = { on = [\"48v\", \"5v\"] } }, expect = { within = \"5ms\" } }\n\
          [[step]]\nname = \"e\"\nafter = \"d\"\nhost = { send = \"system_info\", expect = { within = \"20ms\", reply = { power_status = 0x30, voltage_48v = { min = 40000, max = 60000 } } } }\n\
          [[step]]\nafter = \"e\"\nexpect = { that = \"reported.v48_on && rail.v48_v > 40 && client.asked_v48\" }\n",
     ));
@@ -83,7 +83,7 @@ fn operators_work_the_r150() {
          [[step]]\nat = \"6.7s\"\nexpect = { that = \"abs(truth.x_m - 3) < 0.01 && abs(truth.y_m + 2) < 0.01\" }\n\
          [[step]]\nat = \"7s\"\noperator = \"lock\"\n\
          [[step]]\nat = \"7.1s\"\nexpect = { that = \"mode.locked && mode.parked\" }\n\
-         [[step]]\nat = \"7.2s\"\noperator = { app_sets = { on = [\"12V-A\"] } }\n\
+         [[step]]\nat = \"7.2s\"\noperator = { app_sets = { on = [\"12v-a\"] } }\n\
          [[step]]\nat = \"7.3s\"\nexpect = { that = \"rail.v12a_on\" }\n",
     ));
 }
@@ -105,8 +105,8 @@ fn the_world_changes() {
         &format!(
             "{DRIVE}\
              [[step]]\nat = \"0s\"\nworld = {{ add = {{ wall = [{{ points_m = [[1, -2], [1, 2]], thickness = \"10 cm\" }}] }} }}\n\
-             [[step]]\nat = \"0s\"\nhost = {{ send = {{ power_control = {{ on = [\"48V\"] }} }} }}\n\
-             [[step]]\nat = \"500ms\"\nfor = \"1s\"\nworld = {{ load = {{ rail = \"48V\", power = \"100 W\" }} }}\n\
+             [[step]]\nat = \"0s\"\nhost = {{ send = {{ power_control = {{ on = [\"48v\"] }} }} }}\n\
+             [[step]]\nat = \"500ms\"\nfor = \"1s\"\nworld = {{ load = {{ rail = \"48v\", power = \"100 W\" }} }}\n\
              [[step]]\nat = \"1s\"\nexpect = {{ that = \"rail.v48_a > 1.5 && rail.v48_a < 2.5\" }}\n\
              [[step]]\nat = \"1.6s\"\nexpect = {{ that = \"rail.v48_a == 0\" }}\n\
              [[step]]\nat = \"1s\"\nworld = {{ pwm_signal = {{ input = \"B\", frequency = \"1 kHz\", duty = \"25 %\" }} }}\n\

@@ -155,7 +155,7 @@ fn a_live_run_leaves_the_script_out_and_is_repeated_from_its_trace() {
     let text = text(
         R150,
         "3s",
-        "[[step]]\nat = \"1s\"\nevery = \"1s\"\nhost = { send = { power_control = { on = [\"5V\"] } } }\n\
+        "[[step]]\nat = \"1s\"\nevery = \"1s\"\nhost = { send = { power_control = { on = [\"5v\"] } } }\n\
          [[step]]\nat = \"1s\"\noperator = \"lock\"\n",
     );
     let motors = Request::SetMotors {

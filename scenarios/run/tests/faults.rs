@@ -1,0 +1,152 @@
+use super::*;
+
+const ON: &str = "[[step]]\nat = \"100ms\"\nhost = { send = { power_control = { on = [\"48v\"] } } }\n\
+    [[step]]\nat = \"200ms\"\nevery = \"1s\"\nhost = { send = \"system_info\" }\n";
+
+fn fault(timing: &str, fault: &str, more: &str) -> Outcome {
+    r150(
+        "8s",
+        &format!("{ON}[[step]]\nname = \"f\"\n{timing}fault = {{ {fault} }}\n{more}"),
+    )
+}
+
+#[test]
+fn a_fault_begins_hits_and_ends() {
+    let outcome = fault(
+        "at = \"1s\"\nfor = \"2s\"\n",
+        "kind = \"missing-reply\"",
+        "[[step]]\nat = \"2s\"\nhost = { send = \"heartbeat\", expect = { within = \"100ms\", silence = true } }\n\
+         [[step]]\nafter = \"f\"\ndelay = \"100ms\"\nhost = { send = \"heartbeat\", expect = { within = \"100ms\", reply = { success = true } } }\n",
+    );
+    passes(&outcome);
+    let [record] = &outcome.faults[..] else {
+        panic!("{outcome:#?}")
+    };
+    assert_eq!(
+        (record.step.as_str(), record.id, record.armed),
+        ("f", "missing-reply", 1)
+    );
+    assert!(record.hits >= 2);
+    let codes: Vec<&str> = outcome.devices[0].report.events.keys().copied().collect();
+    for code in ["fault_armed", "fault_triggered", "fault_cleared"] {
+        assert!(codes.contains(&code), "{codes:?}");
+    }
+}
+
+#[test]
+fn a_fault_is_ended_by_another_step_or_stays() {
+    let ends = |more: &str, within: &str, silent: bool| {
+        let expect = if silent {
+            "silence = true"
+        } else {
+            "reply = { success = true }"
+        };
+        passes(&fault(
+            "at = \"1s\"\n",
+            "kind = \"missing-reply\"",
+            &format!(
+                "{more}[[step]]\nat = \"{within}\"\nhost = {{ send = \"heartbeat\", expect = {{ within = \"100ms\", {expect} }} }}\n"
+            ),
+        ));
+    };
+    let clear = "[[step]]\nat = \"3s\"\nclear = \"f\"\n";
+    ends("", "6s", true);
+    ends(clear, "2900ms", true);
+    ends(clear, "3s", false);
+}
+
+#[test]
+fn a_fault_that_never_hits_fails_the_run_unless_it_may() {
+    let timing = "at = \"1s\"\nfor = \"10ms\"\n";
+    let never = fault(timing, "kind = \"missing-reply\"", "");
+    fails(
+        &never,
+        "\"f\": the fault missing-reply was there from 1.000000 s on and never hit anything",
+    );
+    assert_eq!(never.faults[0].hits, 0);
+    passes(&fault(
+        &format!("{timing}may_not_trigger = true\n"),
+        "kind = \"missing-reply\"",
+        "",
+    ));
+    // One that chance never brings is not missed.
+    passes(&fault(
+        "at = \"1s\"\nprobability = 0\n",
+        "kind = \"missing-reply\"",
+        "",
+    ));
+}
+
+#[test]
+fn a_fault_comes_and_goes_as_often_as_it_is_to() {
+    let outcome = fault(
+        "at = \"1s\"\nevery = \"1s\"\nfor = \"500ms\"\ncount = 4\n",
+        "kind = \"missing-reply\"",
+        "[[step]]\nafter = \"f\"\nexpect = { that = \"t == 4.5\" }\n",
+    );
+    passes(&outcome);
+    assert_eq!((outcome.faults[0].armed, outcome.faults[0].hits), (4, 4));
+}
+
+#[test]
+fn a_fault_that_the_device_cannot_have_is_refused_with_its_line() {
+    let refused = |device: &str, fault: &str| {
+        let text = text(
+            device,
+            "1s",
+            &format!("[[step]]\nat = \"1s\"\nfault = {{ {fault} }}\n"),
+        );
+        let source = Source {
+            file: "s.toml",
+            text: &text,
+        };
+        Scenario::parse(source, &SimSettings::default())
+            .unwrap_err()
+            .to_string()
+    };
+    let strip = refused(R150, "kind = \"strip-lost\"");
+    assert!(
+        strip.starts_with("s.toml:9:9: `step.fault`: a R150 cannot have")
+            || strip.contains("9:9: `step.fault`: "),
+        "{strip}"
+    );
+    assert!(refused(R150, "kind = \"bit-flip\"").contains("did you mean `bit-flips`?"));
+    assert!(
+        refused(R150, "kind = \"mute\", dirction = \"both\"").contains("did you mean `direction`?")
+    );
+    let car = "[[device]]\nkind = \"mecanum\"\n";
+    assert!(refused(car, "kind = \"mute\", link = \"ros\"").contains("`ros = true`"));
+}
+
+#[test]
+fn a_client_is_not_blamed_for_a_disturbed_line() {
+    let spoilt = |direction: &str| {
+        let outcome = fault(
+            "at = \"1s\"\nfor = \"4s\"\n",
+            &format!("kind = \"bit-flips\", probability = 0.2, direction = \"{direction}\""),
+            "[[step]]\nat = \"1s\"\nevery = \"50ms\"\nfor = \"3s\"\nhost = { send = \"heartbeat\" }\n\
+             [[step]]\nat = \"7s\"\nexpect = { that = \"count.bad_crc > 5\" }\n",
+        );
+        passes(&outcome);
+        let report = &outcome.devices[0].report;
+        (
+            report.events.contains_key("bad_crc"),
+            report.client_faults().count(),
+        )
+    };
+    assert_eq!(spoilt("to-device"), (false, 0));
+}
+
+#[test]
+fn a_run_with_every_kind_of_chance_is_repeated_from_its_trace() {
+    let more = "[[step]]\nname = \"noise\"\nat = \"1s\"\nevery = \"1s\"\nfor = \"400ms\"\nprobability = 0.7\nmay_not_trigger = true\nfault = { kind = \"bit-flips\", probability = 0.1 }\n";
+    let text = text(R150, "6s", &format!("{ON}{DRIVE}{more}"));
+    let options = RunOptions {
+        trace: true,
+        ..RunOptions::scripted(3)
+    };
+    let mut run = Run::new(scenario(&text), None, options).unwrap();
+    let mut lines = Vec::new();
+    run.play(&mut |line| lines.push(line.to_owned())).unwrap();
+    crate::trace::Replay::all(lines.iter().map(String::as_str)).unwrap();
+}
