@@ -505,9 +505,9 @@ impl Faults {
     }
 
     /// A cable has been pulled: what was on its way is lost.
-    pub(crate) fn pull_cable(&mut self, link: usize, attached: bool) {
+    pub(crate) fn pull_cable(&mut self, now: SimTime, link: usize, attached: bool) {
         if let Some(stage) = self.stages.get_mut(link) {
-            stage.iter_mut().for_each(Stage::clear);
+            stage.iter_mut().for_each(|way| way.cut(now));
         }
         for (wire, tally) in self.wires_mut(link) {
             if attached && wire.pulls_cable(link) {

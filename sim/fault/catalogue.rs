@@ -560,7 +560,7 @@ faults! {
     }
     /// A fuse is blown; it is replaced at the end.
     FuseBlown = "fuse-blown", Electrical, R150,
-    sees "A side without drive; or, without the tail supply, a module that is silent.",
+    sees "A side that the other drags along; or, without the tail supply, a module that is silent.",
     counts "Current would have flowed through it.",
     {
         /// Which fuse.
@@ -594,7 +594,7 @@ faults! {
     }
     /// Motors neither drive nor hold their wheels.
     FreeWheeling = "free-wheeling", Mechanical, BOTH,
-    sees "A wheel that turns only as the vehicle drags it; a vehicle that turns instead of driving straight.",
+    sees "Wheels that turn only as the others drag them, and less speed.",
     counts "A motor without effect was driven.",
     {
         /// Which.

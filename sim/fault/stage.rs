@@ -45,6 +45,11 @@ impl Stage {
         self.held.clear();
     }
 
+    /// Loses what has not arrived by `now`.
+    pub(super) fn cut(&mut self, now: SimTime) {
+        self.held.retain(|(at, _)| *at <= now);
+    }
+
     /// Lets everything go that was held up.
     pub(super) fn release(&mut self, now: SimTime) {
         for (at, _) in self.held.iter_mut().filter(|(at, _)| *at == HELD_UP) {

@@ -77,7 +77,7 @@ impl Rig {
         if let Fault::CablePulled { link } = fault {
             let link = link.index();
             let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
-            faults.pull_cable(link, attached);
+            faults.pull_cable(now, link, attached);
         }
         slot.follow_baud();
         self.after_change(device);

@@ -1,0 +1,298 @@
+//! Hardware of the R150, and people.
+
+use super::*;
+
+const AB: u32 = 1;
+
+fn seen_status(fault: &str) -> (SystemInfo, SystemInfo) {
+    let mut rig = r150();
+    power(&mut rig, 0b11_1111);
+    let handle = inject(&mut rig, fault);
+    run(&mut rig, MAIN, MS(500));
+    let during = info(&mut rig);
+    rig.clear(handle);
+    run(&mut rig, MAIN, MS(500));
+    // Off and on again ends the latch of whatever has tripped.
+    power(&mut rig, 0);
+    power(&mut rig, 0b11_1111);
+    (during, info(&mut rig))
+}
+
+#[test]
+fn a_load_that_is_too_much_trips_and_one_that_is_not_shows_as_current() {
+    let load = "kind = \"rail-load\"\nrail = \"12v-a\"\n";
+    let (during, after) = seen_status(&format!("{load}power = \"400 W\""));
+    assert_eq!((during.sys_status, during.power_status), (AB, 0b11_1100));
+    assert_eq!((after.sys_status, after.power_status), (0, 0b11_1111));
+    for draws in [
+        "power = \"24 W\"",
+        "current = \"2 A\"",
+        "resistance = \"6 ohm\"",
+    ] {
+        let (during, after) = seen_status(&format!("{load}{draws}"));
+        assert!((1900..2100).contains(&during.current_12v[0]), "{during:?}");
+        assert!((400..430).contains(&after.current_12v[0]), "{after:?}");
+    }
+}
+
+#[test]
+fn a_short_on_any_output_trips_it_and_an_open_one_draws_nothing() {
+    for (rail, bit) in [
+        ("12v-a", 0),
+        ("12v-b", 0),
+        ("12v-c", 1),
+        ("12v-d", 1),
+        ("48v", 2),
+        ("5v", 3),
+    ] {
+        let (during, after) = seen_status(&format!("kind = \"rail-short\"\nrail = \"{rail}\""));
+        assert_eq!(during.sys_status, 1 << bit, "{rail}");
+        assert_eq!((after.sys_status, after.power_status), (0, 0b11_1111));
+    }
+    let (during, _) = seen_status("kind = \"rail-open\"\nrail = \"48v\"");
+    assert_eq!((during.current_48v, during.power_status), (0, 0b11_1111));
+}
+
+#[test]
+fn a_fault_lies_over_a_load_that_changes_meanwhile() {
+    let mut rig = r150();
+    power(&mut rig, 0b11_1111);
+    let short = inject(&mut rig, "kind = \"rail-open\"\nrail = \"48v\"");
+    rig.with_r150(0, |r150, _, _| {
+        r150.plant_mut().set_load(Rail::V48, Load::Power(100.0));
+    });
+    assert_eq!(info(&mut rig).current_48v, 0);
+    rig.clear(short);
+    assert!(info(&mut rig).current_48v > 1900);
+}
+
+#[test]
+fn the_supply_sags_and_the_module_gives_up() {
+    let (during, after) = seen_status("kind = \"supply-sag\"\nby = \"5 V\"");
+    assert!((after.voltage_48v - during.voltage_48v).abs_diff(5000) < 300);
+    assert_eq!(during.sys_status, 0);
+    let (during, after) = seen_status("kind = \"supply-sag\"\nby = \"15 V\"");
+    assert_eq!((during.sys_status, during.power_status), (1 << 6, 0));
+    assert_eq!(after.sys_status, 0);
+}
+
+#[test]
+fn heat_a_module_fault_and_an_empty_battery_show_in_the_status() {
+    let (during, after) = seen_status("kind = \"over-temperature\"\npair = \"ab\"");
+    assert_eq!((during.temp_12v[0], during.sys_status), (950, 1 << 4));
+    assert_eq!(during.power_status, 0b11_1100);
+    assert!(
+        after.temp_12v[0] < 300 && after.sys_status == 0,
+        "{after:?}"
+    );
+    let (during, after) = seen_status("kind = \"power-module-fault\"");
+    assert_eq!((during.sys_status, during.power_status), (1 << 6, 0));
+    assert_eq!((after.sys_status, after.power_status), (0, 0b11_1111));
+    let (during, after) = seen_status("kind = \"charge-drop\"\nby = \"30 %\"");
+    assert!(during.voltage_48v + 1500 < after.voltage_48v);
+}
+
+#[test]
+fn an_empty_battery_stops_the_motors() {
+    let mut rig = r150();
+    let soc = |rig: &mut Rig| match replies(
+        rig,
+        Request::SetMotors {
+            right: 500,
+            left: 500,
+        },
+    )[..]
+    {
+        [Reply::Motors { soc, .. }] => soc,
+        ref other => panic!("{other:?}"),
+    };
+    drive(&mut rig, 500, 500, 20);
+    let handle = inject(&mut rig, "kind = \"battery-empty\"");
+    assert_eq!(drive(&mut rig, 500, 500, 40), [0, 0]);
+    run(&mut rig, MAIN, MS(50));
+    assert_eq!(soc(&mut rig), 0);
+    rig.clear(handle);
+    run(&mut rig, MAIN, MS(50));
+    assert!(soc(&mut rig) > 790);
+    assert!(drive(&mut rig, 500, 500, 20)[0] > 300);
+}
+
+#[test]
+fn a_blown_fuse_stops_a_side_or_silences_the_module() {
+    let mut rig = r150();
+    let handle = inject(&mut rig, "kind = \"fuse-blown\"\nfuse = \"motor-left\"");
+    let dragged = drive(&mut rig, 500, 500, 20);
+    let truth = rig.r150(0).unwrap().truth();
+    assert!(truth.motor_current.left == 0.0 && truth.motor_current.right > 1.0);
+    rig.clear(handle);
+    let whole = drive(&mut rig, 500, 500, 20);
+    assert!(dragged[1] + 10 < whole[1], "{dragged:?} {whole:?}");
+    let handle = inject(&mut rig, "kind = \"fuse-blown\"\nfuse = \"tail\"");
+    assert_eq!(ask(&mut rig, Request::Heartbeat), NOTHING);
+    rig.clear(handle);
+    assert_eq!(replies(&mut rig, Request::Heartbeat).len(), 1);
+}
+
+#[test]
+fn sides_that_are_blocked_dragged_free_or_braked() {
+    let speeds = |fault: &str| {
+        let mut rig = r150();
+        drive(&mut rig, 0, 0, 2);
+        let handle = inject(&mut rig, fault);
+        let during = drive(&mut rig, 400, 400, 20);
+        assert!(rig.fault_hits(handle) > 0, "{fault}");
+        rig.clear(handle);
+        let after = drive(&mut rig, 400, 400, 20);
+        assert!(
+            after[0] > 450 && after[0].abs_diff(after[1]) < 30,
+            "{fault} {after:?}"
+        );
+        during
+    };
+    let sound = speeds("kind = \"payload\"\nmass = \"0 kg\"");
+    assert_eq!(speeds("kind = \"blocked\"\nmotors = \"left\"")[1], 0);
+    let [_, left] = speeds("kind = \"dragging\"\nmotors = \"left\"\ntorque = \"150 N*m\"");
+    assert!(left + 40 < sound[1], "{left} {sound:?}");
+    let [_, left] = speeds("kind = \"free-wheeling\"\nmotors = \"left\"");
+    assert!(left + 10 < sound[1], "{left} {sound:?}");
+    let [right, left] = speeds("kind = \"wired-backwards\"\nmotors = \"left\"");
+    assert!(left < -200 && right > 200, "{left} {right}");
+    let [right, left] = speeds("kind = \"brake-stuck-on\"");
+    assert!(
+        right < sound[0] / 2 && left < sound[1] / 2,
+        "{left} {right}"
+    );
+}
+
+#[test]
+fn encoders_that_lie() {
+    let mut rig = r150();
+    drive(&mut rig, 400, 400, 20);
+    let handle = inject(&mut rig, "kind = \"encoder-lost\"\nmotors = \"right\"");
+    let [right, left] = drive(&mut rig, 400, 400, 10);
+    assert!(right == 0 && left > 400);
+    rig.clear(handle);
+    let handle = inject(&mut rig, "kind = \"encoder-stuck\"\nmotors = \"right\"");
+    let [right, left] = drive(&mut rig, 0, 0, 30);
+    assert!(right > 400 && left == 0, "{right} {left}");
+    rig.clear(handle);
+    assert_eq!(drive(&mut rig, 0, 0, 5), [0, 0]);
+    let handle = inject(&mut rig, "kind = \"encoder-noisy\"\nmotors = \"right\"");
+    let noisy: Vec<[i16; 2]> = (0..10).map(|_| drive(&mut rig, 0, 0, 3)).collect();
+    assert!(noisy.iter().any(|[right, _]| right.abs() > 10), "{noisy:?}");
+    assert!(noisy.iter().all(|[_, left]| *left == 0));
+    rig.clear(handle);
+    assert_eq!(drive(&mut rig, 0, 0, 5), [0, 0]);
+}
+
+#[test]
+fn swapped_sides_turn_the_other_way_and_look_right() {
+    let turn = |swapped: bool| {
+        let mut rig = r150();
+        if swapped {
+            inject(&mut rig, "kind = \"sides-swapped\"");
+        }
+        let speeds = drive(&mut rig, 500, -500, 30);
+        (speeds, rig.r150(0).unwrap().truth().yaw_rate)
+    };
+    let ((speeds, rate), (swapped, wrong)) = (turn(false), turn(true));
+    assert!(rate > 0.3 && wrong < -0.3, "{rate} {wrong}");
+    assert!(speeds[0].abs_diff(swapped[0]) < 20 && speeds[1].abs_diff(swapped[1]) < 20);
+}
+
+#[test]
+fn ice_payload_and_push_change_how_it_moves() {
+    let far = |fault: &str| {
+        let mut rig = r150();
+        inject(&mut rig, fault);
+        drive(&mut rig, 800, 800, 20);
+        rig.distance_m(0)
+    };
+    let plain = far("kind = \"payload\"\nmass = \"0 kg\"");
+    assert!(far("kind = \"ice\"\nfriction = 0.03") < 0.7 * plain);
+    assert!(far("kind = \"payload\"\nmass = \"500 kg\"") < 0.97 * plain);
+    assert!(far("kind = \"push\"\nahead = \"300 N\"") > 1.005 * plain);
+}
+
+#[test]
+fn a_brake_that_does_not_hold_lets_a_parked_vehicle_be_pushed() {
+    let pushed = |broken: bool| {
+        let mut rig = r150();
+        inject(&mut rig, "kind = \"parked\"");
+        inject(&mut rig, "kind = \"fuse-blown\"\nfuse = \"motor-left\"");
+        inject(&mut rig, "kind = \"fuse-blown\"\nfuse = \"motor-right\"");
+        if broken {
+            inject(&mut rig, "kind = \"brake-stuck-open\"");
+        }
+        inject(&mut rig, "kind = \"push\"\nahead = \"500 N\"");
+        run(&mut rig, MAIN, MS(3000));
+        rig.distance_m(0)
+    };
+    assert!(pushed(false) < 0.05);
+    assert!(pushed(true) > 0.3);
+}
+
+#[test]
+fn operators_stop_it_and_give_it_back() {
+    for fault in [
+        "kind = \"emergency-stop\"",
+        "kind = \"remote-control-takes-over\"",
+        "kind = \"locked\"",
+        "kind = \"parked\"",
+    ] {
+        let mut rig = r150();
+        drive(&mut rig, 500, 500, 20);
+        let (one, other) = (inject(&mut rig, fault), inject(&mut rig, fault));
+        assert_eq!((rig.fault_hits(one), rig.fault_hits(other)), (1, 0));
+        run(&mut rig, MAIN, MS(3000));
+        drive(&mut rig, 500, 500, 40);
+        let stopped = rig.distance_m(0);
+        drive(&mut rig, 500, 500, 10);
+        assert!(rig.distance_m(0) < stopped + 0.05, "{fault}");
+        rig.clear(one);
+        drive(&mut rig, 500, 500, 10);
+        assert!(
+            rig.distance_m(0) < stopped + 0.1,
+            "{fault}: the other holds"
+        );
+        rig.clear(other);
+        drive(&mut rig, 500, 500, 20);
+        assert!(rig.distance_m(0) > stopped + 0.2, "{fault}");
+    }
+}
+
+#[test]
+fn a_key_that_is_held_drives_it() {
+    let mut rig = r150();
+    let handle = inject(
+        &mut rig,
+        "kind = \"remote-control-takes-over\"\nkey = \"backward\"",
+    );
+    run(&mut rig, MAIN, MS(1000));
+    assert!(rig.r150(0).unwrap().truth().forward_speed < -0.1);
+    rig.clear(handle);
+    run(&mut rig, MAIN, MS(1000));
+    assert_eq!(rig.r150(0).unwrap().truth().forward_speed, 0.0);
+}
+
+#[test]
+fn the_app_refuses_the_client_what_it_holds() {
+    let mut rig = r150();
+    power(&mut rig, 0b11_1111);
+    let whole = inject(&mut rig, "kind = \"app-takes-control\"");
+    let half = inject(&mut rig, "kind = \"app-takes-control\"\npwm = false");
+    let refused = Reply::Bool {
+        command: 2,
+        success: false,
+    };
+    assert_eq!(power(&mut rig, 1), [refused]);
+    let seen = info(&mut rig);
+    assert_eq!((seen.power_ctrl_mode, seen.pwm_ctrl_mode), (1, 1));
+    assert_eq!(seen.power_status, 0);
+    rig.clear(whole);
+    let seen = info(&mut rig);
+    assert_eq!((seen.power_ctrl_mode, seen.pwm_ctrl_mode), (1, 0));
+    rig.clear(half);
+    assert_ne!(power(&mut rig, 1), [refused]);
+    assert_eq!(info(&mut rig).power_ctrl_mode, 0);
+}
