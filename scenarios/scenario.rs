@@ -87,7 +87,8 @@ pub(crate) struct Step {
     pub delay: Duration,
     pub every: Option<Duration>,
     pub count: Option<u32>,
-    /// How long each time's effect lasts; `None` for what has no end or needs none.
+    /// How long each time's effect lasts; of what has no effect that lasts, how long it is repeated.
+    /// `None` for what has no end or needs none.
     pub lasts: Option<Duration>,
     pub probability: Option<f64>,
     pub may_not_trigger: bool,

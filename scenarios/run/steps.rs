@@ -36,6 +36,8 @@ pub(super) struct StepState {
 /// What ends the effect of a step.
 #[derive(Debug, Clone)]
 pub(super) enum Undo {
+    /// Nothing is left to be undone: a repetition's time is over.
+    Nothing,
     Fault(u64),
     R150(vehicle::Action),
     Mecanum(mecanum::Action),
@@ -133,6 +135,12 @@ impl Run {
             state.begun = Some(now);
             if let Some(recorder) = &mut self.recorder {
                 recorder.step(now, &step.name, "begun");
+            }
+            let repeated = matches!(step.action, Action::Host(_) | Action::Expect { .. });
+            if let Some(lasts) = step.lasts.filter(|_| repeated) {
+                state.pending += 1;
+                let end = Item::End(index, Undo::Nothing);
+                self.agenda.plan(now + lasts, end);
             }
         }
         state.times += 1;
@@ -325,6 +333,7 @@ impl Run {
     fn undo(&mut self, index: usize, undo: Undo) {
         let device = self.scenario.steps[index].device;
         match undo {
+            Undo::Nothing => {}
             Undo::Fault(number) => self.clear_fault(index, number),
             Undo::R150(action) => {
                 self.rig

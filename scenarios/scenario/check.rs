@@ -305,7 +305,7 @@ impl Checker<'_> {
                 };
                 let times = span.as_nanos().div_ceil(every.as_nanos()).max(1);
                 let times = u32::try_from(times).unwrap_or(u32::MAX);
-                return Some((Some(every), Some(times), None));
+                return Some((Some(every), Some(times), Some(span)));
             }
             Action::Fault(_) => true,
             Action::Clear(_) => false,

@@ -279,3 +279,14 @@ fn steps_that_set_one_another_off_within_an_instant_end() {
     let end = "[[step]]\nafter = \"s499\"\nexpect = { that = \"t == 0.1\" }\n";
     passes(&r150("1s", &format!("{chain}{end}")));
 }
+
+#[test]
+fn a_repeated_step_is_done_when_its_time_is_over() {
+    passes(&r150(
+        "2s",
+        "[[step]]\nname = \"a\"\nat = \"100ms\"\nevery = \"300ms\"\nfor = \"1s\"\nhost = { send = \"heartbeat\" }\n\
+         [[step]]\nafter = \"a\"\nexpect = { that = \"t == 1.1 && count.requests == 4\" }\n\
+         [[step]]\nname = \"b\"\nat = \"100ms\"\nevery = \"300ms\"\ncount = 2\noperator = \"autonomous\"\n\
+         [[step]]\nafter = \"b\"\nexpect = { that = \"t == 0.4\" }\n",
+    ));
+}
