@@ -1,6 +1,13 @@
 //! Every scenario that is shipped is read, passes with its scripted client, is the same on a second
 //! run, and is repeated from its trace.
 
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "a test, and it reads the files for the pure library"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
