@@ -52,13 +52,61 @@ pub(crate) enum Command {
     ///
     /// The output is a valid --config file. Save it, change what you like, delete the rest.
     Config(SettingsArgs),
-    /// Print the JSON Schema of world files or of rig files; many editors complete and check with
+    /// Play scenario files in simulated time and say pass or fail.
+    Run(RunArgs),
+    /// Read scenario files and say what is wrong with them, without playing them.
+    Check {
+        /// Files, or folders of them.
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+    },
+    /// Play a trace of `run --output` again; the devices must do the same to the last byte.
+    Replay {
+        /// The trace.
+        trace: PathBuf,
+    },
+    /// List the faults that a scenario can inject, with what the client sees of them.
+    Faults {
+        /// Only those that this device can have.
+        #[arg(long, value_enum)]
+        device: Option<Device>,
+    },
+    /// List the names that a scenario's conditions can use, with unit and meaning.
+    Names {
+        /// Of which device.
+        #[arg(long, value_enum, default_value_t = Device::R150)]
+        device: Device,
+    },
+    /// Print the JSON Schema of world, rig or scenario files; many editors complete and check with
     /// it.
     Schema {
         /// Of which files.
         #[arg(value_enum)]
         of: FileKind,
     },
+}
+
+/// What to play, and how.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// Files, or folders of them.
+    #[arg(required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Seed of everything random, instead of the file's or a random one.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Only files whose path contains TEXT.
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) filter: Option<String>,
+    /// Stop at the first that fails.
+    #[arg(long)]
+    pub(crate) fail_fast: bool,
+    /// List the files and play nothing.
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Write a trace of each into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
 }
 
 /// Where settings come from; later ones win.

@@ -7,6 +7,8 @@ use std::process::ExitCode;
 pub(crate) enum Exit {
     /// Stopped by the user, or finished.
     Clean,
+    /// A scenario failed.
+    Failed,
     /// A flag, a file or a setting is wrong.
     Usage,
     /// The simulator or the system failed.
@@ -17,7 +19,8 @@ impl Exit {
     /// For `--help`.
     pub(crate) const HELP: &'static str = "\
 Exit codes:
-  0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP
+  0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP; all scenarios passed
+  1  a scenario failed, or a trace played again differs
   2  usage or configuration: a flag, a file or a setting is wrong
   3  simulator or system: a port could not be made or served, or the simulator is at fault";
 }
@@ -26,6 +29,7 @@ impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
         Self::from(match exit {
             Exit::Clean => 0,
+            Exit::Failed => 1,
             Exit::Usage => 2,
             Exit::System => 3,
         })

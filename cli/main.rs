@@ -6,9 +6,11 @@ mod clock;
 mod config;
 mod exit;
 mod fairness;
+mod lists;
 mod log;
 mod plan;
 mod ready_file;
+mod run;
 mod schema;
 mod serve;
 mod start;
@@ -28,6 +30,11 @@ fn main() -> ExitCode {
         let cli = Cli::parse();
         match &cli.command {
             Some(Command::Config(settings)) => config::print(settings),
+            Some(Command::Run(args)) => run::run(args),
+            Some(Command::Check { files }) => run::check(files),
+            Some(Command::Replay { trace }) => run::replay(trace),
+            Some(Command::Faults { device }) => lists::faults(*device),
+            Some(Command::Names { device }) => lists::list_names(*device),
             Some(Command::Schema { of }) => schema::print(*of),
             None => start::serve(&cli.serve),
         }

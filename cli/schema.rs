@@ -5,7 +5,7 @@ use std::io::Write as _;
 use anyhow::anyhow;
 use clap::ValueEnum;
 use sim_physics::WorldMap;
-use sim_scenarios::RigPlan;
+use sim_scenarios::{RigPlan, Scenario};
 
 use crate::exit::{Exit, Failure};
 
@@ -15,12 +15,15 @@ pub(crate) enum FileKind {
     World,
     /// What `--rig` reads.
     Rig,
+    /// What `sim run` reads.
+    Scenario,
 }
 
 pub(crate) fn print(kind: FileKind) -> Result<Exit, Failure> {
     let text = match kind {
         FileKind::World => WorldMap::json_schema(),
         FileKind::Rig => RigPlan::json_schema(),
+        FileKind::Scenario => Scenario::json_schema(),
     };
     match anstream::stdout().write_all(text.as_bytes()) {
         // The reader may have seen enough, as `head` does.

@@ -216,6 +216,6 @@ fn announce(log: &Log, args: &ServeArgs, plan: &RigPlan, ports: &[ShownPort], se
 }
 
 /// A seed short enough to type again.
-fn random_seed() -> u64 {
+pub(crate) fn random_seed() -> u64 {
     RandomState::new().build_hasher().finish() % 1_000_000_000
 }

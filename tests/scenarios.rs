@@ -1,0 +1,154 @@
+//! Scenarios in simulated time, as users run them: verdicts, exit codes, errors, traces.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Half speed for a second and a half, then silence; the watchdog must stop the vehicle.
+const WATCHDOG: &str = r#"
+schema = 1
+title = "The watchdog stops a silent client's vehicle"
+good_client = "Sends a stop before it falls silent."
+limit = "4 s"
+seed = 5
+
+[[device]]
+kind = "r150"
+
+[[step]]
+name = "drive"
+at = "100 ms"
+every = "60 ms"
+for = "1.5 s"
+host = { send = { set_motors = { right = 500, left = 500 } } }
+
+[[step]]
+after = "drive"
+expect = { that = "truth.at_rest", within = "1.9 s" }
+
+[[always]]
+that = "truth.speed_mps < LIMIT"
+"#;
+
+fn sim(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sim"))
+        .args(args)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// A folder with a scenario that passes and one that fails.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("a-passes.toml"),
+        WATCHDOG.replace("LIMIT", "1.0"),
+    )
+    .unwrap();
+    fs::write(
+        folder.path().join("b-fails.toml"),
+        WATCHDOG.replace("LIMIT", "0.5"),
+    )
+    .unwrap();
+    folder
+}
+
+#[test]
+fn exit_codes_tell_passed_failed_and_wrong_apart() {
+    let folder = folder();
+    let folder = folder.path();
+    let passed = sim(folder, &["run", "a-passes.toml"]);
+    assert_eq!(passed.status.code(), Some(0), "{passed:?}");
+    assert!(text(&passed.stdout).contains("1 passed, 0 failed, 0 skipped"));
+
+    let failed = sim(folder, &["run", "."]);
+    assert_eq!(failed.status.code(), Some(1), "{failed:?}");
+    let told = text(&failed.stdout);
+    assert!(told.contains("1 passed, 1 failed, 0 skipped"), "{told}");
+    assert!(told.contains("truth.speed_mps < 0.5"), "{told}");
+    assert!(told.contains("again: sim run --seed 5 "), "{told}");
+
+    assert_eq!(sim(folder, &["run", "missing.toml"]).status.code(), Some(2));
+    assert_eq!(
+        sim(folder, &["run", ".", "--filter", "nothing"])
+            .status
+            .code(),
+        Some(2)
+    );
+    assert_eq!(sim(folder, &["run"]).status.code(), Some(2));
+}
+
+#[test]
+fn a_misspelt_name_is_an_error_with_its_place_before_anything_is_played() {
+    let folder = folder();
+    let wrong = WATCHDOG
+        .replace("truth.at_rest", "truth.at_wrest")
+        .replace("LIMIT", "1.0");
+    fs::write(folder.path().join("c.toml"), wrong).unwrap();
+    for command in ["run", "check"] {
+        let output = sim(folder.path(), &[command, "."]);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert_eq!(text(&output.stdout), "");
+        let told = text(&output.stderr);
+        assert!(told.contains("c.toml:20:19"), "{told}");
+        assert!(told.contains("did you mean `truth.at_rest`?"), "{told}");
+    }
+    let output = sim(folder.path(), &["check", "a-passes.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+}
+
+#[test]
+fn a_trace_replays_to_the_last_byte_and_a_changed_one_does_not() {
+    let folder = folder();
+    let folder = folder.path();
+    let run = || {
+        assert_eq!(
+            sim(folder, &["run", "a-passes.toml", "--output", "out"])
+                .status
+                .code(),
+            Some(0)
+        );
+        fs::read_to_string(folder.join("out/a-passes.trace.jsonl")).unwrap()
+    };
+    let trace = run();
+    assert_eq!(trace, run(), "a second run writes the same trace");
+    let replayed = sim(folder, &["replay", "out/a-passes.trace.jsonl"]);
+    assert_eq!(replayed.status.code(), Some(0), "{replayed:?}");
+
+    // One digit of what the device has answered.
+    let at = trace.find("\"kind\":\"out\"").unwrap();
+    let at = at
+        + trace[at..]
+            .find("aa55")
+            .or_else(|| trace[at..].find("AA55"))
+            .unwrap();
+    let mut changed = trace;
+    changed.replace_range(at + 3..at + 4, "4");
+    fs::write(folder.join("changed.jsonl"), changed).unwrap();
+    let replayed = sim(folder, &["replay", "changed.jsonl"]);
+    assert_eq!(replayed.status.code(), Some(1), "{replayed:?}");
+    assert!(text(&replayed.stdout).contains("FAILED"), "{replayed:?}");
+}
+
+#[test]
+fn faults_and_names_are_listed_for_each_device() {
+    let here = Path::new(".");
+    let faults = text(&sim(here, &["faults", "--device", "r150"]).stdout);
+    assert!(
+        faults.contains("bit-flips") && faults.contains("the client sees:"),
+        "{faults}"
+    );
+    let names = text(&sim(here, &["names", "--device", "mecanum"]).stdout);
+    assert!(names.contains("truth.speed_mps"), "{names}");
+}
