@@ -417,14 +417,14 @@ impl Rig {
                 continue;
             };
             for frame in faults.send(now, link, bytes) {
-                faults.note_sent(link, false, frame.len(), line.is_garbled());
+                faults.before_sending(now, link, frame.len(), line);
                 send(line, link, &frame);
             }
         }
         if let Some(faults) = &mut slot.faults {
             while let Some((link, frame)) = faults.take_due(now) {
                 let line = &mut slot.lines[link];
-                faults.note_sent(link, false, frame.len(), line.is_garbled());
+                faults.before_sending(now, link, frame.len(), line);
                 send(line, link, &frame);
             }
         }
@@ -442,7 +442,8 @@ impl Rig {
             .unwrap_or(SimTime::MAX);
         if let Some(faults) = &slot.faults {
             // Faults of the wire act on bytes to the client when they arrive, too.
-            let to_client = slot.lines.iter().filter_map(SerialLine::next_for_client);
+            let lines = slot.lines.iter().filter(|_| faults.act_on_wire());
+            let to_client = lines.filter_map(SerialLine::next_for_client);
             let next = to_client.chain(faults.next()).min();
             slot.next = next.map_or(slot.next, |next| next.min(slot.next));
         }

@@ -103,6 +103,10 @@ impl Faults {
         self.armed.len()
     }
 
+    pub(crate) fn arms(&self, handle: FaultHandle) -> bool {
+        self.armed.iter().any(|armed| armed.handle == handle)
+    }
+
     /// Whether nothing is armed nor held back any more.
     pub(crate) fn is_spent(&self) -> bool {
         self.armed.is_empty()
@@ -185,7 +189,7 @@ impl Faults {
             .filter_map(|armed| operator::held_by(&armed.fault))
     }
 
-    /// Ends a fault; gives its name, its id and how often it has acted.
+    /// Ends a fault; gives its name and its id.
     pub(crate) fn disarm(
         &mut self,
         now: SimTime,
@@ -447,13 +451,25 @@ impl Faults {
         self.late.retain(|_, (own, _)| *own != link);
     }
 
-    /// Something was put on a line.
-    pub(crate) fn note_sent(&mut self, link: usize, to_device: bool, bytes: usize, garbled: bool) {
-        let way = if to_device {
-            Way::ToDevice
-        } else {
-            Way::ToClient
-        };
+    /// The client puts bytes on a line.
+    pub(crate) fn client_sends(&mut self, link: usize, bytes: usize, garbled: bool) {
+        self.note_sent(link, Way::ToDevice, bytes, garbled);
+    }
+
+    /// A frame is about to be put on a line. What has arrived makes room for it, whether its client
+    /// has read it or not.
+    pub(crate) fn before_sending(
+        &mut self,
+        now: SimTime,
+        link: usize,
+        bytes: usize,
+        line: &mut SerialLine,
+    ) {
+        self.pump_to_client(now, link, line);
+        self.note_sent(link, Way::ToClient, bytes, line.is_garbled());
+    }
+
+    fn note_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
         for (wire, tally) in self.wires_mut(link) {
             if garbled || wire.pulls_cable(link) {
                 wire.note_sent(way, bytes, tally);
@@ -498,6 +514,11 @@ impl Faults {
                     .map(|frame| (own.link, frame)),
                 _ => None,
             })
+    }
+
+    /// Whether bytes must be looked at when they arrive.
+    pub(crate) fn act_on_wire(&self) -> bool {
+        self.wires().next().is_some()
     }
 
     pub(crate) fn cable_pulled(&self, link: usize) -> bool {

@@ -87,30 +87,35 @@ impl Rig {
     /// Ends a fault; hardware goes back to what it was. One that has ended already stays so.
     pub fn clear(&mut self, handle: FaultHandle) {
         let now = self.now;
-        for device in 0..self.slots.len() {
-            let slot = &mut self.slots[device];
-            let Some(faults) = &mut slot.faults else {
-                continue;
-            };
-            // What has arrived until now is still the fault's.
-            for (link, line) in slot.lines.iter_mut().enumerate() {
-                faults.pump(now, link, line);
-            }
-            self.report_faults(device);
-            self.rest_to_grid(device);
-            let slot = &mut self.slots[device];
-            let Some(faults) = &mut slot.faults else {
-                continue;
-            };
-            let mut target = slot.vehicle.target();
-            let Some((name, id)) = faults.disarm(now, handle, &mut target) else {
-                continue;
-            };
-            faults.apply(now, &mut target, &mut self.world);
-            slot.follow_baud();
-            self.fault_event(device, &name, id, FaultPhase::Cleared);
-            self.after_change(device);
+        let arms = |slot: &Slot| slot.faults.as_ref().is_some_and(|own| own.arms(handle));
+        let Some(device) = self.slots.iter().position(arms) else {
             return;
+        };
+        // What has arrived until now is still the fault's.
+        self.pump(device);
+        self.report_faults(device);
+        self.rest_to_grid(device);
+        let slot = &mut self.slots[device];
+        let Some(faults) = &mut slot.faults else {
+            return;
+        };
+        let mut target = slot.vehicle.target();
+        let ended = faults.disarm(now, handle, &mut target);
+        faults.apply(now, &mut target, &mut self.world);
+        slot.follow_baud();
+        if let Some((name, id)) = ended {
+            self.fault_event(device, &name, id, FaultPhase::Cleared);
+        }
+        self.after_change(device);
+    }
+
+    /// Takes what has arrived off the lines of a device with faults.
+    fn pump(&mut self, device: usize) {
+        let slot = &mut self.slots[device];
+        if let Some(faults) = &mut slot.faults {
+            for (link, line) in slot.lines.iter_mut().enumerate() {
+                faults.pump(self.now, link, line);
+            }
         }
     }
 

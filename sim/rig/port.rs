@@ -151,7 +151,7 @@ impl Rig {
     fn note_sent(&mut self, port: PortId, bytes: usize) {
         let garbled = self.line(port).is_some_and(SerialLine::is_garbled);
         if let Some(faults) = self.faults_mut(port.device) {
-            faults.note_sent(port.link, true, bytes, garbled);
+            faults.client_sends(port.link, bytes, garbled);
         }
     }
 

@@ -231,6 +231,61 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
     assert!(car.truth().pose.x < 0.75, "the R150 is in the way");
 }
 
+/// Packets, torn packets, lines and noise for both links, with pauses before them.
+fn inputs() -> impl Strategy<Value = Vec<(u64, PortId, Vec<u8>)>> {
+    let packet = (any::<u8>(), 0u8..7, 0u16..40, any::<i16>()).prop_map(|(is_reset, idx, s, v)| {
+        let request = Packet::Motion {
+            seq: 0,
+            is_reset,
+            moving_idx: idx,
+            s,
+            v,
+        };
+        (MAIN, request.encode())
+    });
+    let line = ("[XYZABQ]", any::<i32>())
+        .prop_map(|(letter, number)| (ROS, format!("{letter}{number} \n").into_bytes()));
+    let noise = prop::collection::vec(any::<u8>(), 0..20);
+    let noise =
+        (any::<bool>(), noise).prop_map(|(ros, bytes)| (if ros { ROS } else { MAIN }, bytes));
+    let sent = (0u64..300_000_000, prop_oneof![packet, line, noise]);
+    prop::collection::vec(
+        sent.prop_map(|(pause, (port, bytes))| (pause, port, bytes)),
+        0..12,
+    )
+}
+
+/// Everything that can be seen of a run.
+fn transcript(inputs: &[(u64, PortId, Vec<u8>)]) -> String {
+    let mut rig = car(true);
+    let mut seen = [Vec::new(), Vec::new()];
+    for (pause, port, bytes) in inputs {
+        let at = rig.now() + Duration::from_nanos(*pause);
+        rig.client_sends(*port, at, bytes).unwrap();
+        for port in [MAIN, ROS] {
+            rig.client_reads(port, &mut seen[port.link]);
+        }
+    }
+    let end = rig.now() + Duration::from_secs(1);
+    rig.advance(end).unwrap();
+    let events: Vec<String> = std::iter::from_fn(|| rig.poll_event())
+        .map(|event| format!("{} {}", event.at, event.kind))
+        .collect();
+    format!(
+        "{seen:?}\n{events:#?}\n{:?}",
+        rig.mecanum(0).unwrap().truth()
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn the_same_bytes_on_both_links_give_the_same_run(inputs in inputs()) {
+        prop_assert_eq!(transcript(&inputs), transcript(&inputs));
+    }
+}
+
 #[test]
 fn golden_car() {
     let mut rig = car(true);
