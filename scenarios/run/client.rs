@@ -92,12 +92,12 @@ impl Run {
         self.rig.client_lost(port, bytes);
     }
 
-    /// As [`Rig::simulator_late`].
+    /// As [`sim_core::rig::Rig::simulator_late`].
     pub fn simulator_late(&mut self, by: Duration) {
         self.rig.simulator_late(by);
     }
 
-    /// As [`Rig::simulator_too_slow`].
+    /// As [`sim_core::rig::Rig::simulator_too_slow`].
     pub fn simulator_too_slow(&mut self) {
         self.rig.simulator_too_slow();
     }
