@@ -1,6 +1,6 @@
 //! Firmware emulators, the serial line, and the rig that ties them to the world.
 //!
-//! Nothing here does input or output, reads a clock, or has a thread. Whoever drives a [`Rig`]
+//! Nothing here does input or output, reads a clock, or has a thread. Whoever drives a [`rig::Rig`]
 //! passes time and the client's bytes in, and takes the device's bytes and the events out; the
 //! same calls give the same results on every run.
 //!
@@ -12,7 +12,7 @@
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
 //! | [`mecanum`] | that firmware with the hardware around it |
 //! | [`fault`], [`defects`] | what goes wrong on purpose, at every level |
-//! | [`line`], [`uart`] | the serial line: pacing, baud mismatch |
+//! | [`mod@line`], [`uart`] | the serial line: pacing, baud mismatch |
 //! | [`rig`] | any number of devices in one world, advanced from event to event |
 //! | [`event`], [`report`] | what is told to whoever watches |
 //! | [`settings`] | every setting of a run, in one tree |
