@@ -15,13 +15,16 @@ mod check;
 mod defaults;
 mod firmware;
 mod frame;
+mod hardware;
 mod mecanum;
 mod operator;
 pub mod parameters;
 mod protocol;
 mod r150;
 mod stage;
+mod traffic;
 mod wire;
+mod wire_parameters;
 
 #[cfg(test)]
 mod tests;

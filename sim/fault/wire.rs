@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use sim_settings::SimTime;
 
+use super::Tally;
 use super::parameters::Direction;
 use super::stage::HELD_UP;
-use super::{Fault, Tally};
 use crate::noise::Noise;
 
 /// One way along a link.
@@ -33,34 +33,30 @@ impl Way {
 
 /// Most bytes that all faults together make of one.
 const MOST_OF_ONE: usize = 64;
-/// Longest mean time between two bytes of idle noise.
-const LONGEST_NOISE: Duration = Duration::from_hours(24 * 365);
-/// Shortest mean time between two bytes of idle noise.
-const SHORTEST_NOISE: Duration = Duration::from_millis(1);
-
 /// A wire fault at work.
 #[derive(Debug)]
 pub(super) struct WireFault {
     pub(super) link: usize,
-    direction: Direction,
-    most: Option<u64>,
-    effect: Effect,
-    ways: [OneWay; 2],
+    pub(super) direction: Direction,
+    pub(super) most: Option<u64>,
+    pub(super) effect: Effect,
+    pub(super) ways: [OneWay; 2],
 }
 
 /// What it keeps for one way.
 #[derive(Debug)]
-struct OneWay {
-    noise: Noise,
+pub(super) struct OneWay {
+    pub(super) noise: Noise,
     /// Bytes of a burst that are still to come, or of a piece that have passed.
-    counted: u16,
+    pub(super) counted: u16,
     /// When the last byte passed.
-    last: SimTime,
-    noise_due: Option<SimTime>,
+    pub(super) last: SimTime,
+    pub(super) noise_due: Option<SimTime>,
 }
 
+/// What a fault does to bytes.
 #[derive(Debug)]
-enum Effect {
+pub(super) enum Effect {
     Flip(f64),
     Drop(f64),
     Double(f64),
@@ -76,126 +72,6 @@ enum Effect {
 }
 
 impl WireFault {
-    /// `stream` gives the random numbers of each way.
-    pub(super) fn new(fault: &Fault, now: SimTime, stream: impl Fn(&str) -> Noise) -> Option<Self> {
-        let mut most = None;
-        let mut either = Direction::Both;
-        let effect = match fault {
-            Fault::BitFlips {
-                probability,
-                count,
-                direction,
-                ..
-            } => {
-                (most, either) = (*count, *direction);
-                Effect::Flip(probability.get())
-            }
-            Fault::DroppedBytes {
-                probability,
-                count,
-                direction,
-                ..
-            } => {
-                (most, either) = (*count, *direction);
-                Effect::Drop(probability.get())
-            }
-            Fault::DuplicatedBytes {
-                probability,
-                count,
-                direction,
-                ..
-            } => {
-                (most, either) = (*count, *direction);
-                Effect::Double(probability.get())
-            }
-            Fault::InsertedBytes {
-                probability,
-                count,
-                direction,
-                ..
-            } => {
-                (most, either) = (*count, *direction);
-                Effect::Insert(probability.get())
-            }
-            Fault::Burst {
-                length,
-                probability,
-                count,
-                direction,
-                ..
-            } => {
-                (most, either) = (*count, *direction);
-                Effect::Burst {
-                    chance: probability.get(),
-                    length: (*length).max(1),
-                }
-            }
-            Fault::Delay {
-                by,
-                jitter,
-                direction,
-                ..
-            } => {
-                either = *direction;
-                Effect::Delay {
-                    by: by.0,
-                    jitter: jitter.0,
-                }
-            }
-            Fault::Fragmentation {
-                size,
-                pause,
-                direction,
-                ..
-            } => {
-                either = *direction;
-                Effect::Fragment {
-                    size: (*size).max(1),
-                    pause: pause.0,
-                }
-            }
-            Fault::Stall { direction, .. } => {
-                either = *direction;
-                Effect::Stall
-            }
-            Fault::Mute { direction, .. } => {
-                either = *direction;
-                Effect::Mute
-            }
-            Fault::IdleNoise {
-                every,
-                count,
-                direction,
-                ..
-            } => {
-                (most, either) = (*count, *direction);
-                Effect::Noise {
-                    every: every.0.clamp(SHORTEST_NOISE, LONGEST_NOISE),
-                }
-            }
-            Fault::CablePulled { .. } => Effect::Cable,
-            Fault::WrongBaud { baud, .. } => Effect::Baud((*baud).max(1)),
-            _ => return None,
-        };
-        let link = fault.link().map_or(0, super::parameters::LinkName::index);
-        let mut fault = Self {
-            link,
-            direction: either,
-            most,
-            effect,
-            ways: ["to-device", "to-client"].map(|way| OneWay {
-                noise: stream(way),
-                counted: 0,
-                last: SimTime::ZERO,
-                noise_due: None,
-            }),
-        };
-        for way in Way::BOTH {
-            fault.schedule_noise(now, way);
-        }
-        Some(fault)
-    }
-
     fn acts(&self, way: Way) -> bool {
         match self.direction {
             Direction::Both => true,
@@ -367,7 +243,7 @@ impl WireFault {
         Some(byte)
     }
 
-    fn schedule_noise(&mut self, now: SimTime, way: Way) {
+    pub(super) fn schedule_noise(&mut self, now: SimTime, way: Way) {
         let acts = self.acts(way);
         if let (Effect::Noise { every }, true) = (&self.effect, acts) {
             let own = &mut self.ways[way.index()];
