@@ -52,6 +52,17 @@ use crate::rig_file::{RigFileError, RigPlan};
 /// Most steps, and most conditions over time, of a file.
 pub const MOST_STEPS: usize = 1000;
 
+/// Whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml`, is not
+/// hidden, and is not a file that Rust's tools know by its name. What is in it does not count, so
+/// that a scenario with a mistake in it is never passed over in silence.
+#[must_use]
+pub fn is_scenario_file(path: &Path) -> bool {
+    const OF_TOOLS: [&str; 3] = ["Cargo.toml", "clippy.toml", "rustfmt.toml"];
+    let name = path.file_name().and_then(std::ffi::OsStr::to_str);
+    let toml = path.extension().is_some_and(|ending| ending == "toml");
+    toml && name.is_none_or(|name| !name.starts_with('.') && !OF_TOOLS.contains(&name))
+}
+
 /// A scenario that makes sense.
 #[derive(Debug, Clone)]
 pub struct Scenario {
@@ -65,6 +76,8 @@ pub struct Scenario {
     pub description: Option<String>,
     /// What a good client does.
     pub good_client: String,
+    /// Words by which runs select it.
+    pub tags: Vec<String>,
     /// The devices, the world file, the seed.
     pub rig: RigPlan,
     /// How long it takes in simulated time.

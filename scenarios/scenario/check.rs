@@ -50,6 +50,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         problems,
     };
     checker.check_device_names();
+    checker.check_tags(&document.tags);
     checker.note_names(&document.step);
     let too_many = document.step.len() > MOST_STEPS
         || document.always.len() + document.never.len() > MOST_STEPS;
@@ -85,6 +86,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         title: document.title,
         description: document.description,
         good_client: document.good_client,
+        tags: document.tags.into_iter().map(Spanned::into_inner).collect(),
         limit: document.limit.get_ref().0,
         wall_limit: document.wall_limit.map(|limit| limit.0),
         base: base.clone(),
@@ -123,6 +125,16 @@ impl Checker<'_> {
                 };
             if let Some(why) = why {
                 self.problems.add(0..0, &why);
+            }
+        }
+    }
+
+    fn check_tags(&mut self, tags: &[Spanned<String>]) {
+        for tag in tags {
+            let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            if tag.get_ref().is_empty() || !tag.get_ref().chars().all(allowed) {
+                let why = "a tag is made of lower-case letters, digits and `-`";
+                self.problems.add(tag.span(), why);
             }
         }
     }

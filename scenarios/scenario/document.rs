@@ -28,6 +28,10 @@ pub(crate) struct Document {
     pub description: Option<String>,
     /// What a good client does.
     pub good_client: String,
+    /// Words by which runs select scenarios, as in `["drive"]`: lower-case letters, digits and `-`.
+    #[serde(default)]
+    #[schemars(with = "Vec<String>")]
+    pub tags: Vec<Spanned<String>>,
     /// The world file; an empty field without one.
     pub world: Option<PathBuf>,
     /// Seed of everything random; the caller's if not given.

@@ -16,7 +16,7 @@ const CAR: &str = "[[device]]\nkind = \"mecanum\"\n";
 #[test]
 fn a_full_scenario_is_read() {
     let text = format!(
-        "{HEAD}description = \"d\"\nworld = \"yard.toml\"\nseed = 3\nwall_limit = \"1 min\"\n\
+        "{HEAD}description = \"d\"\nworld = \"yard.toml\"\nseed = 3\ntags = [\"drive\", \"48v\"]\nwall_limit = \"1 min\"\n\
          client_report = {{ allowed = [\"over_rate\"] }}\n\
          [settings]\nr150.heartbeat_timeout = \"2s\"\n{R150}{CAR}ros = true\n\
          [[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"50ms\"\nfor = \"1s\"\ndevice = \"r150\"\n\
@@ -27,6 +27,7 @@ fn a_full_scenario_is_read() {
     );
     let scenario = parse(&text).unwrap();
     assert_eq!(scenario.rig.seed, Some(3));
+    assert_eq!(scenario.tags, ["drive", "48v"]);
     assert_eq!(scenario.world(), Some(Path::new("yard.toml")));
     assert_eq!(scenario.wall_limit, Some(Duration::from_secs(60)));
     let timeout = scenario.rig.devices[0]
@@ -234,6 +235,21 @@ fn errors_name_file_line_key_and_what_is_allowed() {
 }
 
 #[test]
+fn folders_hold_other_files_too() {
+    for (path, is_one) in [
+        ("scenarios/r150/cable-pulled.toml", true),
+        ("cargo.toml", true),
+        ("scenarios/Cargo.toml", false),
+        ("scenarios/clippy.toml", false),
+        (".hidden.toml", false),
+        ("scenario.schema.json", false),
+        ("notes", false),
+    ] {
+        assert_eq!(is_scenario_file(Path::new(path)), is_one, "{path}");
+    }
+}
+
+#[test]
 fn what_the_whole_file_lacks_is_told() {
     for (text, expected) in [
         (HEAD.to_owned(), "1 to 1000 [[device]]"),
@@ -272,6 +288,10 @@ fn what_the_whole_file_lacks_is_told() {
         (
             format!("{HEAD}client_report = {{ allowed = [\"over_rat\"] }}\n{CAR}"),
             "did you mean `over_rate`?",
+        ),
+        (
+            format!("{HEAD}tags = [\"Drive\"]\n{CAR}"),
+            "a tag is made of lower-case letters",
         ),
         (
             format!("{HEAD}client_report = {{ only = \"live\" }}\n{CAR}"),
