@@ -5,6 +5,8 @@ mod bodies;
 mod file;
 mod ground;
 mod map;
+mod obstacle;
+mod obstacles;
 mod scan;
 mod settings;
 mod strip;
@@ -17,12 +19,13 @@ use rapier2d::prelude as rapier;
 pub use area::{Band, Disc, Rectangle};
 pub use file::WorldFileError;
 pub use ground::Ground;
-pub use map::{Area, FrictionPatch, Slope, Strip, Wall, WorldMap};
+pub use map::{Area, FrictionPatch, Slope, Strip, WorldMap};
+pub use obstacle::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Obstacles};
 pub use scan::{Cone, Tag};
 pub use settings::WorldSettings;
 
 use crate::pose::Pose;
-use scan::Solid;
+use obstacles::Standing;
 use terrain::Change;
 
 /// A body of this world.
@@ -60,8 +63,8 @@ pub struct World {
     gravity: f64,
     ground: Ground,
     areas: Vec<(Area, Change)>,
-    /// What stands around, as sensors see it.
-    solids: Vec<Solid>,
+    /// What stands around.
+    standing: Vec<Standing>,
     tags: Vec<Tag>,
     /// Pieces of magnetic strips.
     strips: Vec<Band>,
@@ -99,7 +102,7 @@ impl World {
                 settings.uphill.to_radians(),
             ),
             areas: Vec::new(),
-            solids: Vec::new(),
+            standing: Vec::new(),
             tags: Vec::new(),
             strips: Vec::new(),
             wall_friction: settings.wall_friction,
@@ -107,50 +110,6 @@ impl World {
             steps: 0,
             changes: 0,
         }
-    }
-
-    /// Adds an immovable box, `length` along its heading and `width` across, m.
-    pub fn add_box(&mut self, pose: Pose, length: f64, width: f64) {
-        self.add_fixed(
-            rapier::ColliderBuilder::cuboid(narrow(length / 2.0), narrow(width / 2.0))
-                .position(rapier_pose(pose)),
-            Solid::Rectangle(Rectangle::new(
-                [pose.x, pose.y],
-                pose.heading,
-                length,
-                width,
-            )),
-        );
-    }
-
-    /// Adds an immovable disc of `radius` metres.
-    pub fn add_disc(&mut self, x: f64, y: f64, radius: f64) {
-        self.add_fixed(
-            rapier::ColliderBuilder::ball(narrow(radius)).translation(rapier_vector([x, y])),
-            Solid::Disc(Disc {
-                centre: [x, y],
-                radius,
-            }),
-        );
-    }
-
-    /// Adds a wall of `thickness` metres whose middle line runs between two points.
-    ///
-    /// A wall has a thickness because a fast body cannot slip through one; rapier's line segment
-    /// has none.
-    pub fn add_wall(&mut self, from: [f64; 2], to: [f64; 2], thickness: f64) {
-        let radius = thickness / 2.0;
-        self.add_fixed(
-            rapier::ColliderBuilder::capsule_from_endpoints(
-                rapier_vector(from),
-                rapier_vector(to),
-                narrow(radius),
-            ),
-            Solid::Band(Band {
-                ends: [from, to],
-                radius,
-            }),
-        );
     }
 
     /// Advances by one step of [`World::step_length`].
@@ -188,13 +147,6 @@ impl World {
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.changes
-    }
-
-    fn add_fixed(&mut self, collider: rapier::ColliderBuilder, solid: Solid) {
-        self.solids.push(solid);
-        self.changes += 1;
-        let collider = collider.friction(narrow(self.wall_friction)).build();
-        self.rapier.insert_collider(collider, None);
     }
 
     /// rapier disables a body that is not finite and goes on with the others; for us that would be

@@ -9,6 +9,8 @@ mod quantity;
 
 pub use error::WorldFileError;
 
+use sim_settings::Source;
+
 use super::map::WorldMap;
 use document::Document;
 
@@ -18,9 +20,12 @@ impl WorldMap {
     /// # Errors
     /// The first thing that is wrong, with its line, its key and what is allowed there.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, WorldFileError> {
-        toml::from_str::<Document>(text)
-            .map(Document::into_map)
-            .map_err(|error| WorldFileError::new(&error, text, file))
+        let source = Source { file, text };
+        let document: Document =
+            toml::from_str(text).map_err(|error| WorldFileError::new(&error, &source))?;
+        document
+            .into_map()
+            .map_err(|(at, why)| WorldFileError::at(at, &why, &source))
     }
 
     /// The JSON Schema of world files.

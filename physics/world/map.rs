@@ -1,21 +1,17 @@
 //! What lies and stands on the plane.
 
 use super::area::{Disc, Rectangle};
+use super::obstacle::{ObstacleError, Obstacles};
 use super::scan::Tag;
 use super::{World, WorldSettings};
-use crate::pose::Pose;
 
 /// The contents of a world. Lengths are in metres, angles in radians counter-clockwise from x.
 ///
 /// The ground outside of the areas is that of [`WorldSettings`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorldMap {
-    /// Walls.
-    pub walls: Vec<Wall>,
-    /// Boxes that nothing moves.
-    pub boxes: Vec<Rectangle>,
-    /// Posts that nothing moves.
-    pub circles: Vec<Disc>,
+    /// Walls, boxes and posts.
+    pub obstacles: Obstacles,
     /// Where the ground slopes; of several at one place the last counts.
     pub slopes: Vec<Slope>,
     /// Where the ground has another friction; of several at one place the last counts.
@@ -24,17 +20,6 @@ pub struct WorldMap {
     pub tags: Vec<Tag>,
     /// Magnetic strips on the ground.
     pub strips: Vec<Strip>,
-}
-
-/// A wall.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wall {
-    /// Where its middle line begins.
-    pub from: [f64; 2],
-    /// Where its middle line ends.
-    pub to: [f64; 2],
-    /// m
-    pub thickness: f64,
 }
 
 /// A part of the plane.
@@ -93,23 +78,25 @@ impl World {
     #[must_use]
     pub fn with_map(settings: &WorldSettings, map: &WorldMap) -> Self {
         let mut world = Self::new(settings);
-        world.add_map(map);
+        world.put(map);
         world
     }
 
     /// Puts contents into the world, beside those that it has.
-    pub fn add_map(&mut self, map: &WorldMap) {
-        for wall in &map.walls {
-            self.add_wall(wall.from, wall.to, wall.thickness);
+    ///
+    /// # Errors
+    /// When the name of an obstacle is taken; nothing has changed then.
+    pub fn add_map(&mut self, map: &WorldMap) -> Result<(), ObstacleError> {
+        for obstacle in map.obstacles.iter() {
+            self.check_name(obstacle)?;
         }
-        for block in &map.boxes {
-            let [x, y] = block.centre;
-            let heading = libm::atan2(block.direction[1], block.direction[0]);
-            let [length, width] = block.half.map(|half| half * 2.0);
-            self.add_box(Pose { x, y, heading }, length, width);
-        }
-        for Disc { centre, radius } in &map.circles {
-            self.add_disc(centre[0], centre[1], *radius);
+        self.put(map);
+        Ok(())
+    }
+
+    fn put(&mut self, map: &WorldMap) {
+        for obstacle in map.obstacles.iter() {
+            self.stand(obstacle.clone());
         }
         for slope in &map.slopes {
             self.add_slope(slope);

@@ -41,7 +41,7 @@ impl World {
     #[must_use]
     pub fn nearest_echo(&self, cone: &Cone, own: Option<BodyId>) -> Option<f64> {
         let mut nearest = Nearest::new(cone);
-        for solid in &self.solids {
+        for solid in self.solids() {
             nearest.look_at(solid);
         }
         for (index, body) in self.bodies.iter().enumerate() {

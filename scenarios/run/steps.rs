@@ -177,7 +177,7 @@ impl Run {
                 None
             }
             Action::Operator(action) => self.operate(step.device, action),
-            Action::World(action) => self.change_world(step.device, action),
+            Action::World(action) => self.change_world(index, step.device, action, now),
             Action::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
                 self.expected.push(Expected { step: index, due });
@@ -293,10 +293,18 @@ impl Run {
         });
     }
 
-    fn change_world(&mut self, device: usize, action: &WorldAction) -> Option<Undo> {
+    fn change_world(
+        &mut self,
+        index: usize,
+        device: usize,
+        action: &WorldAction,
+        now: SimTime,
+    ) -> Option<Undo> {
         match action {
             WorldAction::Add(map) => {
-                self.rig.with_world(|world| world.add_map(map));
+                if let Err(why) = self.rig.with_world(|world| world.add_map(map)) {
+                    self.fail_step(index, now, why.to_string());
+                }
                 None
             }
             WorldAction::Friction(friction) => {

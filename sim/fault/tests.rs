@@ -12,7 +12,7 @@ mod wire;
 use std::time::Duration;
 
 use sim_physics::r150::{Load, Rail};
-use sim_physics::world::{Strip, Tag, Wall};
+use sim_physics::world::{Obstacle, Strip, Tag};
 use sim_physics::{Pose, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
@@ -64,11 +64,9 @@ fn r150_with(seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {
 /// A car on a strip, over a tag, with a wall in front; its link times out after 400 ms.
 fn car(ros: bool) -> Rig {
     let mut map = WorldMap::default();
-    map.walls.push(Wall {
-        from: [1.5, -3.0],
-        to: [1.5, 3.0],
-        thickness: 0.1,
-    });
+    map.obstacles
+        .add(Obstacle::wall([1.5, -3.0], [1.5, 3.0], 0.1))
+        .unwrap();
     map.strips.push(Strip {
         points: vec![[-2.0, 0.0], [2.0, 0.0]],
         ..Strip::default()

@@ -3,10 +3,12 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use toml::Spanned;
+
 use super::quantity::{
-    Direction, Friction, Line, Point, Radius, Size, Steepness, TagNumber, Version,
+    Direction, Friction, Line, Name, Point, Radius, Size, Steepness, TagNumber, Version,
 };
-use crate::world::{self, Disc, WorldMap};
+use crate::world::{self, Disc, Obstacle, ObstacleShape, Obstacles, WorldMap};
 
 /// The contents of a world for `sim --world`: what stands and lies on the plane. x points east, y
 /// north. Coordinates are metres, other quantities text with a unit, as in "50 mm".
@@ -25,10 +27,10 @@ pub(super) struct Document {
     wall: Vec<Wall>,
     /// Boxes that nothing moves.
     #[serde(default, rename = "box")]
-    boxes: Vec<Rectangle>,
+    boxes: Vec<Block>,
     /// Posts that nothing moves.
     #[serde(default)]
-    circle: Vec<Circle>,
+    circle: Vec<Post>,
     /// Where the ground slopes. Of several at one place the last counts.
     #[serde(default)]
     slope: Vec<Slope>,
@@ -47,6 +49,9 @@ pub(super) struct Document {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Wall {
+    /// By which it can be moved and removed in a run.
+    #[schemars(with = "Option<Name>")]
+    name: Option<Spanned<Name>>,
     /// Its middle line: points in metres.
     points_m: Line,
     /// Whether it comes back to its first point.
@@ -54,6 +59,37 @@ struct Wall {
     closed: bool,
     /// From side to side.
     thickness: Size,
+}
+
+/// A box.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Box")]
+struct Block {
+    /// By which it can be moved and removed in a run.
+    #[schemars(with = "Option<Name>")]
+    name: Option<Spanned<Name>>,
+    /// Its middle, in metres.
+    at_m: Point,
+    /// Direction of its length; along x unless given.
+    heading: Option<Direction>,
+    /// From end to end along its heading.
+    length: Size,
+    /// From side to side.
+    width: Size,
+}
+
+/// A post.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Post {
+    /// By which it can be moved and removed in a run.
+    #[schemars(with = "Option<Name>")]
+    name: Option<Spanned<Name>>,
+    /// Its middle, in metres.
+    at_m: Point,
+    /// From the middle to the rim.
+    radius: Size,
 }
 
 /// A rectangle.
@@ -136,40 +172,59 @@ struct Strip {
 }
 
 impl Document {
-    pub(super) fn into_map(self) -> WorldMap {
-        WorldMap {
-            walls: self.wall.into_iter().flat_map(Wall::pieces).collect(),
-            boxes: self.boxes.iter().map(Rectangle::shape).collect(),
-            circles: self.circle.iter().map(Circle::shape).collect(),
+    /// The contents, or the byte that is to blame and why.
+    pub(super) fn into_map(self) -> Result<WorldMap, (usize, String)> {
+        let walls = self.wall.into_iter().map(Wall::obstacle);
+        let boxes = self.boxes.into_iter().map(Block::obstacle);
+        let circles = self.circle.into_iter().map(Post::obstacle);
+        let mut obstacles = Obstacles::default();
+        for (name, obstacle) in walls.chain(boxes).chain(circles) {
+            let at = name.as_ref().map_or(0, |name| name.span().start);
+            let obstacle = match name {
+                Some(name) => obstacle.named(name.into_inner().0),
+                None => obstacle,
+            };
+            obstacles
+                .add(obstacle)
+                .map_err(|error| (at, error.to_string()))?;
+        }
+        Ok(WorldMap {
+            obstacles,
             slopes: self.slope.iter().map(Slope::ground).collect(),
             frictions: self.friction.iter().map(FrictionPatch::ground).collect(),
             tags: self.tag.iter().map(Tag::tag).collect(),
             strips: self.strip.into_iter().map(Strip::strip).collect(),
-        }
+        })
     }
 }
 
 impl Wall {
-    fn pieces(self) -> Vec<world::Wall> {
-        let points = points(self.points_m);
-        let back = self.closed.then(|| points.first().copied()).flatten();
-        let ends = points.iter().skip(1).copied().chain(back);
-        points
-            .iter()
-            .zip(ends)
-            .map(|(from, to)| world::Wall {
-                from: *from,
-                to,
-                thickness: self.thickness.0,
-            })
-            .collect()
+    fn obstacle(self) -> (Option<Spanned<Name>>, Obstacle) {
+        let shape = ObstacleShape::Wall {
+            points: points(self.points_m),
+            closed: self.closed,
+            thickness: self.thickness.0,
+        };
+        (self.name, Obstacle::new(shape))
+    }
+}
+
+impl Block {
+    fn obstacle(self) -> (Option<Spanned<Name>>, Obstacle) {
+        let shape = rectangle(self.at_m, self.heading, self.length, self.width);
+        (self.name, Obstacle::new(ObstacleShape::Box(shape)))
+    }
+}
+
+impl Post {
+    fn obstacle(self) -> (Option<Spanned<Name>>, Obstacle) {
+        (self.name, Obstacle::circle(self.at_m.0, self.radius.0))
     }
 }
 
 impl Rectangle {
     fn shape(&self) -> world::Rectangle {
-        let heading = self.heading.map_or(0.0, |heading| heading.0.to_radians());
-        world::Rectangle::new(self.at_m.0, heading, self.length.0, self.width.0)
+        rectangle(self.at_m, self.heading, self.length, self.width)
     }
 }
 
@@ -227,6 +282,11 @@ impl Strip {
             corner_radius: self.corner_radius.map_or(0.0, |radius| radius.0),
         }
     }
+}
+
+fn rectangle(at: Point, heading: Option<Direction>, length: Size, width: Size) -> world::Rectangle {
+    let heading = heading.map_or(0.0, |heading| heading.0.to_radians());
+    world::Rectangle::new(at.0, heading, length.0, width.0)
 }
 
 fn points(line: Line) -> Vec<[f64; 2]> {

@@ -15,13 +15,17 @@ pub struct WorldFileError {
 }
 
 impl WorldFileError {
-    pub(super) fn new(error: &toml::de::Error, text: &str, file: &str) -> Self {
+    pub(super) fn new(error: &toml::de::Error, source: &Source<'_>) -> Self {
         let at = error.span().map_or(0, |span| span.start);
-        let source = Source { file, text };
+        Self::at(at, error.message(), source)
+    }
+
+    /// `at` is the byte that is to blame.
+    pub(super) fn at(at: usize, why: &str, source: &Source<'_>) -> Self {
         Self {
             origin: source.place(at),
             key: source.key_at(at),
-            why: error.message().replace('\n', " "),
+            why: why.replace('\n', " "),
         }
     }
 }

@@ -1,108 +1,19 @@
 //! The quantities of a world file, each with its unit and its range.
 
-use std::borrow::Cow;
-use std::fmt;
+use schemars::JsonSchema;
+use sim_settings::quantities;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Deserialize, Deserializer, Error, Visitor};
-use sim_settings::parse_quantity;
+use crate::world::EDGE_M as EDGE;
 
-/// The plane ends here, m: far enough out, and near enough for the rounding of rapier's `f32`.
-const EDGE: f64 = 1000.0;
-
-/// Declares a quantity that is written as text with its unit.
-macro_rules! quantity {
-    ($(#[doc = $doc:literal])+ $name:ident, $unit:literal, $range:expr, $example:literal) => {
-        $(#[doc = $doc])+
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub(super) struct $name(pub(super) f64);
-
-        impl $name {
-            fn allowed() -> String {
-                let range = $range;
-                format!(
-                    "a quantity with its unit, as in {:?}, from {} to {} {}",
-                    $example,
-                    range.start(),
-                    range.end(),
-                    $unit
-                )
-            }
-        }
-
-        impl<'de> Deserialize<'de> for $name {
-            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                let text = Text { allowed: Self::allowed() };
-                let text = deserializer.deserialize_str(text)?;
-                let value = read(&text, $unit)
-                    .and_then(|value| {
-                        if ($range).contains(&value) {
-                            Ok(value)
-                        } else {
-                            Err(format!("`{text}` is out of range"))
-                        }
-                    })
-                    .map_err(|why| D::Error::custom(format!("{why}; allowed: {}", Self::allowed())))?;
-                Ok(Self(value))
-            }
-        }
-
-        impl JsonSchema for $name {
-            fn schema_name() -> Cow<'static, str> {
-                stringify!($name).into()
-            }
-
-            fn json_schema(_: &mut SchemaGenerator) -> Schema {
-                json_schema!({
-                    "type": "string",
-                    "description": Self::allowed(),
-                    "pattern": r"^[-+]?[0-9.]+([eE][-+]?[0-9]+)? *[^0-9. ]+$",
-                    "examples": [$example],
-                })
-            }
-        }
-    };
-}
-
-quantity! {
+quantities! {
     /// A size, which is never nothing.
-    Size, "m", 0.001..=EDGE, "0.5 m"
-}
-quantity! {
+    pub(super) Size in "m", 0.001..=EDGE, example "0.5 m";
     /// A radius that may be nothing.
-    Radius, "m", 0.0..=EDGE, "300 mm"
-}
-quantity! {
+    pub(super) Radius in "m", 0.0..=EDGE, example "300 mm";
     /// A direction, counter-clockwise from the x axis.
-    Direction, "deg", -360.0..=360.0, "90 deg"
-}
-quantity! {
+    pub(super) Direction in "deg", -360.0..=360.0, example "90 deg";
     /// How steep the ground is.
-    Steepness, "deg", -45.0..=45.0, "12 deg"
-}
-
-/// A quantity without its unit could mean anything.
-fn read(text: &str, unit: &str) -> Result<f64, String> {
-    if text.trim().parse::<f64>().is_ok() {
-        return Err(format!("`{text}` lacks a unit"));
-    }
-    parse_quantity(text, unit)
-}
-
-struct Text {
-    allowed: String,
-}
-
-impl Visitor<'_> for Text {
-    type Value = String;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.allowed)
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<String, E> {
-        Ok(text.to_owned())
-    }
+    pub(super) Steepness in "deg", -45.0..=45.0, example "12 deg";
 }
 
 /// A number of a world file that must lie in a range.
@@ -145,6 +56,27 @@ impl TryFrom<Vec<Point>> for Line {
             Ok(Self(points))
         } else {
             Err("a line has at least two points, as in [[0, 0], [1.5, 0]]".to_owned())
+        }
+    }
+}
+
+/// The name of an obstacle: letters, digits, `-` and `_`, at most 64.
+#[derive(Debug, Clone, PartialEq, serde::Deserialize, JsonSchema)]
+#[serde(try_from = "String")]
+#[schemars(extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
+pub(super) struct Name(pub(super) String);
+
+impl TryFrom<String> for Name {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        let allowed = |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter);
+        if (1..=64).contains(&name.len()) && name.chars().all(allowed) {
+            Ok(Self(name))
+        } else {
+            Err(format!(
+                "\"{name}\" is no name; allowed: 1 to 64 letters, digits, - and _"
+            ))
         }
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::world::{Area, World, WorldSettings};
+use crate::world::{Area, Obstacle, ObstacleShape, World, WorldSettings};
 
 fn read(text: &str) -> Result<WorldMap, WorldFileError> {
     WorldMap::from_toml(text, "test.toml")
@@ -27,9 +27,9 @@ fn the_shipped_worlds_load() {
     });
     let [empty, yard, line_loop, slope] = maps;
     assert_eq!(empty, WorldMap::default());
-    assert_eq!(yard.walls.len(), 4 + 2);
-    assert_eq!(yard.walls[3].to, [-4.0, -4.0]);
-    assert_eq!((yard.boxes.len(), yard.circles.len()), (2, 3));
+    assert_eq!(yard.obstacles.len(), 2 + 2 + 3);
+    let fence = yard.obstacles.iter().next().unwrap();
+    assert_eq!(fence.solids().len(), 4);
     assert_eq!(line_loop.tags.len(), 4);
     assert!(line_loop.strips[0].closed);
     let [ramp] = &slope.slopes[..] else { panic!() };
@@ -44,10 +44,26 @@ fn quantities_take_any_unit_of_their_kind() {
          [[box]]\nat_m = [0, 0]\nheading = \"0.5 rad\"\nlength = \"1.5m\"\nwidth = \"2e2 mm\"",
     )
     .unwrap();
-    assert!((map.circles[0].radius - 0.35).abs() < 1e-12);
-    assert_eq!(map.circles[0].centre, [1.0, -2.5]);
-    assert!((map.boxes[0].direction[0] - 0.5_f64.cos()).abs() < 1e-12);
-    assert!((map.boxes[0].half[1] - 0.1).abs() < 1e-12);
+    let shapes: Vec<&ObstacleShape> = map.obstacles.iter().map(Obstacle::shape).collect();
+    let [ObstacleShape::Box(block), ObstacleShape::Circle(post)] = shapes[..] else {
+        panic!("{shapes:?}")
+    };
+    assert!((post.radius - 0.35).abs() < 1e-12);
+    assert_eq!(post.centre, [1.0, -2.5]);
+    assert!((block.direction[0] - 0.5_f64.cos()).abs() < 1e-12);
+    assert!((block.half[1] - 0.1).abs() < 1e-12);
+}
+
+#[test]
+fn obstacles_may_have_names() {
+    let map = read(
+        "schema = 1\n[[wall]]\npoints_m = [[0, 0], [1, 0]]\nthickness = \"1 m\"\n\
+         [[box]]\nname = \"gate_1\"\nat_m = [0, 0]\nlength = \"1.5m\"\nwidth = \"2e2 mm\"\n\
+         [[circle]]\nname = \"post-2\"\nat_m = [1, -2.5]\nradius = \"35 cm\"",
+    )
+    .unwrap();
+    let names: Vec<Option<&str>> = map.obstacles.iter().map(Obstacle::name).collect();
+    assert_eq!(names, [None, Some("gate_1"), Some("post-2")]);
 }
 
 #[test]
@@ -117,6 +133,15 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
         (
             "[[tag]]\nat_m = [0, 0]\nnumber = 0",
             &["test.toml:4:10", "`tag.number`", "1 to 4294967295"],
+        ),
+        (
+            "[[circle]]\nname = \"a b\"\nat_m = [0, 1]\nradius = \"1 m\"",
+            &["test.toml:3:8", "`circle.name`", "letters, digits"],
+        ),
+        (
+            "[[circle]]\nname = \"gate\"\nat_m = [0, 1]\nradius = \"1 m\"\n\
+             [[wall]]\npoints_m = [[0, 0], [1, 0]]\nthickness = \"3 mm\"\nname = \"gate\"",
+            &["test.toml:3:8", "`circle.name`", "`gate` already"],
         ),
         ("[[tag]\n", &["test.toml:2:"]),
     ] {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use sim_physics::mecanum::{Wheel, WheelFaults};
 use sim_physics::r150::Load;
+use sim_physics::world::Obstacle;
 
 use super::*;
 use crate::mecanum_device::codec::{Decoded, Decoder};
@@ -173,11 +174,9 @@ fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
 #[test]
 fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     let mut map = WorldMap::default();
-    map.walls.push(sim_physics::world::Wall {
-        from: [0.6, -2.0],
-        to: [0.6, 2.0],
-        thickness: 0.1,
-    });
+    map.obstacles
+        .add(Obstacle::wall([0.6, -2.0], [0.6, 2.0], 0.1))
+        .unwrap();
     let mut rig = car_in(map, false, |_| {});
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
     assert!(
@@ -194,6 +193,32 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     assert!(odometry > truth.pose.x + 0.1, "{odometry} {truth:?}");
     assert_eq!(seen.last().unwrap().infra, 1);
     assert!(rig.world().collisions(rig.mecanum(0).unwrap().body()) > 0);
+}
+
+#[test]
+fn an_obstacle_that_comes_or_goes_is_in_the_next_packets_and_in_the_way() {
+    let mut rig = car(false);
+    run(&mut rig, MAIN, Duration::from_secs(5));
+    let gate = Obstacle::wall([0.6, -2.0], [0.6, 2.0], 0.1).named("gate");
+    rig.with_world(|world| world.add_obstacle(gate)).unwrap();
+    let nearest = |rig: &mut Rig| {
+        let seen = statuses(&run(rig, MAIN, Duration::from_secs(1)));
+        seen.last().unwrap().ut_f.into_iter().min().unwrap()
+    };
+    let seen = nearest(&mut rig);
+    assert!((379..=381).contains(&seen), "{seen}");
+    let now = rig.now();
+    rig.client_sends(MAIN, now, &motion(0, 60, 300)).unwrap();
+    run(&mut rig, MAIN, Duration::from_secs(5));
+    let leaning = rig.mecanum(0).unwrap().truth().pose.x;
+    assert!(leaning < 0.4, "{leaning}");
+    rig.with_world(|world| world.remove_obstacle("gate"))
+        .unwrap();
+    assert_eq!(nearest(&mut rig), 4500);
+    let now = rig.now();
+    rig.client_sends(MAIN, now, &motion(0, 20, 300)).unwrap();
+    run(&mut rig, MAIN, Duration::from_secs(6));
+    assert!(rig.mecanum(0).unwrap().truth().pose.x > leaning + 0.5);
 }
 
 #[test]

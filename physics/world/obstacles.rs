@@ -1,0 +1,165 @@
+//! The obstacles of the world: putting them there, moving them, taking them away.
+
+use rapier2d::prelude as rapier;
+
+use super::area::{Band, Disc, Rectangle};
+use super::obstacle::{Obstacle, ObstacleError, free};
+use super::scan::Solid;
+use super::{World, narrow, rapier_pose, rapier_vector};
+use crate::pose::Pose;
+
+/// An obstacle in the world.
+pub(super) struct Standing {
+    obstacle: Obstacle,
+    /// As sensors see it.
+    solids: Vec<Solid>,
+    colliders: Vec<rapier::ColliderHandle>,
+}
+
+impl World {
+    /// Adds an obstacle. Vehicles that rest must be woken by their owner, here and when one is moved
+    /// or removed; a vehicle where an obstacle comes to stand is pushed out of it.
+    ///
+    /// # Errors
+    /// When its name is taken.
+    pub fn add_obstacle(&mut self, obstacle: Obstacle) -> Result<(), ObstacleError> {
+        self.check_name(&obstacle)?;
+        self.stand(obstacle);
+        Ok(())
+    }
+
+    /// Moves the obstacle with this name at once, without passing the places between; gives the
+    /// [pose](Obstacle::pose) that it had. Without a heading it keeps its own.
+    ///
+    /// # Errors
+    /// When none has this name.
+    pub fn move_obstacle(
+        &mut self,
+        name: &str,
+        place: [f64; 2],
+        heading: Option<f64>,
+    ) -> Result<Pose, ObstacleError> {
+        let index = self.find(name)?;
+        let mut obstacle = self.standing[index].obstacle.clone();
+        let old = obstacle.pose();
+        let [x, y] = place;
+        let heading = heading.unwrap_or(old.heading);
+        obstacle.move_to(Pose { x, y, heading });
+        self.clear(index);
+        self.standing[index] = self.build(obstacle);
+        Ok(old)
+    }
+
+    /// Takes the obstacle with this name away, and gives it.
+    ///
+    /// # Errors
+    /// When none has this name.
+    pub fn remove_obstacle(&mut self, name: &str) -> Result<Obstacle, ObstacleError> {
+        let index = self.find(name)?;
+        self.clear(index);
+        Ok(self.standing.remove(index).obstacle)
+    }
+
+    /// All obstacles, in the order in which they were added.
+    pub fn obstacles(&self) -> impl Iterator<Item = &Obstacle> {
+        self.standing.iter().map(|standing| &standing.obstacle)
+    }
+
+    /// Adds a box without a name, `length` along its heading and `width` across, m.
+    pub fn add_box(&mut self, pose: Pose, length: f64, width: f64) {
+        self.stand(Obstacle::block(pose, length, width));
+    }
+
+    /// Adds a post of `radius` metres without a name.
+    pub fn add_disc(&mut self, x: f64, y: f64, radius: f64) {
+        self.stand(Obstacle::circle([x, y], radius));
+    }
+
+    /// Adds a wall of `thickness` metres without a name, whose middle line runs between two points.
+    pub fn add_wall(&mut self, from: [f64; 2], to: [f64; 2], thickness: f64) {
+        self.stand(Obstacle::wall(from, to, thickness));
+    }
+
+    pub(super) fn check_name(&self, obstacle: &Obstacle) -> Result<(), ObstacleError> {
+        free(obstacle.name(), self.obstacles())
+    }
+
+    /// Adds an obstacle whose name is free.
+    pub(super) fn stand(&mut self, obstacle: Obstacle) {
+        let standing = self.build(obstacle);
+        self.standing.push(standing);
+    }
+
+    /// What stands around, as sensors see it.
+    pub(super) fn solids(&self) -> impl Iterator<Item = &Solid> {
+        self.standing.iter().flat_map(|standing| &standing.solids)
+    }
+
+    fn find(&self, name: &str) -> Result<usize, ObstacleError> {
+        let named = |obstacle: &Obstacle| obstacle.name() == Some(name);
+        self.obstacles()
+            .position(named)
+            .ok_or_else(|| ObstacleError::Unknown {
+                name: name.to_owned(),
+                names: self
+                    .obstacles()
+                    .filter_map(Obstacle::name)
+                    .map(str::to_owned)
+                    .collect(),
+            })
+    }
+
+    fn build(&mut self, obstacle: Obstacle) -> Standing {
+        self.changes += 1;
+        let solids = obstacle.solids();
+        let colliders = solids
+            .iter()
+            .map(|solid| {
+                let collider = collider(solid).friction(narrow(self.wall_friction)).build();
+                self.rapier.insert_collider(collider, None)
+            })
+            .collect();
+        Standing {
+            obstacle,
+            solids,
+            colliders,
+        }
+    }
+
+    /// Takes the colliders of an obstacle out of the world.
+    fn clear(&mut self, index: usize) {
+        self.changes += 1;
+        for collider in self.standing[index].colliders.drain(..) {
+            self.rapier.remove_collider(collider);
+        }
+    }
+}
+
+/// A wall is a capsule because a fast body cannot slip through one; rapier's line segment has no
+/// thickness.
+fn collider(solid: &Solid) -> rapier::ColliderBuilder {
+    match solid {
+        Solid::Rectangle(Rectangle {
+            centre: [x, y],
+            direction: [cos, sin],
+            half: [length, width],
+        }) => rapier::ColliderBuilder::cuboid(narrow(*length), narrow(*width)).position(
+            rapier_pose(Pose {
+                x: *x,
+                y: *y,
+                heading: libm::atan2(*sin, *cos),
+            }),
+        ),
+        Solid::Disc(Disc { centre, radius }) => {
+            rapier::ColliderBuilder::ball(narrow(*radius)).translation(rapier_vector(*centre))
+        }
+        Solid::Band(Band {
+            ends: [from, to],
+            radius,
+        }) => rapier::ColliderBuilder::capsule_from_endpoints(
+            rapier_vector(*from),
+            rapier_vector(*to),
+            narrow(*radius),
+        ),
+    }
+}
