@@ -1,11 +1,13 @@
 //! Flags and subcommands.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, value_parser};
 use sim_core::line::Wire;
 use sim_core::r150_device::vehicle::Start;
 use sim_scenarios::Kind;
+use sim_settings::Span;
 
 use crate::exit::Exit;
 use crate::schema::FileKind;
@@ -28,7 +30,24 @@ Examples:
   sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
       A mecanum car with both of its links, in a yard with walls.
   sim --rig my-rig.toml
-      Several devices of either kind in one world.";
+      Several devices of either kind in one world.
+  sim --pty /tmp/r150 --scenario scenarios/r150/cable-pulled.toml
+      The faults of a scenario against whatever client opens /tmp/r150, and a verdict.
+  sim run scenarios/r150 -- python3 my_client.py
+      Your client through every scenario, one after the other: for CI. `sim run --help`.";
+
+const RUN_EXAMPLES: &str = "\
+Examples:
+  sim run scenarios
+      Every scenario with its scripted client, as fast as the machine goes.
+  sim run scenarios/r150 -- python3 my_client.py
+      Your client instead, in real time. It opens the port named by $SIM_R150_PORT.
+  sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
+      A client that takes the port as an argument.
+  sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
+      For CI: JUnit XML, traces and reports for `sim replay`, four at a time.
+  sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
+      Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
 
 /// A virtual vehicle behind a serial port: test your client without the hardware.
 ///
@@ -52,7 +71,8 @@ pub(crate) enum Command {
     ///
     /// The output is a valid --config file. Save it, change what you like, delete the rest.
     Config(SettingsArgs),
-    /// Play scenario files in simulated time and say pass or fail.
+    /// Play scenario files and say pass or fail: in simulated time with their scripted client, or in
+    /// real time against yours.
     Run(RunArgs),
     /// Read scenario files and say what is wrong with them, without playing them.
     Check {
@@ -64,6 +84,13 @@ pub(crate) enum Command {
     Replay {
         /// The trace.
         trace: PathBuf,
+    },
+    /// Look after a client of `run`.
+    #[command(hide = true)]
+    Supervise {
+        /// The client and its arguments.
+        #[arg(last = true, required = true)]
+        client: Vec<OsString>,
     },
     /// List the faults that a scenario can inject, with what the client sees of them.
     Faults {
@@ -88,25 +115,50 @@ pub(crate) enum Command {
 
 /// What to play, and how.
 #[derive(Debug, Args)]
+#[command(after_help = RUN_EXAMPLES)]
 pub(crate) struct RunArgs {
-    /// Files, or folders of them.
+    /// Scenario files, or folders of them.
     #[arg(required = true)]
     pub(crate) files: Vec<PathBuf>,
+    /// The client to test, with its arguments. It finds the path of each port in its environment,
+    /// in SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
+    #[arg(last = true, value_name = "CLIENT")]
+    pub(crate) client: Vec<OsString>,
+    /// How many scenarios to play at a time [default: one for each core, but 1 with a client].
+    #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=256))]
+    pub(crate) jobs: Option<u32>,
     /// Seed of everything random, instead of the file's or a random one.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
+    /// Play each so many times, each time with the next seed.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = value_parser!(u32).range(1..=100_000))]
+    pub(crate) repeat: u32,
     /// Only files whose path contains TEXT.
     #[arg(long, value_name = "TEXT")]
     pub(crate) filter: Option<String>,
-    /// Stop at the first that fails.
+    /// Begin no further scenario after the first that fails.
     #[arg(long)]
     pub(crate) fail_fast: bool,
+    /// Write the results as JUnit XML, which CI servers show.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) junit: Option<PathBuf>,
+    /// Write a trace, a report as JSON, and the client's output of each into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// Simulated seconds for each second of real time, 0.01 to 100; only with a client, for
+    /// without one there is no real time [default: 1].
+    #[arg(long, value_name = "X", value_parser = speed)]
+    pub(crate) speed: Option<f64>,
+    /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
+    /// twice its `limit` and 30 s].
+    #[arg(long, value_name = "TIME")]
+    pub(crate) timeout: Option<Span>,
     /// List the files and play nothing.
     #[arg(long)]
     pub(crate) list: bool,
-    /// Write a trace of each into this folder.
-    #[arg(long, value_name = "DIR")]
-    pub(crate) output: Option<PathBuf>,
+    /// Read everything, say what would be played with which seed and ports, and play nothing.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
 }
 
 /// Where settings come from; later ones win.
@@ -141,6 +193,10 @@ pub(crate) struct ServeArgs {
     /// Build the world from a file; `worlds/` has some.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
+    /// Play the steps and faults of a scenario file against whatever client opens the port, and
+    /// judge the outcome. The file names the devices; --pty is where the first is served.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
+    pub(crate) scenario: Option<PathBuf>,
     /// In which state an R150 begins.
     #[arg(long, value_enum, default_value_t = StartArg::Ready)]
     pub(crate) start: StartArg,

@@ -22,6 +22,11 @@ impl Clock {
         }
     }
 
+    /// Simulated time begins only now.
+    pub(crate) fn restart(&mut self) {
+        *self = Self::start(self.speed);
+    }
+
     pub(crate) fn now(&self) -> SimTime {
         let real = self.start.elapsed().saturating_sub(self.lost);
         SimTime::ZERO + real.mul_f64(self.speed)

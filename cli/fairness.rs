@@ -36,10 +36,15 @@ impl Fairness {
     }
 
     /// Whether an event looks like the client's fault but may well be the machine's.
-    pub(crate) fn excuses(&mut self, event: &Event) -> bool {
-        let excused = event.kind.is_client_fault()
+    pub(crate) fn would_excuse(&self, event: &Event) -> bool {
+        event.kind.is_client_fault()
             && self.excused_until.is_some_and(|until| event.at <= until)
-            && TIMING.contains(&event.kind.code());
+            && TIMING.contains(&event.kind.code())
+    }
+
+    /// The same, and counts it.
+    pub(crate) fn excuses(&mut self, event: &Event) -> bool {
+        let excused = self.would_excuse(event);
         self.excused += u64::from(excused);
         excused
     }

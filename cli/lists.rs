@@ -7,7 +7,7 @@ use sim_scenarios::condition::names;
 
 use crate::args::Device;
 use crate::exit::{Exit, Failure};
-use crate::run::print;
+use crate::print::print;
 
 /// The `faults` subcommand: the catalogue, for one device or for all.
 pub(crate) fn faults(device: Option<Device>) -> Result<Exit, Failure> {

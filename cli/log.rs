@@ -131,7 +131,7 @@ impl Log {
     /// Prints what waits and then `last`. Returns early if `interrupted`, which waits as long as
     /// it is told, says so; what could not be printed is told on standard error.
     pub(crate) fn finish(
-        mut self,
+        &mut self,
         last: Option<String>,
         mut interrupted: impl FnMut(Duration) -> bool,
     ) {

@@ -2,6 +2,7 @@
 //! real ports in real time.
 
 mod args;
+mod client;
 mod clock;
 mod config;
 mod exit;
@@ -9,12 +10,20 @@ mod fairness;
 mod lists;
 mod log;
 mod plan;
+mod ports;
+mod print;
 mod ready_file;
+mod replay;
 mod run;
+mod scenario_files;
 mod schema;
 mod serve;
+mod served;
+mod simulation;
+mod slowness;
 mod start;
 mod summary;
+mod supervise;
 
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -32,7 +41,8 @@ fn main() -> ExitCode {
             Some(Command::Config(settings)) => config::print(settings),
             Some(Command::Run(args)) => run::run(args),
             Some(Command::Check { files }) => run::check(files),
-            Some(Command::Replay { trace }) => run::replay(trace),
+            Some(Command::Replay { trace }) => replay::replay(trace),
+            Some(Command::Supervise { client }) => supervise::supervise(client),
             Some(Command::Faults { device }) => lists::faults(*device),
             Some(Command::Names { device }) => lists::list_names(*device),
             Some(Command::Schema { of }) => schema::print(*of),

@@ -1,8 +1,9 @@
 //! What to serve: from a rig file, or from the flags that are the short form for one device.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use sim_physics::{Pose, WorldMap};
 use sim_scenarios::{DevicePlan, RigPlan};
 use sim_settings::Source;
@@ -10,16 +11,22 @@ use sim_settings::Source;
 use crate::args::{Device, ServeArgs};
 use crate::config;
 use crate::exit::Failure;
+use crate::scenario_files::{self, Loaded};
 
 /// A plan, what is in its world, and the folder that its paths are relative to.
 pub(crate) struct Plan {
     pub(crate) rig: RigPlan,
     pub(crate) map: WorldMap,
     pub(crate) folder: PathBuf,
+    /// What is to happen to the devices.
+    pub(crate) scenario: Option<Loaded>,
 }
 
 /// Makes the plan that the flags ask for.
 pub(crate) fn plan(args: &ServeArgs) -> Result<Plan, Failure> {
+    if let Some(file) = &args.scenario {
+        return from_scenario(file, args);
+    }
     let (rig, folder) = match &args.rig {
         Some(file) => from_file(file, args)?,
         None => (from_flags(args)?, PathBuf::new()),
@@ -36,7 +43,52 @@ pub(crate) fn plan(args: &ServeArgs) -> Result<Plan, Failure> {
         }
         None => WorldMap::default(),
     };
-    Ok(Plan { rig, map, folder })
+    Ok(Plan {
+        rig,
+        map,
+        folder,
+        scenario: None,
+    })
+}
+
+/// The scenario's devices, the first of which is served where the flags say.
+fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
+    let base = config::load_file(&args.settings)?;
+    let mut loaded = scenario_files::load(file, &base)?;
+    let folder = loaded.folder();
+    let scenario = Arc::make_mut(&mut loaded.scenario);
+    // Flags win over files, for each device.
+    config::apply_flags(&args.settings, &mut scenario.rig.settings)?;
+    for device in &mut scenario.rig.devices {
+        config::apply_flags(&args.settings, &mut device.settings)?;
+        config::check(&device.settings)?;
+    }
+    let Some(first) = scenario.rig.devices.first_mut() else {
+        return Err(Failure::usage(anyhow!("the scenario has no device")));
+    };
+    // A flag is relative to where it was typed, a file's path to the file.
+    let here = |path: &PathBuf| {
+        std::path::absolute(path)
+            .with_context(|| format!("cannot tell where {} is", path.display()))
+            .map_err(Failure::system)
+    };
+    if let Some(pty) = &args.pty {
+        first.port = Some(here(pty)?);
+    }
+    if let Some(pty) = &args.ros_pty {
+        if !first.ros {
+            return Err(Failure::usage(anyhow!(
+                "--ros-pty: the scenario's first device has no ROS link"
+            )));
+        }
+        first.ros_port = Some(here(pty)?);
+    }
+    Ok(Plan {
+        rig: scenario.rig.clone(),
+        map: WorldMap::default(),
+        folder,
+        scenario: Some(loaded),
+    })
 }
 
 fn from_file(file: &Path, args: &ServeArgs) -> Result<(RigPlan, PathBuf), Failure> {

@@ -14,18 +14,19 @@
 //!
 //! In the same way simulated time stands still when there is more to compute than there is time.
 
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use sim_core::SimTime;
 use sim_core::line::ClientLine;
-use sim_core::report::Report;
-use sim_core::rig::{PortId, Rig};
+use sim_core::rig::PortId;
 use sim_pty::{Counters, Event, Port, Waiter};
 
 use crate::clock::Clock;
 use crate::fairness::Fairness;
-use crate::log::Log;
+use crate::served::Served;
+use crate::simulation::Simulation;
+use crate::slowness::Slowness;
 
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
 /// is worth, since a client cannot tell.
@@ -38,79 +39,103 @@ const MOST_LATE: Duration = Duration::from_millis(20);
 const BUDGET: Duration = Duration::from_millis(10);
 /// How much simulated time to compute before looking at the clock again.
 const SLICE: Duration = Duration::from_millis(1);
-/// So many used-up budgets within a second mean that the machine is too slow for good.
-const TOO_MANY_BUDGETS: u32 = 10;
 /// Reads of one port before the others have their turn.
 const MOST_READS: usize = 16;
 /// A port whose line was full is read again when it has room for so many bytes.
 const RESUME_ROOM: usize = 1024;
 
-/// A port and whose it is.
-pub(crate) struct Served {
-    pub(crate) id: PortId,
-    pub(crate) port: Port,
+/// When simulated time begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Begin {
+    /// At once.
+    Now,
+    /// When a client first opens a port: whatever is planned waits for clients that are slow to
+    /// start.
+    WithClient,
+}
+
+/// Why the loop came to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ended {
+    /// A signal asked for it.
+    Signal,
+    /// Nothing happens any more in the simulation.
+    Over,
+    /// What is watched has something to tell.
+    Watched,
+    /// The time allowed has passed.
+    Timeout,
 }
 
 /// Devices and the ports on which they are served.
-pub(crate) struct Server {
-    rig: Rig,
+pub(crate) struct Server<S> {
+    simulation: S,
     ports: Vec<Served>,
     waiter: Waiter,
     clock: Clock,
-    reports: Vec<Report>,
-    fairness: Fairness,
+    /// Simulated time has not begun.
+    waiting: bool,
+    /// When to stop in any case.
+    until: Option<Instant>,
+    fairness: Arc<Mutex<Fairness>>,
     slowness: Slowness,
-    /// Ports whose line is full, by token.
-    paused: Vec<bool>,
     buffer: Vec<u8>,
     outgoing: Vec<u8>,
 }
 
-impl Server {
-    /// Simulated time begins now, and runs `speed` times as fast as real time.
+impl<S: Simulation> Server<S> {
+    /// Simulated time runs `speed` times as fast as real time; `fairness` is told when the machine
+    /// was late.
     pub(crate) fn new(
-        rig: Rig,
+        simulation: S,
         mut ports: Vec<Served>,
         mut waiter: Waiter,
-        speed: f64,
+        (begin, speed): (Begin, f64),
+        fairness: Arc<Mutex<Fairness>>,
     ) -> anyhow::Result<Self> {
         // Without it Linux may wake us 50 µs late; with it refused, it does.
         let _ = sim_pty::sharpen_timers();
         for (token, served) in ports.iter_mut().enumerate() {
-            waiter.add(token, &mut served.port)?;
+            if let Some(port) = &mut served.port {
+                waiter.add(token, port)?;
+            }
         }
-        let reports = vec![Report::default(); rig.devices()];
         Ok(Self {
-            rig,
-            paused: vec![false; ports.len()],
+            simulation,
             ports,
             waiter,
             clock: Clock::start(speed),
-            reports,
-            fairness: Fairness::default(),
+            waiting: begin == Begin::WithClient,
+            until: None,
+            fairness,
             slowness: Slowness::default(),
             buffer: vec![0; 4096],
             outgoing: Vec::new(),
         })
     }
 
-    pub(crate) fn rig(&self) -> &Rig {
-        &self.rig
+    pub(crate) fn simulation(&self) -> &S {
+        &self.simulation
     }
 
-    pub(crate) fn report(&self, device: usize) -> &Report {
-        &self.reports[device]
+    pub(crate) fn simulation_mut(&mut self) -> &mut S {
+        &mut self.simulation
     }
 
-    /// How many events were not held against a client.
-    pub(crate) fn excused(&self) -> u64 {
-        self.fairness.excused()
+    /// Ends the loop when `source` can be read or has come to its end.
+    pub(crate) fn watch(&mut self, source: impl std::os::fd::AsFd) -> anyhow::Result<()> {
+        Ok(self.waiter.watch(self.watched(), source)?)
+    }
+
+    /// Ends the loop after so much real time.
+    pub(crate) fn stop_after(&mut self, allowed: Duration) {
+        self.until = Instant::now().checked_add(allowed);
     }
 
     /// Closes the ports, and gives their totals by the device they belonged to.
     pub(crate) fn close_ports(&mut self) -> Vec<(PortId, Counters)> {
         let ports = self.ports.drain(..);
-        ports.map(|s| (s.id, s.port.counters())).collect()
+        ports.map(|s| (s.id, s.counters())).collect()
     }
 
     /// Waits so long for a further signal, once the ports are closed.
@@ -120,15 +145,15 @@ impl Server {
         wake.is_ok_and(|wake| wake.signal().is_some())
     }
 
-    /// Serves until a signal asks for the end.
-    pub(crate) fn run(&mut self, log: &Log) -> anyhow::Result<()> {
+    /// Serves to the end. `look` is called once a round and takes what there is to be told.
+    pub(crate) fn run(&mut self, mut look: impl FnMut(&mut S)) -> anyhow::Result<Ended> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut awake_at = Instant::now();
         loop {
             let asleep_at = Instant::now();
             let wake = self.waiter.wait(sleep_asked)?;
             if wake.signal().is_some() {
-                return Ok(());
+                return Ok(Ended::Signal);
             }
             let ready: Vec<usize> = wake.ready().to_vec();
             let sleep = sleep_asked.unwrap_or(Duration::MAX);
@@ -140,39 +165,95 @@ impl Server {
                 self.fell_behind(late);
             }
             self.advance()?;
+            self.follow_cables()?;
             // From here to the end of the next sleep nothing takes long, unless the system makes
             // it so.
             awake_at = Instant::now();
-            for token in ready {
-                self.receive(token)?;
+            for token in &ready {
+                self.receive(*token)?;
             }
             self.deliver()?;
             self.resume()?;
-            self.pass_events(log);
-            let due = self.rig.next_deadline();
+            look(&mut self.simulation);
+            if self.simulation.is_over() {
+                return Ok(Ended::Over);
+            }
+            if ready.contains(&self.watched()) {
+                return Ok(Ended::Watched);
+            }
+            let left = match self.until {
+                Some(until) => until.saturating_duration_since(Instant::now()),
+                None => Duration::MAX,
+            };
+            if left.is_zero() {
+                return Ok(Ended::Timeout);
+            }
+            let due = self.simulation.next_deadline().filter(|_| !self.waiting);
             sleep_asked = due.map(|due| self.clock.until(due).max(SHORTEST_SLEEP));
+            if self.until.is_some() {
+                sleep_asked = Some(sleep_asked.unwrap_or(left).min(left));
+            }
         }
     }
 
+    /// Whether simulated time has begun.
+    pub(crate) fn has_begun(&self) -> bool {
+        !self.waiting
+    }
+
+    /// Takes what clients that have left had still sent, and that they have left.
+    pub(crate) fn take_the_rest(&mut self) -> anyhow::Result<()> {
+        for token in 0..self.ports.len() {
+            self.receive(token)?;
+        }
+        Ok(())
+    }
+
+    /// The token of what is watched, which is no port's.
+    fn watched(&self) -> usize {
+        self.ports.len()
+    }
+
+    /// Hangs ports up whose cable has been pulled, and makes those again whose cable is back.
+    fn follow_cables(&mut self) -> anyhow::Result<()> {
+        for (token, served) in self.ports.iter_mut().enumerate() {
+            let pulled = self.simulation.rig().cable_pulled(served.id);
+            if !pulled {
+                served.reopen(&mut self.waiter, token)?;
+            } else if served.hang_up() {
+                let now = self.simulation.rig().now();
+                self.simulation.detach(served.id, now)?;
+            }
+        }
+        Ok(())
+    }
+
     fn was_held_up(&mut self, by: Duration) {
-        let now = self.rig.now();
+        if self.waiting {
+            return;
+        }
+        let now = self.simulation.rig().now();
         self.clock.set_back(now);
-        self.fairness.late(now, self.clock.simulated(by));
-        self.rig.simulator_late(by);
+        self.fairness
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .late(now, self.clock.simulated(by));
+        self.simulation.simulator_late(by);
     }
 
     /// Advances the rig to the present, or as far as it comes before ports and signals are due
     /// for a look.
     fn advance(&mut self) -> anyhow::Result<()> {
+        if self.waiting {
+            return Ok(());
+        }
         let to = self.clock.now();
         let begun = Instant::now();
-        while self.rig.now() < to {
-            let slice = to.min(self.rig.now() + SLICE);
-            self.rig
-                .advance(slice)
-                .context("the simulation cannot go on")?;
-            if begun.elapsed() > BUDGET && self.rig.now() < to {
-                self.fell_behind(self.clock.since(self.rig.now()));
+        while self.now() < to && !self.simulation.is_over() {
+            let slice = to.min(self.now() + SLICE);
+            self.simulation.advance(slice)?;
+            if begun.elapsed() > BUDGET && self.now() < to {
+                self.fell_behind(self.clock.since(self.now()));
                 return Ok(());
             }
         }
@@ -183,12 +264,12 @@ impl Server {
     /// behind, since time is set back at each turn; one that was busy elsewhere does.
     fn fell_behind(&mut self, by: Duration) {
         if self.slowness.note() {
-            self.rig.simulator_too_slow();
+            self.simulation.simulator_too_slow();
         }
-        if by > MOST_LATE && !self.slowness.told {
+        if by > MOST_LATE && !self.slowness.is_told() {
             self.was_held_up(by);
         } else {
-            self.clock.set_back(self.rig.now());
+            self.clock.set_back(self.now());
         }
     }
 
@@ -196,8 +277,9 @@ impl Server {
     /// have come long before; the next round finds that out too. A machine that is too slow has
     /// no time to advance for each read.
     fn present(&self) -> SimTime {
-        if self.slowness.told || self.clock.since(self.rig.now()) > MOST_LATE {
-            return self.rig.now();
+        let is_behind = || self.clock.since(self.now()) > MOST_LATE;
+        if self.waiting || self.slowness.is_told() || is_behind() {
+            return self.now();
         }
         self.clock.now()
     }
@@ -205,29 +287,33 @@ impl Server {
     /// Takes what a port has to tell.
     fn receive(&mut self, token: usize) -> anyhow::Result<()> {
         for _ in 0..MOST_READS {
-            let Some(Served { id, port }) = self.ports.get_mut(token) else {
+            let Some(served) = self.ports.get_mut(token) else {
                 return Ok(());
             };
-            let id = *id;
+            let (id, Some(port)) = (served.id, &mut served.port) else {
+                return Ok(());
+            };
             // Without room a port still tells of clients that have left.
-            let room = self.rig.room(id).min(self.buffer.len());
+            let room = self.simulation.room(id).min(self.buffer.len());
             let event = port.read(&mut self.buffer[..room])?;
             match event {
                 Event::Idle => {
                     if room == 0 {
                         port.set_paused(true)?;
-                        self.paused[token] = true;
+                        served.paused = true;
                     }
                     return Ok(());
                 }
-                Event::Attached => self.rig.attach(id, self.present())?,
-                Event::Detached => self.rig.detach(id, self.present())?,
+                Event::Attached => {
+                    self.begin();
+                    self.simulation.attach(id, self.present())?;
+                }
+                Event::Detached => self.simulation.detach(id, self.present())?,
                 Event::Data(count) => {
-                    set_line(&mut self.rig, id, port)?;
+                    set_line(&mut self.simulation, id, port)?;
                     let now = self.present();
-                    self.rig
-                        .client_sends(id, now, &self.buffer[..count])
-                        .context("the simulation cannot go on")?;
+                    self.simulation
+                        .client_sends(id, now, &self.buffer[..count])?;
                 }
             }
         }
@@ -236,17 +322,20 @@ impl Server {
 
     /// Hands the clients what has arrived for them.
     fn deliver(&mut self) -> anyhow::Result<()> {
-        for Served { id, port } in &mut self.ports {
+        for served in &mut self.ports {
+            let (id, Some(port)) = (served.id, &mut served.port) else {
+                continue;
+            };
             self.outgoing.clear();
-            self.rig.client_reads(*id, &mut self.outgoing);
+            self.simulation.client_reads(id, &mut self.outgoing);
             if self.outgoing.is_empty() {
                 continue;
             }
             // A client that only listens would else never be found to listen at a wrong speed.
-            set_line(&mut self.rig, *id, port)?;
+            set_line(&mut self.simulation, id, port)?;
             let written = port.write(&self.outgoing)?;
             if written.dropped > 0 && port.is_attached() {
-                self.rig.client_lost(*id, written.dropped as u64);
+                self.simulation.client_lost(id, written.dropped as u64);
             }
         }
         Ok(())
@@ -254,31 +343,34 @@ impl Server {
 
     /// Reads those ports again whose line has room again.
     fn resume(&mut self) -> anyhow::Result<()> {
-        for (served, paused) in self.ports.iter_mut().zip(&mut self.paused) {
-            if *paused && self.rig.room(served.id) >= RESUME_ROOM {
-                served.port.set_paused(false)?;
-                *paused = false;
+        for served in &mut self.ports {
+            if served.paused
+                && let Some(port) = &mut served.port
+                && self.simulation.room(served.id) >= RESUME_ROOM
+            {
+                port.set_paused(false)?;
+                served.paused = false;
             }
         }
         Ok(())
     }
 
-    fn pass_events(&mut self, log: &Log) {
-        while let Some(event) = self.rig.poll_event() {
-            if !self.fairness.excuses(&event)
-                && let Some(report) = self.reports.get_mut(event.device)
-            {
-                report.note(&event);
-            }
-            log.event(event);
+    /// A client has come; simulated time begins if it has not.
+    fn begin(&mut self) {
+        if std::mem::take(&mut self.waiting) {
+            self.clock.restart();
         }
+    }
+
+    fn now(&self) -> SimTime {
+        self.simulation.rig().now()
     }
 }
 
-/// Tells the rig how the client has set its end.
-fn set_line(rig: &mut Rig, id: PortId, port: &Port) -> anyhow::Result<()> {
+/// Tells the simulation how the client has set its end.
+fn set_line(simulation: &mut impl Simulation, id: PortId, port: &Port) -> anyhow::Result<()> {
     if let Some(line) = port.client_line()? {
-        rig.set_client_line(
+        simulation.set_client_line(
             id,
             ClientLine {
                 baud: line.baud,
@@ -288,24 +380,4 @@ fn set_line(rig: &mut Rig, id: PortId, port: &Port) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-/// Notices when a machine is too slow for what is asked of it.
-#[derive(Default)]
-struct Slowness {
-    /// Since when budgets are counted, and how many were used up.
-    count: Option<(Instant, u32)>,
-    told: bool,
-}
-
-impl Slowness {
-    /// A budget was used up; says whether this is to be told.
-    fn note(&mut self) -> bool {
-        let now = Instant::now();
-        let (since, count) = self.count.unwrap_or((now, 0));
-        let is_old = now - since > Duration::from_secs(1);
-        let (since, count) = if is_old { (now, 1) } else { (since, count + 1) };
-        self.count = Some((since, count));
-        count >= TOO_MANY_BUDGETS && !std::mem::replace(&mut self.told, true)
-    }
 }

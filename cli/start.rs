@@ -2,168 +2,223 @@
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
-use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
 use serde_json::json;
+use sim_core::event::Event;
+use sim_core::report::Report;
 use sim_core::rig::PortId;
-use sim_pty::{Port, PtyPort, SerialPort, Waiter};
-use sim_scenarios::RigPlan;
+use sim_pty::{Counters, Waiter};
+use sim_scenarios::{RigPlan, RunOptions};
+use sim_settings::show_duration;
 
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
+use crate::fairness::Fairness;
 use crate::log::{DeviceName, Log, LogOptions};
 use crate::plan::{Plan, plan};
+use crate::ports::{Elsewhere, ShownPort, open_all};
 use crate::ready_file::ReadyFile;
-use crate::serve::{Served, Server};
+use crate::run;
+use crate::serve::{Begin, Server};
+use crate::simulation::Simulation;
 use crate::summary::{self, DeviceSummary, RunSummary};
 
-/// Serves until a signal ends it.
+/// Serves until a signal ends it, or the scenario.
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let Plan {
-        rig: plan,
-        map,
-        folder,
-    } = plan(args)?;
-    let seed = args.seed.or(plan.seed).unwrap_or_else(random_seed);
-    let rig = plan.build(map, args.wire(), seed);
-    // Before anything is opened, so that a signal at any time leaves nothing behind.
-    let mut waiter = Waiter::new().map_err(Failure::system)?;
-    waiter.catch_signals().map_err(Failure::system)?;
-    let ports = open_all(args, &plan, &folder)?;
-
-    let options = LogOptions {
-        format: args.log_format,
-        verbose: args.verbose,
-        quiet: args.quiet,
+    let plan = plan(args)?;
+    let seed = args.seed.or(plan.rig.seed).unwrap_or_else(random_seed);
+    let fairness = Arc::new(Mutex::new(Fairness::default()));
+    let Some(loaded) = &plan.scenario else {
+        let rig = plan.rig.build(plan.map.clone(), args.wire(), seed);
+        let reports = vec![Report::default(); rig.devices()];
+        let mut session = Session::open(args, &plan, seed, rig, (Begin::Now, fairness))?;
+        let reports = session.serve(reports)?;
+        session.finish(&reports, None);
+        return Ok(Exit::Clean);
     };
-    let names: Vec<DeviceName> = plan
-        .devices
-        .iter()
-        .map(|device| DeviceName {
-            name: device.name.clone(),
-            links: device.links().iter().map(|link| link.name).collect(),
-        })
-        .collect();
-    let log = Log::start(options, names.clone())
-        .context("cannot start the thread that prints")
-        .map_err(Failure::system)?;
-    let shown: Vec<ShownPort> = ports
-        .iter()
-        .map(|port| ShownPort::new(port, &plan))
-        .collect();
-    let mut server = Server::new(rig, ports, waiter, args.speed).map_err(Failure::system)?;
+    let mut run = loaded.run(RunOptions {
+        seed,
+        wire: args.wire(),
+        live: true,
+        trace: false,
+    })?;
+    let shared = Arc::clone(&fairness);
+    run.excuse_with(Box::new(move |event| lock(&shared).would_excuse(event)));
+    let mut session = Session::open(args, &plan, seed, run, (Begin::WithClient, fairness))?;
+    // Counted by the run, which knows of its own faults; these only count what is excused.
+    session.serve(vec![Report::default(); plan.rig.devices.len()])?;
+    let outcome = session.server.simulation_mut().end().clone();
+    let reports: Vec<Report> = outcome.devices.iter().map(|d| d.report.clone()).collect();
+    let verdict = match args.log_format {
+        LogFormat::Text => run::verdict_text(&outcome),
+        LogFormat::Json => run::verdict_json(&outcome).to_string(),
+    };
+    session.finish(&reports, Some(verdict));
+    Ok(if outcome.passed {
+        Exit::Clean
+    } else {
+        Exit::Failed
+    })
+}
 
-    announce(&log, args, &plan, &shown, seed);
-    let ready = json!({
-        "code": "ready",
-        "pid": std::process::id(),
-        "seed": seed,
-        "ports": shown.iter().map(ShownPort::json).collect::<Vec<_>>(),
-    });
-    let ready_file = args
-        .ready_file
-        .as_ref()
-        .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
-        .transpose()
-        .map_err(Failure::usage)?;
-    log.text(match log.format() {
-        LogFormat::Text => "ready".to_owned(),
-        LogFormat::Json => ready.to_string(),
-    });
+fn lock(fairness: &Mutex<Fairness>) -> MutexGuard<'_, Fairness> {
+    fairness.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
-    let outcome = server.run(&log).map_err(Failure::system);
-    // Whoever looks from here on finds nobody serving, however long the printing takes.
-    drop(ready_file);
-    let counters = server.close_ports();
-    let summary = (!log.is_quiet()).then(|| {
-        let devices: Vec<DeviceSummary<'_>> = names
-            .iter()
-            .enumerate()
-            .map(|(device, named)| DeviceSummary {
-                name: &named.name,
-                report: server.report(device),
-                distance_m: server.rig().distance_m(device),
-                ports: counters
-                    .iter()
-                    .filter(|(id, _)| id.device == device)
-                    .map(|(_, counters)| *counters)
-                    .collect(),
+/// Devices that are served on ports, and the log of it.
+struct Session<S> {
+    server: Server<S>,
+    fairness: Arc<Mutex<Fairness>>,
+    log: Log,
+    names: Vec<DeviceName>,
+    counters: Vec<(PortId, Counters)>,
+    ready_file: Option<ReadyFile>,
+}
+
+impl<S: Simulation> Session<S> {
+    /// Opens the ports and says so.
+    fn open(
+        args: &ServeArgs,
+        plan: &Plan,
+        seed: u64,
+        simulation: S,
+        (begin, fairness): (Begin, Arc<Mutex<Fairness>>),
+    ) -> Result<Self, Failure> {
+        // Before anything is opened, so that a signal at any time leaves nothing behind.
+        let mut waiter = Waiter::new().map_err(Failure::system)?;
+        waiter.catch_signals().map_err(Failure::system)?;
+        let serial = args.serial.as_deref();
+        let ports = open_all(&plan.rig, &plan.folder, serial, &Elsewhere::Unlinked)?;
+        let options = LogOptions {
+            format: args.log_format,
+            verbose: args.verbose,
+            quiet: args.quiet,
+        };
+        let devices = plan.rig.devices.iter();
+        let names: Vec<DeviceName> = devices
+            .map(|device| DeviceName {
+                name: device.name.clone(),
+                links: device.links().iter().map(|link| link.name).collect(),
             })
             .collect();
-        let run = RunSummary {
-            now: server.rig().now(),
-            events_lost: server.rig().events_lost(),
-            excused: server.excused(),
-        };
-        match log.format() {
-            LogFormat::Text => summary::text(&run, &devices),
-            LogFormat::Json => summary::json(&run, &devices).to_string(),
-        }
-    });
-    log.finish(summary, |within| server.is_interrupted(within));
-    outcome.map(|()| Exit::Clean)
-}
+        let log = Log::start(options, names.clone())
+            .context("cannot start the thread that prints")
+            .map_err(Failure::system)?;
+        let shown: Vec<ShownPort> = ports
+            .iter()
+            .map(|port| ShownPort::new(port, &plan.rig))
+            .collect();
+        let when = (begin, args.speed);
+        let server = Server::new(simulation, ports, waiter, when, Arc::clone(&fairness))
+            .map_err(Failure::system)?;
+        announce(&log, args, plan, &shown, seed);
+        let ready = json!({
+            "code": "ready",
+            "pid": std::process::id(),
+            "seed": seed,
+            "ports": shown.iter().map(ShownPort::json).collect::<Vec<_>>(),
+        });
+        let ready_file = args
+            .ready_file
+            .as_ref()
+            .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
+            .transpose()
+            .map_err(Failure::usage)?;
+        log.text(match log.format() {
+            LogFormat::Text => "ready".to_owned(),
+            LogFormat::Json => ready.to_string(),
+        });
+        Ok(Self {
+            server,
+            fairness,
+            log,
+            names,
+            counters: Vec::new(),
+            ready_file,
+        })
+    }
 
-/// Opens every port of the plan; relative paths are relative to `folder`.
-fn open_all(args: &ServeArgs, plan: &RigPlan, folder: &Path) -> Result<Vec<Served>, Failure> {
-    let mut ports = Vec::new();
-    for (device, planned) in plan.devices.iter().enumerate() {
-        for link in planned.links() {
-            let id = PortId {
-                device,
-                link: link.index,
+    /// Serves to the end, and counts what happens at each device.
+    fn serve(&mut self, mut reports: Vec<Report>) -> Result<Vec<Report>, Failure> {
+        let (log, fairness) = (&self.log, &self.fairness);
+        let outcome = self.server.run(|simulation| {
+            while let Some(event) = simulation.poll_event() {
+                note(&mut reports, fairness, &event);
+                log.event(event);
+            }
+        });
+        // Whoever looks from here on finds nobody serving, however long the printing takes.
+        self.ready_file = None;
+        self.counters = self.server.close_ports();
+        match outcome {
+            Ok(_) => Ok(reports),
+            Err(error) => {
+                self.print_summary(&reports, None);
+                Err(Failure::system(error))
+            }
+        }
+    }
+
+    /// Prints the summary, and the verdict if there is one.
+    fn finish(mut self, reports: &[Report], verdict: Option<String>) {
+        self.print_summary(reports, verdict);
+    }
+
+    fn print_summary(&mut self, reports: &[Report], verdict: Option<String>) {
+        let rig = self.server.simulation().rig();
+        let summary = (!self.log.is_quiet()).then(|| {
+            let devices: Vec<DeviceSummary<'_>> = self
+                .names
+                .iter()
+                .zip(reports)
+                .enumerate()
+                .map(|(device, (named, report))| DeviceSummary {
+                    name: &named.name,
+                    report,
+                    distance_m: rig.distance_m(device),
+                    ports: self
+                        .counters
+                        .iter()
+                        .filter(|(id, _)| id.device == device)
+                        .map(|(_, counters)| *counters)
+                        .collect(),
+                })
+                .collect();
+            let run = RunSummary {
+                now: rig.now(),
+                events_lost: rig.events_lost(),
+                excused: lock(&self.fairness).excused(),
             };
-            let port = match (&args.serial, &link.path) {
-                (Some(serial), _) if link.index == 0 => {
-                    SerialPort::open(serial, link.baud).map(Port::from)
-                }
-                (_, Some(path)) => PtyPort::open_at(folder.join(path), link.baud).map(Port::from),
-                (_, None) => PtyPort::open_unlinked(link.baud).map(Port::from),
-            };
-            ports.push(Served {
-                id,
-                port: port.map_err(Failure::system)?,
-            });
-        }
-    }
-    Ok(ports)
-}
-
-/// A port as the user is told of it.
-struct ShownPort {
-    device: String,
-    link: &'static str,
-    path: std::path::PathBuf,
-    baud: u32,
-}
-
-impl ShownPort {
-    fn new(served: &Served, plan: &RigPlan) -> Self {
-        let device = &plan.devices[served.id.device];
-        let link = device
-            .links()
-            .into_iter()
-            .find(|link| link.index == served.id.link);
-        let (link, baud) = link.map_or(("", 0), |link| (link.name, link.baud));
-        Self {
-            device: device.name.clone(),
-            link,
-            path: served.port.path().to_owned(),
-            baud,
-        }
-    }
-
-    fn json(&self) -> serde_json::Value {
-        json!({"device": self.device, "link": self.link, "path": self.path, "baud": self.baud})
+            match self.log.format() {
+                LogFormat::Text => summary::text(&run, &devices),
+                LogFormat::Json => summary::json(&run, &devices).to_string(),
+            }
+        });
+        let last: Vec<String> = summary.into_iter().chain(verdict).collect();
+        let last = (!last.is_empty()).then(|| last.join("\n"));
+        let server = &mut self.server;
+        self.log
+            .finish(last, |within| server.is_interrupted(within));
     }
 }
 
-fn announce(log: &Log, args: &ServeArgs, plan: &RigPlan, ports: &[ShownPort], seed: u64) {
+fn note(reports: &mut [Report], fairness: &Mutex<Fairness>, event: &Event) {
+    if !lock(fairness).excuses(event)
+        && let Some(report) = reports.get_mut(event.device)
+    {
+        report.note(event);
+    }
+}
+
+fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed: u64) {
     if log.is_quiet() {
         return;
     }
+    let scenario = plan.scenario.as_ref();
+    let plan: &RigPlan = &plan.rig;
     let version = env!("CARGO_PKG_VERSION");
     let wire = args.wire().word();
     let mut changed: Vec<String> = plan
@@ -199,7 +254,18 @@ fn announce(log: &Log, args: &ServeArgs, plan: &RigPlan, ports: &[ShownPort], se
                     );
                 }
             }
-            format!("{text}\n  settings: {changed}")
+            text += &format!("\n  settings: {changed}");
+            if let Some(loaded) = scenario {
+                text += &format!(
+                    "\n  scenario {}: {}\n  a good client: {}\n  time begins when a client opens a \
+                     port, and ends after {}",
+                    loaded.path.display(),
+                    loaded.scenario.title,
+                    loaded.scenario.good_client,
+                    show_duration(loaded.scenario.limit),
+                );
+            }
+            text
         }
         LogFormat::Json => json!({
             "code": "start",
@@ -209,6 +275,7 @@ fn announce(log: &Log, args: &ServeArgs, plan: &RigPlan, ports: &[ShownPort], se
             "speed": args.speed,
             "seed": seed,
             "changed": changed,
+            "scenario": scenario.map(|loaded| &loaded.path),
         })
         .to_string(),
     };

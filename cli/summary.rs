@@ -130,26 +130,12 @@ pub(crate) fn json(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> Value {
                         })
                     })
                     .collect();
-                let events: Vec<Value> = report
-                    .events
-                    .iter()
-                    .map(|(code, tally)| {
-                        json!({
-                            "code": code,
-                            "count": tally.count,
-                            "first_s": tally.first_at.as_secs_f64(),
-                            "first": tally.first,
-                            "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
-                            "client_faults": tally.client_faults,
-                        })
-                    })
-                    .collect();
                 json!({
                     "device": name,
                     "requests": report.requests,
                     "replies": report.replies,
                     "distance_m": distance_m,
-                    "events": events,
+                    "events": events_json(report),
                     "ports": ports,
                 })
             },
@@ -162,4 +148,21 @@ pub(crate) fn json(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> Value {
         "excused": run.excused,
         "devices": devices,
     })
+}
+
+/// Counted events for programs.
+pub(crate) fn events_json(report: &Report) -> Vec<Value> {
+    let events = report.events.iter();
+    events
+        .map(|(code, tally)| {
+            json!({
+                "code": code,
+                "count": tally.count,
+                "first_s": tally.first_at.as_secs_f64(),
+                "first": tally.first,
+                "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
+                "client_faults": tally.client_faults,
+            })
+        })
+        .collect()
 }

@@ -1,4 +1,4 @@
-//! Waiting for any of many ports, for a signal, or for the time to pass.
+//! Waiting for any of many ports, for something else to read, for a signal, or for the time to pass.
 
 use std::mem::MaybeUninit;
 use std::num::NonZeroU64;
@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use rustix::event::{Timespec, epoll};
+use rustix::fd::AsFd;
 use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
@@ -96,6 +97,20 @@ impl Waiter {
         let registration = Registration::new(Arc::clone(&self.hub), token);
         registration.mark_ready();
         port.register(registration)
+    }
+
+    /// Has waits also end when this can be read or has come to its end, under
+    /// a token that no port has; until it is closed.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn watch(&mut self, token: usize, source: impl AsFd) -> Result<(), PortError> {
+        // A usize has no more than 64 bits here.
+        let data = epoll::EventData::new_u64(token as u64);
+        epoll::add(self.hub.epoll(), source, data, epoll::EventFlags::IN)
+            .map_err(PortErrorKind::call("epoll_ctl"))
+            .map_err(waiting)
     }
 
     /// Waits until a port has news, a signal arrives or `timeout` has passed,

@@ -1,0 +1,219 @@
+//! A client that `sim run` starts: its environment, its output, its end.
+
+use std::collections::VecDeque;
+use std::ffi::OsString;
+use std::fmt;
+use std::fs::File;
+use std::io::{Read, Write as _};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::process::CommandExt as _;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use rustix::event::{PollFd, PollFlags, Timespec};
+
+use crate::supervise::{ClientEnd, GRACE};
+
+/// How much of the end of the output is kept.
+const MOST_OUTPUT: usize = 1 << 16;
+/// How much of it goes into a file.
+const MOST_FILED: usize = 1 << 26;
+/// How long the end of a client may take in all, which includes killing it.
+const END_PATIENCE: Duration = Duration::from_secs(10);
+
+/// A client and everything that it has started; dropping it ends them.
+pub(crate) struct Client {
+    supervisor: Child,
+    /// Held open for as long as the client may run.
+    leash: Option<ChildStdin>,
+    status: ChildStdout,
+    output: Arc<Mutex<Output>>,
+    reader: Option<JoinHandle<()>>,
+}
+
+/// What a client has written, or the end of it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Output {
+    last: VecDeque<u8>,
+    total: usize,
+}
+
+impl Output {
+    fn add(&mut self, bytes: &[u8]) {
+        self.total += bytes.len();
+        self.last.extend(bytes);
+        let excess = self.last.len().saturating_sub(MOST_OUTPUT);
+        self.last.drain(..excess);
+    }
+
+    /// As text, with a first line that says what is left out.
+    pub(crate) fn text(&self) -> String {
+        let bytes: Vec<u8> = self.last.iter().copied().collect();
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        match self.total.saturating_sub(bytes.len()) {
+            0 => text,
+            left_out => format!("({left_out} bytes before this are left out)\n{text}"),
+        }
+    }
+}
+
+impl fmt::Display for ClientEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Exited(code) => write!(f, "ended with exit code {code}"),
+            Self::Killed(signal) => match signal_name(*signal) {
+                Some(name) => write!(f, "was killed by {name}"),
+                None => write!(f, "was killed by signal {signal}"),
+            },
+            Self::NotStarted(why) => write!(f, "could not be started: {why}"),
+        }
+    }
+}
+
+fn signal_name(signal: i32) -> Option<&'static str> {
+    Some(match signal {
+        1 => "SIGHUP",
+        2 => "SIGINT",
+        4 => "SIGILL",
+        6 => "SIGABRT",
+        7 => "SIGBUS",
+        8 => "SIGFPE",
+        9 => "SIGKILL",
+        11 => "SIGSEGV",
+        13 => "SIGPIPE",
+        15 => "SIGTERM",
+        _ => return None,
+    })
+}
+
+impl Client {
+    /// Starts `command` with these variables in its environment; what it writes goes into `file`,
+    /// too.
+    pub(crate) fn start(
+        command: &[OsString],
+        environment: &[(String, OsString)],
+        file: Option<File>,
+    ) -> anyhow::Result<Self> {
+        let program = std::env::current_exe().context("cannot find the simulator's own program")?;
+        let mut supervisor = Command::new(program)
+            .arg("supervise")
+            .arg("--")
+            .args(command)
+            .envs(environment.iter().map(|(name, value)| (name, value)))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            // Ctrl-C is for the simulator, which then ends it.
+            .process_group(0)
+            .spawn()
+            .context("cannot start a process for the client")?;
+        let pipes = supervisor
+            .stdin
+            .take()
+            .zip(supervisor.stdout.take())
+            .zip(supervisor.stderr.take());
+        let ((leash, status), written) = pipes.context("a pipe to the client is missing")?;
+        let output = Arc::new(Mutex::new(Output::default()));
+        let shared = Arc::clone(&output);
+        let reader = std::thread::Builder::new()
+            .name("client output".to_owned())
+            .spawn(move || collect(written, &shared, file))
+            .context("cannot start a thread for the client's output")?;
+        Ok(Self {
+            supervisor,
+            leash: Some(leash),
+            status,
+            output,
+            reader: Some(reader),
+        })
+    }
+
+    /// What can be read once the client has ended.
+    pub(crate) fn status(&self) -> BorrowedFd<'_> {
+        self.status.as_fd()
+    }
+
+    /// Asks it to end, and kills it if it does not.
+    pub(crate) fn stop(&mut self) -> anyhow::Result<ClientEnd> {
+        self.leash = None;
+        self.wait()
+    }
+
+    /// How it ended; it has, or is about to.
+    pub(crate) fn wait(&mut self) -> anyhow::Result<ClientEnd> {
+        let patience = Timespec::try_from(GRACE + END_PATIENCE).ok();
+        let mut poll = [PollFd::new(&self.status, PollFlags::IN)];
+        let ready = rustix::io::retry_on_intr(|| rustix::event::poll(&mut poll, patience.as_ref()))
+            .context("cannot wait for the client")?;
+        if ready == 0 {
+            anyhow::bail!("the client cannot be ended, not even by SIGKILL");
+        }
+        let mut line = String::new();
+        (&mut self.status)
+            .take(4096)
+            .read_to_string(&mut line)
+            .context("cannot read how the client ended")?;
+        self.supervisor
+            .wait()
+            .context("cannot wait for the client")?;
+        if let Some(reader) = self.reader.take() {
+            // A panic has been printed by its own hook, and costs only output.
+            let _ = reader.join();
+        }
+        ClientEnd::parse(&line).context(
+            "the process that looks after the client was killed, so the client may be left",
+        )
+    }
+
+    /// What it has written so far.
+    pub(crate) fn output(&self) -> Output {
+        self.output
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        if self.reader.is_some() {
+            // On the way out because of another error, which is told.
+            let _ = self.stop();
+        }
+    }
+}
+
+/// Takes what the client writes until nobody can write any more.
+fn collect(mut from: impl Read, output: &Mutex<Output>, mut file: Option<File>) {
+    let mut buffer = [0; 8192];
+    let mut filed = 0;
+    // An error ends it as the end does.
+    while let Ok(count) = from.read(&mut buffer) {
+        if count == 0 {
+            return;
+        }
+        let bytes = &buffer[..count];
+        output
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .add(bytes);
+        filed += count;
+        if filed > MOST_FILED
+            && let Some(mut file) = file.take()
+        {
+            // The file shows the beginning; the end is kept in any case.
+            let _ = writeln!(
+                file,
+                "\n(more than {MOST_FILED} bytes; the rest is left out)"
+            );
+        }
+        if let Some(open) = &mut file
+            && open.write_all(bytes).is_err()
+        {
+            file = None;
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! One scenario to be played, and what came of it.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use sim_core::line::Wire;
+use sim_scenarios::{Outcome, Run, RunOptions};
+
+use crate::args::RunArgs;
+use crate::exit::Failure;
+use crate::scenario_files::Loaded;
+use crate::supervise::ClientEnd;
+
+use super::trace_file::TraceFile;
+
+/// Real time that a scenario may take beyond twice its own.
+const ALLOWANCE: Duration = Duration::from_secs(30);
+
+/// A scenario to be played.
+pub(crate) struct Job<'a> {
+    pub(crate) loaded: &'a Loaded,
+    pub(crate) seed: u64,
+    /// Which time it is, from 0, if it is played several times.
+    pub(crate) repeat: Option<u32>,
+    /// Simulated seconds for each second of real time.
+    pub(crate) speed: f64,
+    /// Real time that it may take.
+    pub(crate) allowed: Duration,
+    pub(crate) client: &'a [OsString],
+    /// Where traces and reports go.
+    pub(crate) output: Option<&'a Path>,
+}
+
+impl<'a> Job<'a> {
+    /// The time number `repeat` of a scenario; `base` is the seed if none is given.
+    pub(crate) fn new(args: &'a RunArgs, loaded: &'a Loaded, repeat: u32, base: u64) -> Self {
+        let scenario = &loaded.scenario;
+        let seed = args.seed.or(scenario.rig.seed).unwrap_or(base);
+        let speed = args.speed.unwrap_or(1.0);
+        let own = scenario.limit.div_f64(speed).saturating_mul(2) + ALLOWANCE;
+        let timeout = args.timeout.map(|timeout| timeout.0);
+        Self {
+            loaded,
+            seed: seed.wrapping_add(u64::from(repeat)),
+            repeat: (args.repeat > 1).then_some(repeat),
+            speed,
+            allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
+            client: &args.client,
+            output: args.output.as_deref(),
+        }
+    }
+
+    pub(crate) fn is_live(&self) -> bool {
+        !self.client.is_empty()
+    }
+
+    /// The file's path, and which time it is.
+    pub(crate) fn name(&self) -> String {
+        let path = self.loaded.path.display();
+        match self.repeat {
+            Some(repeat) => format!("{path} #{}", repeat + 1),
+            None => path.to_string(),
+        }
+    }
+
+    /// Where to write what ends with `end`, if anything is to be written.
+    pub(crate) fn file(&self, end: &str) -> Option<PathBuf> {
+        let mut name = self.loaded.stem();
+        if let Some(repeat) = self.repeat {
+            name += &format!("-{}", repeat + 1);
+        }
+        Some(self.output?.join(format!("{name}.{end}")))
+    }
+
+    /// A run of it, and the file for its trace.
+    pub(crate) fn begin(&self) -> Result<(Run, Option<TraceFile>), Failure> {
+        let run = self.loaded.run(RunOptions {
+            seed: self.seed,
+            wire: Wire::Paced,
+            live: self.is_live(),
+            trace: self.output.is_some(),
+        })?;
+        let trace = self
+            .file("trace.jsonl")
+            .map(TraceFile::create)
+            .transpose()?;
+        Ok((run, trace))
+    }
+
+    /// What to type to see the same again.
+    pub(crate) fn command(&self) -> String {
+        let mut words = vec!["sim".to_owned(), "run".to_owned()];
+        words.extend(["--seed".to_owned(), self.seed.to_string()]);
+        if self.is_live() && self.speed != 1.0 {
+            words.extend(["--speed".to_owned(), self.speed.to_string()]);
+        }
+        words.push(self.loaded.path.display().to_string());
+        if self.is_live() {
+            words.push("--".to_owned());
+            let client = self
+                .client
+                .iter()
+                .map(|word| word.to_string_lossy().into_owned());
+            words.extend(client);
+        }
+        // Only a zero byte cannot be quoted, and no argument has one.
+        shlex::try_join(words.iter().map(String::as_str)).unwrap_or_else(|_| words.join(" "))
+    }
+}
+
+/// What came of a job.
+pub(crate) enum JobResult {
+    /// It was played to an end.
+    Played(Box<Played>),
+    /// It was being played when a signal asked for the end.
+    BrokenOff,
+    /// The simulator or the system failed.
+    Broken(String),
+}
+
+/// A scenario that has been played.
+pub(crate) struct Played {
+    pub(crate) outcome: Outcome,
+    /// The client, if there was a real one.
+    pub(crate) client: Option<PlayedClient>,
+    /// Real time that it took.
+    pub(crate) took: Duration,
+}
+
+/// A client that has ended.
+pub(crate) struct PlayedClient {
+    pub(crate) end: ClientEnd,
+    /// It was asked to end, so how it did says nothing.
+    pub(crate) stopped: bool,
+    /// The end of what it wrote.
+    pub(crate) output: String,
+}
+
+impl JobResult {
+    pub(crate) fn passed(&self) -> bool {
+        matches!(self, Self::Played(played) if played.outcome.passed)
+    }
+}

@@ -1,0 +1,173 @@
+//! A scenario against a real client, in real time.
+
+use std::ffi::OsString;
+use std::fs::File;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use sim_pty::Waiter;
+use sim_scenarios::Run;
+use sim_settings::show_duration;
+
+use crate::client::Client;
+use crate::exit::Failure;
+use crate::fairness::Fairness;
+use crate::ports::{Elsewhere, ShownPort, open_all};
+use crate::serve::{Begin, Ended, Server};
+use crate::served::Served;
+use crate::supervise::ClientEnd;
+
+use super::job::{Job, JobResult, Played, PlayedClient};
+use super::trace_file::TraceFile;
+
+/// Simulated time between looks for signals, once the client has ended.
+const SLICE: Duration = Duration::from_millis(500);
+
+/// The reason of a scenario that took too long.
+pub(crate) fn over_time(allowed: Duration) -> String {
+    format!(
+        "it was still going on after the {} of real time that are allowed (--timeout, or \
+         `wall_limit` in the file)",
+        show_duration(allowed)
+    )
+}
+
+/// Plays it. The client ends before this returns, whatever happens.
+pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+    let begun = Instant::now();
+    // Before anything is opened, so that a signal at any time leaves nothing behind.
+    let mut waiter = Waiter::new().map_err(Failure::system)?;
+    waiter.catch_signals().map_err(Failure::system)?;
+    let (mut run, trace) = job.begin()?;
+    let fairness = Arc::new(Mutex::new(Fairness::default()));
+    let shared = Arc::clone(&fairness);
+    run.excuse_with(Box::new(move |event| {
+        let mut fairness = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        fairness.excuses(event)
+    }));
+    let links = tempfile::Builder::new()
+        .prefix("sim-")
+        .tempdir()
+        .context("cannot make a folder for the ports")
+        .map_err(Failure::system)?;
+    let plan = &job.loaded.scenario.rig;
+    let elsewhere = Elsewhere::In(links.path());
+    let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere)?;
+    let environment = environment(job, &ports);
+    let log = job.file("client.log").map(|path| {
+        File::create(&path)
+            .with_context(|| format!("cannot write the client's output to {}", path.display()))
+    });
+    let log = log.transpose().map_err(Failure::system)?;
+    let when = (Begin::WithClient, job.speed);
+    let mut server = Server::new(run, ports, waiter, when, fairness).map_err(Failure::system)?;
+    let client = Client::start(job.client, &environment, log).map_err(Failure::system)?;
+    server.watch(client.status()).map_err(Failure::system)?;
+    server.stop_after(job.allowed);
+    let mut play = LivePlay {
+        server,
+        client,
+        trace,
+    };
+    let Some(client) = play.play(job, stop).map_err(Failure::system)? else {
+        return Ok(JobResult::BrokenOff);
+    };
+    if let ClientEnd::NotStarted(why) = &client.end {
+        let shown = job.client[0].display();
+        return Err(Failure::usage(anyhow!(
+            "cannot start the client {shown}: {why}"
+        )));
+    }
+    let outcome = play.server.simulation_mut().end().clone();
+    take(play.server.simulation_mut(), &mut play.trace);
+    play.trace.map_or(Ok(()), TraceFile::finish)?;
+    Ok(JobResult::Played(Box::new(Played {
+        outcome,
+        client: Some(client),
+        took: begun.elapsed(),
+    })))
+}
+
+/// What the client finds in its environment.
+fn environment(job: &Job<'_>, ports: &[Served]) -> Vec<(String, OsString)> {
+    let plan = &job.loaded.scenario.rig;
+    let mut environment: Vec<(String, OsString)> = ports
+        .iter()
+        .map(|served| {
+            let shown = ShownPort::new(served, plan);
+            (shown.variable(), served.path.clone().into_os_string())
+        })
+        .collect();
+    environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
+    let scenario = job.loaded.path.clone().into_os_string();
+    environment.push(("SIM_SCENARIO".to_owned(), scenario));
+    environment
+}
+
+struct LivePlay {
+    server: Server<Run>,
+    client: Client,
+    trace: Option<TraceFile>,
+}
+
+impl LivePlay {
+    /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
+    /// ended then.
+    fn play(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
+        let trace = &mut self.trace;
+        let ended = self.server.run(|run| take(run, trace))?;
+        let stopped = ended != Ended::Watched;
+        let end = if stopped {
+            self.client.stop()?
+        } else {
+            self.client.wait()?
+        };
+        match ended {
+            Ended::Signal => return Ok(None),
+            Ended::Over => {}
+            Ended::Timeout => self.fail(over_time(job.allowed)),
+            Ended::Watched => self.client_ended(&end, stop)?,
+        }
+        Ok(Some(PlayedClient {
+            end,
+            stopped,
+            output: self.client.output().text(),
+        }))
+    }
+
+    /// The client has ended by itself. Of one that did its work, the rest of the scenario shows
+    /// what becomes of the vehicle afterwards.
+    fn client_ended(&mut self, end: &ClientEnd, stop: &AtomicBool) -> anyhow::Result<()> {
+        self.server.take_the_rest()?;
+        if *end != ClientEnd::Exited(0) {
+            self.fail(format!("the client {end}"));
+            return Ok(());
+        }
+        if !self.server.has_begun() {
+            self.fail("the client ended without having opened a port".to_owned());
+            return Ok(());
+        }
+        let run = self.server.simulation_mut();
+        while run.finished().is_none() && !stop.load(Ordering::Relaxed) {
+            run.advance(run.rig().now() + SLICE)?;
+            take(run, &mut self.trace);
+        }
+        Ok(())
+    }
+
+    fn fail(&mut self, what: String) {
+        self.server.simulation_mut().fail(what);
+    }
+}
+
+/// Takes what the run has to tell.
+fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
+    while run.poll_event().is_some() {}
+    while let Some(line) = run.poll_trace() {
+        if let Some(trace) = trace {
+            trace.line(&line);
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! The report of a scenario as JSON.
+
+use std::fs;
+
+use anyhow::Context as _;
+use serde_json::{Value, json};
+
+use crate::exit::Failure;
+use crate::supervise::ClientEnd;
+
+use super::job::{Job, Played};
+use super::tell::outcome_json;
+
+/// Writes it beside the trace, if anything is to be written.
+pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
+    let Some(path) = job.file("report.json") else {
+        return Ok(());
+    };
+    let mut report = outcome_json(&played.outcome);
+    report["scenario"] = json!(job.loaded.path);
+    report["version"] = json!(env!("CARGO_PKG_VERSION"));
+    report["took_s"] = json!(played.took.as_secs_f64());
+    report["command"] = json!(job.command());
+    report["trace"] = json!(job.file("trace.jsonl"));
+    report["client"] = client(job, played);
+    let devices: Vec<Value> = played
+        .outcome
+        .devices
+        .iter()
+        .map(|device| {
+            json!({
+                "device": device.name,
+                "requests": device.report.requests,
+                "replies": device.report.replies,
+                "events": crate::summary::events_json(&device.report),
+            })
+        })
+        .collect();
+    report["devices"] = json!(devices);
+    fs::write(&path, format!("{report:#}\n"))
+        .with_context(|| format!("cannot write the report {}", path.display()))
+        .map_err(Failure::system)
+}
+
+fn client(job: &Job<'_>, played: &Played) -> Value {
+    let Some(client) = &played.client else {
+        return Value::Null;
+    };
+    let (exit_code, signal) = match client.end {
+        ClientEnd::Exited(code) => (Some(code), None),
+        ClientEnd::Killed(signal) => (None, Some(signal)),
+        ClientEnd::NotStarted(_) => (None, None),
+    };
+    json!({
+        "exit_code": exit_code,
+        "signal": signal,
+        "stopped": client.stopped,
+        "output": job.file("client.log"),
+    })
+}

@@ -1,0 +1,49 @@
+//! A scenario with its scripted client, in simulated time.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use sim_core::SimTime;
+
+use crate::exit::Failure;
+
+use super::job::{Job, JobResult, Played};
+
+/// Simulated time between looks at the clock and for signals.
+const SLICE: Duration = Duration::from_millis(500);
+
+/// Plays it as fast as the machine goes.
+pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+    let begun = Instant::now();
+    let (mut run, mut trace) = job.begin()?;
+    let mut to = SimTime::ZERO;
+    while run.finished().is_none() {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(JobResult::BrokenOff);
+        }
+        if begun.elapsed() > job.allowed {
+            run.fail(super::live::over_time(job.allowed));
+            break;
+        }
+        to += SLICE;
+        run.advance(to).map_err(Failure::system)?;
+        while let Some(line) = run.poll_trace() {
+            if let Some(trace) = &mut trace {
+                trace.line(&line);
+            }
+        }
+        while run.poll_event().is_some() {}
+    }
+    let outcome = run.end().clone();
+    while let Some(line) = run.poll_trace() {
+        if let Some(trace) = &mut trace {
+            trace.line(&line);
+        }
+    }
+    trace.map_or(Ok(()), super::trace_file::TraceFile::finish)?;
+    Ok(JobResult::Played(Box::new(Played {
+        outcome,
+        client: None,
+        took: begun.elapsed(),
+    })))
+}

@@ -1,0 +1,211 @@
+//! What is printed of scenarios.
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+use sim_core::event::Hex;
+use sim_scenarios::Outcome;
+use sim_settings::show_duration;
+
+use crate::args::RunArgs;
+use crate::ports;
+
+use super::job::{Job, JobResult, Played};
+
+/// How many of the last lines of traffic are shown of a scenario that failed.
+const TRAFFIC: usize = 12;
+/// How many of the last lines of the client's output are shown of a scenario that failed.
+const OUTPUT: usize = 30;
+
+/// What would be played.
+pub(crate) fn planned(job: &Job<'_>) -> String {
+    let scenario = &job.loaded.scenario;
+    let mut text = format!(
+        "{}: {}\n  seed {}, {} simulated",
+        job.name(),
+        scenario.title,
+        job.seed,
+        show_duration(scenario.limit)
+    );
+    for device in &scenario.rig.devices {
+        let _ = write!(text, "\n  device {} ({})", device.name, device.kind.word());
+        if job.is_live() {
+            let variables: Vec<String> = device
+                .links()
+                .iter()
+                .map(|link| ports::variable(&device.name, link.index, link.name))
+                .collect();
+            let _ = write!(text, ", served at ${}", variables.join(" and $"));
+        }
+    }
+    let _ = write!(text, "\n  {}", job.command());
+    text
+}
+
+/// What came of a job, in full if it failed.
+pub(crate) fn told(args: &RunArgs, job: &Job<'_>, result: &JobResult) -> String {
+    let name = job.name();
+    match result {
+        JobResult::Played(played) => told_played(args, job, played),
+        JobResult::BrokenOff => format!("broken off  {name}"),
+        JobResult::Broken(why) => format!("BROKEN  {name}: {why}"),
+    }
+}
+
+fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
+    let outcome = &played.outcome;
+    let word = if outcome.passed { "ok    " } else { "FAILED" };
+    let mut text = format!(
+        "{word}  {}: {} ({:.1} s simulated",
+        job.name(),
+        outcome.title,
+        outcome.ended_at.as_secs_f64()
+    );
+    if job.is_live() {
+        let _ = write!(text, " in {:.1} s", played.took.as_secs_f64());
+    }
+    text += ")";
+    if args.repeat > 1 && outcome.passed {
+        let _ = write!(text, ", seed {}", outcome.seed);
+    }
+    // What a scripted client does wrong, it was told to do.
+    let report = client_report(outcome);
+    if job.is_live() || !outcome.passed {
+        text += &report;
+    }
+    if outcome.passed {
+        return text;
+    }
+    text += &failures(outcome);
+    text += "\n  the last that happened:";
+    for line in last(&outcome.traffic, TRAFFIC) {
+        let _ = write!(text, "\n    {line}");
+    }
+    if let Some(client) = &played.client {
+        let lines: Vec<String> = client.output.lines().map(str::to_owned).collect();
+        if lines.is_empty() {
+            text += "\n  the client wrote nothing";
+        } else {
+            text += "\n  the last that the client wrote:";
+        }
+        for line in last(&lines, OUTPUT) {
+            let _ = write!(text, "\n    {line}");
+        }
+    }
+    if let Some(trace) = job.file("trace.jsonl") {
+        let _ = write!(text, "\n  trace: {}", trace.display());
+    }
+    let _ = write!(text, "\n  again: {}", job.command());
+    text
+}
+
+fn last(lines: &[String], count: usize) -> &[String] {
+    &lines[lines.len().saturating_sub(count)..]
+}
+
+fn failures(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    for failure in &outcome.failures {
+        let _ = write!(text, "\n  {failure}");
+    }
+    if outcome.more_failures > 0 {
+        let _ = write!(text, "\n  and {} more", outcome.more_failures);
+    }
+    text
+}
+
+/// The client report for people: a line for each kind, and nothing if it is empty.
+fn client_report(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    for device in &outcome.devices {
+        for (code, tally) in device.report.client_faults() {
+            let _ = write!(
+                text,
+                "\n  client report: {}: {code} {}x, first at {} s: {}",
+                device.name, tally.client_faults, tally.first_at, tally.first
+            );
+        }
+    }
+    text
+}
+
+/// The client report as lines, for a file.
+pub(crate) fn client_report_lines(outcome: &Outcome) -> Vec<String> {
+    client_report(outcome)
+        .lines()
+        .map(|line| line.trim().to_owned())
+        .filter(|line| !line.is_empty())
+        .collect()
+}
+
+/// The verdict of a scenario that was played against whatever client came, for people.
+pub(crate) fn verdict_text(outcome: &Outcome) -> String {
+    let word = if outcome.passed { "passed" } else { "FAILED" };
+    let time = outcome.ended_at.as_secs_f64();
+    format!(
+        "{word}: {} ({time:.1} s simulated, seed {}){}",
+        outcome.title,
+        outcome.seed,
+        failures(outcome)
+    )
+}
+
+/// The same for programs.
+pub(crate) fn verdict_json(outcome: &Outcome) -> Value {
+    let mut value = outcome_json(outcome);
+    value["code"] = json!("verdict");
+    value
+}
+
+/// An outcome for programs, without what was only counted.
+pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
+    let failures: Vec<Value> = outcome
+        .failures
+        .iter()
+        .map(|failure| {
+            json!({
+                "time_s": failure.at.as_secs_f64(),
+                "step": failure.step,
+                "what": failure.what,
+            })
+        })
+        .collect();
+    let faults: Vec<Value> = outcome
+        .faults
+        .iter()
+        .map(|fault| {
+            json!({
+                "step": fault.step,
+                "fault": fault.id,
+                "armed": fault.armed,
+                "hits": fault.hits,
+            })
+        })
+        .collect();
+    let report: Vec<Value> = outcome
+        .devices
+        .iter()
+        .flat_map(|device| {
+            device.report.client_faults().map(|(code, tally)| {
+                json!({
+                    "device": device.name,
+                    "code": code,
+                    "count": tally.client_faults,
+                    "first_s": tally.first_at.as_secs_f64(),
+                    "first": tally.first,
+                    "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
+                })
+            })
+        })
+        .collect();
+    json!({
+        "title": outcome.title,
+        "passed": outcome.passed,
+        "seed": outcome.seed,
+        "time_s": outcome.ended_at.as_secs_f64(),
+        "failures": failures,
+        "more_failures": outcome.more_failures,
+        "faults": faults,
+        "client_report": report,
+    })
+}

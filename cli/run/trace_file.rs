@@ -1,0 +1,47 @@
+//! Where a trace is written.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write as _};
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+
+use crate::exit::Failure;
+
+/// A trace file; the first error is kept for the end.
+pub(crate) struct TraceFile {
+    path: PathBuf,
+    out: BufWriter<File>,
+    error: Option<io::Error>,
+}
+
+impl TraceFile {
+    /// Replaces what is there.
+    pub(crate) fn create(path: PathBuf) -> Result<Self, Failure> {
+        let file = File::create(&path)
+            .with_context(|| format!("cannot write the trace {}", path.display()))
+            .map_err(Failure::system)?;
+        Ok(Self {
+            path,
+            out: BufWriter::with_capacity(1 << 16, file),
+            error: None,
+        })
+    }
+
+    /// Adds a line.
+    pub(crate) fn line(&mut self, line: &str) {
+        if self.error.is_none() {
+            self.error = writeln!(self.out, "{line}").err();
+        }
+    }
+
+    /// Makes sure that all has been written.
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        let flushed = self.out.flush();
+        let shown = self.path.display();
+        self.error
+            .map_or(flushed, Err)
+            .with_context(|| format!("cannot write the trace {shown}; it is not complete"))
+            .map_err(Failure::system)
+    }
+}

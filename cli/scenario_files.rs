@@ -1,0 +1,159 @@
+//! Finding and reading scenario files.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context as _, anyhow};
+use sim_core::settings::SimSettings;
+use sim_scenarios::{Run, RunOptions, Scenario};
+use sim_settings::Source;
+
+use crate::config;
+use crate::exit::Failure;
+
+/// Most scenario files of one call.
+const MOST_FILES: usize = 10_000;
+/// A file of a folder with any of these keys at its top is meant to be a scenario.
+const KEYS: [&str; 4] = ["good_client", "limit", "step", "title"];
+
+/// A scenario file with the world file that it names.
+#[derive(Clone)]
+pub(crate) struct Loaded {
+    pub(crate) path: PathBuf,
+    pub(crate) scenario: Arc<Scenario>,
+    world: Option<(String, String)>,
+}
+
+impl Loaded {
+    /// A run of it.
+    pub(crate) fn run(&self, options: RunOptions) -> Result<Run, Failure> {
+        let world = self.world.as_ref();
+        let world = world.map(|(file, text)| Source { file, text });
+        Run::new(Arc::clone(&self.scenario), world, options).map_err(Failure::usage)
+    }
+
+    /// The folder that its paths are relative to.
+    pub(crate) fn folder(&self) -> PathBuf {
+        self.path.parent().map(Path::to_owned).unwrap_or_default()
+    }
+
+    /// What distinguishes it in names of files: the whole path, so that files of one name in two
+    /// folders do not meet.
+    pub(crate) fn stem(&self) -> String {
+        let parts: Vec<String> = self
+            .path
+            .with_extension("")
+            .components()
+            .filter_map(|part| match part {
+                std::path::Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
+                _ => None,
+            })
+            .collect();
+        parts.join("-")
+    }
+}
+
+/// Every scenario file that the paths name; of folders the scenarios among those that end in
+/// `.toml`, by name.
+pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBuf>, Failure> {
+    let mut found = Vec::new();
+    let mut pending: Vec<(PathBuf, bool)> = paths
+        .iter()
+        .rev()
+        .map(|path| (path.clone(), true))
+        .collect();
+    while let Some((path, named)) = pending.pop() {
+        if found.len() + pending.len() > MOST_FILES {
+            return Err(Failure::usage(anyhow!(
+                "more than {MOST_FILES} files are named"
+            )));
+        }
+        if path.is_dir() {
+            let entries = fs::read_dir(&path)
+                .with_context(|| format!("cannot look into {}", path.display()))
+                .map_err(Failure::usage)?;
+            let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+            inside.retain(|path| !is_hidden(path) && (path.is_dir() || is_toml(path)));
+            inside.sort();
+            pending.extend(inside.into_iter().rev().map(|path| (path, false)));
+        } else if named || is_meant_as_scenario(&path) {
+            found.push(path);
+        }
+    }
+    if let Some(filter) = filter {
+        found.retain(|path| path.display().to_string().contains(filter));
+    }
+    if found.is_empty() {
+        return Err(Failure::usage(match filter {
+            Some(filter) => anyhow!("no scenario file's path contains `{filter}`: nothing to run"),
+            None => anyhow!("no scenario file is there: nothing to run"),
+        }));
+    }
+    Ok(found)
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end == "toml")
+}
+
+fn is_hidden(path: &Path) -> bool {
+    path.file_name()
+        .is_some_and(|name| name.to_string_lossy().starts_with('.'))
+}
+
+/// Whether a file that was found in a folder is a scenario, be it a wrong one: worlds, rigs and
+/// other programs' settings may lie beside scenarios.
+fn is_meant_as_scenario(path: &Path) -> bool {
+    let Ok(text) = config::read(path, "scenario file") else {
+        return true;
+    };
+    match text.parse::<toml::Table>() {
+        Ok(table) => KEYS.iter().any(|key| table.contains_key(*key)),
+        Err(_) => true,
+    }
+}
+
+/// Reads all, or says what is wrong with each.
+pub(crate) fn load_all(files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
+    let mut errors = Vec::new();
+    let mut loaded = Vec::new();
+    for path in files {
+        match load(path, &SimSettings::default()) {
+            Ok(one) => loaded.push(one),
+            Err(failure) => errors.push(format!("{:#}", failure.error)),
+        }
+    }
+    if errors.is_empty() {
+        Ok(loaded)
+    } else {
+        Err(Failure::usage(anyhow!(errors.join("\n"))))
+    }
+}
+
+/// Reads one, with `base` for what it does not set.
+pub(crate) fn load(path: &Path, base: &SimSettings) -> Result<Loaded, Failure> {
+    let text = config::read(path, "scenario file")?;
+    let shown = path.display().to_string();
+    let source = Source {
+        file: &shown,
+        text: &text,
+    };
+    let scenario = Scenario::parse(source, base).map_err(Failure::usage)?;
+    for device in &scenario.rig.devices {
+        config::check(&device.settings)?;
+    }
+    let mut loaded = Loaded {
+        path: path.to_owned(),
+        scenario: Arc::new(scenario),
+        world: None,
+    };
+    if let Some(world) = loaded.scenario.world() {
+        let world = loaded.folder().join(world);
+        let text = config::read(&world, "world file")?;
+        loaded.world = Some((world.display().to_string(), text));
+    }
+    // A world that is wrong is found now, not when others have been played.
+    loaded.run(RunOptions::scripted(0))?;
+    Ok(loaded)
+}

@@ -1,0 +1,230 @@
+//! The hidden subcommand in which a client of `sim run` runs: it ends with everything that the
+//! client has started, whatever becomes of the client or of the simulator.
+//!
+//! Its standard input is a pipe that the simulator holds open; the end of it asks for the client's
+//! end, also when the simulator was killed. Standard error is where the client writes both of its
+//! streams. Standard output carries one line that says how the client ended, when nobody is left.
+//!
+//! It is a child subreaper: a process whose parent has ended becomes its child, also one that has
+//! gone into a session of its own. So when it has no child left, nobody is left.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::process::CommandExt as _;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
+use rustix::io::Errno;
+use rustix::process::{Pid, Signal, WaitOptions, WaitStatus};
+
+use crate::exit::{Exit, Failure};
+
+/// How long those who were asked to end may take before they are killed.
+pub(crate) const GRACE: Duration = Duration::from_secs(2);
+/// How often to kill whoever has become a child meanwhile.
+const ROUND: Duration = Duration::from_millis(10);
+
+/// How a client ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum ClientEnd {
+    /// With this exit code.
+    Exited(i32),
+    /// Killed by this signal.
+    Killed(i32),
+    /// It could not be started; why.
+    NotStarted(String),
+}
+
+impl ClientEnd {
+    fn line(&self) -> String {
+        match self {
+            Self::Exited(code) => format!("exited {code}"),
+            Self::Killed(signal) => format!("killed {signal}"),
+            Self::NotStarted(why) => format!("not started {why}"),
+        }
+    }
+
+    /// Reads what [`Self::line`] wrote.
+    pub(crate) fn parse(line: &str) -> Option<Self> {
+        let line = line.trim_end();
+        if let Some(why) = line.strip_prefix("not started ") {
+            return Some(Self::NotStarted(why.to_owned()));
+        }
+        let (how, number) = line.split_once(' ')?;
+        let number = number.parse().ok()?;
+        match how {
+            "exited" => Some(Self::Exited(number)),
+            "killed" => Some(Self::Killed(number)),
+            _ => None,
+        }
+    }
+}
+
+enum News {
+    /// The simulator asks for the end, or has ended.
+    Stop,
+    /// A child has ended.
+    Reaped(Pid, WaitStatus),
+    /// No child is left.
+    Alone,
+}
+
+/// The subcommand.
+pub(crate) fn supervise(command: &[OsString]) -> Result<Exit, Failure> {
+    let end = run(command).map_err(Failure::system)?;
+    // A simulator that has been killed reads no more.
+    let _ = writeln!(io::stdout(), "{}", end.line());
+    Ok(Exit::Clean)
+}
+
+fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
+    let (program, args) = command.split_first().context("no client is named")?;
+    let this = rustix::process::getpid();
+    rustix::process::set_child_subreaper(Some(this)).context("cannot adopt orphans")?;
+    let spawned = Command::new(program)
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(Stdio::from(io::stderr()))
+        // A group of its own can be signalled as a whole.
+        .process_group(0)
+        .spawn();
+    let client = match spawned {
+        Ok(client) => client,
+        Err(error) => return Ok(ClientEnd::NotStarted(error.to_string())),
+    };
+    let client = Pid::from_child(&client);
+    let (sender, news) = crossbeam_channel::unbounded();
+    let stop = sender.clone();
+    std::thread::spawn(move || {
+        let mut sink = [0; 64];
+        while matches!(io::stdin().read(&mut sink), Ok(count) if count > 0) {}
+        let _ = stop.send(News::Stop);
+    });
+    std::thread::spawn(move || reap(&sender));
+    attend(client, &news)
+}
+
+/// Reaps every child, for ever or until none is left.
+fn reap(sender: &Sender<News>) {
+    loop {
+        let news = match rustix::process::wait(WaitOptions::empty()) {
+            Ok(Some((pid, status))) => News::Reaped(pid, status),
+            Ok(None) | Err(Errno::INTR) => continue,
+            Err(_) => News::Alone,
+        };
+        let alone = matches!(news, News::Alone);
+        if sender.send(news).is_err() || alone {
+            return;
+        }
+    }
+}
+
+/// Waits until nobody is left, and sees to it once the client has ended or is to end.
+fn attend(client: Pid, news: &Receiver<News>) -> anyhow::Result<ClientEnd> {
+    let mut end = None;
+    // When to stop asking and to kill.
+    let mut patience: Option<Instant> = None;
+    loop {
+        let heard = match patience {
+            None => news.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            Some(until) => {
+                let left = until.saturating_duration_since(Instant::now());
+                news.recv_timeout(left.max(ROUND))
+            }
+        };
+        match heard {
+            Ok(News::Reaped(pid, status)) if pid == client => {
+                end = end_of(status);
+                ask(client, &mut patience);
+            }
+            Ok(News::Reaped(..)) => {}
+            Ok(News::Stop) => ask(client, &mut patience),
+            Ok(News::Alone) => {
+                return end.ok_or_else(|| anyhow!("the client vanished"));
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(anyhow!("nobody reaps the client any more"));
+            }
+        }
+        if patience.is_some_and(|until| until <= Instant::now()) {
+            signal_children(Signal::KILL);
+        }
+    }
+}
+
+fn end_of(status: WaitStatus) -> Option<ClientEnd> {
+    let code = status.exit_status().map(ClientEnd::Exited);
+    code.or_else(|| status.terminating_signal().map(ClientEnd::Killed))
+}
+
+/// Asks everybody to end, once.
+fn ask(client: Pid, patience: &mut Option<Instant>) {
+    if patience.is_none() {
+        *patience = Some(Instant::now() + GRACE);
+        // Both may be gone already.
+        let _ = rustix::process::kill_process_group(client, Signal::TERM);
+        signal_children(Signal::TERM);
+    }
+}
+
+/// Signals every child. Grandchildren become children when their parents are dead.
+fn signal_children(signal: Signal) {
+    for child in children() {
+        // It may have ended just now.
+        let _ = rustix::process::kill_process(child, signal);
+    }
+}
+
+fn children() -> Vec<Pid> {
+    let this = rustix::process::getpid();
+    let Ok(entries) = fs::read_dir("/proc") else {
+        return Vec::new();
+    };
+    entries
+        .flatten()
+        .filter_map(|entry| entry.file_name().to_str()?.parse().ok())
+        .filter_map(Pid::from_raw)
+        .filter(|pid| parent(*pid) == Some(this))
+        .collect()
+}
+
+fn parent(pid: Pid) -> Option<Pid> {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero())).ok()?;
+    // The name in parentheses may itself have some.
+    let after_name = &stat[stat.rfind(')')? + 1..];
+    Pid::from_raw(after_name.split_whitespace().nth(1)?.parse().ok()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_can_be_read() {
+        for end in [
+            ClientEnd::Exited(0),
+            ClientEnd::Exited(255),
+            ClientEnd::Killed(9),
+            ClientEnd::NotStarted("No such file".to_owned()),
+        ] {
+            assert_eq!(ClientEnd::parse(&format!("{}\n", end.line())), Some(end));
+        }
+        assert_eq!(ClientEnd::parse(""), None);
+        assert_eq!(ClientEnd::parse("exited x"), None);
+    }
+
+    #[test]
+    fn a_child_is_found_and_so_is_its_parent() {
+        let mut child = Command::new("sleep").arg("60").spawn().unwrap();
+        let pid = Pid::from_child(&child);
+        assert_eq!(parent(pid), Some(rustix::process::getpid()));
+        assert!(children().contains(&pid));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert!(!children().contains(&pid));
+    }
+}
