@@ -88,6 +88,9 @@ pub(crate) enum Command {
     /// Look after a client of `run`.
     #[command(hide = true)]
     Supervise {
+        /// The simulator's folder for the ports.
+        #[arg(long)]
+        folder: Option<PathBuf>,
         /// The client and its arguments.
         #[arg(last = true, required = true)]
         client: Vec<OsString>,
@@ -115,7 +118,7 @@ pub(crate) enum Command {
 
 /// What to play, and how.
 #[derive(Debug, Args)]
-#[command(after_help = RUN_EXAMPLES)]
+#[command(after_help = format!("{RUN_EXAMPLES}\n\n{}", Exit::HELP))]
 pub(crate) struct RunArgs {
     /// Scenario files, or folders of them.
     #[arg(required = true)]

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::{Read, Write as _};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::CommandExt as _;
+use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -91,15 +92,18 @@ fn signal_name(signal: i32) -> Option<&'static str> {
 
 impl Client {
     /// Starts `command` with these variables in its environment; what it writes goes into `file`,
-    /// too.
+    /// too. `folder` is removed if the simulator is killed.
     pub(crate) fn start(
         command: &[OsString],
         environment: &[(String, OsString)],
+        folder: &Path,
         file: Option<File>,
     ) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("cannot find the simulator's own program")?;
         let mut supervisor = Command::new(program)
             .arg("supervise")
+            .arg("--folder")
+            .arg(folder)
             .arg("--")
             .args(command)
             .envs(environment.iter().map(|(name, value)| (name, value)))
@@ -138,7 +142,10 @@ impl Client {
 
     /// Asks it to end, and kills it if it does not.
     pub(crate) fn stop(&mut self) -> anyhow::Result<ClientEnd> {
-        self.leash = None;
+        if let Some(mut leash) = self.leash.take() {
+            // It has ended by itself if it cannot be asked.
+            let _ = leash.write_all(b".");
+        }
         self.wait()
     }
 

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 pub(crate) enum Exit {
     /// Stopped by the user, or finished.
     Clean,
-    /// A scenario failed.
+    /// A scenario or the client failed.
     Failed,
     /// A flag, a file or a setting is wrong.
     Usage,
@@ -20,9 +20,10 @@ impl Exit {
     pub(crate) const HELP: &'static str = "\
 Exit codes:
   0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP; all scenarios passed
-  1  a scenario failed, or a trace played again differs
-  2  usage or configuration: a flag, a file or a setting is wrong
-  3  simulator or system: a port could not be made or served, or the simulator is at fault";
+  1  a scenario or the client failed, or a trace played again differs
+  2  usage or configuration: a flag, a file or a setting is wrong, or nothing is selected
+  3  simulator or system: a port could not be made or served, the simulator is at fault, or
+     scenarios were broken off by Ctrl-C";
 }
 
 impl From<Exit> for ExitCode {

@@ -42,7 +42,9 @@ fn main() -> ExitCode {
             Some(Command::Run(args)) => run::run(args),
             Some(Command::Check { files }) => run::check(files),
             Some(Command::Replay { trace }) => replay::replay(trace),
-            Some(Command::Supervise { client }) => supervise::supervise(client),
+            Some(Command::Supervise { client, folder }) => {
+                supervise::supervise(client, folder.as_deref())
+            }
             Some(Command::Faults { device }) => lists::faults(*device),
             Some(Command::Names { device }) => lists::list_names(*device),
             Some(Command::Schema { of }) => schema::print(*of),

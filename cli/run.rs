@@ -122,17 +122,17 @@ fn finish(results: &[Option<JobResult>]) -> Result<Exit, Failure> {
     let passed = count(JobResult::passed);
     let broken = count(|result| matches!(result, JobResult::Broken(_)));
     let failed = count(|result| matches!(result, JobResult::Played(_))) - passed;
-    let skipped = results.len() - passed - failed - broken;
+    let broken_off = count(|result| matches!(result, JobResult::BrokenOff));
+    let skipped = results.len() - passed - failed - broken - broken_off;
     let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
     if broken > 0 {
         text += &format!(", {broken} could not be played");
     }
+    if broken_off > 0 {
+        text += &format!(", {broken_off} broken off");
+    }
     print(&text)?;
-    let broken_off = results
-        .iter()
-        .flatten()
-        .any(|result| matches!(result, JobResult::BrokenOff));
-    Ok(if broken > 0 || broken_off {
+    Ok(if broken > 0 || broken_off > 0 {
         Exit::System
     } else if failed > 0 {
         Exit::Failed

@@ -1,8 +1,8 @@
 //! The hidden subcommand in which a client of `sim run` runs: it ends with everything that the
 //! client has started, whatever becomes of the client or of the simulator.
 //!
-//! Its standard input is a pipe that the simulator holds open; the end of it asks for the client's
-//! end, also when the simulator was killed. Standard error is where the client writes both of its
+//! Its standard input is a pipe that the simulator holds open; a byte in it asks for the client's
+//! end, and the end of it does so, too, for then the simulator was killed. Standard error is where the client writes both of its
 //! streams. Standard output carries one line that says how the client ended, when nobody is left.
 //!
 //! It is a child subreaper: a process whose parent has ended becomes its child, also one that has
@@ -12,6 +12,7 @@ use std::ffi::OsString;
 use std::fs;
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::process::CommandExt as _;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -64,23 +65,30 @@ impl ClientEnd {
 }
 
 enum News {
-    /// The simulator asks for the end, or has ended.
+    /// The simulator asks for the end.
     Stop,
+    /// The simulator has been killed.
+    Abandoned,
     /// A child has ended.
     Reaped(Pid, WaitStatus),
     /// No child is left.
     Alone,
 }
 
-/// The subcommand.
-pub(crate) fn supervise(command: &[OsString]) -> Result<Exit, Failure> {
-    let end = run(command).map_err(Failure::system)?;
+/// The subcommand. `folder` is the simulator's, who removes it unless it has been killed.
+pub(crate) fn supervise(command: &[OsString], folder: Option<&Path>) -> Result<Exit, Failure> {
+    let (end, abandoned) = run(command).map_err(Failure::system)?;
+    if let Some(folder) = folder.filter(|_| abandoned) {
+        // Nothing is left to do if it cannot be removed.
+        let _ = fs::remove_dir_all(folder);
+    }
     // A simulator that has been killed reads no more.
     let _ = writeln!(io::stdout(), "{}", end.line());
     Ok(Exit::Clean)
 }
 
-fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
+/// How the client ended, and whether the simulator was killed before.
+fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
     let (program, args) = command.split_first().context("no client is named")?;
     let this = rustix::process::getpid();
     rustix::process::set_child_subreaper(Some(this)).context("cannot adopt orphans")?;
@@ -93,15 +101,18 @@ fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
         .spawn();
     let client = match spawned {
         Ok(client) => client,
-        Err(error) => return Ok(ClientEnd::NotStarted(error.to_string())),
+        Err(error) => return Ok((ClientEnd::NotStarted(error.to_string()), false)),
     };
     let client = Pid::from_child(&client);
     let (sender, news) = crossbeam_channel::unbounded();
     let stop = sender.clone();
     std::thread::spawn(move || {
-        let mut sink = [0; 64];
-        while matches!(io::stdin().read(&mut sink), Ok(count) if count > 0) {}
-        let _ = stop.send(News::Stop);
+        let news = match io::stdin().read(&mut [0]) {
+            Ok(count) if count > 0 => News::Stop,
+            _ => News::Abandoned,
+        };
+        // Nobody listens any more if the client has ended.
+        let _ = stop.send(news);
     });
     std::thread::spawn(move || reap(&sender));
     attend(client, &news)
@@ -123,8 +134,9 @@ fn reap(sender: &Sender<News>) {
 }
 
 /// Waits until nobody is left, and sees to it once the client has ended or is to end.
-fn attend(client: Pid, news: &Receiver<News>) -> anyhow::Result<ClientEnd> {
+fn attend(client: Pid, news: &Receiver<News>) -> anyhow::Result<(ClientEnd, bool)> {
     let mut end = None;
+    let mut abandoned = false;
     // When to stop asking and to kill.
     let mut patience: Option<Instant> = None;
     loop {
@@ -142,8 +154,13 @@ fn attend(client: Pid, news: &Receiver<News>) -> anyhow::Result<ClientEnd> {
             }
             Ok(News::Reaped(..)) => {}
             Ok(News::Stop) => ask(client, &mut patience),
+            Ok(News::Abandoned) => {
+                abandoned = true;
+                ask(client, &mut patience);
+            }
             Ok(News::Alone) => {
-                return end.ok_or_else(|| anyhow!("the client vanished"));
+                let end = end.ok_or_else(|| anyhow!("the client vanished"))?;
+                return Ok((end, abandoned));
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {

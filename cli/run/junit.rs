@@ -49,7 +49,7 @@ fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
         properties.push(("sim.trace", trace.display().to_string()));
     }
     if let Some(JobResult::Played(played)) = result {
-        for line in tell::client_report_lines(&played.outcome) {
+        for line in tell::client_report(&played.outcome) {
             properties.push(("sim.client_report", line));
         }
     }

@@ -63,7 +63,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let log = log.transpose().map_err(Failure::system)?;
     let when = (Begin::WithClient, job.speed);
     let mut server = Server::new(run, ports, waiter, when, fairness).map_err(Failure::system)?;
-    let client = Client::start(job.client, &environment, log).map_err(Failure::system)?;
+    let client =
+        Client::start(job.client, &environment, links.path(), log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
     server.stop_after(job.allowed);
     let mut play = LivePlay {

@@ -69,15 +69,18 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
         let _ = write!(text, ", seed {}", outcome.seed);
     }
     // What a scripted client does wrong, it was told to do.
-    let report = client_report(outcome);
     if job.is_live() || !outcome.passed {
-        text += &report;
+        for line in client_report(outcome) {
+            let _ = write!(text, "\n  client report: {line}");
+        }
     }
     if outcome.passed {
         return text;
     }
     text += &failures(outcome);
-    text += "\n  the last that happened:";
+    if !outcome.traffic.is_empty() {
+        text += "\n  the last that happened:";
+    }
     for line in last(&outcome.traffic, TRAFFIC) {
         let _ = write!(text, "\n    {line}");
     }
@@ -114,28 +117,18 @@ fn failures(outcome: &Outcome) -> String {
     text
 }
 
-/// The client report for people: a line for each kind, and nothing if it is empty.
-fn client_report(outcome: &Outcome) -> String {
-    let mut text = String::new();
+/// The client report for people: a line for each kind.
+pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
+    let mut lines = Vec::new();
     for device in &outcome.devices {
         for (code, tally) in device.report.client_faults() {
-            let _ = write!(
-                text,
-                "\n  client report: {}: {code} {}x, first at {} s: {}",
+            lines.push(format!(
+                "{}: {code} {}x, first at {} s: {}",
                 device.name, tally.client_faults, tally.first_at, tally.first
-            );
+            ));
         }
     }
-    text
-}
-
-/// The client report as lines, for a file.
-pub(crate) fn client_report_lines(outcome: &Outcome) -> Vec<String> {
-    client_report(outcome)
-        .lines()
-        .map(|line| line.trim().to_owned())
-        .filter(|line| !line.is_empty())
-        .collect()
+    lines
 }
 
 /// The verdict of a scenario that was played against whatever client came, for people.
