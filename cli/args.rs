@@ -40,7 +40,7 @@ const RUN_EXAMPLES: &str = "\
 Examples:
   sim run scenarios
       Every scenario with its scripted client, as fast as the machine goes.
-  sim run scenarios/r150 -- python3 my_client.py
+  sim run --tag drive scenarios/r150 -- python3 my_client.py
       Your client instead, in real time. It opens the port named by $SIM_R150_PORT.
   sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
       A client that takes the port as an argument.
@@ -139,6 +139,9 @@ pub(crate) struct RunArgs {
     /// Only files whose path contains TEXT.
     #[arg(long, value_name = "TEXT")]
     pub(crate) filter: Option<String>,
+    /// Only scenarios with this tag in their file; may be repeated, and one of them is enough.
+    #[arg(long, value_name = "TAG", action = ArgAction::Append)]
+    pub(crate) tag: Vec<String>,
     /// Begin no further scenario after the first that fails.
     #[arg(long)]
     pub(crate) fail_fast: bool,
@@ -156,7 +159,7 @@ pub(crate) struct RunArgs {
     /// twice its `limit` and 30 s].
     #[arg(long, value_name = "TIME")]
     pub(crate) timeout: Option<Span>,
-    /// List the files and play nothing.
+    /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
     pub(crate) list: bool,
     /// Read everything, say what would be played with which seed and ports, and play nothing.

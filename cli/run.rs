@@ -26,12 +26,18 @@ pub(crate) use tell::{verdict_json, verdict_text};
 
 /// The `run` subcommand.
 pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    let files = find(&args.files, args.filter.as_deref())?;
+    let mut loaded = load_all(&find(&args.files, args.filter.as_deref())?)?;
+    if !args.tag.is_empty() {
+        loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
+    }
+    if loaded.is_empty() {
+        return Err(Failure::usage(anyhow!(
+            "no scenario there has the tag {}: nothing to run",
+            args.tag.join(" or ")
+        )));
+    }
     if args.list {
-        let text: Vec<String> = files
-            .iter()
-            .map(|file| file.display().to_string())
-            .collect();
+        let text: Vec<String> = loaded.iter().map(tell::listed).collect();
         return print(&text.join("\n"));
     }
     if args.client.is_empty() && args.speed.is_some() {
@@ -40,7 +46,6 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
              takes as long as the machine needs"
         )));
     }
-    let loaded = load_all(&files)?;
     let base = random_seed();
     let jobs: Vec<Job> = loaded
         .iter()

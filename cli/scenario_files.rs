@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::settings::SimSettings;
+use sim_scenarios::scenario::is_scenario_file;
 use sim_scenarios::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
@@ -14,8 +15,6 @@ use crate::exit::Failure;
 
 /// Most scenario files of one call.
 const MOST_FILES: usize = 10_000;
-/// A file of a folder with any of these keys at its top is meant to be a scenario.
-const KEYS: [&str; 4] = ["good_client", "limit", "step", "title"];
 
 /// A scenario file with the world file that it names.
 #[derive(Clone)]
@@ -54,16 +53,11 @@ impl Loaded {
     }
 }
 
-/// Every scenario file that the paths name; of folders the scenarios among those that end in
-/// `.toml`, by name.
+/// Every scenario file that the paths name; of folders those whose names are scenarios'.
 pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBuf>, Failure> {
     let mut found = Vec::new();
-    let mut pending: Vec<(PathBuf, bool)> = paths
-        .iter()
-        .rev()
-        .map(|path| (path.clone(), true))
-        .collect();
-    while let Some((path, named)) = pending.pop() {
+    let mut pending: Vec<PathBuf> = paths.iter().rev().cloned().collect();
+    while let Some(path) = pending.pop() {
         if found.len() + pending.len() > MOST_FILES {
             return Err(Failure::usage(anyhow!(
                 "more than {MOST_FILES} files are named"
@@ -74,10 +68,10 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
                 .with_context(|| format!("cannot look into {}", path.display()))
                 .map_err(Failure::usage)?;
             let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-            inside.retain(|path| !is_hidden(path) && (path.is_dir() || is_toml(path)));
+            inside.retain(|path| !is_hidden(path) && (path.is_dir() || is_scenario_file(path)));
             inside.sort();
-            pending.extend(inside.into_iter().rev().map(|path| (path, false)));
-        } else if named || is_meant_as_scenario(&path) {
+            pending.extend(inside.into_iter().rev());
+        } else {
             found.push(path);
         }
     }
@@ -93,25 +87,9 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
     Ok(found)
 }
 
-fn is_toml(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end == "toml")
-}
-
 fn is_hidden(path: &Path) -> bool {
     path.file_name()
         .is_some_and(|name| name.to_string_lossy().starts_with('.'))
-}
-
-/// Whether a file that was found in a folder is a scenario, be it a wrong one: worlds, rigs and
-/// other programs' settings may lie beside scenarios.
-fn is_meant_as_scenario(path: &Path) -> bool {
-    let Ok(text) = config::read(path, "scenario file") else {
-        return true;
-    };
-    match text.parse::<toml::Table>() {
-        Ok(table) => KEYS.iter().any(|key| table.contains_key(*key)),
-        Err(_) => true,
-    }
 }
 
 /// Reads all, or says what is wrong with each.

@@ -9,6 +9,7 @@ use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::ports;
+use crate::scenario_files::Loaded;
 
 use super::job::{Job, JobResult, Played};
 
@@ -16,6 +17,16 @@ use super::job::{Job, JobResult, Played};
 const TRAFFIC: usize = 12;
 /// How many of the last lines of the client's output are shown of a scenario that failed.
 const OUTPUT: usize = 30;
+
+/// A scenario in the list.
+pub(crate) fn listed(loaded: &Loaded) -> String {
+    let scenario = &loaded.scenario;
+    let mut text = format!("{}: {}", loaded.path.display(), scenario.title);
+    if !scenario.tags.is_empty() {
+        let _ = write!(text, " [{}]", scenario.tags.join(", "));
+    }
+    text
+}
 
 /// What would be played.
 pub(crate) fn planned(job: &Job<'_>) -> String {
