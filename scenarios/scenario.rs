@@ -180,6 +180,14 @@ impl Scenario {
         )
     }
 
+    /// The faults of its steps, by their ids in the catalogue, in the order of the file.
+    pub fn faults(&self) -> impl Iterator<Item = &'static str> {
+        self.steps.iter().filter_map(|step| match &step.action {
+            Action::Fault(fault) => Some(fault.id()),
+            _ => None,
+        })
+    }
+
     /// Whether the file has a scripted client.
     #[must_use]
     pub fn has_script(&self) -> bool {

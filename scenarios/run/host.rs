@@ -28,6 +28,8 @@ const MOST_RAW: usize = 4096;
 
 /// The scripted client's end of a port.
 pub(super) struct HostPort {
+    /// What it sends without an open port goes nowhere.
+    open: bool,
     decoder: Decoder,
     /// A car sends by itself, so not every packet answers.
     chatters: bool,
@@ -63,6 +65,7 @@ impl HostPort {
             (Kind::Mecanum, _) => Decoder::Ros(Vec::new()),
         };
         Self {
+            open: true,
             decoder,
             chatters: kind == Kind::Mecanum,
             waiting: Vec::new(),
@@ -188,15 +191,19 @@ impl Run {
     pub(super) fn host_acts(&mut self, step: usize, action: &HostAction, now: SimTime) {
         let port = action.port;
         match &action.does {
+            HostDoes::Send(_) if !self.has_open(port) => {}
             HostDoes::Send(bytes) => {
                 if let Some(recorder) = &mut self.recorder {
                     recorder.host_sent(now, port, bytes);
                 }
                 self.rig.client_puts(port, bytes);
             }
-            // The rig is where it is to be, so this goes no further and cannot fail.
-            HostDoes::Open => drop(self.rig.attach(port, now)),
-            HostDoes::Close => drop(self.rig.detach(port, now)),
+            HostDoes::Open if self.rig.cable_pulled(port) => {
+                let why = "the port cannot be opened while its cable is out";
+                self.fail_step(step, now, why.to_owned());
+            }
+            HostDoes::Open => self.open_port(port, true, now),
+            HostDoes::Close => self.open_port(port, false, now),
             HostDoes::Baud(baud) => self.rig.set_client_line(port, ClientLine::at(*baud)),
             HostDoes::Nothing => {}
         }
@@ -211,6 +218,35 @@ impl Run {
             });
             self.agenda.plan(due, Item::Look);
             self.time_begun(step);
+        }
+    }
+
+    fn has_open(&self, port: PortId) -> bool {
+        self.hosts.get(&port).is_some_and(|host| host.open)
+    }
+
+    fn open_port(&mut self, port: PortId, open: bool, now: SimTime) {
+        let Some(host) = self.hosts.get_mut(&port) else {
+            return;
+        };
+        if std::mem::replace(&mut host.open, open) == open {
+            return;
+        }
+        // The rig is where it is to be, so this goes no further and cannot fail.
+        let _ = if open {
+            self.rig.attach(port, now)
+        } else {
+            self.rig.detach(port, now)
+        };
+    }
+
+    /// The scripted client's port hangs up if its cable is out.
+    pub(super) fn hang_up(&mut self, device: usize, now: SimTime) {
+        let own: Vec<PortId> = self.hosts.keys().copied().collect();
+        for port in own {
+            if port.device == device && self.rig.cable_pulled(port) {
+                self.open_port(port, false, now);
+            }
         }
     }
 

@@ -204,6 +204,7 @@ impl Run {
                 let state = &mut self.steps[index];
                 state.injected = number;
                 state.faults.insert(number, handle);
+                self.hang_up(step.device, now);
                 if fault::disturbs_requests(fault) {
                     self.excused_until[step.device] = SimTime::MAX;
                 }

@@ -147,7 +147,7 @@ pub(crate) struct HostText {
     /// Sends bytes: hexadecimal, as in "AA 55 00 07".
     #[schemars(with = "Option<String>")]
     pub bytes: Option<Spanned<String>>,
-    /// Opens or closes the port; it is open at the start.
+    /// Opens or closes the port; it is open at the start, and closes when its cable is pulled.
     pub port: Option<PortText>,
     /// Sets the port's speed.
     pub baud: Option<u32>,
