@@ -152,3 +152,74 @@ fn faults_and_names_are_listed_for_each_device() {
     let names = text(&sim(here, &["names", "--device", "mecanum"]).stdout);
     assert!(names.contains("truth.speed_mps"), "{names}");
 }
+
+#[test]
+fn the_printed_command_shows_the_same_failure() {
+    let folder = folder();
+    // Chance decides how it fails, so only the same seed gives the same.
+    let chancy = WATCHDOG.replace("LIMIT", "0.5").replace("seed = 5", "")
+        + "[[step]]\nname = \"noise\"\nat = \"0 s\"\n\
+           fault = { kind = \"bit-flips\", probability = 0.05, direction = \"to-device\" }\n";
+    let name = "with a space.toml";
+    fs::write(folder.path().join(name), chancy).unwrap();
+    let first = sim(folder.path(), &["run", name]);
+    assert_eq!(first.status.code(), Some(1), "{first:?}");
+    let told = text(&first.stdout);
+    let again = told
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("again: "))
+        .unwrap();
+    let programs = Path::new(env!("CARGO_BIN_EXE_sim")).parent().unwrap();
+    let path = format!("{}:{}", programs.display(), std::env::var("PATH").unwrap());
+    let second = Command::new("sh")
+        .args(["-c", again])
+        .env("PATH", path)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert_eq!(text(&second.stdout), told);
+}
+
+#[test]
+fn the_whole_library_passes_and_is_the_same_to_the_last_byte_twice() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let play = || {
+        let out = tempfile::tempdir().unwrap();
+        let path = out.path().to_str().unwrap();
+        let args = [
+            "run",
+            "--seed",
+            "1",
+            "-j",
+            "2",
+            "--output",
+            path,
+            "scenarios",
+        ];
+        let played = sim(root, &args);
+        assert_eq!(played.status.code(), Some(0), "{}", text(&played.stdout));
+        let mut traces: Vec<(String, Vec<u8>)> = fs::read_dir(out.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|end| end == "jsonl"))
+            .map(|path| {
+                (
+                    path.file_name().unwrap().to_string_lossy().into_owned(),
+                    path,
+                )
+            })
+            .map(|(name, path)| (name, fs::read(path).unwrap()))
+            .collect();
+        traces.sort();
+        (text(&played.stdout), traces)
+    };
+    let (told, traces) = play();
+    let (told_again, traces_again) = play();
+    assert_eq!(told, told_again);
+    assert!(traces.len() >= 10);
+    for ((name, trace), (name_again, again)) in traces.iter().zip(&traces_again) {
+        assert_eq!(name, name_again);
+        assert!(trace == again, "{name} differs");
+    }
+    assert_eq!(traces.len(), traces_again.len());
+}

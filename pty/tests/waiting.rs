@@ -122,3 +122,19 @@ fn a_client_from_before_the_watch_is_not_taken_for_another() {
     client.send(b"still me");
     assert_eq!(port.read(&mut [0; 8]).unwrap(), Event::Data(8));
 }
+
+#[test]
+fn something_else_to_read_ends_a_wait_and_so_does_its_end() {
+    let mut waiter = Waiter::new().unwrap();
+    let (ours, theirs) = std::os::unix::net::UnixStream::pair().unwrap();
+    waiter.watch(7, &ours).unwrap();
+    assert!(
+        waiter
+            .wait(Some(Duration::ZERO))
+            .unwrap()
+            .ready()
+            .is_empty()
+    );
+    drop(theirs);
+    assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
+}

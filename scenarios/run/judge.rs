@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::Event;
+use sim_core::event::{Event, Role};
 use sim_settings::show_duration;
 
 use super::agenda::Item;
@@ -358,7 +358,12 @@ impl Run {
         let devices = &self.scenario.rig.devices;
         let line = |event: &Event| {
             let name = devices.get(event.device).map_or("?", |plan| &plan.name);
-            format!("{} {name} {}", event.at, event.kind)
+            let mark = match event.kind.role() {
+                Role::Request => "->",
+                Role::Reply => "<-",
+                _ => " .",
+            };
+            format!("{:>12} {name} {mark} {}", event.at, event.kind)
         };
         self.recent.iter().map(line).collect()
     }

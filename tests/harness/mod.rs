@@ -13,6 +13,7 @@
 
 pub mod car;
 pub mod client;
+pub mod live;
 pub mod process;
 pub mod transcript;
 pub mod unprivileged;

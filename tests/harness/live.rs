@@ -1,0 +1,115 @@
+//! Scenario files and clients for `sim run FILE -- CLIENT`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rustix::process::{Pid, test_kill_process};
+use tempfile::TempDir;
+
+use super::{Finished, Sim, command};
+
+/// An R150 that must stay below a speed; the client has four seconds.
+pub const DRIVE: &str = r#"
+schema = 1
+title = "A client drives"
+good_client = "Drives at half power for a second and stops."
+limit = "4 s"
+tags = ["drive"]
+
+[[device]]
+kind = "r150"
+
+[[step]]
+name = "drive"
+at = "100 ms"
+every = "60 ms"
+for = "1 s"
+host = { send = { set_motors = { right = 500, left = 500 } } }
+
+[[always]]
+that = "truth.speed_mps < 1.0"
+"#;
+
+/// The same with a fault at a time.
+pub fn drive_with(fault: &str, at: &str) -> String {
+    format!(
+        "{DRIVE}\n[[step]]\nname = \"trouble\"\nat = \"{at}\"\nfor = \"300 ms\"\nfault = {fault}\n"
+    )
+}
+
+/// A folder to work in, with scenario files.
+pub struct Folder(TempDir);
+
+impl Folder {
+    pub fn with(files: &[(&str, &str)]) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            fs::write(dir.path().join(name), text).unwrap();
+        }
+        Self(dir)
+    }
+
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
+    pub fn read(&self, name: &str) -> String {
+        let path = self.file(name);
+        fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    }
+
+    /// Starts `sim` in the folder.
+    pub fn start(&self, args: &[&str]) -> Sim {
+        let mut command = command();
+        // What it leaves behind for clients can be found there.
+        command.env("TMPDIR", self.path());
+        Sim::spawn(
+            command.args(args).current_dir(self.path()),
+            PathBuf::new(),
+            None,
+        )
+    }
+
+    /// Runs `sim` in the folder to its end.
+    pub fn sim(&self, args: &[&str]) -> Finished {
+        self.start(args).wait()
+    }
+
+    /// Runs `sim` with the ignored test `name` of this program as the client.
+    pub fn with_client(&self, args: &[&str], name: &str) -> Finished {
+        let this = std::env::current_exe().unwrap();
+        let this = this.to_str().unwrap();
+        let client = ["--", this, "--exact", name, "--ignored", "--nocapture"];
+        self.sim(&[args, &client].concat())
+    }
+
+    /// Runs `sim` with a shell script as the client.
+    pub fn with_script(&self, args: &[&str], script: &str) -> Finished {
+        self.sim(&[args, &["--", "sh", "-c", script]].concat())
+    }
+
+    /// The process ids that clients wrote into a file, one in each line.
+    pub fn pids(&self, name: &str) -> Vec<Pid> {
+        let parse = |line: &str| Pid::from_raw(line.parse().unwrap()).unwrap();
+        self.read(name).lines().map(parse).collect()
+    }
+
+    /// The folders for ports that are there now.
+    pub fn leftovers(&self) -> Vec<PathBuf> {
+        let entries = fs::read_dir(self.path()).unwrap();
+        let paths = entries.map(|entry| entry.unwrap().path());
+        paths
+            .filter(|path| path.is_dir() && path.to_string_lossy().contains("/sim-"))
+            .collect()
+    }
+}
+
+/// Whether a process still runs; one that has ended and waits to be reaped does not.
+pub fn is_running(pid: Pid) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", pid.as_raw_nonzero()));
+    test_kill_process(pid).is_ok() && stat.is_ok_and(|stat| !stat.contains(") Z"))
+}

@@ -1,0 +1,291 @@
+//! Scenarios against real clients: ports, verdicts, reports, recordings.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::env;
+use std::path::PathBuf;
+use std::thread::sleep;
+use std::time::Duration;
+
+use quick_junit::{Report, TestCaseStatus};
+use serde_json::Value;
+
+use harness::client::Client;
+use harness::live::{DRIVE, Folder, drive_with};
+use harness::{json_lines, until, with_code};
+
+const PERIOD: Duration = Duration::from_millis(60);
+
+/// The port that `sim run` names, or `None` where somebody runs ignored tests.
+fn port() -> Option<PathBuf> {
+    env::var_os("SIM_R150_PORT").map(PathBuf::from)
+}
+
+/// Drives for about a second, and stops.
+fn drive(client: &mut Client, power: i16) {
+    for _ in 0..16 {
+        let power = power.to_le_bytes();
+        client.send(&harness::wire::frame(0x12, &[power, power].concat()));
+        sleep(PERIOD);
+    }
+    // The reply is to this one, whatever a busy machine did to the others.
+    client.send(&harness::wire::motors(0, 0));
+}
+
+#[test]
+#[ignore = "the client of other tests"]
+fn a_client_that_drives() {
+    let Some(port) = port() else { return };
+    println!(
+        "port {} seed {}",
+        port.display(),
+        env::var("SIM_SEED").unwrap()
+    );
+    drive(&mut Client::open(&port), 500);
+}
+
+#[test]
+#[ignore = "the client of other tests"]
+fn a_client_that_sends_garbage() {
+    let Some(port) = port() else { return };
+    let mut client = Client::open(&port);
+    client.send(&[0xAA, 0x55, 0x00, 0x07, 0x00, 0x00]);
+    drive(&mut client, 500);
+}
+
+#[test]
+#[ignore = "the client of other tests"]
+fn a_client_that_opens_again() {
+    let Some(port) = port() else { return };
+    let mut client = Client::open(&port);
+    assert_eq!(client.ask(0x07, &[]), [1]);
+    until("the port has hung up", || !port.exists());
+    println!("hung up");
+    until("the port is back", || port.exists());
+    let mut client = Client::open(&port);
+    assert_eq!(client.ask(0x07, &[]), [1]);
+    println!("answered again");
+}
+
+#[test]
+fn a_client_is_served_judged_and_recorded() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let args = [
+        "run",
+        "--seed",
+        "7",
+        "--output",
+        "out",
+        "--junit",
+        "out/junit.xml",
+        "drive.toml",
+    ];
+    let ended = folder
+        .with_client(&args, "a_client_that_drives")
+        .expect_clean();
+    assert!(ended.out.contains("ok      drive.toml: A client drives"));
+    assert!(ended.out.contains("1 passed, 0 failed, 0 skipped"));
+    assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
+
+    let written = folder.read("out/drive.client.log");
+    assert!(written.contains("seed 7"), "{written}");
+    let report: Value = serde_json::from_str(&folder.read("out/drive.report.json")).unwrap();
+    assert_eq!(report["passed"], true);
+    assert_eq!(report["seed"], 7);
+    assert_eq!(report["client"]["exit_code"], 0);
+    assert_eq!(report["client"]["stopped"], false);
+    assert_eq!(report["devices"][0]["requests"], 17);
+    let junit = Report::deserialize_from_str(&folder.read("out/junit.xml")).unwrap();
+    assert_eq!((junit.tests, junit.failures, junit.errors), (1, 0, 0));
+
+    // The bytes of a real client, played again in simulated time.
+    let trace = folder.read("out/drive.trace.jsonl");
+    let again = folder.sim(&["replay", "out/drive.trace.jsonl"]);
+    again.expect_clean();
+    // The first byte of a reply is changed in the record.
+    let changed = trace.replacen(r#""bytes":"AA55"#, r#""bytes":"AB55"#, 1);
+    let changed = if changed == trace {
+        trace.replacen("aa55", "ab55", 1)
+    } else {
+        changed
+    };
+    assert_ne!(changed, trace);
+    std::fs::write(folder.file("changed.jsonl"), changed).unwrap();
+    let again = folder.sim(&["replay", "changed.jsonl"]);
+    assert_eq!(again.code(), Some(1), "{}", again.out);
+}
+
+#[test]
+fn what_a_client_does_wrong_is_reported_and_can_fail_it() {
+    let strict = DRIVE.replace("tags", "client_report = \"empty\"\ntags");
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("strict.toml", &strict)]);
+    let args = ["run", "--junit", "junit.xml", "drive.toml", "strict.toml"];
+    let ended = folder.with_client(&args, "a_client_that_sends_garbage");
+    assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+    assert!(ended.out.contains("1 passed, 1 failed, 0 skipped"));
+    assert!(ended.out.contains("client report: r150: bad_crc 1x"));
+    let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
+    assert_eq!((junit.tests, junit.failures, junit.errors), (2, 1, 0));
+    let suite = &junit.test_suites[1];
+    let is_reported = |property: &quick_junit::Property| {
+        property.name.as_str() == "sim.client_report" && property.value.contains("bad_crc")
+    };
+    assert!(suite.properties.iter().any(is_reported));
+    assert!(matches!(
+        suite.test_cases[0].status,
+        TestCaseStatus::NonSuccess { .. }
+    ));
+}
+
+#[test]
+fn several_clients_have_ports_of_their_own() {
+    let files: Vec<(String, &str)> = (0..4).map(|i| (format!("{i}.toml"), DRIVE)).collect();
+    let files: Vec<(&str, &str)> = files.iter().map(|(n, text)| (n.as_str(), *text)).collect();
+    let folder = Folder::with(&files);
+    let args = ["run", "-j", "4", "--output", "out", "."];
+    let ended = folder
+        .with_client(&args, "a_client_that_drives")
+        .expect_clean();
+    assert!(ended.out.contains("4 passed"), "{}", ended.out);
+    let mut ports: Vec<String> = (0..4)
+        .map(|i| folder.read(&format!("out/{i}.client.log")))
+        .map(|log| {
+            let line = log.lines().find(|line| line.starts_with("port ")).unwrap();
+            line.split(' ').nth(1).unwrap().to_owned()
+        })
+        .collect();
+    ports.sort();
+    ports.dedup();
+    assert_eq!(ports.len(), 4);
+}
+
+#[test]
+fn a_pulled_cable_hangs_the_port_up_and_it_comes_back_at_its_path() {
+    let pulled = drive_with(r#"{ kind = "cable-pulled" }"#, "200 ms");
+    let folder = Folder::with(&[("pulled.toml", &pulled)]);
+    let args = ["run", "--output", "out", "pulled.toml"];
+    let ended = folder.with_client(&args, "a_client_that_opens_again");
+    let written = folder.read("out/pulled.client.log");
+    ended.expect_clean();
+    assert!(written.contains("answered again"), "{written}");
+    folder
+        .sim(&["replay", "out/pulled.trace.jsonl"])
+        .expect_clean();
+}
+
+#[test]
+fn a_fault_that_a_live_client_never_met_fails_it() {
+    let fault = r#"{ kind = "bit-flips", probability = 0.5, direction = "to-client" }"#;
+    let late = drive_with(fault, "3500 ms");
+    let folder = Folder::with(&[("late.toml", &late)]);
+    let ended = folder.with_client(&["run", "late.toml"], "a_client_that_drives");
+    assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+    assert!(ended.out.contains("never hit anything"), "{}", ended.out);
+}
+
+#[test]
+fn each_time_has_its_seed_and_its_files() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let args = [
+        "run",
+        "--seed",
+        "40",
+        "--repeat",
+        "3",
+        "-j",
+        "3",
+        "--output",
+        "out",
+        "drive.toml",
+    ];
+    let ended = folder
+        .with_client(&args, "a_client_that_drives")
+        .expect_clean();
+    for time in 0..3 {
+        let seed = 40 + time;
+        let line = format!("drive.toml #{}", time + 1);
+        assert!(ended.out.contains(&line), "{}", ended.out);
+        let written = folder.read(&format!("out/drive-{}.client.log", time + 1));
+        assert!(written.contains(&format!("seed {seed}")), "{written}");
+    }
+}
+
+#[test]
+fn a_scenario_is_played_against_whatever_client_comes() {
+    let folder = Folder::with(&[
+        ("drive.toml", DRIVE),
+        ("slow.toml", &DRIVE.replace("< 1.0", "< 0.1")),
+    ]);
+    for (file, code, verdict) in [("drive.toml", 0, true), ("slow.toml", 1, false)] {
+        let port = folder.file("r150");
+        let args = [
+            "--pty",
+            port.to_str().unwrap(),
+            "--scenario",
+            file,
+            "--log-format",
+            "json",
+        ];
+        let sim = folder.start(&args);
+        sim.wait_ready();
+        // Time begins with the client, so this costs nothing of the four seconds.
+        let mut client = Client::open(&port);
+        drive(&mut client, 500);
+        drop(client);
+        let ended = sim.wait();
+        assert_eq!(ended.code(), Some(code), "{}{}", ended.out, ended.err);
+        let verdicts = with_code(&json_lines(&ended.out), "verdict");
+        assert_eq!(verdicts.len(), 1);
+        assert_eq!(verdicts[0]["passed"], verdict);
+        assert!(!port.exists());
+    }
+}
+
+#[test]
+fn ctrl_c_ends_a_scenario_with_its_verdict_so_far() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let sim = folder.start(&["--scenario", "drive.toml"]);
+    sim.wait_ready();
+    let ended = sim.stop().expect_clean();
+    assert!(
+        ended.out.contains("passed: A client drives"),
+        "{}",
+        ended.out
+    );
+}
+
+#[test]
+fn what_would_be_played_is_shown_without_playing() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let args = [
+        "run",
+        "--dry-run",
+        "--seed",
+        "3",
+        "drive.toml",
+        "--",
+        "./my client",
+    ];
+    let ended = folder.sim(&args).expect_clean();
+    for part in [
+        "seed 3",
+        "$SIM_R150_PORT",
+        "sim run --seed 3 drive.toml -- './my client'",
+    ] {
+        assert!(ended.out.contains(part), "no {part} in {}", ended.out);
+    }
+    let listed = folder.sim(&["run", "--list", "."]).expect_clean();
+    assert_eq!(listed.out, "./drive.toml: A client drives [drive]\n");
+    let none = folder.sim(&["run", "--tag", "fly", "."]);
+    none.expect_refusal(2, &["no scenario there has the tag fly"]);
+    let none = folder.sim(&["run", "--filter", "fly", "."]);
+    none.expect_refusal(2, &["`fly`", "nothing to run"]);
+    let speed = folder.sim(&["run", "--speed", "2", "."]);
+    speed.expect_refusal(2, &["--speed is for runs with a client"]);
+}

@@ -1,0 +1,197 @@
+//! How clients of `sim run` end, and that nobody is left behind.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::fs;
+use std::path::PathBuf;
+
+use quick_junit::Report;
+use rustix::process::Signal;
+
+use harness::live::{DRIVE, Folder, is_running};
+use harness::{Sim, until};
+
+/// Holds the port open, so that time begins.
+const OPEN: &str = "exec 3<>\"$SIM_R150_PORT\"; ";
+/// Goes into a session of its own, ignores what can be ignored, and writes down who it is; so does
+/// its child, whose parent then ends.
+const DAEMONS: &str = "setsid sh -c 'trap \"\" TERM HUP INT; echo $$ >>pids; \
+    sh -c \"echo \\$\\$ >>pids; sleep 600\" & sleep 600; sleep 600' & ";
+
+fn folder() -> Folder {
+    Folder::with(&[("drive.toml", DRIVE), ("other.toml", DRIVE)])
+}
+
+#[track_caller]
+fn fails(folder: &Folder, args: &[&str], script: &str, reason: &str) -> String {
+    let ended = folder.with_script(args, script);
+    assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+    assert!(ended.out.contains(reason), "{}", ended.out);
+    assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
+    ended.out
+}
+
+fn wait_for_pids(folder: &Folder, count: usize) {
+    until("the client has written down who it is", || {
+        fs::read_to_string(folder.file("pids")).is_ok_and(|pids| pids.lines().count() >= count)
+    });
+}
+
+#[track_caller]
+fn nobody_is_left(folder: &Folder) {
+    let pids = folder.pids("pids");
+    assert!(!pids.is_empty());
+    for pid in pids {
+        until("everybody has ended", || !is_running(pid));
+    }
+}
+
+#[test]
+fn an_exit_code_other_than_zero_fails_and_the_output_is_shown() {
+    let script = format!("{OPEN} echo to stdout; echo to stderr >&2; exit 3");
+    let args = ["run", "drive.toml"];
+    let told = fails(
+        &folder(),
+        &args,
+        &script,
+        "the client ended with exit code 3",
+    );
+    assert!(told.contains("to stdout\n    to stderr"), "{told}");
+    assert!(told.contains("again: sim run --seed "), "{told}");
+}
+
+#[test]
+fn a_crash_fails() {
+    let script = format!("{OPEN} kill -SEGV $$");
+    let args = ["run", "drive.toml"];
+    fails(
+        &folder(),
+        &args,
+        &script,
+        "the client was killed by SIGSEGV",
+    );
+}
+
+#[test]
+fn a_client_that_never_opens_a_port_fails() {
+    let args = ["run", "drive.toml"];
+    fails(&folder(), &args, "exit 0", "without having opened a port");
+}
+
+#[test]
+fn a_client_that_hangs_before_it_opens_a_port_is_ended() {
+    let script = "echo $$ >>pids; sleep 600";
+    let folder = folder();
+    let args = ["run", "--timeout", "1s", "drive.toml"];
+    fails(&folder, &args, script, "still going on after the 1s");
+    nobody_is_left(&folder);
+}
+
+#[test]
+fn a_client_that_outlives_the_scenario_is_ended_and_not_blamed() {
+    let folder = folder();
+    let script = format!("{OPEN} echo $$ >>pids; sleep 600");
+    let args = ["run", "--speed", "8", "drive.toml"];
+    folder.with_script(&args, &script).expect_clean();
+    nobody_is_left(&folder);
+}
+
+#[test]
+fn whoever_ignores_sigterm_or_hides_in_a_session_of_its_own_is_ended() {
+    let folder = folder();
+    let script = format!("trap '' TERM; {OPEN} {DAEMONS} echo $$ >>pids; sleep 600; sleep 600");
+    let args = ["run", "--speed", "8", "drive.toml"];
+    folder.with_script(&args, &script).expect_clean();
+    assert_eq!(folder.pids("pids").len(), 3);
+    nobody_is_left(&folder);
+}
+
+#[test]
+fn what_a_client_leaves_running_is_ended_with_it() {
+    let folder = folder();
+    // It goes only when the others have written down who they are.
+    let wait = "while [ \"$(wc -l <pids)\" != 2 ]; do sleep 0.02; done 2>/dev/null; ";
+    let script = format!("{OPEN} {DAEMONS} {wait} exit 0");
+    folder
+        .with_script(&["run", "drive.toml"], &script)
+        .expect_clean();
+    nobody_is_left(&folder);
+}
+
+fn two_running(folder: &Folder) -> Sim {
+    let script = format!("{OPEN} {DAEMONS} echo $$ >>pids; sleep 600");
+    let args = [
+        "run",
+        "-j",
+        "2",
+        "--junit",
+        "junit.xml",
+        "drive.toml",
+        "other.toml",
+        "drive.toml",
+        "--",
+        "sh",
+        "-c",
+        &script,
+    ];
+    let sim = folder.start(&args);
+    wait_for_pids(folder, 6);
+    sim
+}
+
+#[test]
+fn ctrl_c_breaks_off_and_still_writes_the_results() {
+    let folder = folder();
+    let ended = two_running(&folder).stop();
+    assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+    assert!(
+        ended.out.contains("1 skipped, 2 broken off"),
+        "{}",
+        ended.out
+    );
+    nobody_is_left(&folder);
+    assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
+    let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
+    assert_eq!((junit.tests, junit.errors), (3, 2));
+}
+
+#[test]
+fn a_killed_simulator_leaves_nobody_behind() {
+    let folder = folder();
+    let sim = two_running(&folder);
+    sim.signal(Signal::KILL);
+    sim.wait();
+    nobody_is_left(&folder);
+    until("the ports are gone", || folder.leftovers().is_empty());
+}
+
+#[test]
+fn a_client_that_does_not_exist_is_a_mistake_of_the_caller() {
+    let folder = folder();
+    let args = [
+        "run",
+        "--junit",
+        "junit.xml",
+        "drive.toml",
+        "--",
+        "./nobody",
+    ];
+    let ended = folder.sim(&args);
+    ended.expect_refusal(2, &["cannot start the client ./nobody", "No such file"]);
+    let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
+    assert_eq!((junit.tests, junit.errors), (1, 1));
+}
+
+#[test]
+fn a_client_that_floods_its_output_is_shown_by_its_end() {
+    let script = format!("{OPEN} seq 1 200000; echo the end; exit 1");
+    let args = ["run", "drive.toml"];
+    let told = fails(&folder(), &args, &script, "    the end\n");
+    assert!(told.len() < 10_000, "{} bytes", told.len());
+}
