@@ -189,6 +189,20 @@ fn a_client_that_does_not_exist_is_a_mistake_of_the_caller() {
 }
 
 #[test]
+fn devices_that_a_client_could_not_tell_apart_are_refused() {
+    let second = "[[device]]\nkind = \"r150\"\nname = \"R150\"\npose = { x = \"9 m\" }\n\n[[step]]";
+    let first = "kind = \"r150\"\nname = \"r150\"";
+    let two = DRIVE
+        .replacen("kind = \"r150\"", first, 1)
+        .replacen("[[step]]", second, 1)
+        .replace("at = \"100 ms\"", "at = \"100 ms\"\ndevice = \"r150\"")
+        .replace("truth.speed_mps", "true || 0.0");
+    let folder = Folder::with(&[("two.toml", &two)]);
+    let ended = folder.with_script(&["run", "two.toml"], "exit 0");
+    ended.expect_refusal(2, &["two.toml", "$SIM_R150_PORT"]);
+}
+
+#[test]
 fn a_client_that_floods_its_output_is_shown_by_its_end() {
     let script = format!("{OPEN} seq 1 200000; echo the end; exit 1");
     let args = ["run", "drive.toml"];

@@ -55,7 +55,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
     let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere)?;
-    let environment = environment(job, &ports);
+    let environment = environment(job, &ports)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path)
             .with_context(|| format!("cannot write the client's output to {}", path.display()))
@@ -92,19 +92,24 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
 }
 
 /// What the client finds in its environment.
-fn environment(job: &Job<'_>, ports: &[Served]) -> Vec<(String, OsString)> {
+fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)>, Failure> {
     let plan = &job.loaded.scenario.rig;
-    let mut environment: Vec<(String, OsString)> = ports
-        .iter()
-        .map(|served| {
-            let shown = ShownPort::new(served, plan);
-            (shown.variable(), served.path.clone().into_os_string())
-        })
-        .collect();
+    let mut environment: Vec<(String, OsString)> = Vec::new();
+    for served in ports {
+        let variable = ShownPort::new(served, plan).variable();
+        if environment.iter().any(|(other, _)| *other == variable) {
+            return Err(Failure::usage(anyhow!(
+                "{}: two ports would both be found in ${variable}; give the devices names that \
+                 differ in more than -, _ and the case of letters",
+                job.loaded.path.display()
+            )));
+        }
+        environment.push((variable, served.path.clone().into_os_string()));
+    }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
     let scenario = job.loaded.path.clone().into_os_string();
     environment.push(("SIM_SCENARIO".to_owned(), scenario));
-    environment
+    Ok(environment)
 }
 
 struct LivePlay {
