@@ -65,6 +65,8 @@ pub struct MecanumPlant {
     faults: MecanumFaults,
     /// The wiring without what the faults swap.
     plain_wiring: Wiring,
+    /// Whether the motors tell which way they turn.
+    directed_encoders: bool,
     /// What the ports' counters show besides their wheel's pulses.
     pulse_offset: [u32; PORTS],
     /// kg, without what the faults add.
@@ -113,6 +115,7 @@ impl MecanumPlant {
         Self {
             wiring,
             plain_wiring: wiring,
+            directed_encoders: false,
             pulse_offset: [0; PORTS],
             payload: settings.body.payload,
             settings: settings.clone(),
@@ -150,6 +153,13 @@ impl MecanumPlant {
     #[must_use]
     pub fn wiring(&self) -> Wiring {
         self.wiring
+    }
+
+    /// Gives the motors encoders that tell which way they turn, whose counters count down when a
+    /// motor turns back; those of a new car do not. To be called before anything turns.
+    pub fn set_directed_encoders(&mut self, directed: bool) {
+        self.directed_encoders = directed;
+        self.drive.set_directed(directed);
     }
 
     /// Applies the forces of one step. Call before every [`World::step`].

@@ -131,9 +131,9 @@ impl EventKind {
                 ..
             } => Role::Detached,
             Self::R150(R150Event::Request { .. })
-            | Self::Mecanum(MecanumEvent::Request(_) | MecanumEvent::Command(_)) => Role::Request,
+            | Self::Mecanum(MecanumEvent::Request(..) | MecanumEvent::Command(_)) => Role::Request,
             Self::R150(R150Event::Reply { .. })
-            | Self::Mecanum(MecanumEvent::Status(_) | MecanumEvent::Report(_)) => Role::Reply,
+            | Self::Mecanum(MecanumEvent::Status(..) | MecanumEvent::Report(_)) => Role::Reply,
             Self::R150(R150Event::HeartbeatLost) => Role::HeartbeatLost,
             _ => Role::Other,
         }

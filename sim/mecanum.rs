@@ -9,6 +9,7 @@ use sim_settings::SimTime;
 
 use crate::defects::Defects;
 use crate::event::EventKind;
+use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Action, Link, MecanumDevice};
 use crate::settings::MecanumSettings;
 use crate::unit::Unit;
@@ -38,7 +39,8 @@ impl Mecanum {
         world: &mut World,
     ) -> Self {
         let plant = settings.plant.expecting(settings.firmware.wiring);
-        let plant = MecanumPlant::with_name(name, &plant, world, pose);
+        let mut plant = MecanumPlant::with_name(name, &plant, world, pose);
+        plant.set_directed_encoders(settings.firmware.pulse_direction == PulseDirection::Counted);
         let firmware = settings.firmware.clone();
         let measured = plant.measurements();
         let device = MecanumDevice::new(SimTime::ZERO, firmware, ros_configured, measured);

@@ -24,6 +24,7 @@ mod flaws;
 pub mod kinematics;
 pub mod motion;
 pub mod odometry;
+mod orders;
 pub mod packet;
 pub mod settings;
 mod telemetry;
@@ -38,14 +39,13 @@ use sim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
-use ascii::{Letter, Line};
-use codec::{Decoded, Decoder};
+use codec::{Decoder, Rules};
 use drive::Drive;
-pub use event::{Discard, Field, MecanumEvent};
-use kinematics::{Course, Movement};
+pub use event::{Discard, Field, Handling, MecanumEvent};
+use kinematics::Movement;
 use motion::Motion;
 use packet::Request;
-use settings::{AsciiLetters, MecanumFirmwareSettings};
+use settings::{LinkAlive, MecanumFirmwareSettings};
 
 /// Largest speed of a motion packet, 1/10 r/min.
 pub const MAX_SPEED: i16 = 500;
@@ -111,8 +111,12 @@ pub struct MecanumDevice {
     report_due: Option<SimTime>,
     /// Number of the next status packet.
     seq: u8,
-    /// When the client last sent something valid.
+    /// When the client last gave a sign of life.
     heard: SimTime,
+    /// Number of the client's last packet.
+    heard_seq: u8,
+    /// The last tag that was under the reader.
+    last_tag: u32,
     output: VecDeque<(Link, Vec<u8>)>,
     events: VecDeque<(SimTime, MecanumEvent)>,
     defects: Defects,
@@ -141,14 +145,21 @@ impl MecanumDevice {
     ) -> Self {
         let mut device = Self {
             ros_configured,
-            decoder: Decoder::new(settings.inter_byte_timeout),
-            lines: ascii::Decoder::new(),
+            decoder: Decoder::by(Rules {
+                inter_byte_timeout: settings.inter_byte_timeout,
+                framing: settings.framing,
+                partial: settings.partial_packet,
+                order: settings.byte_order,
+            }),
+            lines: ascii::Decoder::new(ascii::Syntax::of(&settings)),
             drive: Drive::new(&settings, &measured),
             measured,
             status_due: None,
             report_due: None,
             seq: 0,
             heard: now,
+            heard_seq: 0,
+            last_tag: measured.tag,
             output: VecDeque::new(),
             events: VecDeque::new(),
             defects: Defects::default(),
@@ -170,6 +181,10 @@ impl MecanumDevice {
         self.advance_before(now);
         if !self.hears(bytes.len()) {
             return;
+        }
+        let anything = !bytes.is_empty() && (link == Link::Main || self.ros_configured);
+        if anything && self.settings.link_alive == LinkAlive::Bytes {
+            self.hear(now);
         }
         for &byte in bytes {
             match link {
@@ -206,6 +221,9 @@ impl MecanumDevice {
                 self.drive.sense(now, &measured.pulses, &mut |change| {
                     keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
                 });
+                if measured.tag != 0 {
+                    self.last_tag = measured.tag;
+                }
             }
             _ => {}
         }
@@ -327,26 +345,7 @@ impl MecanumDevice {
         } else if timed_out {
             self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
         }
-        if let Some(due) = self.status_due.filter(|due| *due <= now) {
-            let period = self.settings.status_period + self.slowness();
-            self.status_due = Some(due + period);
-            self.note_stuck_status(now);
-            let status = self.status(now);
-            self.seq = self.seq.wrapping_add(1);
-            keep(
-                &mut self.output,
-                (Link::Main, status.encode()),
-                MOST_OUTPUTS,
-            );
-            self.event(now, MecanumEvent::Status(status));
-        }
-        if let Some(due) = self.report_due.filter(|due| *due <= now) {
-            let period = self.settings.ros_report_period + self.slowness();
-            self.report_due = Some(due + period);
-            let report = self.report(now);
-            keep(&mut self.output, (Link::Ros, report.encode()), MOST_OUTPUTS);
-            self.event(now, MecanumEvent::Report(report));
-        }
+        self.send_due(now);
     }
 
     /// When the motions are discarded unless the client sends something.
@@ -355,134 +354,11 @@ impl MecanumDevice {
             .settings
             .link_timeout
             .filter(|_| !self.missed_timeout)?;
+        if self.drive.is_remote() {
+            return None;
+        }
         self.drive.motions().running()?;
         Some(self.heard + timeout)
-    }
-
-    fn handle(&mut self, now: SimTime, found: Vec<Decoded<Request>>) {
-        for decoded in found {
-            match decoded {
-                Decoded::Packet(request) => self.request(now, request),
-                junk => self.event(now, MecanumEvent::BadStream(junk)),
-            }
-        }
-    }
-
-    fn request(&mut self, now: SimTime, request: Request) {
-        self.hear(now);
-        self.event(now, MecanumEvent::Request(request));
-        match request {
-            Request::Motion {
-                is_reset,
-                moving_idx,
-                s,
-                v,
-                ..
-            } => self.motion_packet(now, is_reset, moving_idx, s, v),
-            Request::SetPose {
-                axis_x,
-                axis_y,
-                ori,
-                ..
-            } => {
-                let position = [axis_x, axis_y].map(|axis| f64::from(axis) / 10.0);
-                let heading = (f64::from(ori) / 10.0).to_radians();
-                self.drive.set_pose(position, heading);
-            }
-            Request::ControlMode { mode, .. } => match mode {
-                0 | 1 => self.control_mode(now, mode == 1),
-                value => self.bad_field(now, Field::ControlType, value),
-            },
-        }
-    }
-
-    fn motion_packet(&mut self, now: SimTime, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
-        let Some(course) = Course::from_index(moving_idx) else {
-            self.bad_field(now, Field::MovingIdx, moving_idx);
-            return;
-        };
-        if is_reset > 1 {
-            self.bad_field(now, Field::IsReset, is_reset);
-        }
-        let speed = v.clamp(-MAX_SPEED, MAX_SPEED);
-        if speed != v {
-            self.event(now, MecanumEvent::SpeedClamped { v });
-        }
-        let motion = Motion {
-            movement: Movement {
-                course,
-                negative: v < 0,
-            },
-            tenths: u32::from(s),
-            speed_rpm: f64::from(speed.unsigned_abs()) / 10.0,
-        };
-        self.order(now, motion, is_reset != 0);
-    }
-
-    fn line(&mut self, now: SimTime, line: Line) {
-        let command = match line {
-            Line::Command(command) => command,
-            Line::Bad { fault, bytes } => {
-                self.event(now, MecanumEvent::BadLine { fault, bytes });
-                return;
-            }
-        };
-        self.hear(now);
-        self.event(now, MecanumEvent::Command(command));
-        let motion = Motion {
-            movement: Movement {
-                course: course(command.letter, self.settings.ascii_letters),
-                negative: command.tenths < 0,
-            },
-            tenths: command.tenths.unsigned_abs(),
-            speed_rpm: self.settings.ascii_speed,
-        };
-        self.order(now, motion, self.settings.ascii_preempt);
-    }
-
-    fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
-        if self.drive.is_remote() {
-            self.event(now, MecanumEvent::IgnoredInRemote(motion));
-            return;
-        }
-        if preempt {
-            self.discard(now, Discard::Preempted);
-        }
-        let events = &mut self.events;
-        let room = self.drive.append(motion, &mut |change| {
-            keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
-        });
-        if !room {
-            self.event(now, MecanumEvent::QueueFull(motion));
-        }
-    }
-
-    /// Whoever drove before stops driving.
-    fn control_mode(&mut self, now: SimTime, remote: bool) {
-        if remote != self.drive.is_remote() {
-            self.discard(now, Discard::ControlMode);
-            self.drive.set_remote(remote);
-            self.event(now, MecanumEvent::ControlMode { remote });
-        }
-    }
-
-    fn discard(&mut self, now: SimTime, why: Discard) {
-        let count = self.drive.discard();
-        if count > 0 {
-            self.event(now, MecanumEvent::Discarded { count, why });
-        }
-    }
-
-    fn bad_field(&mut self, now: SimTime, field: Field, value: u8) {
-        self.event(now, MecanumEvent::BadField { field, value });
-    }
-
-    /// Begins to send what is sent periodically.
-    fn schedule(&mut self, now: SimTime) {
-        self.status_due = Some(now + self.settings.status_period);
-        self.report_due = self
-            .ros_configured
-            .then(|| now + self.settings.ros_report_period);
     }
 
     /// Without a supply the board forgets everything.
@@ -499,6 +375,8 @@ impl MecanumDevice {
         self.status_due = None;
         self.report_due = None;
         self.seq = 0;
+        self.heard_seq = 0;
+        self.last_tag = 0;
     }
 
     fn hear(&mut self, now: SimTime) {
@@ -508,17 +386,6 @@ impl MecanumDevice {
 
     fn event(&mut self, now: SimTime, event: MecanumEvent) {
         keep(&mut self.events, (now, event), MOST_EVENTS);
-    }
-}
-
-/// What a letter means; the article's table and its picture disagree on two.
-fn course(letter: Letter, meaning: AsciiLetters) -> Course {
-    match (letter, meaning) {
-        (Letter::X, _) => Course::Ahead,
-        (Letter::Y, AsciiLetters::Table) | (Letter::Z, AsciiLetters::Picture) => Course::Strafe,
-        (Letter::Y, AsciiLetters::Picture) | (Letter::Z, AsciiLetters::Table) => Course::Rotate,
-        (Letter::A, _) => Course::LeftFront,
-        (Letter::B, _) => Course::RightFront,
     }
 }
 

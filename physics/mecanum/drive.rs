@@ -92,6 +92,12 @@ impl Drive {
         self.wheel_speed[wheel.index()] = 0.0;
     }
 
+    pub(super) fn set_directed(&mut self, directed: bool) {
+        for pulses in &mut self.pulses {
+            pulses.set_directed(directed);
+        }
+    }
+
     pub(super) fn count(&self, wheel: Wheel) -> u32 {
         self.pulses[wheel.index()].count()
     }

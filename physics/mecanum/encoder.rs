@@ -23,6 +23,8 @@ pub(super) struct PulseWire {
     /// The wheel's angle in pulses, and the last one given.
     angle: f64,
     edge: f64,
+    /// Whether the counter counts down when the wheel turns back.
+    directed: bool,
     /// What the counter shows.
     count: u32,
     /// What a stuck counter keeps back.
@@ -41,6 +43,7 @@ impl PulseWire {
             // Half-way between two pulses, so that no wheel begins on the brink of one.
             angle: 0.5,
             edge: 0.0,
+            directed: false,
             count: 0,
             held_back: 0,
             disturbance: 0.0,
@@ -50,6 +53,11 @@ impl PulseWire {
 
     pub(super) fn count(&self) -> u32 {
         self.count
+    }
+
+    /// Has the counter count down when the wheel turns back, or up both ways.
+    pub(super) fn set_directed(&mut self, directed: bool) {
+        self.directed = directed;
     }
 
     /// Lets the wheel turn by `angle` radians in so many seconds.
@@ -62,7 +70,11 @@ impl PulseWire {
         } else {
             self.edge
         };
-        let mut pulses = whole((edge - self.edge).abs());
+        let turned = edge - self.edge;
+        let mut pulses = whole(turned.abs());
+        if self.directed && turned < 0.0 {
+            pulses = pulses.wrapping_neg();
+        }
         self.edge = edge;
         match encoder {
             Encoder::Lost => pulses = 0,
@@ -148,6 +160,17 @@ mod tests {
             wire.turn(0.02 * PULSE, 0.1, Encoder::Working);
         }
         assert_eq!(wire.count(), count);
+    }
+
+    #[test]
+    fn a_counter_with_a_direction_counts_down() {
+        let mut wire = wire();
+        wire.set_directed(true);
+        wire.turn(-5.0 * PULSE, 0.1, Encoder::Working);
+        assert_eq!(wire.count().cast_signed(), -5);
+        wire.turn(-2.0 * PULSE, 0.1, Encoder::Stuck);
+        wire.turn(12.0 * PULSE, 0.1, Encoder::Working);
+        assert_eq!(wire.count(), 5);
     }
 
     #[test]

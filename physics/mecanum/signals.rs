@@ -132,7 +132,8 @@ pub struct MecanumMeasurements {
     /// Whether the board has a supply. If not, everything else means nothing.
     pub board_powered: bool,
     /// PG: pulses since the car was built, by [`Port::index`], wrapping. The one wire carries no
-    /// direction: a wheel that is rolled back counts up too.
+    /// direction: a wheel that is rolled back counts up too, but for
+    /// [directed encoders](super::MecanumPlant::set_directed_encoders).
     pub pulses: [u32; PORTS],
     /// Distance of the nearest echo in each ultrasonic cone, m: four in front from left to right,
     /// then four in the rear from left to right. `None` without an echo.

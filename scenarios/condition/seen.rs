@@ -114,7 +114,7 @@ impl Seen {
 
     fn mecanum(&mut self, at: SimTime, event: &MecanumEvent, distance_m: f64) {
         match event {
-            MecanumEvent::Request(packet::Request::Motion { s, v, .. }) => {
+            MecanumEvent::Request(packet::Request::Motion { s, v, .. }, _) => {
                 (self.mecanum.distance, self.mecanum.speed) = (i32::from(*s), *v);
                 self.motion(at, distance_m);
             }
@@ -122,10 +122,10 @@ impl Seen {
                 self.mecanum.distance = command.tenths;
                 self.motion(at, distance_m);
             }
-            MecanumEvent::Request(packet::Request::ControlMode { mode, .. }) => {
+            MecanumEvent::Request(packet::Request::ControlMode { mode, .. }, _) => {
                 self.mecanum.remote = *mode == 1;
             }
-            MecanumEvent::Status(status) => self.mecanum.status = Some((at, *status)),
+            MecanumEvent::Status(status, _) => self.mecanum.status = Some((at, *status)),
             MecanumEvent::Report(report) => self.mecanum.line = Some((at, *report)),
             _ => {}
         }

@@ -7,8 +7,8 @@
 
 use std::fmt;
 
-/// The longest line, without its `\n`.
-pub const MAX_LINE: usize = 32;
+use super::settings::{AsciiNumbers, AsciiOutOfRange, AsciiSpaces, MecanumFirmwareSettings};
+
 /// The lowest number of a command.
 pub const LOWEST: i32 = -32_768;
 /// The highest number of a command; the article's range is one more than 16 bits hold.
@@ -114,8 +114,48 @@ pub enum Fault {
     Malformed,
     /// The number is beyond its range.
     OutOfRange,
-    /// Longer than [`MAX_LINE`]; the bytes are its beginning.
+    /// Longer than a line may be; the bytes are its beginning.
     TooLong,
+    /// There is nothing on it.
+    Blank,
+}
+
+/// What is a command and what is not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Syntax {
+    /// Small letters are commands too.
+    pub lower_case: bool,
+    /// How a number is read.
+    pub numbers: AsciiNumbers,
+    /// Where spaces and carriage returns are skipped.
+    pub spaces: AsciiSpaces,
+    /// A line with nothing on it is told of.
+    pub blank_is_bad: bool,
+    /// The longest line, without its `\n`.
+    pub longest: usize,
+    /// What a number beyond its range is.
+    pub out_of_range: AsciiOutOfRange,
+}
+
+impl Syntax {
+    /// As the settings have it.
+    #[must_use]
+    pub fn of(settings: &MecanumFirmwareSettings) -> Self {
+        Self {
+            lower_case: settings.ascii_lower_case,
+            numbers: settings.ascii_numbers,
+            spaces: settings.ascii_spaces,
+            blank_is_bad: settings.ascii_blank_is_bad,
+            longest: usize::try_from(settings.ascii_line_length).unwrap_or(usize::MAX),
+            out_of_range: settings.ascii_out_of_range,
+        }
+    }
+}
+
+impl Default for Syntax {
+    fn default() -> Self {
+        Self::of(&MecanumFirmwareSettings::default())
+    }
 }
 
 /// What a line was.
@@ -123,22 +163,24 @@ pub enum Fault {
 pub enum Line {
     /// A command.
     Command(Command),
-    /// None.
+    /// None, or not a good one.
     Bad {
         /// What is wrong with it.
         fault: Fault,
         /// The line without its `\n`.
         bytes: Vec<u8>,
+        /// The command that it is taken for all the same.
+        taken_for: Option<Command>,
     },
 }
 
 /// Streaming decoder. Any bytes are legal input, and how they are split changes nothing.
 ///
-/// A line that is too long is told of once, when it becomes so. A line with nothing on it is
-/// nothing.
+/// A line that is too long is told of once, when it becomes so.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
-    /// The line so far; at most [`MAX_LINE`] bytes.
+    syntax: Syntax,
+    /// The line so far, no longer than one may be.
     line: Vec<u8>,
     /// The rest of the line was told of already.
     skipping: bool,
@@ -147,8 +189,12 @@ pub struct Decoder {
 impl Decoder {
     /// At the beginning of a line.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn new(syntax: Syntax) -> Self {
+        Self {
+            syntax,
+            line: Vec::new(),
+            skipping: false,
+        }
     }
 
     /// Takes one byte; gives what it completes.
@@ -156,12 +202,16 @@ impl Decoder {
         if byte == b'\n' {
             let line = std::mem::take(&mut self.line);
             let skipped = std::mem::take(&mut self.skipping);
-            return if skipped { None } else { read(line) };
+            return if skipped {
+                None
+            } else {
+                self.syntax.read(line)
+            };
         }
         if self.skipping {
             return None;
         }
-        if self.line.len() < MAX_LINE {
+        if self.line.len() < self.syntax.longest {
             self.line.push(byte);
             return None;
         }
@@ -169,50 +219,76 @@ impl Decoder {
         Some(Line::Bad {
             fault: Fault::TooLong,
             bytes: std::mem::take(&mut self.line),
+            taken_for: None,
         })
     }
 
     /// Forgets everything held, as a reset does.
     pub fn clear(&mut self) {
-        *self = Self::new();
+        *self = Self::new(self.syntax);
     }
 }
 
-fn read(bytes: Vec<u8>) -> Option<Line> {
-    let meant: Vec<u8> = bytes
-        .iter()
-        .copied()
-        .filter(|byte| !matches!(byte, b' ' | b'\r'))
-        .collect();
-    let (first, number) = meant.split_first()?;
-    let command = Letter::from_byte(*first)
-        .ok_or(Fault::Malformed)
-        .and_then(|letter| read_number(number).map(|tenths| Command { letter, tenths }));
-    Some(match command {
-        Ok(command) => Line::Command(command),
-        Err(fault) => Line::Bad { fault, bytes },
-    })
-}
-
-/// Digits, perhaps after a minus.
-fn read_number(text: &[u8]) -> Result<i32, Fault> {
-    let digits = text.strip_prefix(b"-").unwrap_or(text);
-    if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
-        return Err(Fault::Malformed);
+impl Syntax {
+    fn read(&self, bytes: Vec<u8>) -> Option<Line> {
+        let is_space = |byte: &u8| matches!(byte, b' ' | b'\r');
+        let mut meant = bytes.clone();
+        match self.spaces {
+            AsciiSpaces::Anywhere => meant.retain(|byte| !is_space(byte)),
+            AsciiSpaces::Trailing => {
+                let end = meant.iter().rposition(|byte| !is_space(byte));
+                meant.truncate(end.map_or(0, |last| last + 1));
+            }
+        }
+        let bad = |fault, taken_for| {
+            Some(Line::Bad {
+                fault,
+                bytes: bytes.clone(),
+                taken_for,
+            })
+        };
+        let Some((first, number)) = meant.split_first() else {
+            return self.blank_is_bad.then(|| bad(Fault::Blank, None)).flatten();
+        };
+        let first = if self.lower_case {
+            first.to_ascii_uppercase()
+        } else {
+            *first
+        };
+        let number = self.number(number);
+        let (Some(letter), Some(number)) = (Letter::from_byte(first), number) else {
+            return bad(Fault::Malformed, None);
+        };
+        let tenths = number.clamp(LOWEST, HIGHEST);
+        let command = Command { letter, tenths };
+        if tenths == number {
+            Some(Line::Command(command))
+        } else {
+            let clamps = self.out_of_range == AsciiOutOfRange::Clamp;
+            bad(Fault::OutOfRange, clamps.then_some(command))
+        }
     }
-    // Beyond the range it only matters that it stays there.
-    let size = digits.iter().fold(0i32, |size, digit| {
-        (size * 10 + i32::from(digit - b'0')).min(HIGHEST + 1)
-    });
-    let number = if digits.len() < text.len() {
-        -size
-    } else {
-        size
-    };
-    if (LOWEST..=HIGHEST).contains(&number) {
-        Ok(number)
-    } else {
-        Err(Fault::OutOfRange)
+
+    /// A number, held one beyond its range; `None` if this is none.
+    fn number(&self, text: &[u8]) -> Option<i32> {
+        let (negative, digits) = match (text.split_first(), self.numbers) {
+            (Some((b'-', rest)), _) => (true, rest),
+            (Some((b'+', rest)), AsciiNumbers::Atoi) => (false, rest),
+            _ => (false, text),
+        };
+        let count = digits
+            .iter()
+            .take_while(|byte| byte.is_ascii_digit())
+            .count();
+        let (digits, rest) = digits.split_at(count);
+        if self.numbers == AsciiNumbers::Strict && (digits.is_empty() || !rest.is_empty()) {
+            return None;
+        }
+        // Beyond the range it only matters that it stays there.
+        let size = digits.iter().fold(0i32, |size, digit| {
+            (size * 10 + i32::from(digit - b'0')).min(HIGHEST + 1)
+        });
+        Some(if negative { -size } else { size })
     }
 }
 
@@ -222,7 +298,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn decode(bytes: &[u8]) -> Vec<Line> {
-        let mut decoder = Decoder::new();
+        decode_by(Syntax::default(), bytes)
+    }
+
+    fn decode_by(syntax: Syntax, bytes: &[u8]) -> Vec<Line> {
+        let mut decoder = Decoder::new(syntax);
         bytes
             .iter()
             .filter_map(|&byte| decoder.push(byte))
@@ -237,6 +317,7 @@ mod tests {
         Line::Bad {
             fault,
             bytes: bytes.to_vec(),
+            taken_for: None,
         }
     }
 
@@ -315,7 +396,133 @@ mod tests {
         assert_eq!(decode(long.as_bytes()).len(), 1);
     }
 
+    #[test]
+    fn small_letters_count_where_they_may() {
+        let syntax = Syntax {
+            lower_case: true,
+            ..Syntax::default()
+        };
+        assert_eq!(decode_by(syntax, b"x10\n"), [command(Letter::X, 10)]);
+        assert_eq!(decode_by(syntax, b"Z1\n"), [command(Letter::Z, 1)]);
+        assert_eq!(decode_by(syntax, b"q1\n"), [bad(Fault::Malformed, b"q1")]);
+    }
+
+    #[test]
+    fn numbers_as_atoi_reads_them() {
+        let syntax = Syntax {
+            numbers: AsciiNumbers::Atoi,
+            ..Syntax::default()
+        };
+        for (line, tenths) in [
+            (&b"X+10"[..], 10),
+            (b"X10", 10),
+            (b"X-10", -10),
+            (b"X1.5", 1),
+            (b"X7Y3", 7),
+            (b"X", 0),
+            (b"X--1", 0),
+            (b"X+", 0),
+        ] {
+            let line = [line, b"\n"].concat();
+            assert_eq!(decode_by(syntax, &line), [command(Letter::X, tenths)]);
+        }
+        assert_eq!(
+            decode_by(syntax, b"X40000\n"),
+            [bad(Fault::OutOfRange, b"X40000")]
+        );
+    }
+
+    #[test]
+    fn spaces_may_be_allowed_at_the_end_only() {
+        let syntax = Syntax {
+            spaces: AsciiSpaces::Trailing,
+            ..Syntax::default()
+        };
+        assert_eq!(decode_by(syntax, b"X10 \r\n"), [command(Letter::X, 10)]);
+        for line in [&b" X10"[..], b"X 10", b"X1 0"] {
+            let ended = [line, b"\n"].concat();
+            assert_eq!(decode_by(syntax, &ended), [bad(Fault::Malformed, line)]);
+        }
+    }
+
+    #[test]
+    fn a_line_with_nothing_on_it_may_be_told() {
+        let syntax = Syntax {
+            blank_is_bad: true,
+            ..Syntax::default()
+        };
+        let found = decode_by(syntax, b"\n \r\nX1\n");
+        assert_eq!(
+            found,
+            [
+                bad(Fault::Blank, b""),
+                bad(Fault::Blank, b" \r"),
+                command(Letter::X, 1)
+            ]
+        );
+    }
+
+    #[test]
+    fn the_longest_line_is_as_long_as_said() {
+        let syntax = Syntax {
+            longest: 4,
+            ..Syntax::default()
+        };
+        assert_eq!(decode_by(syntax, b"X-12\n"), [command(Letter::X, -12)]);
+        let found = decode_by(syntax, b"X-123\nX1\n");
+        assert_eq!(found, [bad(Fault::TooLong, b"X-12"), command(Letter::X, 1)]);
+    }
+
+    #[test]
+    fn numbers_beyond_the_range_may_be_held_in_it() {
+        let syntax = Syntax {
+            out_of_range: AsciiOutOfRange::Clamp,
+            ..Syntax::default()
+        };
+        for (line, tenths) in [(&b"B99999"[..], HIGHEST), (b"B-99999", LOWEST)] {
+            let ended = [line, b"\n"].concat();
+            let letter = Letter::B;
+            let taken_for = Some(Command { letter, tenths });
+            let bad = Line::Bad {
+                fault: Fault::OutOfRange,
+                bytes: line.to_vec(),
+                taken_for,
+            };
+            assert_eq!(decode_by(syntax, &ended), [bad]);
+        }
+        assert_eq!(decode_by(syntax, b"B-5\n"), [command(Letter::B, -5)]);
+    }
+
+    fn syntaxes() -> impl Strategy<Value = Syntax> {
+        let numbers = prop::sample::select(AsciiNumbers::ALL);
+        let spaces = prop::sample::select(AsciiSpaces::ALL);
+        let range = prop::sample::select(AsciiOutOfRange::ALL);
+        let flags = (any::<bool>(), any::<bool>(), 2usize..40);
+        (numbers, spaces, range, flags).prop_map(|(numbers, spaces, out_of_range, flags)| Syntax {
+            lower_case: flags.0,
+            blank_is_bad: flags.1,
+            longest: flags.2,
+            numbers,
+            spaces,
+            out_of_range,
+        })
+    }
+
     proptest! {
+        #[test]
+        fn by_any_syntax_a_good_line_after_anything_counts(
+            syntax in syntaxes(),
+            bytes in prop::collection::vec(
+                prop_oneof![any::<u8>(), prop::sample::select(&b"XYZABxyzab+-0123456789 \r\n"[..])],
+                0..300,
+            ),
+        ) {
+            let lines = bytes.iter().filter(|&&byte| byte == b'\n').count() + 1;
+            let found = decode_by(syntax, &[&bytes[..], b"\nX4\n"].concat());
+            prop_assert!(found.len() <= lines + 1);
+            prop_assert_eq!(found.last(), Some(&command(Letter::X, 4)));
+        }
+
         #[test]
         fn what_is_encoded_decodes(letter in prop::sample::select(&Letter::ALL[..]), tenths in LOWEST..=HIGHEST) {
             let line = Command { letter, tenths };

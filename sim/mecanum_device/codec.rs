@@ -6,11 +6,13 @@
 //!
 //! All that tells a packet from noise is that a known type is followed by the length which that
 //! type has. The article names neither a byte order nor a way to find the beginning of a packet
-//! again; both are our assumptions.
+//! again; both are our assumptions, and [`Rules`] has the alternatives.
 
 use std::time::Duration;
 
 use sim_settings::SimTime;
+
+use super::settings::{ByteOrder, Framing, PartialPacket};
 
 /// Noise is reported in runs of at most this many bytes.
 const NOISE_RUN: usize = 64;
@@ -20,8 +22,53 @@ pub trait Packet: Sized {
     /// Type and length of every packet of this direction; lengths are at least 3.
     const HEADERS: &'static [[u8; 2]];
 
-    /// Reads a whole packet; `None` if type or length is none of this direction's.
+    /// Reads a whole packet, fields little-endian; `None` if type or length is none of this
+    /// direction's.
     fn parse(bytes: &[u8]) -> Option<Self>;
+
+    /// Widths in bytes of the fields after the third byte, for a type of this direction.
+    fn widths(kind: u8) -> &'static [usize];
+
+    /// Turns the bytes of a packet of this direction from little-endian into `order`, or back.
+    fn reorder(bytes: &mut [u8], order: ByteOrder) {
+        let (Some(&kind), ByteOrder::Big) = (bytes.first(), order) else {
+            return;
+        };
+        let mut fields = bytes.get_mut(3..).unwrap_or_default();
+        for width in Self::widths(kind) {
+            let Some((field, rest)) = fields.split_at_mut_checked(*width) else {
+                return;
+            };
+            field.reverse();
+            fields = rest;
+        }
+    }
+}
+
+/// How the stream is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rules {
+    /// A packet that was begun is given up after so much silence.
+    pub inter_byte_timeout: Duration,
+    /// What tells the beginning of a packet.
+    pub framing: Framing,
+    /// What becomes of the bytes of one that was given up.
+    pub partial: PartialPacket,
+    /// Order of the bytes in a field.
+    pub order: ByteOrder,
+}
+
+impl Rules {
+    /// Those of the default settings, with this timeout.
+    #[must_use]
+    pub fn new(inter_byte_timeout: Duration) -> Self {
+        Self {
+            inter_byte_timeout,
+            framing: Framing::TypeAndLength,
+            partial: PartialPacket::Rescan,
+            order: ByteOrder::Little,
+        }
+    }
 }
 
 /// What the decoder found in the stream.
@@ -37,13 +84,13 @@ pub enum Decoded<P> {
 
 /// Streaming decoder. Any bytes are legal input, and how they are split changes nothing.
 ///
-/// A byte that begins no packet is skipped. After a partial packet older than the inter-byte
-/// timeout it resumes at that packet's second byte, so that a packet behind a torn one is never
-/// lost; the torn one's bytes are not reported again.
+/// By default a byte that begins no packet is skipped, and after a partial packet older than the
+/// inter-byte timeout it resumes at that packet's second byte, so that a packet behind a torn one is
+/// never lost; the torn one's bytes are not reported again.
 #[derive(Debug, Clone)]
 pub struct Decoder<P> {
-    inter_byte_timeout: Duration,
-    /// Bytes from the first that may begin a packet; shorter than the longest packet.
+    rules: Rules,
+    /// Bytes from the first that may begin a packet; fewer than a length byte can say.
     buffer: Vec<u8>,
     /// How many bytes at the front of `buffer` a report has covered already.
     reported: usize,
@@ -53,11 +100,18 @@ pub struct Decoder<P> {
 }
 
 impl<P: Packet> Decoder<P> {
-    /// A decoder that drops a partial packet after `inter_byte_timeout` of silence.
+    /// A decoder by the default rules, which drops a partial packet after `inter_byte_timeout` of
+    /// silence.
     #[must_use]
     pub fn new(inter_byte_timeout: Duration) -> Self {
+        Self::by(Rules::new(inter_byte_timeout))
+    }
+
+    /// A decoder by these rules.
+    #[must_use]
+    pub fn by(rules: Rules) -> Self {
         Self {
-            inter_byte_timeout,
+            rules,
             buffer: Vec::new(),
             reported: 0,
             noise: Vec::new(),
@@ -77,7 +131,7 @@ impl<P: Packet> Decoder<P> {
     #[must_use]
     pub fn deadline(&self) -> Option<SimTime> {
         (!self.buffer.is_empty() || !self.noise.is_empty())
-            .then(|| self.last_byte + self.inter_byte_timeout)
+            .then(|| self.last_byte + self.rules.inter_byte_timeout)
     }
 
     /// Gives up what is held if its deadline is `now` or earlier.
@@ -92,7 +146,11 @@ impl<P: Packet> Decoder<P> {
                 found(Decoded::Partial(self.buffer.clone()));
                 self.reported = self.buffer.len();
             }
-            self.skip(1, found);
+            let dropped = match self.rules.partial {
+                PartialPacket::Rescan => 1,
+                PartialPacket::Drop => self.buffer.len(),
+            };
+            self.skip(dropped, found);
             self.scan(found);
         }
         self.flush_noise(found);
@@ -113,11 +171,14 @@ impl<P: Packet> Decoder<P> {
             let Some(length) = self.buffer.get(1).copied().map(usize::from) else {
                 return;
             };
-            let Some(packet) = self.buffer.get(..length).map(P::parse) else {
+            let Some(bytes) = self.buffer.get(..length) else {
                 return;
             };
-            let Some(packet) = packet else {
-                self.skip(1, found);
+            let mut bytes = bytes.to_vec();
+            P::reorder(&mut bytes, self.rules.order);
+            let Some(packet) = P::parse(&bytes) else {
+                // By its length alone it has a beginning and an end, known or not.
+                self.skip(length.max(1), found);
                 continue;
             };
             self.flush_noise(found);
@@ -131,9 +192,14 @@ impl<P: Packet> Decoder<P> {
     fn possible_start(&self) -> usize {
         let bytes = &self.buffer;
         let begins = |at: usize| {
-            P::HEADERS.iter().any(|[kind, length]| {
-                bytes[at] == *kind && bytes.get(at + 1).is_none_or(|next| next == length)
-            })
+            let length = bytes.get(at + 1);
+            match self.rules.framing {
+                Framing::TypeAndLength => P::HEADERS.iter().any(|[kind, own]| {
+                    bytes[at] == *kind && length.is_none_or(|length| length == own)
+                }),
+                // No packet is shorter than its first three bytes.
+                Framing::Length => length.is_none_or(|length| *length >= 3),
+            }
         };
         (0..bytes.len())
             .find(|&at| begins(at))

@@ -5,11 +5,13 @@ use sim_physics::mecanum::{
 };
 use sim_settings::SimTime;
 
-use super::encoder::{Encoder, SpeedWindow};
+use super::encoder::{Counting, Encoder, SpeedWindow};
 use super::kinematics::{Movement, body_speed};
-use super::motion::{Change, Motion, Motions};
+use super::motion::{Change, Motion, Motions, Rules};
 use super::odometry::Odometry;
-use super::settings::MecanumFirmwareSettings;
+use super::settings::{
+    IdleDirection, IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode,
+};
 
 /// Motions, remote control, encoders and dead reckoning.
 #[derive(Debug, Clone)]
@@ -27,13 +29,14 @@ pub(super) struct Drive {
     odometry: Odometry,
     /// The movement in effect or last in effect; late pulses belong to it.
     last: Option<Movement>,
+    /// How many motions had begun when the last one that was noticed did.
+    started: u64,
 }
 
 impl Drive {
     /// Standing at the origin, with the board in control.
     pub fn new(settings: &MecanumFirmwareSettings, measured: &MecanumMeasurements) -> Self {
         let per_revolution = settings.odometry.pulses_per_revolution;
-        let queue = usize::try_from(settings.queue_length).unwrap_or(usize::MAX);
         Self {
             wiring: settings.wiring,
             remote_rpm: settings.remote_speed,
@@ -42,15 +45,22 @@ impl Drive {
                 timeout: settings.speed_timeout,
             },
             pulses_per_revolution: f64::from(per_revolution),
-            motions: Motions::new(queue, per_revolution),
-            remote: false,
+            motions: Motions::new(Rules::of(settings)),
+            remote: settings.start_mode == StartMode::Remote,
             key: None,
             encoders: Wheel::ALL.map(|wheel| {
                 let port = settings.wiring.port(wheel);
-                Encoder::new(measured.pulses[port.index()])
+                let counting = match settings.pulse_direction {
+                    PulseDirection::Driven => Counting::Driven,
+                    PulseDirection::Counted => Counting::Counted {
+                        reversed: settings.wiring.is_reversed(wheel),
+                    },
+                };
+                Encoder::new(counting, measured.pulses[port.index()])
             }),
             odometry: Odometry::new(settings.odometry.clone()),
             last: None,
+            started: 0,
         }
     }
 
@@ -66,13 +76,17 @@ impl Drive {
         self.remote
     }
 
-    pub fn set_remote(&mut self, remote: bool) {
+    /// Says who drives; motions go on when it is the board.
+    pub fn set_remote(&mut self, remote: bool, changed: &mut impl FnMut(Change)) {
         self.remote = remote;
-        self.follow();
+        self.go_on(changed);
     }
 
     pub fn set_key(&mut self, key: Option<Movement>) {
         self.key = key;
+        if self.remote && key.is_some() {
+            self.odometry.begin_motion();
+        }
         self.follow();
     }
 
@@ -80,11 +94,22 @@ impl Drive {
         self.odometry.set_pose(position, heading);
     }
 
-    /// Appends a motion; false if there is no room.
-    pub fn append(&mut self, motion: Motion, changed: &mut impl FnMut(Change)) -> bool {
-        let room = self.motions.append(motion, changed);
+    /// Appends a motion; gives the one that is lost where there is no room.
+    pub fn append(&mut self, motion: Motion) -> Option<Motion> {
+        self.motions.append(motion)
+    }
+
+    /// Puts a motion in place of others; says how many were discarded.
+    pub fn preempt(&mut self, motion: Motion) -> usize {
+        self.motions.preempt(motion)
+    }
+
+    /// Starts what may start.
+    pub fn go_on(&mut self, changed: &mut impl FnMut(Change)) {
+        if !self.remote {
+            self.motions.start(changed);
+        }
         self.follow();
-        room
     }
 
     /// Discards all motions; says how many there were.
@@ -95,34 +120,38 @@ impl Drive {
     /// Reads the PG wires.
     pub fn sense(&mut self, now: SimTime, pulses: &[u32; PORTS], changed: &mut impl FnMut(Change)) {
         let mut came = [0; WHEELS];
-        let mut signed = [0; WHEELS];
         for wheel in Wheel::ALL {
             let at = wheel.index();
             let count = pulses[self.wiring.port(wheel).index()];
             came[at] = self.encoders[at].read(now, count, self.window);
-            signed[at] = self.encoders[at].signed(came[at]);
         }
         if came == [0; WHEELS] {
             return;
         }
-        let counted = self.last.map_or([0; WHEELS], Movement::rotations);
-        self.odometry
-            .add(signed, counted.map(|rotation| rotation != 0));
-        self.motions.turned(came, changed);
+        self.odometry.add(came, self.last);
+        if !self.remote {
+            let progress = std::array::from_fn(|at| self.encoders[at].progress(came[at]));
+            self.motions.turned(progress, changed);
+        }
         self.follow();
     }
 
     /// How each wheel is driven: 1 forward, −1 backward, 0 not at all.
     pub fn rotations(&self) -> [i8; WHEELS] {
+        if !self.remote {
+            return self.motions.rotations();
+        }
         match self.key.filter(|_| self.remote_rpm > 0.0) {
-            Some(movement) if self.remote => movement.rotations(),
-            _ => self.motions.rotations(),
+            Some(movement) => movement.rotations(),
+            None => [0; WHEELS],
         }
     }
 
-    /// The pins. A wheel that is not driven is held, and its FR stays as it was.
+    /// The pins. A wheel that is not driven while others are is always held: SV is shared.
     pub fn commands(&self, settings: &MecanumFirmwareSettings) -> MecanumCommands {
         let rotations = self.rotations();
+        let idle = rotations == [0; WHEELS];
+        let held = !idle || settings.idle_wheels == IdleWheels::Hold;
         let mut commands = MecanumCommands {
             ports: [PortCommand {
                 reverse: false,
@@ -133,12 +162,15 @@ impl Drive {
         for wheel in Wheel::ALL {
             let at = wheel.index();
             let port: Port = self.wiring.port(wheel);
+            let stands = rotations[at] == 0;
+            let backward = self.encoders[at].is_backward()
+                && !(stands && settings.idle_direction == IdleDirection::Forward);
             commands.ports[port.index()] = PortCommand {
-                reverse: self.encoders[at].is_backward() != self.wiring.is_reversed(wheel),
-                brake: rotations[at] == 0,
+                reverse: backward != self.wiring.is_reversed(wheel),
+                brake: stands && held,
             };
         }
-        if rotations != [0; WHEELS] {
+        if !idle {
             commands.speed_voltage = (self.wanted_rpm() / settings.full_speed).clamp(0.0, 1.0);
         }
         commands
@@ -192,6 +224,10 @@ impl Drive {
         let running = self.motions.running().map(|motion| motion.movement);
         let movement = if self.remote { self.key } else { running };
         self.last = movement.or(self.last);
+        if self.motions.started() != self.started {
+            self.started = self.motions.started();
+            self.odometry.begin_motion();
+        }
         let rotations = self.rotations();
         for (encoder, rotation) in self.encoders.iter_mut().zip(rotations) {
             if rotation != 0 {

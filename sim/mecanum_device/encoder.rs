@@ -2,7 +2,7 @@
 //!
 //! The wire gives pulses without a direction. The firmware takes them for pulses of the direction
 //! in which it last drove the motor; where the wheel was dragged or coasted the other way, that is
-//! wrong, as it is on the real board.
+//! wrong, as it is on the real board. A setting gives the motors counters with a direction instead.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -21,32 +21,48 @@ pub struct SpeedWindow {
     pub timeout: Duration,
 }
 
+/// How pulses get their direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Counting {
+    /// The counter counts up only, and pulses count the way in which the motor was last driven.
+    Driven,
+    /// The counter counts down when the motor turns back.
+    Counted {
+        /// The motor rolls its wheel backward when it turns forward.
+        reversed: bool,
+    },
+}
+
 /// One motor's pulse counter.
 #[derive(Debug, Clone)]
 pub struct Encoder {
+    counting: Counting,
     /// As the wire had it last.
     count: u32,
     backward: bool,
-    /// When pulses came, and how many had come by then since the first of these.
-    edges: VecDeque<(SimTime, u64)>,
+    /// When pulses came, and where the wheel was by then, in pulses from the first of these.
+    edges: VecDeque<(SimTime, i64)>,
 }
 
 impl Encoder {
     /// A counter that starts where the wire is.
     #[must_use]
-    pub fn new(count: u32) -> Self {
+    pub fn new(counting: Counting, count: u32) -> Self {
         Self {
+            counting,
             count,
             backward: false,
             edges: VecDeque::new(),
         }
     }
 
-    /// The motor is driven this way from now on, and pulses count so.
+    /// The motor is driven this way from now on.
     pub fn drive(&mut self, backward: bool) {
         if self.backward != backward {
             self.backward = backward;
-            self.edges.clear();
+            if self.counting == Counting::Driven {
+                self.edges.clear();
+            }
         }
     }
 
@@ -56,25 +72,30 @@ impl Encoder {
         self.backward
     }
 
-    /// Reads the wire; gives the pulses that have come since the last reading.
-    pub fn read(&mut self, now: SimTime, count: u32, speed: SpeedWindow) -> u32 {
+    /// Reads the wire; gives the pulses that have come since the last reading, backward ones
+    /// negative.
+    pub fn read(&mut self, now: SimTime, count: u32, speed: SpeedWindow) -> i64 {
         let came = count.wrapping_sub(self.count);
         self.count = count;
-        if came > 0 {
+        let (came, backward) = match self.counting {
+            Counting::Driven => (i64::from(came), self.backward),
+            Counting::Counted { reversed } => (i64::from(came.cast_signed()), reversed),
+        };
+        let came = if backward { -came } else { came };
+        if came != 0 {
             self.note(now, came, speed);
         }
         came
     }
 
-    /// A number of pulses with the sign of the direction.
+    /// How far pulses that were read get on in the direction in which the motor is driven.
     #[must_use]
-    pub fn signed(&self, pulses: u32) -> i64 {
-        let pulses = i64::from(pulses);
+    pub fn progress(&self, pulses: i64) -> i64 {
         if self.backward { -pulses } else { pulses }
     }
 
-    /// Pulses a second with the sign of the direction. A wheel that is not `driven` stands as soon
-    /// as its next pulse is overdue; a driven one may only have become slow.
+    /// Pulses a second, backward negative. A wheel that is not `driven` stands as soon as its next
+    /// pulse is overdue; a driven one may only have become slow.
     #[must_use]
     pub fn pulse_rate(&self, now: SimTime, driven: bool, speed: SpeedWindow) -> f64 {
         let (Some(first), Some(last)) = (self.edges.front(), self.edges.back()) else {
@@ -88,23 +109,22 @@ impl Encoder {
         #[expect(clippy::cast_precision_loss, reason = "far fewer pulses than 2^53")]
         let rate = (last.1 - first.1) as f64 / span;
         let silence = silence.as_secs_f64();
-        let rate = if silence * rate <= 1.0 {
+        if silence * rate.abs() <= 1.0 {
             rate
         } else if driven {
-            1.0 / silence
+            rate.signum() / silence
         } else {
             0.0
-        };
-        if self.backward { -rate } else { rate }
+        }
     }
 
-    fn note(&mut self, now: SimTime, came: u32, speed: SpeedWindow) {
+    fn note(&mut self, now: SimTime, came: i64, speed: SpeedWindow) {
         let last = self.edges.back().copied();
         if last.is_some_and(|(at, _)| now.since(at) >= speed.timeout) {
             // From standstill; the time before tells nothing about the speed.
             self.edges.clear();
         }
-        let total = self.edges.back().map_or(0, |(_, total)| *total) + u64::from(came);
+        let total = self.edges.back().map_or(0, |(_, total)| *total) + came;
         match self.edges.back_mut() {
             Some((at, last)) if *at == now => *last = total,
             _ => self.edges.push_back((now, total)),
@@ -130,7 +150,7 @@ mod tests {
 
     /// A pulse every `gap` milliseconds from time zero to `end`.
     fn turning(gap: usize, end: u64) -> Encoder {
-        let mut encoder = Encoder::new(u32::MAX);
+        let mut encoder = Encoder::new(Counting::Driven, u32::MAX);
         let mut count = u32::MAX;
         for at in (0..=end).step_by(gap) {
             count = count.wrapping_add(1);
@@ -177,15 +197,32 @@ mod tests {
     #[test]
     fn pulses_count_the_way_the_motor_was_driven() {
         let mut encoder = turning(20, 100);
-        assert_eq!(encoder.signed(3), 3);
+        let count = encoder.count.wrapping_add(3);
+        assert_eq!(encoder.read(MS(120), count, SPEED), 3);
         encoder.drive(true);
-        assert_eq!(encoder.signed(3), -3);
-        assert_eq!(encoder.pulse_rate(MS(100), true, SPEED), 0.0);
+        assert_eq!(encoder.pulse_rate(MS(120), true, SPEED), 0.0);
+        assert_eq!(encoder.read(MS(140), count.wrapping_add(3), SPEED), -3);
+        encoder.read(MS(160), count.wrapping_add(4), SPEED);
+        assert!((encoder.pulse_rate(MS(160), true, SPEED) + 50.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_counter_with_a_direction_needs_no_driving() {
+        for (reversed, sign) in [(false, 1), (true, -1)] {
+            let mut encoder = Encoder::new(Counting::Counted { reversed }, 1);
+            assert_eq!(encoder.read(MS(0), 0, SPEED), -sign);
+            assert_eq!(encoder.read(MS(20), u32::MAX, SPEED), -sign);
+            let rate = encoder.pulse_rate(MS(20), false, SPEED);
+            assert!((rate + f64::from(i32::try_from(sign).unwrap()) * 50.0).abs() < 1e-9);
+            // Which way it is driven changes nothing.
+            encoder.drive(true);
+            assert_eq!(encoder.read(MS(40), 3, SPEED), 4 * sign);
+        }
     }
 
     #[test]
     fn memory_is_bounded() {
-        let mut encoder = Encoder::new(0);
+        let mut encoder = Encoder::new(Counting::Driven, 0);
         for nanos in 0..100_000u32 {
             encoder.read(SimTime::from_nanos(nanos.into()), nanos, SPEED);
         }

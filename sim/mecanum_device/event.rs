@@ -5,23 +5,35 @@ use std::time::Duration;
 
 use sim_settings::show_duration;
 
-use super::ascii::{self, Fault, HIGHEST, LOWEST, MAX_LINE};
+use super::ascii::{self, Fault, HIGHEST, LOWEST};
 use super::codec::Decoded;
 use super::kinematics::Movement;
 use super::motion::{Change, Motion};
 use super::packet::{Request, Status};
+use super::settings::{ByteOrder, OverSpeed};
 use super::{Action, Link, MAX_SPEED};
 use crate::event::{Hex, Level};
 
 /// A field of a request that has few legal values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Field {
-    /// `is_reset`, 0 or 1; anything else counts as 1.
+    /// `is_reset`, 0 or 1.
     IsReset,
-    /// `moving_idx`, 0 to 4; the motion is ignored.
+    /// `moving_idx`, 0 to 4.
     MovingIdx,
-    /// `controll_type`, 0 or 1; the request is ignored.
+    /// `controll_type`, 0 or 1.
     ControlType,
+}
+
+/// What was made of a value that the protocol does not know.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Handling {
+    /// The packet was ignored.
+    Ignored,
+    /// It was taken for this value.
+    TakenFor(u8),
+    /// It stopped the car.
+    Stopped,
 }
 
 /// Why motions were discarded.
@@ -33,32 +45,38 @@ pub enum Discard {
     ControlMode,
     /// The link timed out after this silence.
     LinkTimeout(Duration),
+    /// A packet or line was bad, and that stops the car.
+    BadOrder,
 }
 
 /// Something that happened on the board.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MecanumEvent {
-    /// A request was understood on the main link.
-    Request(Request),
+    /// A request was understood on the main link, where bytes have this order.
+    Request(Request, ByteOrder),
     /// A command was understood on the ROS link.
     Command(ascii::Command),
-    /// A status packet began its way to the client.
-    Status(Status),
+    /// A status packet began its way to the client of the main link.
+    Status(Status, ByteOrder),
     /// A report line began its way to the client of the ROS link.
     Report(ascii::Report),
     /// The main link's stream held something that is no packet.
     BadStream(Decoded<Request>),
-    /// A line on the ROS link is no command.
+    /// A line on the ROS link is no command, or not a good one.
     BadLine {
         /// What is wrong with it.
         fault: Fault,
         /// The line without its end.
         bytes: Vec<u8>,
+        /// The command that it was taken for all the same.
+        taken_for: Option<ascii::Command>,
     },
-    /// A speed outside ±500 was clamped.
-    SpeedClamped {
+    /// A speed was outside ±500.
+    SpeedOutOfRange {
         /// As the client sent it, 1/10 r/min.
         v: i16,
+        /// What was made of it.
+        handling: OverSpeed,
     },
     /// A field of a request has a value that the protocol does not know.
     BadField {
@@ -66,11 +84,15 @@ pub enum MecanumEvent {
         field: Field,
         /// What it has.
         value: u8,
+        /// What was made of it.
+        handling: Handling,
     },
-    /// A motion was refused because too many wait.
+    /// A motion was lost because too many wait.
     QueueFull(Motion),
     /// A motion was ignored because the remote control drives.
     IgnoredInRemote(Motion),
+    /// A motion on the main link was ignored because the ROS link drives.
+    IgnoredForRos(Motion),
     /// A motion began or ended.
     Motion(Change),
     /// Motions that ran or waited were discarded.
@@ -105,7 +127,7 @@ impl MecanumEvent {
     #[must_use]
     pub fn level(&self) -> Level {
         match self {
-            Self::Request(_) | Self::Command(_) | Self::Status(_) | Self::Report(_) => {
+            Self::Request(..) | Self::Command(_) | Self::Status(..) | Self::Report(_) => {
                 Level::Traffic
             }
             Self::Discarded {
@@ -125,10 +147,11 @@ impl MecanumEvent {
     #[must_use]
     pub fn link(&self) -> Option<Link> {
         match self {
-            Self::Request(_)
-            | Self::Status(_)
+            Self::Request(..)
+            | Self::Status(..)
             | Self::BadStream(_)
-            | Self::SpeedClamped { .. }
+            | Self::SpeedOutOfRange { .. }
+            | Self::IgnoredForRos(_)
             | Self::BadField { .. } => Some(Link::Main),
             Self::Command(_) | Self::Report(_) | Self::BadLine { .. } => Some(Link::Ros),
             _ => None,
@@ -139,16 +162,20 @@ impl MecanumEvent {
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
-            Self::Request(_) | Self::Command(_) => "request",
-            Self::Status(_) | Self::Report(_) => "reply",
+            Self::Request(..) | Self::Command(_) => "request",
+            Self::Status(..) | Self::Report(_) => "reply",
             Self::BadStream(Decoded::Partial(_)) => "partial_packet",
             Self::BadStream(_) => "noise",
             Self::BadLine { fault, .. } => match fault {
-                Fault::Malformed => "bad_line",
+                Fault::Malformed | Fault::Blank => "bad_line",
                 Fault::OutOfRange => "bad_number",
                 Fault::TooLong => "line_too_long",
             },
-            Self::SpeedClamped { .. } => "speed_clamped",
+            Self::SpeedOutOfRange {
+                handling: OverSpeed::Clamp,
+                ..
+            } => "speed_clamped",
+            Self::SpeedOutOfRange { .. } => "speed_out_of_range",
             Self::BadField { field, .. } => match field {
                 Field::IsReset => "bad_is_reset",
                 Field::MovingIdx => "bad_moving_idx",
@@ -156,6 +183,7 @@ impl MecanumEvent {
             },
             Self::QueueFull(_) => "queue_full",
             Self::IgnoredInRemote(_) => "ignored_in_remote",
+            Self::IgnoredForRos(_) => "ignored_for_ros",
             Self::Motion(Change::Started(_)) => "motion_started",
             Self::Motion(Change::Done(_)) => "motion_done",
             Self::Discarded {
@@ -179,10 +207,11 @@ impl MecanumEvent {
             self,
             Self::BadStream(_)
                 | Self::BadLine { .. }
-                | Self::SpeedClamped { .. }
+                | Self::SpeedOutOfRange { .. }
                 | Self::BadField { .. }
                 | Self::QueueFull(_)
                 | Self::IgnoredInRemote(_)
+                | Self::IgnoredForRos(_)
                 | Self::Discarded {
                     why: Discard::LinkTimeout(_),
                     ..
@@ -194,11 +223,10 @@ impl MecanumEvent {
     #[must_use]
     pub fn bytes(&self) -> Option<Vec<u8>> {
         match self {
-            Self::Request(request) | Self::BadStream(Decoded::Packet(request)) => {
-                Some(request.encode())
-            }
+            Self::Request(request, order) => Some(request.encode_in(*order)),
+            Self::BadStream(Decoded::Packet(request)) => Some(request.encode()),
             Self::Command(command) => Some(command.encode()),
-            Self::Status(status) => Some(status.encode()),
+            Self::Status(status, order) => Some(status.encode_in(*order)),
             Self::Report(report) => Some(report.encode()),
             Self::BadStream(Decoded::Partial(bytes) | Decoded::Noise(bytes))
             | Self::BadLine { bytes, .. } => Some(bytes.clone()),
@@ -210,9 +238,9 @@ impl MecanumEvent {
 impl fmt::Display for MecanumEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Request(request) | Self::BadStream(Decoded::Packet(request)) => request.fmt(f),
+            Self::Request(request, _) | Self::BadStream(Decoded::Packet(request)) => request.fmt(f),
             Self::Command(command) => write!(f, "line {command}"),
-            Self::Status(status) => status.fmt(f),
+            Self::Status(status, _) => status.fmt(f),
             Self::Report(report) => write!(f, "line {report}"),
             Self::BadStream(Decoded::Partial(bytes)) => {
                 write!(f, "incomplete packet dropped after a pause: {}", Hex(bytes))
@@ -220,42 +248,56 @@ impl fmt::Display for MecanumEvent {
             Self::BadStream(Decoded::Noise(bytes)) => {
                 write!(f, "bytes that begin no packet: {}", Hex(bytes))
             }
-            Self::BadLine { fault, bytes } => {
+            Self::BadLine {
+                fault,
+                bytes,
+                taken_for,
+            } => {
                 let line = bytes.escape_ascii();
+                match taken_for {
+                    Some(command) => write!(f, "line `{line}` taken for {command}: ")?,
+                    None => write!(f, "line `{line}` ignored: ")?,
+                }
                 match fault {
-                    Fault::Malformed => write!(
-                        f,
-                        "line `{line}` ignored: one of X, Y, Z, A, B and a whole number are wanted"
-                    ),
-                    Fault::OutOfRange => {
-                        write!(f, "line `{line}` ignored: {LOWEST} to {HIGHEST} is allowed")
+                    Fault::Malformed => {
+                        f.write_str("one of X, Y, Z, A, B and a whole number are wanted")
                     }
-                    Fault::TooLong => {
-                        write!(f, "line `{line}…` ignored: {MAX_LINE} bytes are allowed")
-                    }
+                    Fault::OutOfRange => write!(f, "{LOWEST} to {HIGHEST} is allowed"),
+                    Fault::TooLong => write!(f, "{} bytes are allowed", bytes.len()),
+                    Fault::Blank => f.write_str("there is nothing on it"),
                 }
             }
-            Self::SpeedClamped { v } => {
+            Self::SpeedOutOfRange { v, handling } => {
+                let made_of_it = match handling {
+                    OverSpeed::Clamp => "clamped",
+                    OverSpeed::Obey => "taken as it is",
+                    OverSpeed::Ignore => "ignored with its motion",
+                };
                 write!(
                     f,
-                    "speed {v} clamped: -{MAX_SPEED} to {MAX_SPEED} is allowed"
+                    "speed {v} {made_of_it}: -{MAX_SPEED} to {MAX_SPEED} is allowed"
                 )
             }
-            Self::BadField { field, value } => match field {
-                Field::IsReset => write!(f, "is_reset {value} taken for 1: 0 and 1 are allowed"),
-                Field::MovingIdx => {
-                    write!(
-                        f,
-                        "moving_idx {value}: the motion is ignored, 0 to 4 is allowed"
-                    )
+            Self::BadField {
+                field,
+                value,
+                handling,
+            } => {
+                let (name, allowed) = match field {
+                    Field::IsReset => ("is_reset", "0 and 1 are"),
+                    Field::MovingIdx => ("moving_idx", "0 to 4 is"),
+                    Field::ControlType => ("control type", "0 and 1 are"),
+                };
+                write!(f, "{name} {value} ")?;
+                match handling {
+                    Handling::Ignored => f.write_str("ignored with its packet")?,
+                    Handling::TakenFor(other) => write!(f, "taken for {other}")?,
+                    Handling::Stopped => f.write_str("stops the car")?,
                 }
-                Field::ControlType => {
-                    write!(f, "control type {value} ignored: 0 and 1 are allowed")
-                }
-            },
-            Self::QueueFull(motion) => {
-                write!(f, "{motion} refused: too many motions wait")
+                write!(f, ": {allowed} allowed")
             }
+            Self::QueueFull(motion) => write!(f, "{motion} lost: too many motions wait"),
+            Self::IgnoredForRos(motion) => write!(f, "{motion} ignored: the ROS link drives"),
             Self::IgnoredInRemote(motion) => {
                 write!(f, "{motion} ignored: the remote control drives")
             }
@@ -267,6 +309,7 @@ impl fmt::Display for MecanumEvent {
                 match why {
                     Discard::Preempted => write!(f, "another preempts"),
                     Discard::ControlMode => write!(f, "the control mode changed"),
+                    Discard::BadOrder => write!(f, "what the client sent is not known"),
                     Discard::LinkTimeout(silence) => write!(
                         f,
                         "nothing valid from the client for {:.1} ms",

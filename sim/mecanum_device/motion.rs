@@ -6,31 +6,32 @@ use std::fmt;
 use sim_physics::mecanum::WHEELS;
 
 use super::kinematics::Movement;
+use super::settings::{
+    MecanumFirmwareSettings, MotionEnd, Preempt, QueueFull, ZeroDistance, ZeroSpeed,
+};
 
 /// A movement with its distance and speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// Which way.
     pub movement: Movement,
-    /// How far each driven wheel turns, 1/10 revolution.
-    pub tenths: u32,
+    /// How far each driven wheel turns, never negative.
+    pub revolutions: f64,
     /// How fast it turns, r/min, never negative.
     pub speed_rpm: f64,
 }
 
-impl Motion {
-    /// Whether there is nothing to do: no distance, or no speed.
-    #[must_use]
-    pub fn is_nothing(&self) -> bool {
-        self.tenths == 0 || self.speed_rpm <= 0.0
-    }
-}
-
 impl fmt::Display for Motion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (whole, tenth) = (self.tenths / 10, self.tenths % 10);
-        let (movement, speed) = (self.movement, self.speed_rpm);
-        write!(f, "{movement} {whole}.{tenth} rev at {speed} rpm")
+        let (movement, revolutions) = (self.movement, self.revolutions);
+        let tenths = revolutions * 10.0;
+        let digits = if (tenths - tenths.round()).abs() < 1e-6 {
+            1
+        } else {
+            4
+        };
+        let speed = self.speed_rpm;
+        write!(f, "{movement} {revolutions:.digits$} rev at {speed} rpm")
     }
 }
 
@@ -38,8 +39,25 @@ impl fmt::Display for Motion {
 #[derive(Debug, Clone)]
 struct Running {
     motion: Motion,
-    /// Pulses that each wheel has still to turn.
-    pulses_left: [u64; WHEELS],
+    rotations: [i8; WHEELS],
+    /// Pulses that each wheel has still to turn; `None` if there is no end.
+    pulses_left: Option<[i64; WHEELS]>,
+}
+
+impl Running {
+    /// Whether a wheel has still to turn.
+    fn drives(&self, wheel: usize, end: MotionEnd) -> bool {
+        let Some(left) = self.pulses_left else {
+            return self.rotations[wheel] != 0;
+        };
+        match end {
+            MotionEnd::EachWheel => left[wheel] > 0,
+            MotionEnd::Mean => {
+                let left = left.iter().copied().fold(0, i64::saturating_add);
+                self.rotations[wheel] != 0 && left > 0
+            }
+        }
+    }
 }
 
 /// What happened to a motion.
@@ -51,35 +69,104 @@ pub enum Change {
     Done(Motion),
 }
 
-/// The motion that runs and those that wait.
+/// What the settings say about motions.
 #[derive(Debug, Clone)]
-pub struct Motions {
-    most_waiting: usize,
-    pulses_per_revolution: u32,
-    running: Option<Running>,
-    waiting: VecDeque<Motion>,
+pub struct Rules {
+    /// How many may wait beside the one that runs.
+    pub most_waiting: usize,
+    /// Pulses of a wheel's revolution.
+    pub pulses_per_revolution: u32,
+    /// What is lost when too many wait.
+    pub queue_full: QueueFull,
+    /// What a motion that preempts discards.
+    pub preempt: Preempt,
+    /// When the wheels stop.
+    pub end: MotionEnd,
+    /// What a motion without distance is.
+    pub zero_distance: ZeroDistance,
+    /// What a motion without speed is.
+    pub zero_speed: ZeroSpeed,
 }
 
-impl Motions {
-    /// None, with room for `most_waiting` beside the one that runs.
+impl Rules {
+    /// As the settings have it.
     #[must_use]
-    pub fn new(most_waiting: usize, pulses_per_revolution: u32) -> Self {
+    pub fn of(settings: &MecanumFirmwareSettings) -> Self {
         Self {
-            most_waiting,
-            pulses_per_revolution,
-            running: None,
-            waiting: VecDeque::new(),
+            most_waiting: usize::try_from(settings.queue_length).unwrap_or(usize::MAX),
+            pulses_per_revolution: settings.odometry.pulses_per_revolution,
+            queue_full: settings.queue_full,
+            preempt: settings.preempt,
+            end: settings.motion_end,
+            zero_distance: settings.zero_distance,
+            zero_speed: settings.zero_speed,
         }
     }
 
-    /// Appends a motion; false if there is no room.
-    pub fn append(&mut self, motion: Motion, changed: &mut impl FnMut(Change)) -> bool {
-        if self.running.is_some() && self.waiting.len() >= self.most_waiting {
-            return false;
+    /// Whether a motion ends as it begins.
+    fn is_nothing(&self, motion: &Motion) -> bool {
+        let no_distance = motion.revolutions <= 0.0 && self.zero_distance == ZeroDistance::End;
+        no_distance || motion.speed_rpm <= 0.0 && self.zero_speed == ZeroSpeed::End
+    }
+
+    /// Pulses after which a wheel has turned far enough, which is at the first one at or beyond the
+    /// distance; `None` if it never has.
+    fn pulses(&self, motion: &Motion) -> Option<i64> {
+        if motion.revolutions <= 0.0 {
+            return None;
+        }
+        let pulses = motion.revolutions * f64::from(self.pulses_per_revolution);
+        // What is beyond a whole number by rounding alone is that number.
+        Some(super::telemetry::whole((pulses - 1e-6).ceil()))
+    }
+}
+
+/// The motion that runs and those that wait.
+#[derive(Debug, Clone)]
+pub struct Motions {
+    rules: Rules,
+    running: Option<Running>,
+    waiting: VecDeque<Motion>,
+    /// How many have begun to run.
+    started: u64,
+}
+
+impl Motions {
+    /// None.
+    #[must_use]
+    pub fn new(rules: Rules) -> Self {
+        Self {
+            rules,
+            running: None,
+            waiting: VecDeque::new(),
+            started: 0,
+        }
+    }
+
+    /// Appends a motion; gives the one that is lost where there is no room.
+    pub fn append(&mut self, motion: Motion) -> Option<Motion> {
+        let mut lost = None;
+        if self.running.is_some() && self.waiting.len() >= self.rules.most_waiting {
+            lost = match self.rules.queue_full {
+                QueueFull::Refuse => None,
+                QueueFull::DropOldest => self.waiting.pop_front(),
+            };
+            if lost.is_none() {
+                return Some(motion);
+            }
         }
         self.waiting.push_back(motion);
-        self.start_next(changed);
-        true
+        lost
+    }
+
+    /// Discards what a motion that preempts does and puts it first; says how many were discarded.
+    pub fn preempt(&mut self, motion: Motion) -> usize {
+        let count = match self.rules.preempt {
+            Preempt::All => self.discard(),
+            Preempt::Running => usize::from(self.running.take().is_some()),
+        };
+        self.waiting.push_front(motion);
+        count
     }
 
     /// Discards all; says how many there were.
@@ -88,18 +175,28 @@ impl Motions {
         waiting + usize::from(self.running.take().is_some())
     }
 
-    /// The wheels have turned by these pulses, whichever way.
-    pub fn turned(&mut self, pulses: [u32; WHEELS], changed: &mut impl FnMut(Change)) {
+    /// The wheels have turned by these pulses in the direction in which they are to turn.
+    pub fn turned(&mut self, pulses: [i64; WHEELS], changed: &mut impl FnMut(Change)) {
         let Some(running) = &mut self.running else {
             return;
         };
-        for (left, pulses) in running.pulses_left.iter_mut().zip(pulses) {
-            *left = left.saturating_sub(u64::from(pulses));
+        if let Some(left) = &mut running.pulses_left {
+            for (wheel, pulses) in pulses.into_iter().enumerate() {
+                // One that has arrived has stopped, and goes on no more if it is turned back.
+                let counts = match self.rules.end {
+                    MotionEnd::EachWheel => left[wheel] > 0,
+                    MotionEnd::Mean => running.rotations[wheel] != 0,
+                };
+                if counts {
+                    left[wheel] = left[wheel].saturating_sub(pulses);
+                }
+            }
         }
-        if running.pulses_left == [0; WHEELS] {
+        let running = &*running;
+        if !(0..WHEELS).any(|wheel| running.drives(wheel, self.rules.end)) {
             changed(Change::Done(running.motion));
             self.running = None;
-            self.start_next(changed);
+            self.start(changed);
         }
     }
 
@@ -115,38 +212,45 @@ impl Motions {
         self.waiting.len()
     }
 
+    /// How many have begun to run so far.
+    #[must_use]
+    pub fn started(&self) -> u64 {
+        self.started
+    }
+
     /// How each wheel is driven now; one that has turned far enough has stopped.
     #[must_use]
     pub fn rotations(&self) -> [i8; WHEELS] {
         let Some(running) = &self.running else {
             return [0; WHEELS];
         };
-        let rotations = running.motion.movement.rotations();
-        std::array::from_fn(|wheel| match running.pulses_left[wheel] {
-            0 => 0,
-            _ => rotations[wheel],
+        std::array::from_fn(|wheel| {
+            if running.drives(wheel, self.rules.end) {
+                running.rotations[wheel]
+            } else {
+                0
+            }
         })
     }
 
     /// Starts the next motion if none runs; those with nothing to do end as they come.
-    fn start_next(&mut self, changed: &mut impl FnMut(Change)) {
+    pub fn start(&mut self, changed: &mut impl FnMut(Change)) {
         while self.running.is_none() {
             let Some(motion) = self.waiting.pop_front() else {
                 return;
             };
-            if motion.is_nothing() {
+            if self.rules.is_nothing(&motion) {
                 continue;
             }
-            let pulses = u64::from(motion.tenths) * u64::from(self.pulses_per_revolution);
-            // The first pulse at or beyond the distance ends it.
-            let pulses = pulses.div_ceil(10);
+            let rotations = motion.movement.rotations();
+            let of_wheel =
+                |pulses| rotations.map(|rotation| if rotation == 0 { 0 } else { pulses });
             self.running = Some(Running {
                 motion,
-                pulses_left: motion.movement.rotations().map(|rotation| match rotation {
-                    0 => 0,
-                    _ => pulses,
-                }),
+                rotations,
+                pulses_left: self.rules.pulses(&motion).map(of_wheel),
             });
+            self.started += 1;
             changed(Change::Started(motion));
         }
     }
@@ -163,9 +267,22 @@ mod tests {
                 course,
                 negative: false,
             },
-            tenths,
+            revolutions: f64::from(tenths) / 10.0,
             speed_rpm: 30.0,
         }
+    }
+
+    fn motions(change: impl FnOnce(&mut MecanumFirmwareSettings)) -> Motions {
+        let mut settings = MecanumFirmwareSettings::default();
+        change(&mut settings);
+        Motions::new(Rules::of(&settings))
+    }
+
+    /// Appends a motion and starts what can; false if one was lost.
+    fn put(motions: &mut Motions, motion: Motion) -> bool {
+        let lost = motions.append(motion);
+        motions.start(&mut |_| ());
+        lost.is_none()
     }
 
     fn changes(of: impl FnOnce(&mut dyn FnMut(Change))) -> Vec<Change> {
@@ -176,11 +293,11 @@ mod tests {
 
     #[test]
     fn each_wheel_stops_by_itself_and_the_last_ends_the_motion() {
-        let mut motions = Motions::new(16, 60);
+        let mut motions = motions(|_| ());
         let ahead = motion(Course::Ahead, 10);
         let left = motion(Course::LeftFront, 1);
-        assert!(motions.append(ahead, &mut |_| ()));
-        assert!(motions.append(left, &mut |_| ()));
+        assert!(put(&mut motions, ahead));
+        assert!(put(&mut motions, left));
         assert_eq!(motions.rotations(), [1; 4]);
         assert_eq!(
             changes(|c| motions.turned([59, 60, 61, 59], &mut |x| c(x))),
@@ -199,12 +316,12 @@ mod tests {
 
     #[test]
     fn the_queue_has_its_length_beside_the_motion_that_runs() {
-        let mut motions = Motions::new(2, 60);
+        let mut motions = motions(|s| s.queue_length = 2);
         let one = motion(Course::Ahead, 1);
         for _ in 0..3 {
-            assert!(motions.append(one, &mut |_| ()));
+            assert!(put(&mut motions, one));
         }
-        assert!(!motions.append(one, &mut |_| ()));
+        assert!(!put(&mut motions, one));
         assert_eq!(motions.waiting(), 2);
         assert_eq!(motions.discard(), 3);
         assert_eq!(motions.discard(), 0);
@@ -213,30 +330,109 @@ mod tests {
 
     #[test]
     fn motions_without_distance_or_speed_end_as_they_come() {
-        let mut motions = Motions::new(16, 60);
+        let mut motions = motions(|_| ());
         let nothing = motion(Course::Strafe, 0);
         let still = Motion {
             speed_rpm: 0.0,
             ..motion(Course::Strafe, 5)
         };
         let ahead = motion(Course::Ahead, 1);
-        assert!(motions.append(nothing, &mut |_| ()));
+        assert!(put(&mut motions, nothing));
         assert_eq!(motions.running(), None);
         for next in [ahead, nothing, still, ahead] {
-            assert!(motions.append(next, &mut |_| ()));
+            assert!(put(&mut motions, next));
         }
         let seen = changes(|c| motions.turned([6; 4], &mut |x| c(x)));
         assert_eq!(seen, [Change::Done(ahead), Change::Started(ahead)]);
     }
 
     #[test]
+    fn when_full_the_oldest_may_go_instead() {
+        let mut motions = motions(|s| {
+            s.queue_length = 2;
+            s.queue_full = QueueFull::DropOldest;
+        });
+        let of = |tenths| motion(Course::Ahead, tenths);
+        for tenths in 1..=3 {
+            assert!(put(&mut motions, of(tenths)));
+        }
+        assert_eq!(motions.append(of(4)), Some(of(2)));
+        let seen = changes(|c| motions.turned([6; 4], &mut |x| c(x)));
+        assert_eq!(seen, [Change::Done(of(1)), Change::Started(of(3))]);
+        // Where nothing may wait there is nothing to drop.
+        let mut motions = super::tests::motions(|s| {
+            s.queue_length = 0;
+            s.queue_full = QueueFull::DropOldest;
+        });
+        assert!(put(&mut motions, of(1)));
+        assert_eq!(motions.append(of(2)), Some(of(2)));
+    }
+
+    #[test]
+    fn preemption_may_spare_what_waits() {
+        for (preempt, discarded, waiting) in [(Preempt::All, 3, 0), (Preempt::Running, 1, 2)] {
+            let mut motions = motions(|s| s.preempt = preempt);
+            for tenths in 1..=3 {
+                assert!(put(&mut motions, motion(Course::Ahead, tenths)));
+            }
+            assert_eq!(motions.preempt(motion(Course::Strafe, 1)), discarded);
+            motions.start(&mut |_| ());
+            assert_eq!(motions.rotations(), [-1, 1, 1, -1]);
+            assert_eq!(motions.waiting(), waiting);
+        }
+    }
+
+    #[test]
+    fn wheels_may_stop_all_at_once_by_their_mean() {
+        let mut motions = motions(|s| s.motion_end = MotionEnd::Mean);
+        put(&mut motions, motion(Course::LeftFront, 10));
+        motions.turned([50, 119, 0, 50], &mut |_| ());
+        assert_eq!(motions.rotations(), [0, 1, 1, 0]);
+        motions.turned([0, 1, 0, 0], &mut |_| ());
+        assert_eq!(motions.running(), None);
+    }
+
+    #[test]
+    fn no_distance_may_be_endless_and_no_speed_may_wait() {
+        let nothing = motion(Course::Ahead, 0);
+        let mut motions = motions(|s| s.zero_distance = ZeroDistance::Endless);
+        put(&mut motions, nothing);
+        motions.turned([i64::MAX; 4], &mut |_| ());
+        motions.turned([i64::MAX; 4], &mut |_| ());
+        assert_eq!(motions.rotations(), [1; 4]);
+        let still = Motion {
+            speed_rpm: 0.0,
+            ..motion(Course::Ahead, 1)
+        };
+        let mut motions = super::tests::motions(|s| s.zero_speed = ZeroSpeed::Wait);
+        put(&mut motions, still);
+        assert_eq!(motions.running(), Some(&still));
+        // What has no distance still ends.
+        let mut motions = super::tests::motions(|s| s.zero_speed = ZeroSpeed::Wait);
+        put(&mut motions, nothing);
+        assert_eq!(motions.running(), None);
+    }
+
+    #[test]
+    fn a_wheel_that_is_counted_back_has_the_more_to_go_until_it_has_arrived() {
+        let mut motions = motions(|_| ());
+        put(&mut motions, motion(Course::Ahead, 1));
+        motions.turned([-3, 6, 6, 6], &mut |_| ());
+        assert_eq!(motions.rotations(), [1, 0, 0, 0]);
+        motions.turned([8, -6, 0, 0], &mut |_| ());
+        assert_eq!(motions.rotations(), [1, 0, 0, 0]);
+        motions.turned([1, 0, 0, 0], &mut |_| ());
+        assert_eq!(motions.running(), None);
+    }
+
+    #[test]
     fn a_distance_between_pulses_ends_at_the_pulse_beyond() {
-        let mut motions = Motions::new(16, 7);
-        motions.append(motion(Course::Ahead, 1), &mut |_| ());
+        let mut motions = motions(|s| s.odometry.pulses_per_revolution = 7);
+        put(&mut motions, motion(Course::Ahead, 1));
         assert_eq!(motions.rotations(), [1; 4]);
         motions.turned([1; 4], &mut |_| ());
         assert_eq!(motions.running(), None);
-        motions.append(motion(Course::Ahead, 15), &mut |_| ());
+        put(&mut motions, motion(Course::Ahead, 15));
         motions.turned([10; 4], &mut |_| ());
         assert_eq!(motions.rotations(), [1; 4]);
         motions.turned([1; 4], &mut |_| ());

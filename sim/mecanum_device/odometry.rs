@@ -4,7 +4,7 @@
 
 use sim_physics::mecanum::WHEELS;
 
-use super::kinematics::body_speed;
+use super::kinematics::{Movement, body_speed};
 use super::settings::{Mileage, OdometrySettings};
 
 /// Position, heading and mileage by pulses.
@@ -19,6 +19,10 @@ pub struct Odometry {
     /// that turns there and back is exactly what it was.
     turn_pulses: i64,
     mileage: f64,
+    /// The same with negative motions counted down.
+    net_mileage: f64,
+    /// Mileage when the last motion began.
+    motion_from: f64,
 }
 
 impl Odometry {
@@ -31,19 +35,30 @@ impl Odometry {
             heading_from: 0.0,
             turn_pulses: 0,
             mileage: 0.0,
+            net_mileage: 0.0,
+            motion_from: 0.0,
         }
     }
 
-    /// Sets the frame: this is where the car is now. The mileage stays.
+    /// Sets the frame: this is where the car is now.
     pub fn set_pose(&mut self, position: [f64; 2], heading: f64) {
         self.position = position;
         self.heading_from = heading;
         self.turn_pulses = 0;
+        if self.settings.set_pose_clears_mileage {
+            (self.mileage, self.net_mileage, self.motion_from) = (0.0, 0.0, 0.0);
+        }
     }
 
-    /// Adds pulses of the four wheels, backward ones negative. `counted` says which wheels the
-    /// mileage is about.
-    pub fn add(&mut self, pulses: [i64; WHEELS], counted: [bool; WHEELS]) {
+    /// A motion begins.
+    pub fn begin_motion(&mut self) {
+        self.motion_from = self.mileage;
+    }
+
+    /// Adds pulses of the four wheels, backward ones negative. `movement` is that which the mileage
+    /// is about: of the wheels that it turns.
+    pub fn add(&mut self, pulses: [i64; WHEELS], movement: Option<Movement>) {
+        let counted = movement.map_or([0; WHEELS], Movement::rotations);
         let turned = pulses.map(|pulses| self.revolutions(pulses));
         let [ahead, left, _] = body_speed(turned, 1.0);
         let before = self.heading();
@@ -55,10 +70,12 @@ impl Odometry {
         let [cos, sin] = cos_sin((before + self.heading()) / 2.0);
         self.position[0] += cos * ahead - sin * left;
         self.position[1] += sin * ahead + cos * left;
-        self.mileage += match self.settings.mileage {
+        let travel = match self.settings.mileage {
             Mileage::Path => (ahead * ahead + left * left).sqrt(),
             Mileage::Wheels => mean_travel(turned, counted),
         };
+        self.mileage += travel;
+        self.net_mileage += travel * f64::from(movement.map_or(1, Movement::sign));
     }
 
     /// Position in revolutions of a wheel.
@@ -78,6 +95,18 @@ impl Odometry {
     #[must_use]
     pub fn mileage(&self) -> f64 {
         self.mileage
+    }
+
+    /// Mileage in revolutions of a wheel, negative motions counted down.
+    #[must_use]
+    pub fn net_mileage(&self) -> f64 {
+        self.net_mileage
+    }
+
+    /// Mileage of the last motion in revolutions of a wheel.
+    #[must_use]
+    pub fn motion_mileage(&self) -> f64 {
+        self.mileage - self.motion_from
     }
 
     /// Mileage in metres.
@@ -113,11 +142,11 @@ fn cos_sin(angle: f64) -> [f64; 2] {
 }
 
 /// Mean of what the counted wheels have turned, whichever way.
-fn mean_travel(turned: [f64; WHEELS], counted: [bool; WHEELS]) -> f64 {
+fn mean_travel(turned: [f64; WHEELS], counted: [i8; WHEELS]) -> f64 {
     let travel = turned
         .into_iter()
         .zip(counted)
-        .filter(|(_, counted)| *counted);
+        .filter(|(_, counted)| *counted != 0);
     let (sum, wheels) = travel.fold((0.0, 0.0), |(sum, wheels), (turned, _)| {
         (sum + turned.abs(), wheels + 1.0)
     });
@@ -126,11 +155,15 @@ fn mean_travel(turned: [f64; WHEELS], counted: [bool; WHEELS]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::kinematics::Course;
     use super::*;
     use proptest::prelude::*;
     use std::f64::consts::{FRAC_PI_2, TAU};
 
-    const ALL: [bool; 4] = [true; 4];
+    const ALL: Option<Movement> = Some(Movement {
+        course: Course::Ahead,
+        negative: false,
+    });
 
     fn new() -> Odometry {
         Odometry::new(OdometrySettings::default())
@@ -171,7 +204,10 @@ mod tests {
     #[test]
     fn the_mileage_is_of_the_wheels_driven_or_of_the_path() {
         let diagonal = [0, 60, 60, 0];
-        let counted = [false, true, true, false];
+        let counted = Some(Movement {
+            course: Course::LeftFront,
+            negative: false,
+        });
         let mut odometry = new();
         odometry.add(diagonal, counted);
         assert_eq!(odometry.mileage(), 1.0);
@@ -183,6 +219,36 @@ mod tests {
         assert!((odometry.mileage() - 0.5_f64.sqrt()).abs() < 1e-12);
         odometry.add([60, -60, 60, -60], ALL);
         assert!((odometry.mileage() - 0.5_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn setting_the_pose_may_clear_the_mileage() {
+        for clears in [false, true] {
+            let mut odometry = Odometry::new(OdometrySettings {
+                set_pose_clears_mileage: clears,
+                ..OdometrySettings::default()
+            });
+            odometry.add([60; 4], ALL);
+            odometry.set_pose([0.0, 0.0], 0.0);
+            assert_eq!(odometry.mileage(), if clears { 0.0 } else { 1.0 });
+            odometry.add([60; 4], ALL);
+            assert_eq!(odometry.mileage(), if clears { 1.0 } else { 2.0 });
+        }
+    }
+
+    #[test]
+    fn the_mileage_may_be_counted_down_or_from_the_last_motion_on() {
+        let mut odometry = new();
+        odometry.add([60; 4], ALL);
+        odometry.begin_motion();
+        let back = Some(Movement {
+            course: Course::Ahead,
+            negative: true,
+        });
+        odometry.add([-30; 4], back);
+        assert_eq!(odometry.mileage(), 1.5);
+        assert_eq!(odometry.net_mileage(), 0.5);
+        assert_eq!(odometry.motion_mileage(), 0.5);
     }
 
     proptest! {

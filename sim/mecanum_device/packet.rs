@@ -1,8 +1,10 @@
 //! The packets of the main link as types (article, control by the on-board Android).
 //!
-//! The article does not state the byte order; little-endian is our assumption.
+//! The article does not state the byte order. Little-endian is our assumption, and what the types
+//! here read and write; [`Packet::reorder`] makes the other of it.
 
 use super::codec::Packet;
+use super::settings::ByteOrder;
 
 /// What a client sends to the board. Fields are as on the wire; what is out of range is the
 /// device's business.
@@ -52,7 +54,25 @@ impl Request {
         }
     }
 
-    /// The packet on the wire.
+    /// Its sequence number.
+    #[must_use]
+    pub fn seq(&self) -> u8 {
+        match *self {
+            Self::Motion { seq, .. }
+            | Self::SetPose { seq, .. }
+            | Self::ControlMode { seq, .. } => seq,
+        }
+    }
+
+    /// The packet on the wire in this byte order.
+    #[must_use]
+    pub fn encode_in(&self, order: ByteOrder) -> Vec<u8> {
+        let mut bytes = self.encode();
+        Self::reorder(&mut bytes, order);
+        bytes
+    }
+
+    /// The packet on the wire, little-endian.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         match *self {
@@ -83,6 +103,14 @@ impl Request {
 
 impl Packet for Request {
     const HEADERS: &'static [[u8; 2]] = &[[0, 9], [1, 9], [2, 4]];
+
+    fn widths(kind: u8) -> &'static [usize] {
+        match kind {
+            0 => &[1, 1, 2, 2],
+            1 => &[2, 2, 2],
+            _ => &[1],
+        }
+    }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
         Some(match *bytes {
@@ -140,7 +168,15 @@ impl Status {
     /// Bytes of the packet.
     pub const LENGTH: usize = 39;
 
-    /// The packet on the wire.
+    /// The packet on the wire in this byte order.
+    #[must_use]
+    pub fn encode_in(&self, order: ByteOrder) -> Vec<u8> {
+        let mut bytes = self.encode();
+        Self::reorder(&mut bytes, order);
+        bytes
+    }
+
+    /// The packet on the wire, little-endian.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(Self::LENGTH);
@@ -160,6 +196,10 @@ impl Status {
 
 impl Packet for Status {
     const HEADERS: &'static [[u8; 2]] = &[[0, 39]];
+
+    fn widths(_kind: u8) -> &'static [usize] {
+        &[2, 2, 2, 2, 2, 4, 2, 1, 2, 2, 2, 2, 2, 2, 2, 2, 1, 2]
+    }
 
     fn parse(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; Self::LENGTH] = bytes.try_into().ok()?;
@@ -250,7 +290,72 @@ mod tests {
         assert_eq!(Status::parse(&bytes), Some(status));
     }
 
+    #[test]
+    fn big_endian_turns_every_field_and_no_other_byte() {
+        let motion = Request::Motion {
+            seq: 7,
+            is_reset: 1,
+            moving_idx: 2,
+            s: 0x0102,
+            v: -500,
+        };
+        let big = motion.encode_in(ByteOrder::Big);
+        assert_eq!(big, [0, 9, 7, 1, 2, 0x01, 0x02, 0xFE, 0x0C]);
+        let pose = Request::SetPose {
+            seq: 255,
+            axis_x: 10,
+            axis_y: -10,
+            ori: 900,
+        };
+        let big = pose.encode_in(ByteOrder::Big);
+        assert_eq!(big, [1, 9, 255, 0, 10, 0xFF, 0xF6, 0x03, 0x84]);
+        let mode = Request::ControlMode { seq: 1, mode: 1 };
+        assert_eq!(mode.encode_in(ByteOrder::Big), [2, 4, 1, 1]);
+        let status = Status {
+            seq: 3,
+            v_x: 1,
+            v_y: 2,
+            axis_x: 3,
+            axis_y: 4,
+            ori: 5,
+            rfid: 0x0102_0304,
+            magn: 6,
+            infra: 1,
+            ut_f: [7, 8, 9, 10],
+            ut_b: [11, 12, 13, 0x1234],
+            moto_state: 3,
+            mile: 0x5678,
+        };
+        #[rustfmt::skip]
+        let bytes = [
+            0, 39, 3,
+            0, 1, 0, 2,
+            0, 3, 0, 4, 0, 5,
+            1, 2, 3, 4,
+            0, 6,
+            1,
+            0, 7, 0, 8, 0, 9, 0, 10,
+            0, 11, 0, 12, 0, 13, 0x12, 0x34,
+            3,
+            0x56, 0x78,
+        ];
+        assert_eq!(status.encode_in(ByteOrder::Big), bytes);
+    }
+
     proptest! {
+        #[test]
+        fn turned_twice_it_is_as_it_was(status: bool, kind in 0u8..3, order: bool, mut bytes in prop::collection::vec(any::<u8>(), 0..50)) {
+            let order = if order { ByteOrder::Big } else { ByteOrder::Little };
+            if let Some(first) = bytes.first_mut() {
+                *first = kind;
+            }
+            let reorder = if status { Status::reorder } else { Request::reorder };
+            let mut turned = bytes.clone();
+            reorder(&mut turned, order);
+            reorder(&mut turned, order);
+            prop_assert_eq!(turned, bytes);
+        }
+
         #[test]
         fn what_parses_encodes_to_the_same_bytes(mut bytes in prop::collection::vec(any::<u8>(), 39)) {
             (bytes[0], bytes[1]) = (0, 39);

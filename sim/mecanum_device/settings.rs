@@ -1,53 +1,16 @@
-//! Every number of the mecanum board's firmware, with the reason we believe it.
+//! Every choice about the mecanum board's firmware, with the reason we believe it.
+
+mod words;
 
 use std::time::Duration;
 
 use sim_physics::mecanum::Wiring;
-use sim_settings::{choices, settings};
+use sim_settings::settings;
+
+pub use words::*;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;
-
-choices! {
-    /// What the letters Y and Z of the ROS link mean; the article's table and its picture differ.
-    pub enum AsciiLetters {
-        /// Y+ strafes left, Z+ turns right.
-        Table = "table",
-        /// Y+ turns right, Z+ strafes left.
-        Picture = "picture",
-    }
-}
-
-choices! {
-    /// In which axes the status packet gives the velocity.
-    pub enum VelocityFrame {
-        /// In those of the frame in which it gives the position.
-        Odometry = "odometry",
-        /// In the car's: ahead and to the left.
-        Body = "body",
-    }
-}
-
-choices! {
-    /// When the status packet calls a side's motors running.
-    pub enum MotorState {
-        /// While the firmware drives one of them.
-        Driven = "driven",
-        /// While pulses come from one of them.
-        Turning = "turning",
-    }
-}
-
-choices! {
-    /// What the mileage counts.
-    pub enum Mileage {
-        /// How far the driven wheels turn, as the distance of a motion does; turning on the spot
-        /// counts too.
-        Wheels = "wheels",
-        /// How far the middle of the car goes.
-        Path = "path",
-    }
-}
 
 settings! {
     /// The mecanum board's firmware.
@@ -58,22 +21,84 @@ settings! {
         /// Speed of the ROS link.
         ros_baud: u32 = 9600, unit "baud", range 300..=4_000_000,
             assumed "as on the same authors' sibling vehicle";
+        /// Order of the bytes in a field of the main link, both ways.
+        byte_order: ByteOrder = ByteOrder::Little,
+            assumed "the article gives none; the board's STM32 keeps numbers so";
+        /// What tells the beginning of a packet on the main link.
+        framing: Framing = Framing::TypeAndLength,
+            assumed "the packets have no header; a known type with its length is all there is";
         /// A packet on the main link that was begun and then paused for this long is dropped.
         inter_byte_timeout: Duration = MS(50), range MS(1)..=S(60),
             assumed "the packets have no header; the article gives no way to find their beginning";
+        /// What becomes of the bytes of a packet that was dropped so.
+        partial_packet: PartialPacket = PartialPacket::Rescan,
+            assumed "a packet behind a torn one is then not lost";
+        /// What a valid packet or line is answered by.
+        acknowledge: Acknowledge = Acknowledge::Nothing,
+            assumed "the article gives no answer but the status";
         /// Time between two status packets on the main link.
         status_period: Duration = MS(100), range MS(1)..=S(3600),
             assumed "the article gives no rate";
+        /// What the sequence number of a status packet is.
+        status_seq: StatusSeq = StatusSeq::Count,
+            assumed "the article does not say what it counts";
         /// Time between two lines on the ROS link.
         ros_report_period: Duration = MS(100), range MS(1)..=S(3600),
             assumed "the article gives no rate";
+        /// Whose motions count while the ROS link is configured.
+        orders_with_ros: OrdersWithRos = OrdersWithRos::BothLinks,
+            assumed "the article takes only the magnetic sensor away then";
+        /// What a motion that preempts discards.
+        preempt: Preempt = Preempt::All,
+            assumed "a stop then stops the car, whatever waits";
+        /// What an `is_reset` above 1 is.
+        bad_is_reset: BadIsReset = BadIsReset::Preempt,
+            assumed "as C takes any number but 0 for true";
         /// How many motions may wait beside the one that runs.
         queue_length: u32 = 16, range 0..=1024,
             assumed "the article says that motions need not preempt, not how many may wait";
-        /// Silence of the client after which its motions are discarded; any valid packet or line
-        /// on either link ends it.
+        /// What is lost when too many wait.
+        queue_full: QueueFull = QueueFull::Refuse,
+            assumed "what was accepted is carried out";
+        /// When the wheels of a motion stop.
+        motion_end: MotionEnd = MotionEnd::EachWheel,
+            assumed "the same authors' published firmware counts each wheel by itself";
+        /// What a motion without distance is.
+        zero_distance: ZeroDistance = ZeroDistance::End,
+            assumed "it has been driven already";
+        /// What a motion without speed is.
+        zero_speed: ZeroSpeed = ZeroSpeed::End,
+            assumed "a motion that cannot end would block the queue";
+        /// What a speed beyond ±500 is.
+        over_speed: OverSpeed = OverSpeed::Clamp,
+            assumed "the article gives the range, not what happens beyond it";
+        /// What a `moving_idx` above 4 does.
+        bad_moving_idx: BadMovingIdx = BadMovingIdx::Ignore,
+            assumed "the article gives the range, not what happens beyond it";
+        /// Which way a positive speed turns the car.
+        positive_turn: PositiveTurn = PositiveTurn::Right,
+            documented "article, picture of the wheels; its tables give no sign";
+        /// Which way a positive speed strafes.
+        positive_strafe: PositiveStrafe = PositiveStrafe::Left,
+            documented "article, picture of the wheels; its tables give no sign";
+        /// Who drives when the board starts.
+        start_mode: StartMode = StartMode::Board,
+            assumed "the first of the two modes";
+        /// What a control mode above 1 is.
+        bad_control_type: BadControlType = BadControlType::Ignore,
+            assumed "the article gives the range, not what happens beyond it";
+        /// What becomes of motions when the control mode changes.
+        mode_change: ModeChange = ModeChange::Discard,
+            assumed "whoever drove before stops driving";
+        /// What becomes of motions that come while the remote control drives.
+        motions_in_remote: MotionsInRemote = MotionsInRemote::Ignore,
+            assumed "the operator drives then";
+        /// Silence of the client after which its motions are discarded.
         link_timeout: Option<Duration> = None, range MS(1)..=S(3600),
             assumed "the article documents no watchdog";
+        /// What ends such a silence.
+        link_alive: LinkAlive = LinkAlive::Valid,
+            assumed "whatever the board understands shows that somebody is there";
         /// The motor ports of LF, RF, LR, RR, as the firmware drives them; "!" before a port
         /// drives it the other way.
         wiring: Wiring = Wiring::X_Y_E0_E1,
@@ -81,27 +106,78 @@ settings! {
         /// Whether motor ports without a wheel hold their motor.
         unused_ports_brake: bool = true,
             assumed "SV is shared, so a motor that is not held would turn with the others";
+        /// What BK does while no wheel is driven; one that stands while others turn is always held.
+        idle_wheels: IdleWheels = IdleWheels::Hold,
+            assumed "a car that has arrived should stay";
+        /// What FR says for a wheel that is not driven.
+        idle_direction: IdleDirection = IdleDirection::Keep,
+            assumed "the firmware touches it when it drives";
+        /// How the firmware knows which way a wheel has turned.
+        pulse_direction: PulseDirection = PulseDirection::Driven,
+            assumed "PG is one wire, and pulses have no sign";
         /// Wheel speed that the full speed voltage stands for.
         full_speed: f64 = 50.0, unit "rpm", range 0.1..=10_000.0,
             assumed "the highest speed that a motion packet can ask for";
         /// Wheel speed of motions that come over the ROS link.
         ascii_speed: f64 = 30.0, unit "rpm", range 0.0..=10_000.0,
             assumed "its lines carry no speed";
+        /// Revolutions of a wheel that 1 stands for there.
+        ascii_unit: f64 = 0.1, range 0.001..=10.0,
+            assumed "the article's example: X10 is one revolution";
         /// What the letters Y and Z mean there.
         ascii_letters: AsciiLetters = AsciiLetters::Table,
             documented "article, table of letters; its picture says otherwise";
         /// Whether a line there discards the motions that run and wait.
         ascii_preempt: bool = true,
             assumed "its lines do not say";
+        /// Whether small letters are commands too.
+        ascii_lower_case: bool = false,
+            assumed "the article writes capitals";
+        /// How a number there is read.
+        ascii_numbers: AsciiNumbers = AsciiNumbers::Strict,
+            assumed "what is no number is a mistake that should be seen";
+        /// Where spaces and carriage returns are skipped.
+        ascii_spaces: AsciiSpaces = AsciiSpaces::Anywhere,
+            assumed "the article's example has a space before the end of the line";
+        /// Whether a line with nothing on it is a bad line.
+        ascii_blank_is_bad: bool = false,
+            assumed "\"\\r\\n\\n\" and the like come from many programs";
+        /// The longest line there, without its end.
+        ascii_line_length: u32 = 32, range 2..=1024,
+            assumed "four times the longest command";
+        /// What a number beyond −32768 to 32768 is.
+        ascii_out_of_range: AsciiOutOfRange = AsciiOutOfRange::Ignore,
+            assumed "the article gives the range, not what happens beyond it";
+        /// What a line that is no command does.
+        ascii_bad_line: AsciiBadLine = AsciiBadLine::Ignore,
+            assumed "what is not understood changes nothing";
+        /// The sign of V in a report line.
+        ascii_speed_sign: AsciiSpeedSign = AsciiSpeedSign::Motion,
+            assumed "the article names a speed, and motions have a sign";
+        /// What S in a report line counts.
+        ascii_mileage: AsciiMileage = AsciiMileage::Total,
+            assumed "the article calls it the mileage, as it does the status packet's";
         /// Wheel speed while a key of the remote control is held.
         remote_speed: f64 = 30.0, unit "rpm", range 0.0..=10_000.0,
             assumed "the article names the mode only";
         /// In which axes the status packet gives the velocity.
         velocity_frame: VelocityFrame = VelocityFrame::Odometry,
             assumed "the article names x and y axis, not whose";
+        /// What a velocity, position, heading or mileage beyond its field reads.
+        overflow: Overflow = Overflow::Wrap,
+            assumed "as a C assignment to the narrower type does";
+        /// How far the heading of the status packet goes.
+        heading_range: HeadingRange = HeadingRange::FullTurns,
+            assumed "the article gives no range";
         /// When the status packet calls a side's motors running.
         moto_state: MotorState = MotorState::Driven,
             assumed "the article says stop and running";
+        /// What the bits of `magn` are.
+        magn_bits: MagnBits = MagnBits::FromLeft,
+            assumed "the same authors' published firmware has 16 channels";
+        /// Whether `rfid` keeps the number of a tag that is no longer under the reader.
+        rfid_hold: bool = false,
+            assumed "the article does not say how long it stands";
         /// Time over which the speed of a wheel is measured.
         speed_window: Duration = MS(200), range MS(1)..=S(60),
             assumed "ten pulses at full speed";
@@ -111,9 +187,12 @@ settings! {
         /// The shortest distance that an ultrasonic sensor gives; nearer things read so too.
         ultrasonic_nearest: f64 = 0.02, unit "m", range 0.0..=65.0,
             assumed "common sensors begin at 20 mm";
-        /// The longest distance that an ultrasonic sensor gives; no echo reads so too.
+        /// The longest distance that an ultrasonic sensor gives.
         ultrasonic_farthest: f64 = 4.5, unit "m", range 0.0..=65.0,
             assumed "common sensors end at 4500 mm";
+        /// What an ultrasonic sensor without an echo reads.
+        ultrasonic_no_echo: NoEcho = NoEcho::Farthest,
+            assumed "a client that looks for obstacles then sees none";
     }
     groups {
         /// What the firmware believes about the wheels; the real ones are the plant's.
@@ -136,6 +215,9 @@ settings! {
         /// Half the distance between left and right wheels.
         half_track: f64 = 0.12, unit "m", range 0.001..=5.0,
             assumed "a small car";
+        /// Whether setting the pose sets the mileage to 0.
+        set_pose_clears_mileage: bool = false,
+            assumed "the article calls it the total mileage, and sets coordinates only";
         /// What the mileage counts.
         mileage: Mileage = Mileage::Wheels,
             assumed "a motion's distance, which the article names by the same word, counts so";

@@ -3,12 +3,53 @@
 use sim_physics::mecanum::Wheel;
 use sim_settings::SimTime;
 
-use super::MecanumDevice;
 use super::ascii::Report;
 use super::packet::Status;
-use super::settings::{MotorState, VelocityFrame};
+use super::settings::{
+    AsciiMileage, AsciiSpeedSign, HeadingRange, MagnBits, MotorState, NoEcho, Overflow, StatusSeq,
+    VelocityFrame,
+};
+use super::{Link, MOST_OUTPUTS, MecanumDevice, MecanumEvent, keep};
 
 impl MecanumDevice {
+    /// Begins to send what is sent periodically.
+    pub(super) fn schedule(&mut self, now: SimTime) {
+        self.status_due = Some(now + self.settings.status_period);
+        self.report_due = self
+            .ros_configured
+            .then(|| now + self.settings.ros_report_period);
+    }
+
+    /// Sends what is due by `now`.
+    pub(super) fn send_due(&mut self, now: SimTime) {
+        if let Some(due) = self.status_due.filter(|due| *due <= now) {
+            let period = self.settings.status_period + self.slowness();
+            self.status_due = Some(due + period);
+            self.send_status(now);
+        }
+        if let Some(due) = self.report_due.filter(|due| *due <= now) {
+            let period = self.settings.ros_report_period + self.slowness();
+            self.report_due = Some(due + period);
+            self.send_report(now);
+        }
+    }
+
+    pub(super) fn send_status(&mut self, now: SimTime) {
+        self.note_stuck_status(now);
+        let status = self.status(now);
+        self.seq = self.seq.wrapping_add(1);
+        let order = self.settings.byte_order;
+        let bytes = status.encode_in(order);
+        keep(&mut self.output, (Link::Main, bytes), MOST_OUTPUTS);
+        self.event(now, MecanumEvent::Status(status, order));
+    }
+
+    pub(super) fn send_report(&mut self, now: SimTime) {
+        let report = self.report(now);
+        keep(&mut self.output, (Link::Ros, report.encode()), MOST_OUTPUTS);
+        self.event(now, MecanumEvent::Report(report));
+    }
+
     /// What a status packet at `now` would say.
     #[must_use]
     pub fn status(&self, now: SimTime) -> Status {
@@ -22,33 +63,70 @@ impl MecanumDevice {
         };
         let [f0, f1, f2, f3, b0, b1, b2, b3] = measured.echoes.map(|echo| self.distance_mm(echo));
         Status {
-            seq: self.seq,
-            v_x: wrap_i16(v_x * 10.0),
-            v_y: wrap_i16(v_y * 10.0),
-            axis_x: wrap_i16(x * 10.0),
-            axis_y: wrap_i16(y * 10.0),
-            ori: wrap_i16(odometry.heading().to_degrees() * 10.0),
-            rfid: measured.tag,
-            // The ROS link takes the UART of the magnetic sensor.
-            magn: if self.ros_configured {
-                0
-            } else {
-                measured.magnetic_bar
+            seq: match self.settings.status_seq {
+                StatusSeq::Count => self.seq,
+                StatusSeq::Echo => self.heard_seq,
             },
+            v_x: self.signed(v_x * 10.0),
+            v_y: self.signed(v_y * 10.0),
+            axis_x: self.signed(x * 10.0),
+            axis_y: self.signed(y * 10.0),
+            ori: self.signed(self.heading_degrees() * 10.0),
+            rfid: match measured.tag {
+                0 if self.settings.rfid_hold => self.last_tag,
+                tag => tag,
+            },
+            magn: self.magnetic_bar(),
             infra: u8::from(measured.obstacle_ahead),
             ut_f: [f0, f1, f2, f3],
             ut_b: [b0, b1, b2, b3],
             moto_state: self.stuck_status.unwrap_or_else(|| self.motor_state(now)),
-            mile: wrap_i16(odometry.mileage_m() * 1000.0).cast_unsigned(),
+            mile: self.unsigned(odometry.mileage_m() * 1000.0),
         }
     }
 
     /// What a report line at `now` would say.
     #[must_use]
     pub fn report(&self, now: SimTime) -> Report {
+        let speed = self.drive.speed_rpm(now) / 60.0;
+        let speed = match self.settings.ascii_speed_sign {
+            AsciiSpeedSign::Motion => speed,
+            AsciiSpeedSign::None => speed.abs(),
+        };
+        let odometry = self.drive.odometry();
+        let mileage = match self.settings.ascii_mileage {
+            AsciiMileage::Total => odometry.mileage(),
+            AsciiMileage::Signed => odometry.net_mileage(),
+            AsciiMileage::Motion => odometry.motion_mileage(),
+        };
         Report {
-            speed: whole(self.drive.speed_rpm(now) / 60.0 * 100.0),
-            mileage: whole(self.drive.odometry().mileage() * 100.0),
+            speed: whole(speed * 100.0),
+            mileage: whole(mileage * 100.0),
+        }
+    }
+
+    fn heading_degrees(&self) -> f64 {
+        let degrees = self.drive.odometry().heading().to_degrees();
+        match self.settings.heading_range {
+            HeadingRange::FullTurns => degrees,
+            // To a tenth first, so that what rounds to −180.0° is 180.0°.
+            HeadingRange::HalfTurn => {
+                let tenths = (degrees * 10.0).round();
+                (1800.0 - (1800.0 - tenths).rem_euclid(3600.0)) / 10.0
+            }
+        }
+    }
+
+    fn magnetic_bar(&self) -> u16 {
+        // The ROS link takes the UART of the magnetic sensor.
+        if self.ros_configured {
+            return 0;
+        }
+        let bar = self.measured.magnetic_bar;
+        match self.settings.magn_bits {
+            MagnBits::FromLeft => bar,
+            MagnBits::FromRight => bar.reverse_bits(),
+            MagnBits::Any => u16::from(bar != 0),
         }
     }
 
@@ -65,11 +143,30 @@ impl MecanumDevice {
 
     fn distance_mm(&self, echo: Option<f64>) -> u16 {
         let farthest = self.settings.ultrasonic_farthest;
-        let distance = echo
-            .unwrap_or(farthest)
-            .max(self.settings.ultrasonic_nearest);
-        // Distances are below 65.535 m, so nothing wraps here.
-        wrap_i16(distance.min(farthest) * 1000.0).cast_unsigned()
+        let Some(echo) = echo.filter(|echo| *echo <= farthest) else {
+            return match self.settings.ultrasonic_no_echo {
+                NoEcho::Farthest => clamp_u16(farthest * 1000.0),
+                NoEcho::Zero => 0,
+                NoEcho::Max => u16::MAX,
+            };
+        };
+        clamp_u16(echo.max(self.settings.ultrasonic_nearest) * 1000.0)
+    }
+
+    fn signed(&self, value: f64) -> i16 {
+        let value = whole(value);
+        match self.settings.overflow {
+            Overflow::Wrap => low_bits(value).cast_signed(),
+            Overflow::Saturate if value < 0 => i16::try_from(value).unwrap_or(i16::MIN),
+            Overflow::Saturate => i16::try_from(value).unwrap_or(i16::MAX),
+        }
+    }
+
+    fn unsigned(&self, value: f64) -> u16 {
+        match self.settings.overflow {
+            Overflow::Wrap => low_bits(whole(value)),
+            Overflow::Saturate => clamp_u16(value),
+        }
     }
 }
 
@@ -82,8 +179,12 @@ pub(super) fn whole(value: f64) -> i64 {
     value.round() as i64
 }
 
-/// Rounds to the nearest integer and keeps the low 16 bits, as a field that overflows does.
-pub(super) fn wrap_i16(value: f64) -> i16 {
-    let [low, high, ..] = whole(value).to_le_bytes();
-    i16::from_le_bytes([low, high])
+/// The low 16 bits, as a field that overflows keeps them.
+fn low_bits(value: i64) -> u16 {
+    let [low, high, ..] = value.to_le_bytes();
+    u16::from_le_bytes([low, high])
+}
+
+fn clamp_u16(value: f64) -> u16 {
+    u16::try_from(whole(value).max(0)).unwrap_or(u16::MAX)
 }

@@ -8,7 +8,12 @@ const NANO: Duration = Duration::from_nanos(1);
 
 /// Everything that the decoder finds in chunks that arrive `gap` apart.
 fn decode<P: Packet>(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
-    let mut decoder = Decoder::new(TIMEOUT);
+    decode_by(Rules::new(TIMEOUT), chunks, gap)
+}
+
+/// The same by other rules.
+fn decode_by<P: Packet>(rules: Rules, chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
+    let mut decoder = Decoder::by(rules);
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
@@ -121,6 +126,48 @@ fn a_torn_packet_is_rescanned_from_its_second_byte() {
 }
 
 #[test]
+fn by_the_length_alone_a_packet_that_is_not_known_is_skipped_whole() {
+    let rules = Rules {
+        framing: Framing::Length,
+        ..Rules::new(TIMEOUT)
+    };
+    // Inside of it is what would be a packet by itself.
+    let hidden = [&[7, 12, 0][..], &motion(1).encode()].concat();
+    let good = motion(2).encode();
+    let found: Vec<Decoded<Request>> = decode_by(rules, &[&hidden, &good], Duration::ZERO);
+    let noise = Decoded::Noise(hidden.clone());
+    assert_eq!(found, [noise, Decoded::Packet(motion(2))]);
+    assert_eq!(whole(&hidden)[1], Decoded::Packet(motion(1)));
+    // Shorter than its first three bytes is no packet; what then looks like one is.
+    let found: Vec<Decoded<Request>> = decode_by(rules, &[&[9, 2], &[1; 5]], Duration::ZERO);
+    assert_eq!(found[0], Decoded::Noise(vec![9, 2, 1, 1, 1, 1]));
+}
+
+#[test]
+fn a_torn_packet_may_be_dropped_with_all_its_bytes() {
+    let rules = Rules {
+        partial: PartialPacket::Drop,
+        ..Rules::new(TIMEOUT)
+    };
+    let inner = Request::ControlMode { seq: 9, mode: 0 };
+    let torn = [&[0, 9, 1][..], &inner.encode()].concat();
+    let good = motion(2).encode();
+    let found: Vec<Decoded<Request>> = decode_by(rules, &[&torn, &good], TIMEOUT + NANO);
+    assert_eq!(found, [Decoded::Partial(torn), Decoded::Packet(motion(2))]);
+}
+
+#[test]
+fn big_endian_packets_decode() {
+    let rules = Rules {
+        order: ByteOrder::Big,
+        ..Rules::new(TIMEOUT)
+    };
+    let bytes = motion(2).encode_in(ByteOrder::Big);
+    let found: Vec<Decoded<Request>> = decode_by(rules, &[&bytes], Duration::ZERO);
+    assert_eq!(found, [Decoded::Packet(motion(2))]);
+}
+
+#[test]
 fn a_reset_forgets_what_is_held() {
     let mut decoder = Decoder::<Request>::new(TIMEOUT);
     let mut found = Vec::new();
@@ -172,7 +219,32 @@ fn bytes_of(found: &[Decoded<Request>]) -> Vec<u8> {
     bytes.collect::<Vec<_>>().concat()
 }
 
+fn rules() -> impl Strategy<Value = Rules> {
+    let framing = prop::sample::select(Framing::ALL);
+    let partial = prop::sample::select(PartialPacket::ALL);
+    let order = prop::sample::select(ByteOrder::ALL);
+    (framing, partial, order).prop_map(|(framing, partial, order)| Rules {
+        inter_byte_timeout: TIMEOUT,
+        framing,
+        partial,
+        order,
+    })
+}
+
 proptest! {
+    #[test]
+    fn any_split_gives_the_same_by_any_rules(
+        rules in rules(), bytes in stream(), cuts in prop::collection::vec(0usize..300, 0..8),
+    ) {
+        let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
+        cuts.extend([0, bytes.len()]);
+        cuts.sort_unstable();
+        let chunks: Vec<&[u8]> = cuts.windows(2).map(|pair| &bytes[pair[0]..pair[1]]).collect();
+        let split: Vec<Decoded<Request>> = decode_by(rules, &chunks, Duration::from_micros(1));
+        let at_once: Vec<Decoded<Request>> = decode_by(rules, &[&bytes], Duration::ZERO);
+        prop_assert_eq!(split, at_once);
+    }
+
     #[test]
     fn any_split_gives_the_same(bytes in stream(), cuts in prop::collection::vec(0usize..300, 0..8)) {
         let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();

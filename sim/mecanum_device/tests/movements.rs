@@ -107,8 +107,8 @@ fn every_movement_moves_the_dead_reckoning_its_way() {
         assert!(close(status.axis_y, 100.0 * left), "{name} {status}");
         // Ten revolutions of 0.1 π m each.
         let degrees = (turn * std::f64::consts::PI).to_degrees();
-        let tenths = super::super::telemetry::wrap_i16(degrees * 10.0);
-        assert_eq!(status.ori, tenths, "{name} {status}");
+        let tenths = super::super::telemetry::whole(degrees * 10.0);
+        assert_eq!(i64::from(status.ori), tenths, "{name} {status}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Motions: preemption, the queue, targets, clamping, and the link timeout.
 
-use super::super::event::{Discard, Field};
+use super::super::event::{Discard, Field, Handling};
+use super::super::settings::OverSpeed;
 use super::*;
 
 #[test]
@@ -134,7 +135,10 @@ fn speeds_beyond_500_are_clamped_and_told() {
         let mut bench = Bench::new();
         bench.go(0, 10, v);
         assert_eq!(bench.device.commands().speed_voltage, 1.0);
-        let clamped = MecanumEvent::SpeedClamped { v };
+        let clamped = MecanumEvent::SpeedOutOfRange {
+            v,
+            handling: OverSpeed::Clamp,
+        };
         let events = bench.events();
         assert_eq!(events.contains(&(MS(0), clamped)), told, "{v}");
         let sign = if v < 0 { -1 } else { 1 };
@@ -177,6 +181,7 @@ fn fields_out_of_range_are_told() {
     let event = MecanumEvent::BadField {
         field: Field::MovingIdx,
         value: 5,
+        handling: Handling::Ignored,
     };
     assert!(event.is_client_fault());
 }

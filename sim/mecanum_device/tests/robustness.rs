@@ -81,7 +81,7 @@ fn every_event_has_words_and_a_code() {
             course: Course::Rotate,
             negative: true,
         },
-        tenths: 15,
+        revolutions: 1.5,
         speed_rpm: 30.0,
     };
     let started = MecanumEvent::Motion(Change::Started(motion));

@@ -1,0 +1,269 @@
+//! What clients order, and what becomes of it.
+
+use sim_settings::SimTime;
+
+use super::ascii::{Command, Letter, Line};
+use super::codec::Decoded;
+use super::event::{Discard, Field, Handling, MecanumEvent};
+use super::kinematics::{Course, Movement};
+use super::motion::Motion;
+use super::packet::Request;
+use super::settings::{
+    Acknowledge, AsciiBadLine, AsciiLetters, BadControlType, BadIsReset, BadMovingIdx, LinkAlive,
+    ModeChange, MotionsInRemote, OrdersWithRos, OverSpeed, PositiveStrafe, PositiveTurn,
+};
+use super::{MAX_SPEED, MOST_EVENTS, MecanumDevice, keep};
+
+impl MecanumDevice {
+    /// What the decoder of the main link has found.
+    pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded<Request>>) {
+        for decoded in found {
+            match decoded {
+                Decoded::Packet(request) => self.request(now, request),
+                junk => self.event(now, MecanumEvent::BadStream(junk)),
+            }
+        }
+    }
+
+    fn request(&mut self, now: SimTime, request: Request) {
+        self.heard_seq = request.seq();
+        self.hear_valid(now);
+        let order = self.settings.byte_order;
+        self.event(now, MecanumEvent::Request(request, order));
+        match request {
+            Request::Motion {
+                is_reset,
+                moving_idx,
+                s,
+                v,
+                ..
+            } => self.motion_packet(now, is_reset, moving_idx, s, v),
+            Request::SetPose {
+                axis_x,
+                axis_y,
+                ori,
+                ..
+            } => {
+                let position = [axis_x, axis_y].map(|axis| f64::from(axis) / 10.0);
+                let heading = (f64::from(ori) / 10.0).to_radians();
+                self.drive.set_pose(position, heading);
+            }
+            Request::ControlMode { mode, .. } => self.control_mode_packet(now, mode),
+        }
+        if self.settings.acknowledge == Acknowledge::Status {
+            self.send_status(now);
+        }
+    }
+
+    fn motion_packet(&mut self, now: SimTime, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
+        if self.settings.link_alive == LinkAlive::Motions {
+            self.hear(now);
+        }
+        let Some(course) = Course::from_index(moving_idx) else {
+            let stops = self.settings.bad_moving_idx == BadMovingIdx::Stop;
+            let handling = if stops {
+                Handling::Stopped
+            } else {
+                Handling::Ignored
+            };
+            self.bad_field(now, Field::MovingIdx, moving_idx, handling);
+            if stops {
+                self.discard(now, Discard::BadOrder);
+            }
+            return;
+        };
+        let Some(preempt) = self.preempts(now, is_reset) else {
+            return;
+        };
+        let Some(speed) = self.speed_in_range(now, v) else {
+            return;
+        };
+        let motion = Motion {
+            movement: self.movement(course, v < 0),
+            revolutions: f64::from(s) / 10.0,
+            speed_rpm: f64::from(speed) / 10.0,
+        };
+        if self.ros_configured && self.settings.orders_with_ros == OrdersWithRos::RosOnly {
+            self.event(now, MecanumEvent::IgnoredForRos(motion));
+            return;
+        }
+        self.order(now, motion, preempt);
+    }
+
+    /// Whether a motion with this `is_reset` preempts; `None` if it is to be ignored.
+    fn preempts(&mut self, now: SimTime, is_reset: u8) -> Option<bool> {
+        if is_reset <= 1 {
+            return Some(is_reset == 1);
+        }
+        let (handling, preempts) = match self.settings.bad_is_reset {
+            BadIsReset::Preempt => (Handling::TakenFor(1), Some(true)),
+            BadIsReset::Append => (Handling::TakenFor(0), Some(false)),
+            BadIsReset::Ignore => (Handling::Ignored, None),
+        };
+        self.bad_field(now, Field::IsReset, is_reset, handling);
+        preempts
+    }
+
+    /// The size of a speed, 1/10 r/min; `None` if its motion is to be ignored.
+    fn speed_in_range(&mut self, now: SimTime, v: i16) -> Option<u16> {
+        let speed = v.unsigned_abs();
+        let most = MAX_SPEED.unsigned_abs();
+        if speed <= most {
+            return Some(speed);
+        }
+        let handling = self.settings.over_speed;
+        self.event(now, MecanumEvent::SpeedOutOfRange { v, handling });
+        match handling {
+            OverSpeed::Clamp => Some(most),
+            OverSpeed::Obey => Some(speed),
+            OverSpeed::Ignore => None,
+        }
+    }
+
+    fn control_mode_packet(&mut self, now: SimTime, mode: u8) {
+        let taken_for = match (mode, self.settings.bad_control_type) {
+            (0 | 1, _) => Some(mode),
+            (_, BadControlType::Ignore) => None,
+            (_, BadControlType::Board) => Some(0),
+            (_, BadControlType::Remote) => Some(1),
+        };
+        if taken_for != Some(mode) {
+            let handling = taken_for.map_or(Handling::Ignored, Handling::TakenFor);
+            self.bad_field(now, Field::ControlType, mode, handling);
+        }
+        if let Some(mode) = taken_for {
+            self.control_mode(now, mode == 1);
+        }
+    }
+
+    /// What has come on the ROS link.
+    pub(super) fn line(&mut self, now: SimTime, line: Line) {
+        match line {
+            Line::Command(command) => {
+                self.hear_valid(now);
+                self.event(now, MecanumEvent::Command(command));
+                self.command(now, command);
+            }
+            Line::Bad {
+                fault,
+                bytes,
+                taken_for,
+            } => {
+                let event = MecanumEvent::BadLine {
+                    fault,
+                    bytes,
+                    taken_for,
+                };
+                self.event(now, event);
+                match taken_for {
+                    Some(command) => {
+                        self.hear_valid(now);
+                        self.command(now, command);
+                    }
+                    None if self.settings.ascii_bad_line == AsciiBadLine::Stop => {
+                        self.discard(now, Discard::BadOrder);
+                    }
+                    None => {}
+                }
+            }
+        }
+    }
+
+    /// Something that the board understands is a sign of life, unless told otherwise.
+    fn hear_valid(&mut self, now: SimTime) {
+        if self.settings.link_alive == LinkAlive::Valid {
+            self.hear(now);
+        }
+    }
+
+    fn command(&mut self, now: SimTime, command: Command) {
+        if self.settings.link_alive == LinkAlive::Motions {
+            self.hear(now);
+        }
+        let course = course(command.letter, self.settings.ascii_letters);
+        let motion = Motion {
+            movement: self.movement(course, command.tenths < 0),
+            revolutions: f64::from(command.tenths.unsigned_abs()) * self.settings.ascii_unit,
+            speed_rpm: self.settings.ascii_speed,
+        };
+        self.order(now, motion, self.settings.ascii_preempt);
+        if self.settings.acknowledge == Acknowledge::Status {
+            self.send_report(now);
+        }
+    }
+
+    /// The movement that a course with a sign means.
+    fn movement(&self, course: Course, negative: bool) -> Movement {
+        let turned = match course {
+            Course::Rotate => self.settings.positive_turn == PositiveTurn::Left,
+            Course::Strafe => self.settings.positive_strafe == PositiveStrafe::Right,
+            Course::Ahead | Course::LeftFront | Course::RightFront => false,
+        };
+        let negative = negative != turned;
+        Movement { course, negative }
+    }
+
+    fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
+        if self.drive.is_remote() && self.settings.motions_in_remote == MotionsInRemote::Ignore {
+            self.event(now, MecanumEvent::IgnoredInRemote(motion));
+            return;
+        }
+        if preempt {
+            let count = self.drive.preempt(motion);
+            self.discarded(now, count, Discard::Preempted);
+        } else if let Some(lost) = self.drive.append(motion) {
+            self.event(now, MecanumEvent::QueueFull(lost));
+        }
+        let events = &mut self.events;
+        self.drive.go_on(&mut |change| {
+            keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
+        });
+    }
+
+    fn control_mode(&mut self, now: SimTime, remote: bool) {
+        if remote == self.drive.is_remote() {
+            return;
+        }
+        // On the way back there are only those that were kept on purpose.
+        if remote && self.settings.mode_change == ModeChange::Discard {
+            self.discard(now, Discard::ControlMode);
+        }
+        self.event(now, MecanumEvent::ControlMode { remote });
+        let events = &mut self.events;
+        self.drive.set_remote(remote, &mut |change| {
+            keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
+        });
+    }
+
+    /// Discards all motions.
+    pub(super) fn discard(&mut self, now: SimTime, why: Discard) {
+        let count = self.drive.discard();
+        self.discarded(now, count, why);
+    }
+
+    fn discarded(&mut self, now: SimTime, count: usize, why: Discard) {
+        if count > 0 {
+            self.event(now, MecanumEvent::Discarded { count, why });
+        }
+    }
+
+    fn bad_field(&mut self, now: SimTime, field: Field, value: u8, handling: Handling) {
+        let event = MecanumEvent::BadField {
+            field,
+            value,
+            handling,
+        };
+        self.event(now, event);
+    }
+}
+
+/// What a letter means; the article's table and its picture disagree on two.
+fn course(letter: Letter, meaning: AsciiLetters) -> Course {
+    match (letter, meaning) {
+        (Letter::X, _) => Course::Ahead,
+        (Letter::Y, AsciiLetters::Table) | (Letter::Z, AsciiLetters::Picture) => Course::Strafe,
+        (Letter::Y, AsciiLetters::Picture) | (Letter::Z, AsciiLetters::Table) => Course::Rotate,
+        (Letter::A, _) => Course::LeftFront,
+        (Letter::B, _) => Course::RightFront,
+    }
+}
