@@ -1,9 +1,11 @@
 //! The board against the article. The car here is ideal: its wheels follow the pins at once and
 //! never slip, so that every number can be told where it comes from.
 
+mod choices;
 mod movements;
 mod orders;
 mod remote;
+mod reported_choices;
 mod robustness;
 mod ros;
 mod status;
@@ -15,7 +17,7 @@ use sim_settings::SimTime;
 
 use super::codec::Packet;
 use super::packet::{Request, Status};
-use super::settings::MecanumFirmwareSettings;
+use super::settings::{MecanumFirmwareSettings, PulseDirection};
 use super::{Link, MecanumDevice, MecanumEvent};
 
 /// The smallest step of simulated time.
@@ -37,6 +39,8 @@ struct Bench {
     travel: [f64; WHEELS],
     /// Wheels that do not turn whatever their motor does.
     stuck: [bool; WHEELS],
+    /// The counters count down when a motor turns back.
+    directed: bool,
 }
 
 impl Bench {
@@ -57,6 +61,7 @@ impl Bench {
             ..MecanumMeasurements::default()
         };
         let plugs = settings.wiring;
+        let directed = settings.pulse_direction == PulseDirection::Counted;
         Self {
             device: MecanumDevice::new(SimTime::ZERO, settings, ros, readings),
             now: SimTime::ZERO,
@@ -65,6 +70,7 @@ impl Bench {
             turned: [0.0; WHEELS],
             travel: [0.0; WHEELS],
             stuck: [false; WHEELS],
+            directed,
         }
     }
 
@@ -104,8 +110,13 @@ impl Bench {
             let before = whole(self.travel[at]);
             self.travel[at] += rotation.abs() * pulses;
             let came = u32::try_from(whole(self.travel[at]) - before).unwrap();
+            let backward = (rotation < 0.0) != self.plugs.is_reversed(wheel);
             let count = &mut self.readings.pulses[self.plugs.port(wheel).index()];
-            *count = count.wrapping_add(came);
+            *count = if self.directed && backward {
+                count.wrapping_sub(came)
+            } else {
+                count.wrapping_add(came)
+            };
         }
     }
 

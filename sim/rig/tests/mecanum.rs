@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use sim_physics::mecanum::{Wheel, WheelFaults};
+use sim_physics::mecanum::{Port, Wheel, WheelFaults, Wiring};
 use sim_physics::r150::Load;
 use sim_physics::world::Obstacle;
 
 use super::*;
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
+use crate::mecanum_device::settings::{IdleWheels, PulseDirection};
 use crate::settings::MecanumSettings;
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
@@ -219,6 +220,34 @@ fn an_obstacle_that_comes_or_goes_is_in_the_next_packets_and_in_the_way() {
     rig.client_sends(MAIN, now, &motion(0, 20, 300)).unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
     assert!(rig.mecanum(0).unwrap().truth().pose.x > leaning + 0.5);
+}
+
+/// Without a direction in the pulses the board takes a push back for a drive forward.
+#[test]
+fn a_car_that_is_pushed_back_knows_it_only_by_counters_with_a_direction() {
+    let ports = [Port::E1, Port::Y, Port::Z, Port::X];
+    let turned_round = Wiring::new(ports, [true, false, false, true]).unwrap();
+    for (direction, plugs) in [
+        (PulseDirection::Driven, Wiring::X_Y_E0_E1),
+        (PulseDirection::Counted, Wiring::X_Y_E0_E1),
+        (PulseDirection::Counted, turned_round),
+    ] {
+        let mut rig = car_in(WorldMap::default(), false, |settings| {
+            settings.firmware.pulse_direction = direction;
+            settings.firmware.idle_wheels = IdleWheels::Release;
+            settings.firmware.wiring = plugs;
+        });
+        rig.with_mecanum(0, |car, _, _| car.plant_mut().set_push(-30.0, 0.0, 0.0));
+        let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
+        let truth = rig.mecanum(0).unwrap().truth().pose.x / (std::f64::consts::TAU * 0.05);
+        assert!(truth < -1.0, "{truth}");
+        let believed = f64::from(seen.last().unwrap().axis_x) / 10.0;
+        let counted = direction == PulseDirection::Counted;
+        assert_eq!(believed < 0.0, counted, "{believed}");
+        // The last packet is a tenth of a second older than the truth.
+        let share = believed.abs() / truth.abs();
+        assert!((0.6..1.0).contains(&share), "{share}");
+    }
 }
 
 #[test]

@@ -1,0 +1,473 @@
+//! What the article leaves open about orders, and we chose: every other choice works, too.
+
+use sim_settings::{SettingValue, Value};
+
+use super::super::Action;
+use super::super::event::{Discard, Handling};
+use super::super::kinematics::{Course, Movement};
+use super::super::settings::{
+    Acknowledge, AsciiBadLine, AsciiNumbers, AsciiOutOfRange, AsciiSpaces, BadControlType,
+    BadIsReset, BadMovingIdx, ByteOrder, Framing, IdleDirection, IdleWheels, LinkAlive, ModeChange,
+    MotionEnd, MotionsInRemote, OrdersWithRos, OverSpeed, PartialPacket, PositiveStrafe,
+    PositiveTurn, Preempt, QueueFull, StartMode, ZeroDistance, ZeroSpeed,
+};
+use super::*;
+
+fn with(change: impl FnOnce(&mut MecanumFirmwareSettings)) -> Bench {
+    Bench::with(false, change)
+}
+
+fn here() -> Request {
+    Request::SetPose {
+        seq: 9,
+        axis_x: 0,
+        axis_y: 0,
+        ori: 0,
+    }
+}
+
+fn mode(mode: u8) -> Request {
+    Request::ControlMode { seq: 0, mode }
+}
+
+#[test]
+fn fields_may_be_big_endian_both_ways() {
+    let mut bench = with(|s| s.byte_order = ByteOrder::Big);
+    let bytes = [0, 9, 0, 1, 0, 0x00, 0x0A, 0xFE, 0x0C];
+    bench.device.receive(bench.now, Link::Main, &bytes);
+    let (_, event) = bench.events().swap_remove(0);
+    assert_eq!(event.bytes().unwrap(), bytes);
+    assert_eq!(bench.device.rotations(), [-1; 4]);
+    bench.run_ms(1300);
+    assert_eq!(bench.tenths(), [-10; 4]);
+    let packet = bench.output(Link::Main).pop().unwrap();
+    // axis_x is −10, and the mileage 314 mm.
+    assert_eq!(
+        (&packet[7..9], &packet[37..]),
+        (&[0xFF, 0xF6][..], &[1, 58][..])
+    );
+    let (_, event) = bench.events().pop().unwrap();
+    assert_eq!(event.bytes().unwrap(), packet);
+}
+
+#[test]
+fn packets_may_be_told_by_their_length_alone() {
+    let motion = [0, 9, 0, 1, 0, 10, 0, 100, 0];
+    let hidden = [&[7, 12, 0][..], &motion].concat();
+    for (framing, drives) in [(Framing::TypeAndLength, true), (Framing::Length, false)] {
+        let mut bench = with(|s| s.framing = framing);
+        bench.device.receive(bench.now, Link::Main, &hidden);
+        assert_eq!(bench.is_driving(), drives);
+    }
+}
+
+#[test]
+fn a_torn_packet_may_take_what_is_in_it_along() {
+    let motion = [0, 9, 0, 1, 0, 10, 0, 100];
+    for (partial, remote) in [(PartialPacket::Rescan, true), (PartialPacket::Drop, false)] {
+        let mut bench = with(|s| s.partial_packet = partial);
+        bench
+            .device
+            .receive(bench.now, Link::Main, &[0, 9, 2, 4, 0, 1]);
+        bench.run_ms(60);
+        assert_eq!(bench.device.is_remote(), remote);
+        bench.device.receive(bench.now, Link::Main, &motion);
+        assert!(!bench.is_driving());
+    }
+}
+
+#[test]
+fn whatever_is_valid_may_be_answered_by_a_report() {
+    let mut bench = Bench::with(true, |s| s.acknowledge = Acknowledge::Status);
+    bench.send(here());
+    bench.line("X10\nQ\n");
+    assert_eq!(bench.output(Link::Main).len(), 1);
+    bench.line("X1\n");
+    bench.device.receive(bench.now, Link::Main, &[0xFF]);
+    assert_eq!(bench.output(Link::Ros), [b"V0 S0 \n"]);
+    bench.run_ms(100);
+    // The periodic one comes as before.
+    assert_eq!(bench.last_status().seq, 1);
+}
+
+#[test]
+fn the_ros_link_may_drive_alone() {
+    for ros in [false, true] {
+        let mut bench = Bench::with(ros, |s| s.orders_with_ros = OrdersWithRos::RosOnly);
+        bench.go(0, 10, 100);
+        assert_eq!(bench.is_driving(), !ros);
+        let told = bench.codes().contains(&"ignored_for_ros");
+        assert_eq!(told, ros);
+        bench.line("Y10\n");
+        assert_eq!(bench.device.rotations() == [-1, 1, 1, -1], ros);
+    }
+}
+
+#[test]
+fn preemption_may_spare_what_waits() {
+    let mut bench = with(|s| s.preempt = Preempt::Running);
+    for _ in 0..3 {
+        bench.motion(0, 0, 1, 500);
+    }
+    bench.events();
+    bench.go(2, 1, 500);
+    assert_eq!(bench.codes(), ["motions_discarded", "motion_started"]);
+    assert_eq!(bench.device.waiting(), 2);
+    bench.run_ms(1000);
+    assert_eq!(bench.tenths(), [1, 3, 3, 1]);
+}
+
+#[test]
+fn another_is_reset_may_append_or_be_ignored() {
+    for (choice, handling, rotations, waiting) in [
+        (
+            BadIsReset::Preempt,
+            Handling::TakenFor(1),
+            [1, -1, 1, -1],
+            0,
+        ),
+        (BadIsReset::Append, Handling::TakenFor(0), [1; 4], 1),
+        (BadIsReset::Ignore, Handling::Ignored, [1; 4], 0),
+    ] {
+        let mut bench = with(|s| s.bad_is_reset = choice);
+        bench.go(0, 10, 100);
+        bench.events();
+        bench.motion(255, 1, 10, 100);
+        assert_eq!(bench.device.rotations(), rotations);
+        assert_eq!(bench.device.waiting(), waiting);
+        let told = |(_, event): &(_, MecanumEvent)| match event {
+            MecanumEvent::BadField { handling, .. } => Some(*handling),
+            _ => None,
+        };
+        assert_eq!(bench.events().iter().find_map(told), Some(handling));
+    }
+}
+
+#[test]
+fn a_full_queue_may_lose_its_oldest() {
+    let mut bench = with(|s| {
+        s.queue_length = 1;
+        s.queue_full = QueueFull::DropOldest;
+    });
+    for moving_idx in [0, 1, 2] {
+        bench.motion(0, moving_idx, 1, 500);
+    }
+    let lost = bench
+        .events()
+        .into_iter()
+        .find_map(|(_, event)| match event {
+            MecanumEvent::QueueFull(lost) => Some(lost.movement.course),
+            _ => None,
+        });
+    assert_eq!(lost, Some(Course::Rotate));
+    bench.run_ms(400);
+    assert_eq!(bench.tenths(), [0, 2, 2, 0]);
+}
+
+#[test]
+fn the_wheels_may_stop_together() {
+    let mut bench = with(|s| s.motion_end = MotionEnd::Mean);
+    bench.stuck[1] = true;
+    bench.go(0, 6, 500);
+    // The three others make up for it: 36 pulses on average are 48 of each of them.
+    bench.until(MS(959));
+    assert_eq!(bench.device.rotations(), [1; 4]);
+    bench.until(MS(960));
+    assert!(!bench.is_driving());
+    assert_eq!(bench.tenths(), [8, 0, 8, 8]);
+}
+
+#[test]
+fn no_distance_may_be_endless() {
+    let mut bench = with(|s| s.zero_distance = ZeroDistance::Endless);
+    bench.go(0, 0, 500);
+    bench.run_ms(10_000);
+    assert_eq!(bench.device.rotations(), [1; 4]);
+    // Then only the speed stops it.
+    bench.go(0, 0, 0);
+    assert!(!bench.is_driving());
+}
+
+#[test]
+fn no_speed_may_wait() {
+    let mut bench = with(|s| s.zero_speed = ZeroSpeed::Wait);
+    bench.motion(0, 0, 10, 0);
+    bench.motion(0, 0, 10, 500);
+    bench.run_ms(5000);
+    assert_eq!(bench.device.commands().speed_voltage, 0.0);
+    assert_eq!((bench.device.waiting(), bench.tenths()), (1, [0; 4]));
+    bench.go(0, 0, 0);
+    assert_eq!(bench.device.running(), None);
+}
+
+#[test]
+fn a_speed_beyond_500_may_be_obeyed_or_ignored() {
+    for (over_speed, voltage) in [
+        (OverSpeed::Clamp, 0.5),
+        (OverSpeed::Obey, 0.8),
+        (OverSpeed::Ignore, 0.0),
+    ] {
+        let mut bench = with(|s| {
+            s.over_speed = over_speed;
+            s.full_speed = 100.0;
+        });
+        bench.go(0, 10, -800);
+        assert!((bench.device.commands().speed_voltage - voltage).abs() < 1e-12);
+        let (v, handling) = (-800, over_speed);
+        let told = (MS(0), MecanumEvent::SpeedOutOfRange { v, handling });
+        assert!(bench.events().contains(&told));
+    }
+}
+
+#[test]
+fn a_moving_idx_that_is_not_known_may_stop_the_car() {
+    let mut bench = with(|s| s.bad_moving_idx = BadMovingIdx::Stop);
+    bench.go(0, 10, 100);
+    bench.motion(0, 0, 10, 100);
+    bench.motion(0, 5, 10, 100);
+    assert!(!bench.is_driving());
+    let discarded = MecanumEvent::Discarded {
+        count: 2,
+        why: Discard::BadOrder,
+    };
+    assert!(bench.events().contains(&(MS(0), discarded)));
+}
+
+#[test]
+fn the_signs_of_turns_and_strafes_may_be_the_others() {
+    let mut bench = Bench::with(true, |s| {
+        s.positive_turn = PositiveTurn::Left;
+        s.positive_strafe = PositiveStrafe::Right;
+    });
+    let mut check = |rotations: [i8; 4], act: &dyn Fn(&mut Bench)| {
+        act(&mut bench);
+        assert_eq!(bench.device.rotations(), rotations);
+    };
+    check([-1, 1, -1, 1], &|bench| bench.go(1, 10, 100));
+    check([1, -1, 1, -1], &|bench| bench.go(1, 10, -100));
+    check([1, -1, -1, 1], &|bench| bench.go(2, 10, 100));
+    check([-1, 1, -1, 1], &|bench| bench.line("Z1\n"));
+    check([-1, 1, 1, -1], &|bench| bench.line("Y-1\n"));
+    // The others keep theirs.
+    check([1; 4], &|bench| bench.go(0, 10, 100));
+    check([0, 1, 1, 0], &|bench| bench.go(3, 10, 100));
+}
+
+#[test]
+fn the_remote_control_may_drive_from_the_start() {
+    let mut bench = with(|s| s.start_mode = StartMode::Remote);
+    for _ in 0..2 {
+        assert!(bench.device.is_remote());
+        bench.go(0, 10, 100);
+        assert!(!bench.is_driving());
+        bench.send(mode(0));
+        assert!(!bench.device.is_remote());
+        // It is so after every start.
+        bench.read(|r| r.board_powered = false);
+        bench.read(|r| r.board_powered = true);
+    }
+}
+
+#[test]
+fn a_control_mode_that_is_not_known_may_be_either() {
+    for (choice, handling) in [
+        (BadControlType::Board, Handling::TakenFor(0)),
+        (BadControlType::Remote, Handling::TakenFor(1)),
+    ] {
+        for before in [0, 1] {
+            let mut bench = with(|s| s.bad_control_type = choice);
+            bench.send(mode(before));
+            bench.send(mode(2));
+            assert_eq!(bench.device.is_remote(), choice == BadControlType::Remote);
+            let told = bench.events().into_iter().any(|(_, event)| {
+                matches!(event, MecanumEvent::BadField { handling: told, .. } if told == handling)
+            });
+            assert!(told);
+        }
+    }
+}
+
+#[test]
+fn motions_may_outlast_the_remote_control() {
+    let mut bench = with(|s| s.mode_change = ModeChange::Keep);
+    bench.go(0, 10, 500);
+    bench.motion(0, 0, 1, 500);
+    bench.run_ms(600);
+    bench.send(mode(1));
+    assert!(!bench.is_driving());
+    let back = Movement {
+        course: Course::Ahead,
+        negative: true,
+    };
+    bench.device.operate(bench.now, Action::Press(back));
+    bench.run_ms(2000);
+    bench.device.operate(bench.now, Action::Release);
+    assert_eq!(bench.tenths(), [-5; 4]);
+    bench.send(mode(0));
+    bench.run_ms(1000);
+    // What the operator drove is not the motion's: 5 and 1 tenths were still to come.
+    assert_eq!(bench.tenths(), [1; 4]);
+    assert!(!bench.is_driving());
+}
+
+#[test]
+fn motions_may_wait_for_the_board() {
+    let mut bench = Bench::with(true, |s| s.motions_in_remote = MotionsInRemote::Keep);
+    bench.go(0, 1, 500);
+    bench.send(mode(1));
+    bench.go(2, 1, 500);
+    bench.line("X1\n");
+    bench.motion(0, 2, 1, 500);
+    assert!(!bench.is_driving());
+    bench.run_ms(500);
+    bench.events();
+    bench.send(mode(0));
+    assert_eq!(bench.codes(), ["control_mode", "motion_started"]);
+    bench.run_ms(1000);
+    assert_eq!(bench.tenths(), [0, 2, 2, 0]);
+}
+
+#[test]
+fn other_things_may_be_signs_of_life() {
+    for (alive, junk, pose, motion) in [
+        (LinkAlive::Valid, false, true, true),
+        (LinkAlive::Motions, false, false, true),
+        (LinkAlive::Bytes, true, true, true),
+    ] {
+        let sent: [(bool, &dyn Fn(&mut Bench)); 3] = [
+            (junk, &|bench| {
+                bench.device.receive(bench.now, Link::Main, &[0xFF])
+            }),
+            (pose, &|bench| bench.send(here())),
+            (motion, &|bench| bench.motion(0, 0, 10, 100)),
+        ];
+        for (lives, send) in sent {
+            let mut bench = Bench::with(true, |s| {
+                s.link_timeout = Some(Duration::from_millis(300));
+                s.link_alive = alive;
+            });
+            bench.go(0, 1000, 100);
+            bench.run_ms(200);
+            send(&mut bench);
+            bench.run_ms(200);
+            assert_eq!(bench.is_driving(), lives, "{alive:?}");
+            bench.run_ms(200);
+            assert!(!bench.is_driving());
+        }
+    }
+}
+
+#[test]
+fn idle_wheels_may_be_let_go_but_not_beside_others_that_turn() {
+    let mut bench = with(|s| s.idle_wheels = IdleWheels::Release);
+    let brakes = |bench: &Bench| {
+        let commands = bench.device.commands();
+        Wheel::ALL.map(|wheel| commands.ports[bench.plugs.port(wheel).index()].brake)
+    };
+    assert_eq!(brakes(&bench), [false; 4]);
+    bench.go(3, 1, 500);
+    assert_eq!(brakes(&bench), [true, false, false, true]);
+    bench.run_ms(200);
+    assert_eq!(brakes(&bench), [false; 4]);
+    // A port without a wheel has a setting of its own.
+    assert!(bench.device.commands().ports[2].brake);
+}
+
+#[test]
+fn fr_may_go_back_to_forward() {
+    let mut bench = with(|s| s.idle_direction = IdleDirection::Forward);
+    bench.go(0, 1, -500);
+    assert!(bench.device.commands().ports[0].reverse);
+    bench.run_ms(200);
+    let reversed = bench.device.commands().ports.map(|port| port.reverse);
+    assert_eq!(reversed, [false; 5]);
+    // Late pulses still count backward.
+    bench.read(|r| r.pulses = r.pulses.map(|count| count.wrapping_add(6)));
+    bench.run_ms(100);
+    assert_eq!(bench.last_status().axis_x, -2);
+}
+
+#[test]
+fn counters_may_tell_the_direction() {
+    for plugs in ["x-y-e0-e1", "!x-y-!e0-e1"] {
+        let wiring = Wiring::read(&Value::Text(plugs.to_owned()), "").unwrap();
+        let mut bench = with(|s| {
+            s.pulse_direction = PulseDirection::Counted;
+            s.wiring = wiring;
+        });
+        bench.go(0, 10, -500);
+        bench.run_ms(1300);
+        assert_eq!(bench.tenths(), [-10; 4]);
+        assert_eq!(bench.last_status().axis_x, -10);
+        // Rolled back by hand while it stands: the firmware last drove backward, and still knows.
+        for _ in 0..12 {
+            bench.run_ms(20);
+            bench.read(|r| {
+                for wheel in Wheel::ALL {
+                    let count = &mut r.pulses[wiring.port(wheel).index()];
+                    *count = if wiring.is_reversed(wheel) {
+                        count.wrapping_sub(1)
+                    } else {
+                        count.wrapping_add(1)
+                    };
+                }
+            });
+        }
+        assert_eq!(bench.device.status(bench.now).v_x, 500);
+        assert_eq!(bench.device.status(bench.now).axis_x, -8);
+    }
+}
+
+#[test]
+fn every_word_about_lines_reaches_the_decoder() {
+    type Change = fn(&mut MecanumFirmwareSettings);
+    let changes: [(Change, &str); 6] = [
+        (|s| s.ascii_lower_case = true, "x10\n"),
+        (|s| s.ascii_numbers = AsciiNumbers::Atoi, "X+10\n"),
+        (
+            |s| s.ascii_line_length = 40,
+            "X00000000000000000000000000000000000001\n",
+        ),
+        (
+            |s| s.ascii_out_of_range = AsciiOutOfRange::Clamp,
+            "X99999\n",
+        ),
+        (|s| s.ascii_spaces = AsciiSpaces::Trailing, "X 10\n"),
+        (|s| s.ascii_blank_is_bad = true, "\nX10\n"),
+    ];
+    for (index, (change, line)) in changes.into_iter().enumerate() {
+        let (mut plain, mut other) = (Bench::with_ros(), Bench::with(true, change));
+        plain.line(line);
+        other.line(line);
+        assert_ne!(
+            (plain.is_driving(), plain.codes()),
+            (other.is_driving(), other.codes()),
+            "{index}"
+        );
+    }
+}
+
+#[test]
+fn the_unit_of_lines_is_a_setting() {
+    let mut bench = Bench::with(true, |s| s.ascii_unit = 0.25);
+    bench.line("X3\n");
+    bench.run_ms(2000);
+    // 45 pulses of the 60 of a revolution.
+    assert!(
+        bench
+            .turned
+            .iter()
+            .all(|pulses| (pulses - 45.0).abs() < 0.01)
+    );
+    assert!(!bench.is_driving());
+}
+
+#[test]
+fn a_bad_line_may_stop_the_car() {
+    for line in ["Q\n", "X99999\n", "X0000000000000000000000000000000000"] {
+        let mut bench = Bench::with(true, |s| s.ascii_bad_line = AsciiBadLine::Stop);
+        bench.line("X100\n");
+        bench.line(line);
+        assert!(!bench.is_driving(), "{line}");
+    }
+}
