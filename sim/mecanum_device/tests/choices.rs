@@ -327,6 +327,8 @@ fn motions_may_wait_for_the_board() {
     assert_eq!(bench.tenths(), [0, 2, 2, 0]);
 }
 
+type Send = fn(&mut Bench);
+
 #[test]
 fn other_things_may_be_signs_of_life() {
     for (alive, junk, pose, motion) in [
@@ -334,12 +336,12 @@ fn other_things_may_be_signs_of_life() {
         (LinkAlive::Motions, false, false, true),
         (LinkAlive::Bytes, true, true, true),
     ] {
-        let sent: [(bool, &dyn Fn(&mut Bench)); 3] = [
-            (junk, &|bench| {
+        let sent: [(bool, Send); 3] = [
+            (junk, |bench| {
                 bench.device.receive(bench.now, Link::Main, &[0xFF])
             }),
-            (pose, &|bench| bench.send(here())),
-            (motion, &|bench| bench.motion(0, 0, 10, 100)),
+            (pose, |bench| bench.send(here())),
+            (motion, |bench| bench.motion(0, 0, 10, 100)),
         ];
         for (lives, send) in sent {
             let mut bench = Bench::with(true, |s| {
