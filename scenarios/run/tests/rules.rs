@@ -150,7 +150,7 @@ fn an_outcome_shows_the_last_traffic_and_every_device_s_report() {
         outcome
             .traffic
             .iter()
-            .any(|line| line.contains("r150 0x12 set_motors"))
+            .any(|line| line.contains("r150 -> 0x12 set_motors"))
     );
     assert_eq!(outcome.ended_at, SimTime::from_secs(4));
 }
