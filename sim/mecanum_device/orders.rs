@@ -229,6 +229,10 @@ impl MecanumDevice {
             self.discard(now, Discard::ControlMode);
         }
         self.event(now, MecanumEvent::ControlMode { remote });
+        if !remote {
+            // The silence of a client counts from when its motions drive again.
+            self.hear(now);
+        }
         let events = &mut self.events;
         self.drive.set_remote(remote, &mut |change| {
             keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);

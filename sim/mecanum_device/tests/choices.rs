@@ -311,6 +311,23 @@ fn motions_may_outlast_the_remote_control() {
 }
 
 #[test]
+fn silence_counts_from_when_motions_drive_again() {
+    let mut bench = with(|s| {
+        s.mode_change = ModeChange::Keep;
+        s.link_alive = LinkAlive::Motions;
+        s.link_timeout = Some(Duration::from_millis(300));
+    });
+    bench.go(0, 1000, 100);
+    bench.send(mode(1));
+    bench.run_ms(1000);
+    bench.send(mode(0));
+    bench.run(Duration::from_millis(300) - QUANTUM);
+    assert!(bench.is_driving());
+    bench.until(MS(1300));
+    assert!(!bench.is_driving());
+}
+
+#[test]
 fn motions_may_wait_for_the_board() {
     let mut bench = Bench::with(true, |s| s.motions_in_remote = MotionsInRemote::Keep);
     bench.go(0, 1, 500);
