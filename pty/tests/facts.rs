@@ -1,4 +1,6 @@
-//! What Linux does with a pseudo-terminal, and what clients get to see of it.
+//! What Linux does with a pseudo-terminal: the facts that the crate rests on, and those for which it
+//! does without packet mode. That the exclusive flag of a killed client stays is in `exclusive.rs`;
+//! what the crate makes of all this is tested in the files beside.
 
 #![allow(
     clippy::unwrap_used,
@@ -9,67 +11,42 @@
 
 mod common;
 
+use std::mem::MaybeUninit;
+use std::path::PathBuf;
+use std::time::Duration;
+
 use common::{Bench, Client, until};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::OwnedFd;
+use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::io::Errno;
 use rustix::termios::{
-    ControlModes, InputModes, LocalModes, OptionalActions, OutputModes, QueueSelector, tcflush,
-    tcgetattr, tcsetattr,
+    ControlModes, LocalModes, OptionalActions, OutputModes, QueueSelector, tcflush, tcgetattr,
+    tcsetattr,
 };
-use sim_pty::{Event, LineSettings, Parity, PtyPort};
-use std::time::{Duration, Instant};
+use sim_pty::PtyPort;
 
 #[test]
-fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
-    for baud in [115_200, 9_600, 250_000, 1_234_567] {
-        let port = PtyPort::open_unlinked(baud).unwrap();
-        let client = Client::open(port.path());
-        let termios = client.termios();
-        assert_eq!(termios.output_speed(), baud);
-        assert_eq!(termios.input_speed(), baud);
-        assert!(
-            !termios
-                .local_modes
-                .intersects(LocalModes::ECHO | LocalModes::ICANON)
-        );
-        assert!(!termios.output_modes.contains(OutputModes::OPOST));
-        assert!(
-            !termios
-                .input_modes
-                .intersects(InputModes::ICRNL | InputModes::IXON)
-        );
-        assert_eq!(
-            port.client_line().unwrap(),
-            LineSettings {
-                baud,
-                data_bits: 8,
-                parity: Parity::None,
-                stop_bits: 1,
-                raw: true
-            }
-        );
-    }
-}
-
-#[test]
-fn every_byte_passes_both_ways_and_none_is_echoed() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    let all: Vec<u8> = (0..=255).collect();
-    client.send(&all);
-    assert_eq!(bench.expect_bytes(256), all);
-    assert_eq!(bench.port.write(&all).unwrap().accepted, 256);
-    assert_eq!(client.receive(256), all);
+fn a_fresh_pair_echoes_and_cooks() {
+    let (master, node) = fresh_pair();
+    let client = Client::open(&node);
+    let termios = client.termios();
+    assert!(
+        termios
+            .local_modes
+            .contains(LocalModes::ECHO | LocalModes::ICANON)
+    );
+    assert!(termios.output_modes.contains(OutputModes::OPOST));
+    // What is sent to the client comes back, and the client gets whole lines only.
+    rustix::io::write(&master, b"half a line").unwrap();
+    let mut echo = Vec::new();
+    until("it is echoed", || {
+        echo.extend(read_all(&master));
+        echo == b"half a line"
+    });
     assert_eq!(client.try_receive(), b"");
-    bench.expect_quiet();
-    assert_eq!(bench.port.counters().received_bytes, 256);
-    assert_eq!(bench.port.counters().sent_bytes, 256);
-}
-
-#[test]
-fn a_baud_rate_of_zero_is_refused_by_name() {
-    let error = PtyPort::open_unlinked(0).unwrap_err().to_string();
-    assert!(error.contains("baud rate is 0"), "{error}");
+    rustix::io::write(&master, b"\n").unwrap();
+    assert_eq!(client.receive(12), b"half a line\n");
 }
 
 #[test]
@@ -110,165 +87,110 @@ fn there_are_no_modem_lines() {
     assert!(error.to_string().contains("Not a typewriter"), "{error}");
 }
 
+/// In packet mode every read of the master begins with a byte that says what it is: 0 before bytes
+/// of the client, and otherwise what the client did to the line.
 #[test]
-fn a_hang_up_is_reported_once_after_the_last_byte() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    client.send(b"last words");
-    drop(client);
-    bench.expect(Event::Attached);
-    assert_eq!(bench.expect_bytes(10), b"last words");
-    bench.expect(Event::Detached);
-    bench.expect_quiet();
-    assert!(!bench.port.is_attached());
-    assert_eq!(bench.port.counters().attached, 1);
+fn packet_mode_reports_that_a_client_flushes() {
+    let (master, node) = raw_pair();
+    let client = Client::open(&node);
+    packet::begin(&master);
+    client.send(b"data");
+    assert_eq!(next_packet(&master), b"\0data");
+    for (queue, report) in [
+        (QueueSelector::IFlush, packet::FLUSH_READ),
+        (QueueSelector::OFlush, packet::FLUSH_WRITE),
+        (
+            QueueSelector::IOFlush,
+            packet::FLUSH_READ | packet::FLUSH_WRITE,
+        ),
+    ] {
+        tcflush(&client, queue).unwrap();
+        assert_eq!(next_packet(&master), [report], "{queue:?}");
+    }
+    assert_eq!(read_all(&master), b"");
 }
 
 #[test]
-fn a_client_that_only_listens_is_reported_too() {
-    let mut bench = Bench::unlinked();
-    bench.expect_quiet();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    assert_eq!(bench.port.write(b"telemetry").unwrap().accepted, 9);
-    assert_eq!(client.receive(9), b"telemetry");
+fn packet_mode_reports_changes_of_settings_with_extproc_only() {
+    let (master, node) = raw_pair();
+    let client = Client::open(&node);
+    packet::begin(&master);
+    let report = |baud: u32| {
+        client.set_termios(|termios| termios.set_speed(baud).unwrap());
+        read_all(&master)
+    };
+    assert_eq!(report(9_600), b"");
+    client.set_termios(|termios| termios.local_modes |= LocalModes::EXTPROC);
+    assert_eq!(next_packet(&master)[0] & packet::IOCTL, packet::IOCTL);
+    assert_eq!(report(57_600), [packet::IOCTL]);
+    // It says that something has changed; what, only the settings themselves tell.
+    assert_eq!(tcgetattr(&master).unwrap().output_speed(), 57_600);
 }
 
 #[test]
-fn without_a_waiter_reading_tells_as_much() {
-    let mut port = PtyPort::open_unlinked(115_200).unwrap();
-    let mut buf = [0; 16];
+fn the_master_reads_eio_only_once_the_node_was_open() {
+    let (master, node) = raw_pair();
+    let mut buf = [0; 8];
+    assert_eq!(rustix::io::read(&master, &mut buf[..]), Err(Errno::AGAIN));
+    drop(Client::open(&node));
+    assert_eq!(rustix::io::read(&master, &mut buf[..]), Err(Errno::IO));
+    let _client = Client::open(&node);
+    assert_eq!(rustix::io::read(&master, &mut buf[..]), Err(Errno::AGAIN));
+}
+
+#[test]
+fn poll_says_that_the_client_has_hung_up_until_the_next_one_opens() {
+    let (master, node) = raw_pair();
+    assert!(!hangs_up(&master), "nobody was there yet");
+    drop(Client::open(&node));
+    // It says so at once and each time, so a loop that only polls would spin.
     for _ in 0..3 {
-        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
-        let client = Client::open(port.path());
-        assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);
-        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
-        drop(client);
-        assert_eq!(port.read(&mut buf).unwrap(), Event::Detached);
+        assert!(hangs_up(&master));
     }
+    let _client = Client::open(&node);
+    assert!(!hangs_up(&master));
 }
 
 #[test]
-fn nothing_wakes_the_waiter_while_nobody_is_there() {
-    let window = Duration::from_millis(300);
-    let mut bench = Bench::unlinked();
-    for visit in 0..2 {
-        if visit > 0 {
-            drop(bench.client());
-            bench.expect(Event::Attached);
-            bench.expect(Event::Detached);
-        }
-        bench.expect_quiet();
-        let start = Instant::now();
-        let mut wakes = 0;
-        while start.elapsed() < window {
-            let left = window.saturating_sub(start.elapsed());
-            wakes += usize::from(!bench.waiter.wait(Some(left)).unwrap().ready().is_empty());
-        }
-        assert_eq!(wakes, 0);
-    }
-}
-
-#[test]
-fn replies_to_one_client_never_reach_the_next() {
-    let mut bench = Bench::unlinked();
-    for size in [1, 4_096, 9_000, 100_000] {
-        let client = bench.client();
-        bench.expect(Event::Attached);
-        let written = bench.port.write(&vec![b'x'; size]).unwrap();
-        assert!(written.accepted > 0);
-        drop(client);
-        // Written to nobody, but before the hang-up was seen.
-        let _ = bench.port.write(b"late").unwrap();
-        bench.expect(Event::Detached);
-        let written = bench.port.write(b"nobody there").unwrap();
-        assert_eq!((written.accepted, written.dropped), (0, 12));
-
-        let next = bench.client();
-        bench.expect(Event::Attached);
-        let _ = bench.port.write(b"fresh").unwrap();
-        assert_eq!(next.receive(5), b"fresh");
-        drop(next);
-        bench.expect(Event::Detached);
-    }
-    assert_eq!(bench.port.counters().dropped_detached_bytes, 4 * 12);
-}
-
-#[test]
-fn a_change_of_clients_between_two_looks_is_noticed() {
-    let mut bench = Bench::unlinked();
-    let first = bench.client();
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-    let _ = bench.port.write(b"for the first").unwrap();
-    drop(first);
-    let second = bench.client();
-    second.set_termios(|termios| termios.set_speed(57_600).unwrap());
-    bench.expect(Event::Detached);
-    assert_eq!(bench.port.write(b"to nobody").unwrap().accepted, 0);
-    bench.expect(Event::Attached);
-    assert_eq!(second.try_receive(), b"");
-    assert_eq!(bench.port.client_line().unwrap().unwrap().baud, 57_600);
-    second.send(b"hello");
-    assert_eq!(bench.expect_bytes(5), b"hello");
-}
-
-#[test]
-fn a_second_program_that_looks_in_is_no_change_of_clients() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-    let _ = bench.port.write(b"reply").unwrap();
-    drop(bench.client());
-    bench.expect_quiet();
-    assert_eq!(client.receive(5), b"reply");
-}
-
-#[test]
-fn settings_of_one_client_do_not_outlive_it() {
-    let mut bench = Bench::unlinked();
-    bench.expect_quiet();
-    let client = bench.client();
-    client.set_termios(|termios| {
-        termios.set_speed(9_600).unwrap();
-        termios.local_modes |= LocalModes::ECHO | LocalModes::ICANON;
-        termios.input_modes |= InputModes::ICRNL;
-        termios.control_modes |= ControlModes::CSTOPB;
+fn a_client_s_end_of_one_s_own_hides_hang_ups_and_keeps_stale_bytes() {
+    let (master, node) = raw_pair();
+    let own = Client::open(&node);
+    let client = Client::open(&node);
+    rustix::io::write(&master, b"stale").unwrap();
+    until("the bytes have arrived", || {
+        rustix::io::ioctl_fionread(&client) == Ok(5)
     });
-    assert!(!bench.port.client_line().unwrap().unwrap().raw);
-    // It never sent a byte and is gone before anybody looks, like stty.
     drop(client);
-    bench.expect(Event::Attached);
-    bench.expect(Event::Detached);
-    let line = bench.port.client_line().unwrap().unwrap();
-    assert_eq!((line.to_string().as_str(), line.raw), ("115200 8N1", true));
+    assert!(!hangs_up(&master));
+    assert_eq!(rustix::io::read(&master, &mut [0; 8]), Err(Errno::AGAIN));
+    assert_eq!(Client::open(&node).receive(5), b"stale");
+
+    // Nor do they go with the last client: whoever holds the master must flush them.
+    rustix::io::write(&master, b"stale").unwrap();
+    until("the bytes have arrived", || {
+        rustix::io::ioctl_fionread(&own) == Ok(5)
+    });
+    drop(own);
+    assert!(hangs_up(&master));
+    assert_eq!(Client::open(&node).receive(5), b"stale");
 }
 
 #[test]
-fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    let mut accepted = 0;
-    for _ in 0..100 {
-        let written = bench.port.write(&[0x55; 1_000]).unwrap();
-        assert_eq!(written.accepted + written.dropped, 1_000);
-        accepted += written.accepted;
+fn inotify_reports_who_opens_and_closes_the_node() {
+    let (_master, node) = raw_pair();
+    let watch = inotify::init(CreateFlags::CLOEXEC | CreateFlags::NONBLOCK).unwrap();
+    let flags = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
+    inotify::add_watch(&watch, &node, flags).unwrap();
+    let mut buf = [MaybeUninit::uninit(); 4096];
+    let mut reader = inotify::Reader::new(&watch, &mut buf);
+    for _ in 0..2 {
+        let client = Client::open(&node);
+        assert_eq!(reader.next().unwrap().events(), ReadFlags::OPEN);
+        assert_eq!(reader.next().err(), Some(Errno::AGAIN));
+        drop(client);
+        assert_eq!(reader.next().unwrap().events(), ReadFlags::CLOSE_WRITE);
     }
-    assert!(
-        (4_096..=65_536).contains(&accepted),
-        "{accepted} bytes were accepted"
-    );
-    let counters = bench.port.counters();
-    assert_eq!(counters.sent_bytes, accepted as u64);
-    assert_eq!(counters.dropped_full_bytes, 100_000 - accepted as u64);
-    // The client gets what was accepted, and once it reads all is well again.
-    assert_eq!(client.receive(accepted).len(), accepted);
-    until("there is room again", || {
-        bench.port.write(b"!").unwrap().accepted == 1
-    });
-    assert_eq!(client.receive(1), b"!");
+    assert_eq!(reader.next().err(), Some(Errno::AGAIN));
 }
 
 /// The kernel keeps 20,480 bytes for a side that does not read: 4 KiB where
@@ -301,21 +223,6 @@ fn about_twenty_thousand_bytes_are_kept_each_way() {
     assert!(exact.contains(&20_480), "{exact:?} byte by byte");
 }
 
-#[test]
-fn a_client_may_flush_what_it_has_not_read() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    let _ = bench.port.write(b"old").unwrap();
-    until("the bytes have arrived", || {
-        rustix::io::ioctl_fionread(&client) == Ok(3)
-    });
-    tcflush(&client, QueueSelector::IFlush).unwrap();
-    assert_eq!(client.try_receive(), b"");
-    let _ = bench.port.write(b"new").unwrap();
-    assert_eq!(client.receive(3), b"new");
-}
-
 /// The two facts about flushing that the crate rests on: neither half alone
 /// empties the line.
 #[test]
@@ -337,25 +244,65 @@ fn flushing_from_the_master_takes_two_steps() {
     assert_eq!(rustix::io::ioctl_fionread(&client), Ok(0));
 }
 
-#[test]
-fn the_master_reads_eio_only_once_the_node_was_open() {
-    let (master, node) = raw_pair();
-    let mut buf = [0; 8];
-    assert_eq!(rustix::io::read(&master, &mut buf[..]), Err(Errno::AGAIN));
-    drop(Client::open(&node));
-    assert_eq!(rustix::io::read(&master, &mut buf[..]), Err(Errno::IO));
-    let _client = Client::open(&node);
-    assert_eq!(rustix::io::read(&master, &mut buf[..]), Err(Errno::AGAIN));
-}
-
-fn raw_pair() -> (rustix::fd::OwnedFd, std::path::PathBuf) {
+fn fresh_pair() -> (OwnedFd, PathBuf) {
     use rustix::pty::{OpenptFlags, openpt, ptsname, unlockpt};
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
     rustix::fs::fcntl_setfl(&master, rustix::fs::OFlags::NONBLOCK).unwrap();
-    let mut termios = tcgetattr(&master).unwrap();
-    termios.make_raw();
-    tcsetattr(&master, OptionalActions::Now, &termios).unwrap();
     unlockpt(&master).unwrap();
     let node = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
     (master, node.into())
+}
+
+fn raw_pair() -> (OwnedFd, PathBuf) {
+    let (master, node) = fresh_pair();
+    let mut termios = tcgetattr(&master).unwrap();
+    termios.make_raw();
+    tcsetattr(&master, OptionalActions::Now, &termios).unwrap();
+    (master, node)
+}
+
+/// What one read of the master gives, or nothing.
+fn read_all(master: &OwnedFd) -> Vec<u8> {
+    let mut buf = [0; 64];
+    match rustix::io::read(master, &mut buf[..]) {
+        Ok(count) => buf[..count].to_vec(),
+        Err(Errno::AGAIN) => Vec::new(),
+        Err(errno) => panic!("the master reads {errno}"),
+    }
+}
+
+/// The kernel moves bytes to the master in its own time.
+fn next_packet(master: &OwnedFd) -> Vec<u8> {
+    let mut packet = Vec::new();
+    until("there is a packet", || {
+        packet = read_all(master);
+        !packet.is_empty()
+    });
+    packet
+}
+
+fn hangs_up(master: &OwnedFd) -> bool {
+    let mut polled = [PollFd::new(master, PollFlags::IN)];
+    poll(&mut polled, Some(&Timespec::default())).unwrap();
+    polled[0].revents().contains(PollFlags::HUP)
+}
+
+/// Packet mode, for which no library has a safe call; the numbers are those of `ioctl_tty(2)`.
+mod packet {
+    use rustix::fd::AsFd;
+    use rustix::ffi::c_int;
+    use rustix::ioctl::{Opcode, Setter, ioctl};
+
+    const TIOCPKT: Opcode = 0x5420;
+    pub(super) const FLUSH_READ: u8 = 1;
+    pub(super) const FLUSH_WRITE: u8 = 2;
+    pub(super) const IOCTL: u8 = 64;
+
+    pub(super) fn begin(master: impl AsFd) {
+        // SAFETY: TIOCPKT reads one int through its argument, which lives for the call.
+        #[expect(unsafe_code, reason = "no library wraps this call")]
+        unsafe {
+            ioctl(master, Setter::<TIOCPKT, c_int>::new(1)).unwrap();
+        }
+    }
 }

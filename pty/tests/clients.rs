@@ -1,0 +1,246 @@
+//! What the port makes of it, and what clients get to see.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::{Bench, Client, until};
+use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
+use sim_pty::{Event, LineSettings, Parity, PtyPort};
+
+#[test]
+fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
+    for baud in [115_200, 9_600, 250_000, 1_234_567] {
+        let port = PtyPort::open_unlinked(baud).unwrap();
+        let client = Client::open(port.path());
+        let termios = client.termios();
+        assert_eq!(termios.output_speed(), baud);
+        assert_eq!(termios.input_speed(), baud);
+        assert!(
+            !termios
+                .local_modes
+                .intersects(LocalModes::ECHO | LocalModes::ICANON)
+        );
+        assert!(!termios.output_modes.contains(OutputModes::OPOST));
+        assert!(
+            !termios
+                .input_modes
+                .intersects(InputModes::ICRNL | InputModes::IXON)
+        );
+        assert_eq!(
+            port.client_line().unwrap(),
+            LineSettings {
+                baud,
+                data_bits: 8,
+                parity: Parity::None,
+                stop_bits: 1,
+                raw: true
+            }
+        );
+    }
+}
+
+#[test]
+fn every_byte_passes_both_ways_and_none_is_echoed() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    let all: Vec<u8> = (0..=255).collect();
+    client.send(&all);
+    assert_eq!(bench.expect_bytes(256), all);
+    assert_eq!(bench.port.write(&all).unwrap().accepted, 256);
+    assert_eq!(client.receive(256), all);
+    assert_eq!(client.try_receive(), b"");
+    bench.expect_quiet();
+    assert_eq!(bench.port.counters().received_bytes, 256);
+    assert_eq!(bench.port.counters().sent_bytes, 256);
+}
+
+#[test]
+fn a_baud_rate_of_zero_is_refused_by_name() {
+    let error = PtyPort::open_unlinked(0).unwrap_err().to_string();
+    assert!(error.contains("baud rate is 0"), "{error}");
+}
+
+#[test]
+fn a_hang_up_is_reported_once_after_the_last_byte() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    client.send(b"last words");
+    drop(client);
+    bench.expect(Event::Attached);
+    assert_eq!(bench.expect_bytes(10), b"last words");
+    bench.expect(Event::Detached);
+    bench.expect_quiet();
+    assert!(!bench.port.is_attached());
+    assert_eq!(bench.port.counters().attached, 1);
+}
+
+#[test]
+fn a_client_that_only_listens_is_reported_too() {
+    let mut bench = Bench::unlinked();
+    bench.expect_quiet();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    assert_eq!(bench.port.write(b"telemetry").unwrap().accepted, 9);
+    assert_eq!(client.receive(9), b"telemetry");
+}
+
+#[test]
+fn without_a_waiter_reading_tells_as_much() {
+    let mut port = PtyPort::open_unlinked(115_200).unwrap();
+    let mut buf = [0; 16];
+    for _ in 0..3 {
+        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
+        let client = Client::open(port.path());
+        assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);
+        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
+        drop(client);
+        assert_eq!(port.read(&mut buf).unwrap(), Event::Detached);
+    }
+}
+
+#[test]
+fn nothing_wakes_the_waiter_while_nobody_is_there() {
+    let window = Duration::from_millis(300);
+    let mut bench = Bench::unlinked();
+    for visit in 0..2 {
+        if visit > 0 {
+            drop(bench.client());
+            bench.expect(Event::Attached);
+            bench.expect(Event::Detached);
+        }
+        bench.expect_quiet();
+        let start = Instant::now();
+        let mut wakes = 0;
+        while start.elapsed() < window {
+            let left = window.saturating_sub(start.elapsed());
+            wakes += usize::from(!bench.waiter.wait(Some(left)).unwrap().ready().is_empty());
+        }
+        assert_eq!(wakes, 0);
+    }
+}
+
+#[test]
+fn replies_to_one_client_never_reach_the_next() {
+    let mut bench = Bench::unlinked();
+    for size in [1, 4_096, 9_000, 100_000] {
+        let client = bench.client();
+        bench.expect(Event::Attached);
+        let written = bench.port.write(&vec![b'x'; size]).unwrap();
+        assert!(written.accepted > 0);
+        drop(client);
+        // Written to nobody, but before the hang-up was seen.
+        let _ = bench.port.write(b"late").unwrap();
+        bench.expect(Event::Detached);
+        let written = bench.port.write(b"nobody there").unwrap();
+        assert_eq!((written.accepted, written.dropped), (0, 12));
+
+        let next = bench.client();
+        bench.expect(Event::Attached);
+        let _ = bench.port.write(b"fresh").unwrap();
+        assert_eq!(next.receive(5), b"fresh");
+        drop(next);
+        bench.expect(Event::Detached);
+    }
+    assert_eq!(bench.port.counters().dropped_detached_bytes, 4 * 12);
+}
+
+#[test]
+fn a_change_of_clients_between_two_looks_is_noticed() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    let _ = bench.port.write(b"for the first").unwrap();
+    drop(first);
+    let second = bench.client();
+    second.set_termios(|termios| termios.set_speed(57_600).unwrap());
+    bench.expect(Event::Detached);
+    assert_eq!(bench.port.write(b"to nobody").unwrap().accepted, 0);
+    bench.expect(Event::Attached);
+    assert_eq!(second.try_receive(), b"");
+    assert_eq!(bench.port.client_line().unwrap().unwrap().baud, 57_600);
+    second.send(b"hello");
+    assert_eq!(bench.expect_bytes(5), b"hello");
+}
+
+#[test]
+fn a_second_program_that_looks_in_is_no_change_of_clients() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    let _ = bench.port.write(b"reply").unwrap();
+    drop(bench.client());
+    bench.expect_quiet();
+    assert_eq!(client.receive(5), b"reply");
+}
+
+#[test]
+fn settings_of_one_client_do_not_outlive_it() {
+    let mut bench = Bench::unlinked();
+    bench.expect_quiet();
+    let client = bench.client();
+    client.set_termios(|termios| {
+        termios.set_speed(9_600).unwrap();
+        termios.local_modes |= LocalModes::ECHO | LocalModes::ICANON;
+        termios.input_modes |= InputModes::ICRNL;
+        termios.control_modes |= ControlModes::CSTOPB;
+    });
+    assert!(!bench.port.client_line().unwrap().unwrap().raw);
+    // It never sent a byte and is gone before anybody looks, like stty.
+    drop(client);
+    bench.expect(Event::Attached);
+    bench.expect(Event::Detached);
+    let line = bench.port.client_line().unwrap().unwrap();
+    assert_eq!((line.to_string().as_str(), line.raw), ("115200 8N1", true));
+}
+
+#[test]
+fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    let mut accepted = 0;
+    for _ in 0..100 {
+        let written = bench.port.write(&[0x55; 1_000]).unwrap();
+        assert_eq!(written.accepted + written.dropped, 1_000);
+        accepted += written.accepted;
+    }
+    assert!(
+        (4_096..=65_536).contains(&accepted),
+        "{accepted} bytes were accepted"
+    );
+    let counters = bench.port.counters();
+    assert_eq!(counters.sent_bytes, accepted as u64);
+    assert_eq!(counters.dropped_full_bytes, 100_000 - accepted as u64);
+    // The client gets what was accepted, and once it reads all is well again.
+    assert_eq!(client.receive(accepted).len(), accepted);
+    until("there is room again", || {
+        bench.port.write(b"!").unwrap().accepted == 1
+    });
+    assert_eq!(client.receive(1), b"!");
+}
+
+#[test]
+fn a_client_may_flush_what_it_has_not_read() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    let _ = bench.port.write(b"old").unwrap();
+    until("the bytes have arrived", || {
+        rustix::io::ioctl_fionread(&client) == Ok(3)
+    });
+    tcflush(&client, QueueSelector::IFlush).unwrap();
+    assert_eq!(client.try_receive(), b"");
+    let _ = bench.port.write(b"new").unwrap();
+    assert_eq!(client.receive(3), b"new");
+}
