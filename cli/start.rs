@@ -10,7 +10,7 @@ use sim_core::event::Event;
 use sim_core::report::Report;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
-use sim_scenarios::{RigPlan, RunOptions};
+use sim_scenarios::{DevicePlan, RigPlan, RunOptions};
 use sim_settings::show_duration;
 
 use crate::args::{LogFormat, ServeArgs};
@@ -271,6 +271,7 @@ fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed:
             "code": "start",
             "version": version,
             "ports": ports.iter().map(ShownPort::json).collect::<Vec<_>>(),
+            "starts": starts(plan),
             "wire": wire,
             "speed": args.speed,
             "seed": seed,
@@ -280,6 +281,12 @@ fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed:
         .to_string(),
     };
     log.text(text);
+}
+
+/// In which state each device starts that has a choice, by its name.
+fn starts(plan: &RigPlan) -> serde_json::Value {
+    let start = |planned: &DevicePlan| Some((planned.name.clone(), json!(planned.start_word()?)));
+    serde_json::Value::Object(plan.devices.iter().filter_map(start).collect())
 }
 
 /// A seed short enough to type again.

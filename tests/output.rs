@@ -129,6 +129,7 @@ fn every_json_line_is_an_object() {
     assert_eq!(codes.last(), Some(&"summary"));
     assert_eq!(lines[0]["seed"], 1);
     assert_eq!(lines[0]["ports"][0]["path"], port.as_str());
+    assert_eq!(lines[0]["starts"]["r150"], "ready");
     assert_eq!(lines[1]["ports"][0]["path"], port.as_str());
     for (code, count) in [
         ("client_attached", 1),
