@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use sim_physics::r150::{R150Plant, R150Truth};
+use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
 use sim_physics::{BodyId, Pose, World};
 use sim_settings::SimTime;
 
@@ -94,9 +94,39 @@ impl R150 {
         &self.plant
     }
 
-    /// The hardware, to load, push or break it.
-    pub fn plant_mut(&mut self) -> &mut R150Plant {
+    /// The hardware, for its faults.
+    pub(crate) fn plant_mut(&mut self) -> &mut R150Plant {
         &mut self.plant
+    }
+}
+
+/// What an operator does to the hardware.
+impl R150 {
+    /// Wires a load to a rail; gives what was there before.
+    pub fn set_load(&mut self, rail: Rail, load: Load) -> Load {
+        let before = self.plant.load(rail);
+        self.plant.set_load(rail, load);
+        before
+    }
+
+    /// Wires a source to a PWM input, 0–3.
+    pub fn set_pwm_source(&mut self, input: usize, source: PwmSource) {
+        self.plant.set_pwm_source(input, source);
+    }
+
+    /// Puts a payload on the deck, kg.
+    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
+        self.plant.set_payload(world, payload);
+    }
+
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
+    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
+        self.plant.set_push(ahead, left, turn);
+    }
+
+    /// Lifts the vehicle and sets it down elsewhere, standing.
+    pub fn place(&mut self, world: &mut World, pose: Pose) {
+        self.plant.place(world, pose);
     }
 }
 

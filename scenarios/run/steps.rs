@@ -266,7 +266,7 @@ impl Run {
             }
             OperatorAction::Place(pose) => {
                 self.rig.with_r150(device, |r150, world, _| {
-                    r150.plant_mut().place(world, *pose);
+                    r150.place(world, *pose);
                 });
                 self.rig.with_mecanum(device, |car, world, _| {
                     car.plant_mut().place(world, *pose);
@@ -278,7 +278,7 @@ impl Run {
 
     fn push(&mut self, device: usize, [ahead, left, turn]: [f64; 3]) {
         self.rig.with_r150(device, |r150, _, _| {
-            r150.plant_mut().set_push(ahead, left, turn);
+            r150.set_push(ahead, left, turn);
         });
         self.rig.with_mecanum(device, |car, _, _| {
             car.plant_mut().set_push(ahead, left, turn);
@@ -287,7 +287,7 @@ impl Run {
 
     fn payload(&mut self, device: usize, mass: f64) {
         self.rig.with_r150(device, |r150, world, _| {
-            r150.plant_mut().set_payload(world, mass);
+            r150.set_payload(world, mass);
         });
         self.rig.with_mecanum(device, |car, world, _| {
             car.plant_mut().set_payload(world, mass);
@@ -326,16 +326,13 @@ impl Run {
 
     /// Wires a load; gives what was there before.
     fn load(&mut self, device: usize, rail: Rail, load: Load) -> Option<Load> {
-        self.rig.with_r150(device, |r150, _, _| {
-            let before = r150.plant().load(rail);
-            r150.plant_mut().set_load(rail, load);
-            before
-        })
+        self.rig
+            .with_r150(device, |r150, _, _| r150.set_load(rail, load))
     }
 
     fn pwm(&mut self, device: usize, input: usize, source: PwmSource) {
         self.rig.with_r150(device, |r150, _, _| {
-            r150.plant_mut().set_pwm_source(input, source);
+            r150.set_pwm_source(input, source);
         });
     }
 

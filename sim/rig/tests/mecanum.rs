@@ -274,8 +274,7 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
     };
     rig.add_r150("r150", &R150Settings::default(), Start::Ready, pose);
     rig.with_r150(1, |r150, _, _| {
-        r150.plant_mut()
-            .set_load(sim_physics::r150::Rail::V48, Load::Open);
+        r150.set_load(sim_physics::r150::Rail::V48, Load::Open);
     });
     rig.client_sends(MAIN, SimTime::ZERO, &motion(0, 100, 500))
         .unwrap();
