@@ -21,8 +21,8 @@ use std::time::Duration;
 pub use faults::{Encoder, R150Faults, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
-    BatterySettings, BodySettings, FuseSettings, MotorSettings, PwmSettings, R150PlantSettings,
-    RailSettings, ThermalSettings,
+    AtZeroPwm, BatterySettings, BodySettings, FuseLaw, FuseSettings, MotorSettings, OutputDuty,
+    PwmSettings, R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings, Unmeasured,
 };
 pub use signals::{
     Load, PwmReading, PwmSource, R150Commands, R150Measurements, R150Truth, RAILS, Rail, Side,
@@ -52,6 +52,8 @@ pub struct R150Plant {
     commands: R150Commands,
     loads: [Load; RAILS],
     pwm_sources: [PwmSource; 4],
+    /// What the PWM inputs read.
+    pwm_in: [PwmReading; 4],
     side_faults: Sides<SideFaults>,
     faults: R150Faults,
     /// kg, without what the faults add.
@@ -100,6 +102,7 @@ impl R150Plant {
             commands: R150Commands::default(),
             loads: [Load::Open; RAILS],
             pwm_sources: [PwmSource::None; 4],
+            pwm_in: [PwmReading::default(); 4],
             side_faults: Sides::default(),
             faults: R150Faults::default(),
             payload: settings.body.payload,
@@ -125,7 +128,11 @@ impl R150Plant {
             || commands.propulsion_power != self.commands.propulsion_power
             || commands.parking_brake != self.commands.parking_brake;
         let switches = moves || commands.rail_on != self.commands.rail_on;
+        let captures = commands.pwm_out_duty != self.commands.pwm_out_duty;
         self.commands = commands;
+        if captures {
+            self.capture_pwm();
+        }
         if moves {
             self.wake();
         }
@@ -212,8 +219,9 @@ impl R150Plant {
         let supplied = self.commands.propulsion_power && !self.is_fuse_blown(fuse);
         let faults = &self.side_faults[side];
         let duty = self.commands.motor_duty[self.port_of(side)];
+        let open = duty == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
         MotorPort {
-            connected: supplied && !faults.motor_disconnected,
+            connected: supplied && !open && !faults.motor_disconnected,
             duty: if faults.reversed { -duty } else { duty },
             back_emf: self.drive.back_emf(side),
             resistance: self.settings.motor.resistance,

@@ -21,6 +21,7 @@ mod flaws;
 pub mod motors;
 pub mod protection;
 pub mod reply;
+mod requests;
 pub mod settings;
 mod telemetry;
 pub mod vehicle;
@@ -36,22 +37,17 @@ use sim_settings::SimTime;
 use crate::defects::{DefectCounts, Defects};
 use crate::noise::Noise;
 use crate::uart;
-use codec::{Decoded, Decoder};
-use command::{Refusal, Request, code};
-use control::{Control, Outputs, POWER_BITS};
+use codec::Decoder;
+use control::{Control, FULL_DUTY, Parts};
 pub use event::{R150Event, ValueFault};
-use motors::{Answer, FULL, Motors};
+use motors::{FULL, Motors};
 use protection::Protection;
 use reply::{Reply, SystemInfo};
-use settings::{OutOfRange, R150FirmwareSettings, RefusalReply, ReplyCommand, ReservedBits};
+use settings::R150FirmwareSettings;
 use vehicle::{Action, Drive, Start, Vehicle};
 
-/// Most replies that may wait for their time.
-const MOST_REPLIES: usize = 64;
 /// Most events kept for whoever takes them; the oldest go first.
 const MOST_EVENTS: usize = 1024;
-/// Largest duty of a PWM output.
-const FULL_DUTY: u16 = 1000;
 
 /// The IO module and the vehicle controller, without the hardware around them.
 #[derive(Debug, Clone)]
@@ -94,10 +90,10 @@ impl R150Device {
         let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud);
         let mut device = Self {
             decoder: Decoder::new(pause, settings.resync),
-            control: Control::new(),
+            control: Control::new(&settings),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
-            vehicle: Vehicle::new(start, settings.locking_parks),
+            vehicle: Vehicle::new(start, &settings),
             measured,
             noise,
             replies: VecDeque::new(),
@@ -112,6 +108,8 @@ impl R150Device {
         };
         if !measured.module_powered {
             device.event(SimTime::ZERO, R150Event::PowerLost);
+        } else if !device.settings.boot_time.is_zero() {
+            device.boot_due = Some(SimTime::ZERO + device.settings.boot_time);
         }
         device
     }
@@ -139,11 +137,14 @@ impl R150Device {
         let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
         match (was_powered, measured.module_powered) {
             (true, false) => self.lose_power(now),
-            (false, true) => self.event(now, R150Event::Started),
+            (false, true) => {
+                self.boot_due = Some(now + self.settings.boot_time);
+                self.boot(now);
+            }
             _ => {}
         }
         if self.runs() {
-            let requested = self.control.outputs.power;
+            let requested = self.control.outputs().power;
             self.protection
                 .sense(now, measured, requested, &mut |event| {
                     keep(&mut self.events, now, event);
@@ -156,7 +157,7 @@ impl R150Device {
         self.advance_before(now);
         self.event(now, R150Event::Operated(action));
         match action {
-            Action::AppHolds { power, pwm } => self.control.app_holds(power, pwm),
+            Action::AppHolds { power, pwm } => self.control.app_holds(Parts { power, pwm }),
             Action::AppSets(outputs) => self.control.app_sets(outputs),
             _ => self.vehicle.operate(action),
         }
@@ -252,7 +253,7 @@ impl R150Device {
     #[must_use]
     pub fn power_status(&self) -> u8 {
         if self.runs() {
-            self.control.outputs.power & self.protection.allowed()
+            self.control.outputs().power & self.protection.allowed()
         } else {
             0
         }
@@ -266,14 +267,14 @@ impl R150Device {
 
     fn pwm_outputs(&self) -> [u16; 4] {
         if self.runs() {
-            self.control.outputs.pwm
+            self.control.outputs().pwm
         } else {
             [0; 4]
         }
     }
 
     fn battery_empty(&self) -> bool {
-        self.measured.soc <= 0.0
+        self.settings.empty_battery_stops && self.measured.soc <= 0.0
     }
 
     /// Does what is due before `now`, so that what happens at `now` comes before its deadlines.
@@ -317,180 +318,16 @@ impl R150Device {
         }
         let events = &mut self.events;
         self.protection
-            .advance(now, self.control.outputs.power, &mut |event| {
+            .advance(now, self.control.outputs().power, &mut |event| {
                 keep(events, now, event)
             });
         self.send_due(now);
     }
 
-    fn send_due(&mut self, now: SimTime) {
-        while let Some((due, reply)) = self.replies.pop_front_if(|(due, _)| *due <= now) {
-            let command = match self.settings.reply_command {
-                ReplyCommand::Same => reply.command(),
-                ReplyCommand::HighBit => reply.command() | 0x80,
-            };
-            let frame = codec::encode(command, &reply.parameters());
-            self.output.push_back(frame.clone());
-            self.event(due, R150Event::Reply { reply, frame });
-        }
-    }
-
-    fn handle(&mut self, now: SimTime, found: Vec<Decoded>) {
-        for decoded in found {
-            let Decoded::Frame(frame) = decoded else {
-                self.event(now, R150Event::BadStream(decoded));
-                continue;
-            };
-            let bytes = codec::encode(frame.command, &frame.parameters);
-            match Request::parse(frame.command, &frame.parameters) {
-                Ok(request) => self.request(now, request, bytes),
-                Err(refusal) => self.refuse(now, refusal, bytes),
-            }
-        }
-        self.send_due(now);
-    }
-
-    fn refuse(&mut self, now: SimTime, refusal: Refusal, frame: Vec<u8>) {
-        self.event(now, R150Event::Refused { refusal, frame });
-        let (command, choice) = match refusal {
-            Refusal::UnknownCommand(command) => (command, self.settings.on_unknown_command),
-            Refusal::WrongLength {
-                command: command @ (code::POWER_CONTROL | code::SET_PWM_OUTPUTS),
-                ..
-            } => (command, self.settings.on_wrong_length),
-            // The reply to a motor command has no room for a failure.
-            Refusal::WrongLength { command, .. } => (command, RefusalReply::Silent),
-        };
-        if choice == RefusalReply::False {
-            self.reply(
-                now,
-                Reply::Bool {
-                    command,
-                    success: false,
-                },
-            );
-        }
-    }
-
-    fn request(&mut self, now: SimTime, request: Request, frame: Vec<u8>) {
-        if let Some(fault) = ValueFault::of(request) {
-            self.event(
-                now,
-                R150Event::Request {
-                    request,
-                    frame: frame.clone(),
-                },
-            );
-            self.event(now, R150Event::BadValue { fault, frame });
-        } else {
-            self.event(now, R150Event::Request { request, frame });
-        }
-        if self.control.frame(now, &self.settings) {
-            self.event(now, R150Event::ControlTaken);
-        }
-        let command = request.command();
-        let reply = match request {
-            Request::PowerControl { status } => Reply::Bool {
-                command,
-                success: self.set_power(now, status),
-            },
-            Request::SetPwmOutputs { duty } => Reply::Bool {
-                command,
-                success: self.set_pwm(now, duty),
-            },
-            Request::GetPwmOutputs => Reply::PwmOutputs {
-                duty: self.pwm_outputs(),
-            },
-            Request::GetPwmInputs => self.pwm_inputs(),
-            Request::SystemInfo => Reply::SystemInfo(self.system_info()),
-            Request::Heartbeat => Reply::Bool {
-                command,
-                success: true,
-            },
-            Request::Version => Reply::Version {
-                hardware: self
-                    .settings
-                    .hardware_version
-                    .word(self.settings.version_order),
-                software: self
-                    .settings
-                    .software_version
-                    .word(self.settings.version_order),
-            },
-            Request::SetMotors { right, left } => {
-                if self.set_motors(now, right, left) != Answer::Now {
-                    return;
-                }
-                self.motor_reply()
-            }
-        };
-        self.reply(now, reply);
-    }
-
-    fn set_power(&mut self, now: SimTime, status: u32) -> bool {
-        if !self.control.power_by_client {
-            self.event(now, R150Event::AppInControl(code::POWER_CONTROL));
-            return false;
-        }
-        let reserved = status & !u32::from(POWER_BITS) != 0;
-        if reserved && self.settings.reserved_power_bits == ReservedBits::Refuse {
-            return false;
-        }
-        self.control.outputs.power = status.to_le_bytes()[0] & POWER_BITS;
-        self.power_requested(now);
-        self.settings.true_when_tripped || self.power_status() == self.control.outputs.power
-    }
-
-    fn set_pwm(&mut self, now: SimTime, mut duty: [u16; 4]) -> bool {
-        if !self.control.pwm_by_client {
-            self.event(now, R150Event::AppInControl(code::SET_PWM_OUTPUTS));
-            return false;
-        }
-        if duty.iter().any(|duty| *duty > FULL_DUTY) {
-            if self.settings.on_duty_out_of_range == OutOfRange::Refuse {
-                return false;
-            }
-            duty = duty.map(|duty| duty.min(FULL_DUTY));
-        }
-        self.control.outputs = Outputs {
-            pwm: duty,
-            ..self.control.outputs
-        };
-        true
-    }
-
-    fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> Answer {
-        let set_point = [right, left];
-        let beyond = set_point
-            .iter()
-            .any(|pwm| pwm.unsigned_abs() > FULL.unsigned_abs());
-        if beyond && self.settings.on_motors_out_of_range == OutOfRange::Refuse {
-            return Answer::Never;
-        }
-        let (answer, too_soon) = self.motors.command(now, set_point, &self.settings);
-        if let Some(after) = too_soon {
-            self.event(now, R150Event::OverRate { after });
-        }
-        let obstacles = self.vehicle.obstacles(self.battery_empty());
-        if [right, left] != [0, 0] && !obstacles.is_empty() {
-            self.event(now, R150Event::NotDriving(obstacles));
-        }
-        answer
-    }
-
-    fn reply(&mut self, now: SimTime, reply: Reply) {
-        if self.replies.len() >= MOST_REPLIES {
-            self.event(now, R150Event::ReplyDropped);
-        } else {
-            let delay = self.settings.reply_delay + self.slowness();
-            self.replies.push_back((now + delay, reply));
-        }
-    }
-
     /// The requested rails may have changed, which ends the latch of those that are off.
     fn power_requested(&mut self, now: SimTime) {
         let events = &mut self.events;
-        let requested = self.control.outputs.power;
+        let requested = self.control.outputs().power;
         self.protection
             .requested(now, requested, &mut |event| keep(events, now, event));
     }
@@ -504,7 +341,7 @@ impl R150Device {
 
     fn forget(&mut self) {
         self.decoder.clear();
-        self.control.restart();
+        self.control.restart(&self.settings);
         self.protection = Protection::new(self.settings.protection.clone());
         self.motors = Motors::default();
         self.replies.clear();

@@ -123,6 +123,31 @@ mod tests {
         assert_eq!(tree.check(), Ok(()));
     }
 
+    /// The page that sets documented and assumed behaviour side by side names every setting of the
+    /// R150, by itself or with its group, and none that does not exist.
+    #[test]
+    fn the_r150_s_page_names_every_setting_and_no_other() {
+        let page = include_str!("../docs/r150.md");
+        let words: BTreeSet<&str> = page.split('`').skip(1).step_by(2).collect();
+        let mut keys = BTreeSet::new();
+        SimSettings::default().visit("", &mut |entry| {
+            keys.insert(entry.key);
+        });
+        for key in keys.iter().filter(|key| key.starts_with("r150.")) {
+            let (group, last) = key.rsplit_once('.').unwrap();
+            let ways = [key.clone(), format!(".{last}"), format!("{group}.*")];
+            let named = ways.iter().any(|way| words.contains(way.as_str()));
+            assert!(named, "docs/r150.md does not name `{key}`");
+        }
+        for word in words.iter().filter(|word| word.starts_with("r150.")) {
+            let known = match word.strip_suffix('*') {
+                Some(group) => keys.iter().any(|key| key.starts_with(group)),
+                None => keys.contains(*word),
+            };
+            assert!(known, "docs/r150.md names `{word}`, which is no setting");
+        }
+    }
+
     #[test]
     fn thresholds_in_the_wrong_order_are_refused_by_name() {
         let mut tree = SimSettings::default();

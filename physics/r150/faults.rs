@@ -234,6 +234,7 @@ impl R150Plant {
         if let Some(wired) = self.pwm_sources.get_mut(input) {
             *wired = source;
         }
+        self.capture_pwm();
     }
 
     /// Charges or drains the battery to 0–1.

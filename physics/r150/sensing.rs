@@ -19,10 +19,10 @@ impl R150Plant {
             bus_voltage: self.flow.bus,
             rail_voltage: self.flow.rail_voltage,
             rail_current: self.flow.rail_current,
+            converter_12v: self.settings.rails.voltage_12v,
+            supply_current: self.flow.tail_current,
             temperature: self.temperature(),
-            pwm_in: self
-                .pwm_sources
-                .map(|source| pwm::read(source, &self.commands.pwm_out_duty, &self.settings.pwm)),
+            pwm_in: self.pwm_in,
             power_module_fault: self.power_module_fault || self.faults.power_module,
         }
     }
@@ -46,6 +46,14 @@ impl R150Plant {
             charge_drawn: self.slow.battery.drawn(),
             mass: self.drive.mass,
             at_rest: self.resting,
+        }
+    }
+
+    /// Lets the inputs measure what has changed at them.
+    pub(super) fn capture_pwm(&mut self) {
+        let own_duty = &self.commands.pwm_out_duty;
+        for (reading, source) in self.pwm_in.iter_mut().zip(self.pwm_sources) {
+            *reading = pwm::read(source, own_duty, *reading, &self.settings.pwm);
         }
     }
 
@@ -90,6 +98,8 @@ impl R150Measurements {
             bus_voltage: 0.0,
             rail_voltage: [0.0; RAILS],
             rail_current: [0.0; RAILS],
+            converter_12v: 0.0,
+            supply_current: 0.0,
             temperature: [0.0; 2],
             pwm_in: [PwmReading::default(); 4],
             power_module_fault: false,

@@ -55,6 +55,16 @@ sim_settings::settings! {
     }
 }
 
+sim_settings::choices! {
+    /// What a motor does at PWM 0.
+    pub enum AtZeroPwm {
+        /// Its bridge shorts it: the vehicle brakes.
+        Brake = "brake",
+        /// Its bridge is open: the vehicle rolls on.
+        Coast = "coast",
+    }
+}
+
 sim_settings::settings! {
     /// Motors, gears and brakes.
     pub struct MotorSettings {
@@ -74,6 +84,9 @@ sim_settings::settings! {
         gear_friction: f64 = 0.15, unit "N*m", range 0.0..=100.0, assumed "2 % of the rated torque";
         /// Share of the motor's torque that is lost in the gear.
         gear_loss: f64 = 0.1, range 0.0..=0.9, assumed "two or three planetary stages";
+        /// What a motor does at PWM 0.
+        at_zero_pwm: AtZeroPwm = AtZeroPwm::Brake,
+            assumed "a bridge at duty 0 that keeps both its lower switches closed";
         /// Torque that the parking brake holds at the wheels of one side.
         brake_torque: f64 = 200.0, unit "N*m", range 0.0..=10000.0,
             assumed "holds the loaded vehicle on its steepest slope with a margin of two";
@@ -136,6 +149,20 @@ sim_settings::settings! {
     }
 }
 
+sim_settings::choices! {
+    /// By which law a fuse blows.
+    pub enum FuseLaw {
+        /// It warms with the square of the current and cools again, with one time constant, and
+        /// melts at the temperature of its holding current.
+        Warming = "warming",
+        /// It blows when the square of the current, summed over the time for which the current is
+        /// above its holding current, reaches that of the holding current times the time constant.
+        I2t = "i2t",
+        /// It carries anything.
+        Never = "never",
+    }
+}
+
 sim_settings::settings! {
     /// Fuses of the junction box.
     pub struct FuseSettings {
@@ -145,6 +172,8 @@ sim_settings::settings! {
         tail: f64 = 60.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
         /// Fuse of the small modules.
         small_modules: f64 = 5.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
+        /// By which law they blow.
+        law: FuseLaw = FuseLaw::Warming, assumed "the manual gives their ratings only";
         /// Multiple of the rating that a fuse carries for ever.
         holding_factor: f64 = 1.2, range 1.0..=5.0, assumed "automotive blade and strip fuses";
         /// Time constant of a fuse's warming; at high current it blows after this times
@@ -158,8 +187,10 @@ sim_settings::settings! {
 sim_settings::settings! {
     /// Warming of the 12 V converters.
     pub struct ThermalSettings {
-        /// Temperature around the vehicle, from which the converters start.
+        /// Temperature around the vehicle.
         ambient: f64 = 25.0, unit "degC", range -60.0..=100.0, assumed "a mild day";
+        /// How much warmer than that they are at the start.
+        initial_rise: f64 = 0.0, unit "K", range 0.0..=500.0, assumed "switched on after a long pause";
         /// Rise of a converter pair at full load.
         full_load_rise: f64 = 45.0, unit "K", range 0.0..=500.0,
             assumed "settles near 70 degC from 25 degC, under the 85 degC limit";
@@ -172,6 +203,36 @@ sim_settings::settings! {
     }
 }
 
+sim_settings::choices! {
+    /// What an input reads whose signal it cannot measure.
+    pub enum Unmeasured {
+        /// 0 Hz and 0.
+        Zero = "zero",
+        /// What it measured last.
+        Last = "last",
+    }
+}
+
+sim_settings::choices! {
+    /// What an input reads while its level never changes.
+    pub enum SteadyLevel {
+        /// The same as of any signal that it cannot measure.
+        Unmeasured = "unmeasured",
+        /// 0 Hz, and a duty of 0 or 100 % as the level is.
+        Level = "level",
+    }
+}
+
+sim_settings::choices! {
+    /// What the duty of an open-drain output is the share of.
+    pub enum OutputDuty {
+        /// The time in which it lets go of the line, which is then high.
+        Released = "released",
+        /// The time in which it sinks current, so that the line is low.
+        Sinking = "sinking",
+    }
+}
+
 sim_settings::settings! {
     /// PWM inputs and outputs.
     pub struct PwmSettings {
@@ -181,6 +242,15 @@ sim_settings::settings! {
         input_frequency_min: f64 = 10.0, unit "Hz", range 0.001..=1000000.0, documented "manual section 4.3.4";
         /// Highest frequency that an input measures.
         input_frequency_max: f64 = 20000.0, unit "Hz", range 1.0..=1000000.0, documented "manual section 4.3.4";
+        /// What an input reads whose signal it cannot measure: none, too low, too slow or too fast.
+        unmeasured: Unmeasured = Unmeasured::Zero,
+            assumed "the manual gives the range that inputs measure, not what they read outside of it";
+        /// What an input reads while its level never changes.
+        steady_level: SteadyLevel = SteadyLevel::Unmeasured,
+            assumed "a capture unit counts edges, and there are none";
+        /// What the duty of an output is the share of.
+        output_duty: OutputDuty = OutputDuty::Released,
+            assumed "an input wired to an output then reads the duty that was set";
         /// Frequency of the outputs.
         output_frequency: f64 = 1000.0, unit "Hz", range 0.001..=1000000.0,
             assumed "the manual gives only the limit of 20 kHz";

@@ -179,6 +179,10 @@ pub struct R150Measurements {
     pub rail_voltage: [f64; RAILS],
     /// Current out of each output, A, by [`Rail::index`].
     pub rail_current: [f64; RAILS],
+    /// Voltage of the 12 V converters without load, V, whether or not an output is on.
+    pub converter_12v: f64,
+    /// Current that the module and its outputs draw from their supply, A.
+    pub supply_current: f64,
     /// Temperature of the 12 V converters A+B and C+D, °C.
     pub temperature: [f64; 2],
     /// The PWM inputs.

@@ -28,7 +28,7 @@ impl SlowStates {
         Self {
             battery: Battery::new(&settings.battery),
             fuses: Fuse::all(&settings.fuses),
-            temperature: [thermal.ambient; 2],
+            temperature: [thermal.ambient + thermal.initial_rise; 2],
             ambient: thermal.ambient,
             rise_per_watt: thermal.full_load_rise / thermal.full_load,
             thermal: Decay::new(thermal.time_constant),
@@ -42,7 +42,7 @@ impl SlowStates {
         self.fuses
             .iter()
             .zip(currents)
-            .filter_map(|(fuse, current)| fuse.time_to_blow(current, self.melting.time_constant))
+            .filter_map(|(fuse, current)| fuse.time_to_blow(current))
             .reduce(f64::min)
     }
 
@@ -64,22 +64,18 @@ impl SlowStates {
         let kept = self.melting.kept(seconds);
         let mut blew = false;
         for (fuse, current) in self.fuses.iter_mut().zip(fuse_currents(flow)) {
-            blew |= fuse.carry(current, kept);
+            blew |= fuse.carry(current, seconds, kept);
         }
         blew
     }
 
     /// Blows whichever fuse is due next, so that rounding can never leave it a hair short for ever.
     pub(super) fn blow_next(&mut self, flow: &Flow) {
-        let time_constant = self.melting.time_constant;
         let due = self
             .fuses
             .iter_mut()
             .zip(fuse_currents(flow))
-            .filter_map(|(fuse, current)| {
-                fuse.time_to_blow(current, time_constant)
-                    .map(|time| (time, fuse))
-            })
+            .filter_map(|(fuse, current)| fuse.time_to_blow(current).map(|time| (time, fuse)))
             .min_by(|(first, _), (second, _)| first.total_cmp(second));
         if let Some((_, fuse)) = due {
             fuse.blow();

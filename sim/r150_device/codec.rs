@@ -73,6 +73,8 @@ pub enum Decoded {
     BadCrc {
         /// The whole frame as received.
         bytes: Vec<u8>,
+        /// Its command byte.
+        command: u8,
         /// The CRC that its command and parameters have.
         expected: u16,
     },
@@ -86,8 +88,9 @@ pub enum Decoded {
 ///
 /// After a frame with a wrong CRC, and after a partial frame older than the inter-byte timeout, it
 /// resumes at that frame's second byte ([`Resync::SecondByte`]), so a valid frame inside what
-/// looked like parameters is never lost. A frame with the right CRC is never looked into. Bytes that one such report has covered are not reported again, so the reports of a
-/// stream are no longer than the stream.
+/// looked like parameters is never lost. A frame with the right CRC is never looked into. Bytes
+/// that one such report has covered are not reported again, so the reports of a stream are no longer
+/// than the stream.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     inter_byte_timeout: Duration,
@@ -180,9 +183,13 @@ impl Decoder {
                 found(Decoded::Frame(frame));
             } else {
                 if self.reported == 0 {
-                    let bytes = self.buffer[..total].to_vec();
+                    let bad = Decoded::BadCrc {
+                        bytes: self.buffer[..total].to_vec(),
+                        command: *command,
+                        expected,
+                    };
                     self.flush_noise(found);
-                    found(Decoded::BadCrc { bytes, expected });
+                    found(bad);
                     self.reported = total;
                 }
                 self.skip_bad(total, found);

@@ -2,7 +2,10 @@
 
 use sim_settings::SimTime;
 
-use super::settings::{OnHeartbeatLoss, OnTakeover, R150FirmwareSettings};
+use super::command::Request;
+use super::settings::{
+    ControlMode, ControlTakenBy, OnHeartbeatLoss, OnTakeover, R150FirmwareSettings,
+};
 
 /// Set-points of the outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -15,6 +18,57 @@ pub struct Outputs {
 
 /// Bits of the rails that exist.
 pub const POWER_BITS: u8 = 0b11_1111;
+/// Largest duty of a PWM output.
+pub const FULL_DUTY: u16 = 1000;
+
+impl Outputs {
+    /// What the app has set when the simulation begins.
+    fn of_app(settings: &R150FirmwareSettings) -> Self {
+        Self {
+            power: settings.app_power.to_le_bytes()[0],
+            pwm: settings
+                .app_pwm
+                .map(|duty| u16::try_from(duty).unwrap_or(FULL_DUTY)),
+        }
+        .within_limits()
+    }
+
+    fn within_limits(self) -> Self {
+        Self {
+            power: self.power & POWER_BITS,
+            pwm: self.pwm.map(|duty| duty.min(FULL_DUTY)),
+        }
+    }
+}
+
+/// Power, PWM, both or neither.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Parts {
+    /// The power rails.
+    pub power: bool,
+    /// The PWM outputs.
+    pub pwm: bool,
+}
+
+impl Parts {
+    const BOTH: Self = Self {
+        power: true,
+        pwm: true,
+    };
+
+    /// Whether it is at least one of them.
+    #[must_use]
+    pub fn any(self) -> bool {
+        self.power || self.pwm
+    }
+
+    fn without(self, other: Self) -> Self {
+        Self {
+            power: self.power && !other.power,
+            pwm: self.pwm && !other.pwm,
+        }
+    }
+}
 
 /// Who controls what, and the set-points in effect.
 ///
@@ -22,139 +76,171 @@ pub const POWER_BITS: u8 = 0b11_1111;
 /// one that comes back after a lost heartbeat finds what the app has set, not what it set itself.
 #[derive(Debug, Clone)]
 pub struct Control {
-    /// Power follows the client.
-    pub power_by_client: bool,
-    /// PWM follows the client.
-    pub pwm_by_client: bool,
-    /// The app keeps power whatever the client sends.
-    pub app_holds_power: bool,
-    /// The app keeps PWM whatever the client sends.
-    pub app_holds_pwm: bool,
+    by_client: Parts,
+    /// What the app keeps whatever the client sends.
+    held_by_app: Parts,
     /// What the app has set.
-    pub app: Outputs,
+    app: Outputs,
     /// What is in effect.
-    pub outputs: Outputs,
+    outputs: Outputs,
     /// What was in effect when the client lost control.
     lost: Outputs,
     heartbeat_due: Option<SimTime>,
 }
 
 impl Control {
-    /// At power-on the app is in control and everything is off.
+    /// The state at power-on.
     #[must_use]
-    pub fn new() -> Self {
-        Self {
-            power_by_client: false,
-            pwm_by_client: false,
-            app_holds_power: false,
-            app_holds_pwm: false,
-            app: Outputs::default(),
-            outputs: Outputs::default(),
-            lost: Outputs::default(),
-            heartbeat_due: None,
-        }
+    pub(super) fn new(settings: &R150FirmwareSettings) -> Self {
+        Self::powered_on(settings, Outputs::of_app(settings))
     }
 
     /// Back to the state at power-on. What the app wants is the app's to remember, not the module's.
-    pub fn restart(&mut self) {
-        *self = Self {
-            app: self.app,
-            ..Self::new()
+    pub(super) fn restart(&mut self, settings: &R150FirmwareSettings) {
+        *self = Self::powered_on(settings, self.app);
+    }
+
+    fn powered_on(settings: &R150FirmwareSettings, app: Outputs) -> Self {
+        let mut control = Self {
+            by_client: match settings.control_at_power_on {
+                ControlMode::App => Parts::default(),
+                ControlMode::Rs232 => Parts::BOTH,
+            },
+            held_by_app: Parts::default(),
+            app,
+            outputs: Outputs::default(),
+            lost: Outputs::default(),
+            heartbeat_due: None,
         };
-        self.follow_app();
+        control.follow_app();
+        control
     }
 
-    /// A valid frame came. Says whether the client took anything by it.
-    pub fn frame(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
-        self.heartbeat_due = Some(now + settings.heartbeat_timeout);
-        let restore = settings.on_takeover == OnTakeover::Restore;
-        let takes_power = !self.power_by_client && !self.app_holds_power;
-        let takes_pwm = !self.pwm_by_client && !self.app_holds_pwm;
-        if takes_power {
-            self.power_by_client = true;
-            self.outputs.power = if restore {
-                self.lost.power
-            } else {
-                self.outputs.power
-            };
-        }
-        if takes_pwm {
-            self.pwm_by_client = true;
-            self.outputs.pwm = if restore {
-                self.lost.pwm
-            } else {
-                self.outputs.pwm
-            };
-        }
-        takes_power || takes_pwm
-    }
-
-    /// When the heartbeat is lost unless a valid frame comes.
+    /// What follows the client.
     #[must_use]
-    pub fn deadline(&self) -> Option<SimTime> {
+    pub fn by_client(&self) -> Parts {
+        self.by_client
+    }
+
+    /// What the app keeps whatever the client sends.
+    #[must_use]
+    pub fn held_by_app(&self) -> Parts {
+        self.held_by_app
+    }
+
+    /// The set-points in effect.
+    #[must_use]
+    pub fn outputs(&self) -> Outputs {
+        self.outputs
+    }
+
+    /// The client, which controls power, sets the rails.
+    pub(super) fn set_power(&mut self, power: u8) {
+        self.outputs.power = power & POWER_BITS;
+    }
+
+    /// The client, which controls PWM, sets the duties.
+    pub(super) fn set_pwm(&mut self, pwm: [u16; 4]) {
+        self.outputs.pwm = pwm;
+    }
+
+    /// A request came, which is a heartbeat. Says what the client took by it.
+    pub(super) fn request(
+        &mut self,
+        now: SimTime,
+        request: Request,
+        settings: &R150FirmwareSettings,
+    ) -> Parts {
+        self.heartbeat(now, settings);
+        let wanted = match settings.control_taken_by {
+            ControlTakenBy::AnyRequest => Parts::BOTH,
+            ControlTakenBy::OwnCommand => Parts {
+                power: matches!(request, Request::PowerControl { .. }),
+                pwm: matches!(request, Request::SetPwmOutputs { .. }),
+            },
+        };
+        let taken = wanted.without(self.by_client).without(self.held_by_app);
+        let restore = settings.on_takeover == OnTakeover::Restore;
+        if taken.power {
+            self.by_client.power = true;
+            if restore {
+                self.outputs.power = self.lost.power;
+            }
+        }
+        if taken.pwm {
+            self.by_client.pwm = true;
+            if restore {
+                self.outputs.pwm = self.lost.pwm;
+            }
+        }
+        taken
+    }
+
+    /// A heartbeat came that is no request.
+    pub(super) fn heartbeat(&mut self, now: SimTime, settings: &R150FirmwareSettings) {
+        self.heartbeat_due = Some(now + settings.heartbeat_timeout);
+    }
+
+    /// When the heartbeat is lost unless another comes.
+    #[must_use]
+    pub(super) fn deadline(&self) -> Option<SimTime> {
         self.heartbeat_due
     }
 
-    /// Gives control back if the heartbeat is due at `now`; says whether it did.
-    pub fn expire(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
+    /// Gives control back if the heartbeat is due at `now`; says whether there was any to give.
+    pub(super) fn expire(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
         if self.heartbeat_due.is_none_or(|due| due > now) {
             return false;
         }
         self.heartbeat_due = None;
-        let had = (self.power_by_client, self.pwm_by_client);
         self.note_lost();
-        self.power_by_client = false;
-        self.pwm_by_client = false;
+        let had = std::mem::take(&mut self.by_client);
         match settings.on_heartbeat_loss {
             OnHeartbeatLoss::Hold => {}
             OnHeartbeatLoss::App => self.follow_app(),
-            OnHeartbeatLoss::Off => self.outputs = Outputs::default(),
+            OnHeartbeatLoss::Off => {
+                if had.power {
+                    self.outputs.power = 0;
+                }
+                if had.pwm {
+                    self.outputs.pwm = [0; 4];
+                }
+            }
         }
-        had != (false, false)
+        had.any()
     }
 
     /// The app takes (`true`) or leaves (`false`) control of power and of PWM.
-    pub fn app_holds(&mut self, power: bool, pwm: bool) {
+    pub(super) fn app_holds(&mut self, held: Parts) {
         self.note_lost();
-        self.app_holds_power = power;
-        self.app_holds_pwm = pwm;
-        self.power_by_client &= !power;
-        self.pwm_by_client &= !pwm;
-        if power || pwm {
+        self.held_by_app = held;
+        self.by_client = self.by_client.without(held);
+        if held.any() {
             self.follow_app();
         }
     }
 
     /// The app sets what it wants; in effect where it has control.
-    pub fn app_sets(&mut self, outputs: Outputs) {
-        self.app = Outputs {
-            power: outputs.power & POWER_BITS,
-            pwm: outputs.pwm.map(|d| d.min(1000)),
-        };
+    pub(super) fn app_sets(&mut self, outputs: Outputs) {
+        self.app = outputs.within_limits();
         self.follow_app();
     }
 
     fn note_lost(&mut self) {
-        if self.power_by_client {
+        if self.by_client.power {
             self.lost.power = self.outputs.power;
         }
-        if self.pwm_by_client {
+        if self.by_client.pwm {
             self.lost.pwm = self.outputs.pwm;
         }
     }
 
     fn follow_app(&mut self) {
-        if !self.power_by_client {
+        if !self.by_client.power {
             self.outputs.power = self.app.power;
         }
-        if !self.pwm_by_client {
+        if !self.by_client.pwm {
             self.outputs.pwm = self.app.pwm;
         }
-    }
-}
-
-impl Default for Control {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -1,17 +1,17 @@
 //! What happens in the R150 that a developer wants to know.
 
-use std::fmt;
+mod words;
+
 use std::time::Duration;
 
-use sim_settings::show_duration;
-
 use super::codec::Decoded;
-use super::command::{Refusal, Request, name};
-use super::control::POWER_BITS;
+use super::command::{Refusal, Request};
+use super::control::{POWER_BITS, Parts};
 use super::protection::{Cause, Group};
 use super::reply::Reply;
+use super::settings::ProtectionAction;
 use super::vehicle::{Action, Obstacle};
-use crate::event::{Hex, Level};
+use crate::event::Level;
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,20 +64,23 @@ pub enum R150Event {
         /// Whether that set-point was moving the vehicle.
         driving: bool,
     },
-    /// The client took control of power and PWM.
-    ControlTaken,
+    /// The client took control.
+    ControlTaken(Parts),
     /// The heartbeat stopped; control went back to the app.
     HeartbeatLost,
-    /// A protection switched a group of outputs off.
-    Tripped(Group, Cause),
-    /// A tripped group may be switched on again.
-    TripCleared(Group),
+    /// A protection switched a group of outputs off, or reports it only.
+    Tripped(Group, Cause, ProtectionAction),
+    /// A group that was switched off may be switched on again, or an overload that was reported
+    /// only has ended.
+    TripCleared(Group, ProtectionAction),
     /// An over-temperature report ended.
     Cooled(Group),
     /// The supply is too low, or the module is faulty.
     PowerModuleFault {
         /// Supply voltage in V.
         supply_v: f64,
+        /// Whether it switched all outputs off.
+        action: ProtectionAction,
     },
     /// That report ended.
     PowerModuleRecovered,
@@ -139,8 +142,8 @@ impl R150Event {
     pub fn level(&self) -> Level {
         match self {
             Self::Request { .. } | Self::Reply { .. } => Level::Traffic,
-            Self::ControlTaken
-            | Self::TripCleared(_)
+            Self::ControlTaken(_)
+            | Self::TripCleared(..)
             | Self::Cooled(_)
             | Self::PowerModuleRecovered
             | Self::Started
@@ -175,11 +178,11 @@ impl R150Event {
             Self::AppInControl(_) => "app_in_control",
             Self::NotDriving(_) => "not_driving",
             Self::WatchdogFired { .. } => "watchdog_fired",
-            Self::ControlTaken => "control_taken",
+            Self::ControlTaken(_) => "control_taken",
             Self::HeartbeatLost => "heartbeat_lost",
-            Self::Tripped(_, Cause::Overcurrent) => "overcurrent",
-            Self::Tripped(_, Cause::OverTemperature) => "over_temperature",
-            Self::TripCleared(_) => "trip_cleared",
+            Self::Tripped(_, Cause::Overcurrent, _) => "overcurrent",
+            Self::Tripped(_, Cause::OverTemperature, _) => "over_temperature",
+            Self::TripCleared(..) => "trip_cleared",
             Self::Cooled(_) => "cooled",
             Self::PowerModuleFault { .. } => "power_module_fault",
             Self::PowerModuleRecovered => "power_module_recovered",
@@ -217,194 +220,6 @@ impl R150Event {
                 Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes),
             ) => Some(bytes),
             _ => None,
-        }
-    }
-}
-
-impl fmt::Display for R150Event {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Request { request, .. } => write!(f, "{request}"),
-            Self::Reply { reply, .. } => write!(f, "{reply}"),
-            Self::BadStream(Decoded::BadCrc { bytes, expected }) => {
-                let [low, high] = expected.to_le_bytes();
-                write!(
-                    f,
-                    "CRC error: the frame {} should end in {low:02X} {high:02X}; no reply",
-                    Hex(bytes)
-                )
-            }
-            Self::BadStream(Decoded::Partial(bytes)) => {
-                write!(f, "incomplete frame dropped after a pause: {}", Hex(bytes))
-            }
-            Self::BadStream(Decoded::Noise(bytes)) => {
-                write!(f, "bytes outside any frame: {}", Hex(bytes))
-            }
-            Self::BadStream(Decoded::Frame(_)) => write!(f, "a frame"),
-            Self::Refused {
-                refusal: Refusal::UnknownCommand(command),
-                ..
-            } => {
-                write!(f, "unknown command 0x{command:02X}; nothing changed")
-            }
-            Self::Refused {
-                refusal:
-                    Refusal::WrongLength {
-                        command,
-                        wanted,
-                        found,
-                    },
-                ..
-            } => {
-                let name = name(*command).unwrap_or("?");
-                write!(
-                    f,
-                    "0x{command:02X} {name} takes {wanted} parameter bytes, {found} came; nothing changed"
-                )
-            }
-            Self::BadValue { fault, .. } => write!(f, "{fault}"),
-            Self::OverRate { after } => write!(
-                f,
-                "motor command {:.3} ms after the last answered one; replies come no faster than \
-                 the reply interval",
-                after.as_secs_f64() * 1000.0
-            ),
-            Self::AppInControl(command) => {
-                let name = name(*command).unwrap_or("?");
-                write!(f, "0x{command:02X} {name} refused: the app holds control")
-            }
-            Self::NotDriving(obstacles) => {
-                let words: Vec<&str> = obstacles.iter().map(|o| o.in_words()).collect();
-                write!(
-                    f,
-                    "motor command does not move the vehicle: {}",
-                    words.join(", ")
-                )
-            }
-            Self::WatchdogFired { right, left, .. } => write!(
-                f,
-                "motor watchdog fired: no motor command in time, motors stopped (were right {right} left {left})"
-            ),
-            Self::ControlTaken => {
-                write!(f, "the client took control of power and PWM (RS232 mode)")
-            }
-            Self::HeartbeatLost => {
-                write!(
-                    f,
-                    "heartbeat lost: no valid frame in time, control went back to the app"
-                )
-            }
-            Self::Tripped(group, cause) => {
-                write!(f, "{group}: {cause}; its outputs are off")
-            }
-            Self::TripCleared(group) => write!(f, "{group} may be switched on again"),
-            Self::Cooled(group) => write!(f, "{group} has cooled down"),
-            Self::PowerModuleFault { supply_v } => {
-                write!(
-                    f,
-                    "power module fault at {supply_v:.1} V supply; all outputs are off"
-                )
-            }
-            Self::PowerModuleRecovered => write!(f, "power module fault ended"),
-            Self::PowerLost => write!(f, "the module lost its supply and is silent"),
-            Self::Reset { boot } => write!(
-                f,
-                "the module's firmware restarts; it is silent for {}",
-                show_duration(*boot)
-            ),
-            Self::Started => write!(f, "the module has started"),
-            Self::Operated(action) => write!(f, "operator: {action}"),
-            Self::ReplyDropped => write!(f, "a reply was dropped: too many wait to be sent"),
-        }
-    }
-}
-
-impl fmt::Display for ValueFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::DutyOutOfRange(duty) => {
-                write!(f, "PWM duty {duty:?} out of range: 0 to 1000 is allowed")
-            }
-            Self::MotorsOutOfRange { right, left } => write!(
-                f,
-                "motor PWM right {right} left {left} out of range: -1000 to 1000 is allowed"
-            ),
-            Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} are set"),
-        }
-    }
-}
-
-impl fmt::Display for Request {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "0x{:02X} {}",
-            self.command(),
-            name(self.command()).unwrap_or("?")
-        )?;
-        match self {
-            Self::PowerControl { status } => write!(f, " {}", Rails(*status)),
-            Self::SetPwmOutputs { duty } => write!(f, " {duty:?}"),
-            Self::SetMotors { right, left } => write!(f, " right {right} left {left}"),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl fmt::Display for Reply {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "0x{:02X} {}",
-            self.command(),
-            name(self.command()).unwrap_or("?")
-        )?;
-        match self {
-            Self::Bool { success, .. } => write!(f, " {success}"),
-            Self::PwmOutputs { duty } => write!(f, " {duty:?}"),
-            Self::PwmInputs { frequency_hz, duty } => write!(f, " {frequency_hz:?} Hz {duty:?}"),
-            Self::Version { hardware, software } => {
-                write!(f, " hardware 0x{hardware:08X} software 0x{software:08X}")
-            }
-            Self::Motors {
-                right_rpm,
-                left_rpm,
-                soc,
-            } => write!(
-                f,
-                " right {right_rpm} rpm left {left_rpm} rpm soc {}.{} %",
-                soc / 10,
-                soc % 10
-            ),
-            Self::SystemInfo(info) => write!(
-                f,
-                " supply {} mV, on: {}, status 0x{:02X}, {} / {} mA, mode {}/{}",
-                info.voltage_48v,
-                Rails(u32::from(info.power_status)),
-                info.sys_status,
-                info.current_12v.map(|ma| ma.to_string()).join("+"),
-                info.current_48v,
-                info.power_ctrl_mode,
-                info.pwm_ctrl_mode,
-            ),
-        }
-    }
-}
-
-/// Names of the rails whose bits are set.
-struct Rails(u32);
-
-impl fmt::Display for Rails {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; 6] = ["12V-A", "12V-B", "12V-C", "12V-D", "48V", "5V"];
-        let on: Vec<&str> = (0..NAMES.len())
-            .filter(|bit| self.0 >> bit & 1 == 1)
-            .map(|bit| NAMES[bit])
-            .collect();
-        if on.is_empty() {
-            write!(f, "none")
-        } else {
-            write!(f, "{}", on.join(" "))
         }
     }
 }

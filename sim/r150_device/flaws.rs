@@ -111,6 +111,8 @@ fn differ(one: &R150Measurements, other: &R150Measurements) -> bool {
         || apart(&[one.bus_voltage], &[other.bus_voltage], 0.1)
         || apart(&one.rail_voltage, &other.rail_voltage, 0.1)
         || apart(&one.rail_current, &other.rail_current, 0.1)
+        || apart(&[one.converter_12v], &[other.converter_12v], 0.1)
+        || apart(&[one.supply_current], &[other.supply_current], 0.1)
         || apart(&one.temperature, &other.temperature, 0.5)
         || one.pwm_in != other.pwm_in
         || one.power_module_fault != other.power_module_fault

@@ -1,5 +1,7 @@
 //! The motor command 0x12: set-point, watchdog and reply rate (manual section 4.3.8).
 
+use std::time::Duration;
+
 use sim_settings::SimTime;
 
 use super::settings::{OverRate, R150FirmwareSettings};
@@ -36,25 +38,35 @@ impl Motors {
         self.set_point
     }
 
-    /// Takes a command; values beyond ±1000 are clamped. Says how it is answered, and how long
-    /// ago the last answer was if this one comes too soon.
+    /// Takes a command that is answered if `answered`; values beyond ±1000 are clamped. Says how it
+    /// is answered, and how long ago the last answer was if this one comes too soon.
     pub fn command(
         &mut self,
         now: SimTime,
         set_point: [i16; 2],
+        answered: bool,
         settings: &R150FirmwareSettings,
-    ) -> (Answer, Option<std::time::Duration>) {
+    ) -> (Answer, Option<Duration>) {
+        let too_soon = self
+            .last_answer
+            .map(|last| now.since(last))
+            .filter(|since| *since < settings.motor_reply_interval);
+        if too_soon.is_some() && settings.over_rate == OverRate::Ignore {
+            return (Answer::Never, too_soon);
+        }
         self.set_point = set_point.map(|pwm| pwm.clamp(-FULL, FULL));
         self.watchdog_due = Some(now + settings.motor_watchdog);
         self.missed = false;
-        let since = self.last_answer.map(|last| now.since(last));
-        let Some(too_soon) = since.filter(|since| *since < settings.motor_reply_interval) else {
+        if !answered {
+            return (Answer::Never, too_soon);
+        }
+        if too_soon.is_none() {
             self.last_answer = Some(now);
             self.answer_due = None;
             return (Answer::Now, None);
-        };
+        }
         let answer = match settings.over_rate {
-            OverRate::Silent => Answer::Never,
+            OverRate::Silent | OverRate::Ignore => Answer::Never,
             OverRate::Answer => {
                 self.last_answer = Some(now);
                 Answer::Now
@@ -66,7 +78,7 @@ impl Motors {
                 Answer::Later
             }
         };
-        (answer, Some(too_soon))
+        (answer, too_soon)
     }
 
     /// When the watchdog fires unless a command comes.

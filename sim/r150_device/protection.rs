@@ -1,98 +1,17 @@
 //! The module's protections: overcurrent, over-temperature, and too low a supply.
 //!
-//! They see measured currents, temperatures and voltages only, and act by withholding outputs.
+//! They see measured currents, temperatures and voltages only, and act by withholding outputs. Where
+//! the settings say so they report only, for as long as what they report lasts.
 
-use std::fmt;
+mod group;
 
 use sim_physics::r150::R150Measurements;
 use sim_settings::SimTime;
 
 use super::event::R150Event;
 use super::reply::sys_status;
-use super::settings::{OvercurrentRecovery, ProtectionSettings};
-
-/// Outputs that are protected together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Group {
-    /// 12 V outputs A and B.
-    Ab,
-    /// 12 V outputs C and D.
-    Cd,
-    /// The 48 V output.
-    V48,
-    /// The 5 V outputs.
-    V5,
-}
-
-impl Group {
-    const ALL: [Self; 4] = [Self::Ab, Self::Cd, Self::V48, Self::V5];
-
-    /// Its bits in `powerStatus`.
-    #[must_use]
-    pub fn mask(self) -> u8 {
-        match self {
-            Self::Ab => 0b00_0011,
-            Self::Cd => 0b00_1100,
-            Self::V48 => 0b01_0000,
-            Self::V5 => 0b10_0000,
-        }
-    }
-
-    fn overcurrent_bit(self) -> u32 {
-        match self {
-            Self::Ab => sys_status::OVERCURRENT_AB,
-            Self::Cd => sys_status::OVERCURRENT_CD,
-            Self::V48 => sys_status::OVERCURRENT_48V,
-            Self::V5 => sys_status::OVERCURRENT_5V,
-        }
-    }
-
-    fn over_temperature_bit(self) -> u32 {
-        match self {
-            Self::Ab => sys_status::OVER_TEMPERATURE_AB,
-            Self::Cd => sys_status::OVER_TEMPERATURE_CD,
-            Self::V48 | Self::V5 => 0,
-        }
-    }
-
-    /// Its temperature sensor, if it has one.
-    fn temperature_c(self, measured: &R150Measurements) -> Option<f64> {
-        match self {
-            Self::Ab => Some(measured.temperature[0]),
-            Self::Cd => Some(measured.temperature[1]),
-            Self::V48 | Self::V5 => None,
-        }
-    }
-}
-
-impl fmt::Display for Group {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ab => "12 V A+B",
-            Self::Cd => "12 V C+D",
-            Self::V48 => "48 V",
-            Self::V5 => "5 V",
-        })
-    }
-}
-
-/// Why a group was switched off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cause {
-    /// Too much current or power for too long.
-    Overcurrent,
-    /// Too hot.
-    OverTemperature,
-}
-
-impl fmt::Display for Cause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Overcurrent => "overcurrent",
-            Self::OverTemperature => "over-temperature",
-        })
-    }
-}
+use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
+pub use group::{Cause, Group};
 
 /// A protection that has switched its group off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,7 +28,19 @@ struct GroupState {
     /// Since when the load has been above the short-circuit multiple.
     short: Option<SimTime>,
     latch: Option<Latch>,
+    /// Overloaded for too long, and only reported.
+    reported: bool,
     hot: bool,
+}
+
+impl GroupState {
+    /// Switches it off for another reason than its current, unless it is off already.
+    fn withhold(&mut self, now: SimTime) {
+        self.latch.get_or_insert(Latch {
+            overcurrent: false,
+            since: now,
+        });
+    }
 }
 
 /// State of all protections.
@@ -137,11 +68,8 @@ impl Protection {
     /// The outputs that may be on now, as bits of `powerStatus`.
     #[must_use]
     pub fn allowed(&self) -> u8 {
-        if self.fault {
-            return 0;
-        }
         self.iter()
-            .filter(|(_, state)| state.latch.is_none() && !state.hot)
+            .filter(|(_, state)| state.latch.is_none() && !self.withholds(state.hot))
             .fold(0, |mask, (group, _)| mask | group.mask())
     }
 
@@ -154,7 +82,7 @@ impl Protection {
             0
         };
         self.iter().fold(fault, |mut bits, (group, state)| {
-            if state.latch.is_some_and(|latch| latch.overcurrent) {
+            if state.reported || state.latch.is_some_and(|latch| latch.overcurrent) {
                 bits |= group.overcurrent_bit();
             }
             if state.hot {
@@ -168,16 +96,15 @@ impl Protection {
     /// the latch of every group of which it asks for nothing; what it asks of a group that is
     /// withheld stays off until it is asked for anew.
     pub fn requested(&mut self, now: SimTime, requested: u8, event: &mut impl FnMut(R150Event)) {
-        for (group, state) in Group::ALL.iter().zip(&mut self.groups) {
+        for group in Group::ALL {
+            let withheld = self.withholds(self.groups[group as usize].hot);
+            let state = &mut self.groups[group as usize];
             if requested & group.mask() == 0 {
                 if state.latch.take().is_some() {
-                    event(R150Event::TripCleared(*group));
+                    event(R150Event::TripCleared(group, ProtectionAction::SwitchOff));
                 }
-            } else if (state.hot || self.fault) && state.latch.is_none() {
-                state.latch = Some(Latch {
-                    overcurrent: false,
-                    since: now,
-                });
+            } else if withheld {
+                state.withhold(now);
             }
         }
     }
@@ -197,18 +124,20 @@ impl Protection {
             let state = &mut self.groups[group as usize];
             state.over = over.then(|| state.over.unwrap_or(now));
             state.short = short.then(|| state.short.unwrap_or(now));
+            if state.reported && !over && !short {
+                state.reported = false;
+                event(R150Event::TripCleared(group, ProtectionAction::Report));
+            }
             let Some(celsius) = group.temperature_c(measured) else {
                 continue;
             };
             if !state.hot && celsius > limits.over_temperature {
                 state.hot = true;
-                if requested & group.mask() != 0 && state.latch.is_none() {
-                    state.latch = Some(Latch {
-                        overcurrent: false,
-                        since: now,
-                    });
+                let action = limits.on_over_temperature;
+                if action == ProtectionAction::SwitchOff && requested & group.mask() != 0 {
+                    state.withhold(now);
                 }
-                event(R150Event::Tripped(group, Cause::OverTemperature));
+                event(R150Event::Tripped(group, Cause::OverTemperature, action));
             } else if state.hot && celsius < limits.over_temperature_clear {
                 state.hot = false;
                 event(R150Event::Cooled(group));
@@ -240,19 +169,25 @@ impl Protection {
             {
                 continue;
             }
+            let action = self.on_overcurrent(group);
             let state = &mut self.groups[group as usize];
             if state.latch.is_some() {
                 state.latch = None;
-                event(R150Event::TripCleared(group));
-            } else {
-                state.latch = Some(Latch {
-                    overcurrent: true,
-                    since: now,
-                });
-                state.over = None;
-                state.short = None;
-                event(R150Event::Tripped(group, Cause::Overcurrent));
+                event(R150Event::TripCleared(group, ProtectionAction::SwitchOff));
+                continue;
             }
+            match action {
+                ProtectionAction::SwitchOff => {
+                    state.latch = Some(Latch {
+                        overcurrent: true,
+                        since: now,
+                    });
+                    state.over = None;
+                    state.short = None;
+                }
+                ProtectionAction::Report => state.reported = true,
+            }
+            event(R150Event::Tripped(group, Cause::Overcurrent, action));
         }
     }
 
@@ -264,9 +199,11 @@ impl Protection {
         let limits = &self.settings;
         if let Some(latch) = state.latch {
             return (limits.overcurrent_recovery == OvercurrentRecovery::Retry
-                && !state.hot
-                && !self.fault)
-                .then(|| latch.since + limits.retry_period);
+                && !self.withholds(state.hot))
+            .then(|| latch.since + limits.retry_period);
+        }
+        if state.reported {
+            return None;
         }
         let delay = match group {
             Group::Ab | Group::Cd => limits.delay_12v,
@@ -335,7 +272,22 @@ impl Protection {
         }
     }
 
-    /// Withholds everything, and latches what was asked for.
+    /// Whether a group stays off whatever is asked for, being as `hot` as it is.
+    fn withholds(&self, hot: bool) -> bool {
+        let switches_off = |action| action == ProtectionAction::SwitchOff;
+        (hot && switches_off(self.settings.on_over_temperature))
+            || (self.fault && switches_off(self.settings.on_power_module_fault))
+    }
+
+    /// What happens to an overloaded group: the manual promises that 48 V and 5 V are protected.
+    fn on_overcurrent(&self, group: Group) -> ProtectionAction {
+        match group {
+            Group::Ab | Group::Cd => self.settings.on_overcurrent_12v,
+            Group::V48 | Group::V5 => ProtectionAction::SwitchOff,
+        }
+    }
+
+    /// The module is faulty, or its supply is too low.
     fn fail(
         &mut self,
         now: SimTime,
@@ -345,15 +297,15 @@ impl Protection {
     ) {
         self.fault = true;
         self.low = None;
-        for (group, state) in Group::ALL.iter().zip(&mut self.groups) {
-            if requested & group.mask() != 0 && state.latch.is_none() {
-                state.latch = Some(Latch {
-                    overcurrent: false,
-                    since: now,
-                });
+        let action = self.settings.on_power_module_fault;
+        if action == ProtectionAction::SwitchOff {
+            for (group, state) in Group::ALL.iter().zip(&mut self.groups) {
+                if requested & group.mask() != 0 {
+                    state.withhold(now);
+                }
             }
         }
-        event(R150Event::PowerModuleFault { supply_v });
+        event(R150Event::PowerModuleFault { supply_v, action });
     }
 
     fn supply_deadline(&self) -> Option<SimTime> {

@@ -1,177 +1,17 @@
 //! Every number of the R150's firmware, with the reason we believe it.
 
-use std::fmt;
+mod choices;
+mod version;
+
 use std::time::Duration;
 
-use sim_settings::{Bounds, SettingValue, Value, choices, settings};
+use sim_settings::settings;
+
+pub use choices::*;
+pub use version::Version;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;
-
-choices! {
-    /// What happens to a motor command that comes sooner than the reply interval allows.
-    pub enum OverRate {
-        /// It takes effect and gets no reply.
-        Silent = "silent",
-        /// It takes effect and is answered like any other.
-        Answer = "answer",
-        /// It takes effect and is answered when the interval has passed.
-        Delay = "delay",
-    }
-}
-
-choices! {
-    /// What the outputs do when the client's heartbeat stops.
-    pub enum OnHeartbeatLoss {
-        /// They follow the app's set-points, which are all off unless the app set them.
-        App = "app",
-        /// They stay as they are.
-        Hold = "hold",
-        /// They switch off.
-        Off = "off",
-    }
-}
-
-choices! {
-    /// What a rail does after a protection has switched it off.
-    pub enum OvercurrentRecovery {
-        /// It stays off until the client commands it off; the next "on" tries again.
-        Latch = "latch",
-        /// It tries again by itself after the retry period.
-        Retry = "retry",
-    }
-}
-
-choices! {
-    /// Which command byte a reply carries.
-    pub enum ReplyCommand {
-        /// That of the request.
-        Same = "same",
-        /// That of the request with the highest bit set.
-        HighBit = "high-bit",
-    }
-}
-
-choices! {
-    /// Where the decoder goes on after a frame that is not valid.
-    pub enum Resync {
-        /// At that frame's second byte, so that a valid frame inside it is found.
-        SecondByte = "second-byte",
-        /// Behind that frame.
-        NextFrame = "next-frame",
-    }
-}
-
-choices! {
-    /// What a request that the module does not understand gets.
-    pub enum RefusalReply {
-        /// No reply.
-        Silent = "silent",
-        /// The reply `false`, one parameter byte 0.
-        False = "false",
-    }
-}
-
-choices! {
-    /// What happens to a value that is out of its range.
-    pub enum OutOfRange {
-        /// The command changes nothing; where the command has a boolean reply, it is `false`.
-        Refuse = "refuse",
-        /// The nearest allowed value is taken.
-        Clamp = "clamp",
-    }
-}
-
-choices! {
-    /// What happens to bits that have no meaning.
-    pub enum ReservedBits {
-        /// The others are obeyed.
-        Ignore = "ignore",
-        /// The command changes nothing and is answered `false`.
-        Refuse = "refuse",
-    }
-}
-
-choices! {
-    /// Order of the bytes of a version word.
-    pub enum VersionOrder {
-        /// The major version is the most significant byte, so it is sent last.
-        MajorHigh = "major-high",
-        /// The major version is the least significant byte, so it is sent first.
-        MajorLow = "major-low",
-    }
-}
-
-choices! {
-    /// What `voltage48v` measures.
-    pub enum Voltage48v {
-        /// The supply bus, whether or not the 48 V output is on.
-        Supply = "supply",
-        /// The 48 V output, 0 when it is off.
-        Output = "output",
-    }
-}
-
-choices! {
-    /// What the outputs do when the client takes control.
-    pub enum OnTakeover {
-        /// They stay as the app had them.
-        Keep = "keep",
-        /// They return to what the client had set when it lost control.
-        Restore = "restore",
-    }
-}
-
-/// A version word: major, minor, region and build, a byte each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Version(pub [u8; 4]);
-
-impl Version {
-    /// The version word.
-    #[must_use]
-    pub fn word(self, order: VersionOrder) -> u32 {
-        match order {
-            VersionOrder::MajorHigh => u32::from_be_bytes(self.0),
-            VersionOrder::MajorLow => u32::from_le_bytes(self.0),
-        }
-    }
-}
-
-impl fmt::Display for Version {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [major, minor, region, build] = self.0;
-        write!(f, "{major}.{minor}.{region}.{build}")
-    }
-}
-
-impl SettingValue for Version {
-    type Bound = Self;
-
-    fn read(value: &Value, _unit: &str) -> Result<Self, String> {
-        let wrong = || format!("{value} is not a version");
-        let Value::Text(text) = value else {
-            return Err(wrong());
-        };
-        let parts: Vec<u8> = text
-            .split('.')
-            .map(str::parse)
-            .collect::<Result<_, _>>()
-            .map_err(|_| wrong())?;
-        parts.try_into().map(Self).map_err(|_| wrong())
-    }
-
-    fn show(&self, _unit: &str) -> String {
-        format!("\"{self}\"")
-    }
-
-    fn within(&self, bounds: &Bounds<Self>) -> bool {
-        bounds.contains(self)
-    }
-
-    fn allowed(_unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
-        "\"major.minor.region.build\", each 0 to 255".to_owned()
-    }
-}
 
 settings! {
     /// The IO module's firmware.
@@ -185,41 +25,78 @@ settings! {
         /// Time from the end of a request to the beginning of its reply.
         reply_delay: Duration = Duration::ZERO, range Duration::ZERO..=S(60),
             assumed "the manual gives no processing time";
+        /// Time from the coming of the module's supply until it answers.
+        boot_time: Duration = Duration::ZERO, range Duration::ZERO..=S(3600),
+            assumed "the manual gives no start-up time";
         /// Which command byte a reply carries.
         reply_command: ReplyCommand = ReplyCommand::Same,
             assumed "the manual shows no whole reply";
         /// Where the decoder goes on after a frame with a wrong CRC or a torn one.
         resync: Resync = Resync::SecondByte,
             assumed "the manual says nothing about errors on the line";
+        /// What a whole frame with a wrong CRC gets.
+        on_bad_crc: RefusalReply = RefusalReply::Silent,
+            assumed "the manual says nothing about errors on the line";
         /// What a frame with the right CRC and an unknown command gets.
         on_unknown_command: RefusalReply = RefusalReply::Silent,
             assumed "the manual says nothing about unknown commands";
-        /// What 0x02 and 0x03 with a wrong number of parameter bytes get; 0x12 gets no reply.
+        /// What 0x02 and 0x03 with a wrong number of parameter bytes get.
         on_wrong_length: RefusalReply = RefusalReply::False,
             assumed "their reply is a boolean that means success";
         /// What happens to a PWM duty above 1000.
         on_duty_out_of_range: OutOfRange = OutOfRange::Refuse,
             assumed "the manual gives the range, not what happens beyond it";
-        /// What happens to a motor PWM beyond -1000 to 1000; refused, it feeds no watchdog and gets
-        /// no reply.
+        /// What happens to a motor PWM beyond -1000 to 1000.
         on_motors_out_of_range: OutOfRange = OutOfRange::Clamp,
             assumed "the manual gives the range, not what happens beyond it";
+        /// What 0x12 gets with a wrong number of parameter bytes, and with a PWM out of range if
+        /// that is refused.
+        on_motors_refused: MotorsRefusalReply = MotorsRefusalReply::Silent,
+            assumed "its reply has no room for a failure";
+        /// In which states of the vehicle 0x12 is answered.
+        motors_answered: MotorsAnswered = MotorsAnswered::Always,
+            assumed "the manual says when it drives, not when it is answered";
         /// What happens to reserved bits of a power control request.
         reserved_power_bits: ReservedBits = ReservedBits::Ignore,
             assumed "the manual calls them reserved";
+        /// What `voltage12v` in the system info measures.
+        voltage_12v: Voltage12v = Voltage12v::Output,
+            assumed "the manual calls it the voltage of the outputs";
         /// What `voltage48v` in the system info measures.
         voltage_48v: Voltage48v = Voltage48v::Supply,
             assumed "the manual calls it the voltage of the main supply";
+        /// What `current48v` in the system info measures.
+        current_48v: Current48v = Current48v::Output,
+            assumed "the manual calls it the current of the main supply, beside those of the outputs";
         /// Whether 0x02 answers `true` when a protection keeps a rail off that it switches on.
         true_when_tripped: bool = true,
             assumed "the command itself was carried out";
         /// Silence after which the client has lost control of power and PWM.
         heartbeat_timeout: Duration = S(3), range MS(1)..=S(3600),
             documented "manual 4.3.6";
-        /// What the outputs do then.
+        /// What counts as a heartbeat.
+        heartbeat_by: HeartbeatBy = HeartbeatBy::Requests,
+            assumed "the manual says that other commands count, not whether wrong ones do";
+        /// Who controls power and PWM until the client takes them; the heartbeat runs from the
+        /// client's first.
+        control_at_power_on: ControlMode = ControlMode::App,
+            assumed "the manual names both modes, not the one it starts in";
+        /// What the client takes control by.
+        control_taken_by: ControlTakenBy = ControlTakenBy::AnyRequest,
+            assumed "the manual names the modes, not what changes them";
+        /// Rails that the app has on at the start, as bits of `powerStatus`.
+        app_power: u32 = 0, range 0..=0b11_1111,
+            assumed "an app that has switched nothing on yet";
+        /// Duty of the PWM outputs A to D that the app has set at the start, 0.1 %.
+        app_pwm: [u32; 4] = [0; 4], range 0..=1000,
+            assumed "an app that has switched nothing on yet";
+        /// What 0x02 and 0x03 get while the app insists on control of what they set.
+        on_app_in_control: RefusalReply = RefusalReply::False,
+            assumed "their reply is a boolean that means success";
+        /// What the outputs do when the heartbeat is lost.
         on_heartbeat_loss: OnHeartbeatLoss = OnHeartbeatLoss::App,
             assumed "the manual names the timeout, not its effect";
-        /// What the outputs do when the client takes control, which any valid frame does.
+        /// What the outputs do when the client takes control.
         on_takeover: OnTakeover = OnTakeover::Keep,
             assumed "a client that comes back does not know what it finds";
         /// Time without a motor command after which the motors stop by themselves.
@@ -243,13 +120,25 @@ settings! {
         /// Whether locking the vehicle also applies the parking brake.
         locking_parks: bool = true,
             assumed "the manual says how the brake is released, not how it is applied";
-        /// PWM of both motors while the remote control's forward or backward key is held, and
-        /// of each motor, in opposite directions, while a turn key is held.
+        /// When the remote control's top button releases the parking brake.
+        top_button_works: TopButtonWorks = TopButtonWorks::RemoteUnlocked,
+            assumed "the manual says that it does in manual mode after unlocking, not that it does not otherwise";
+        /// How long a motion key of the remote control drives.
+        remote_key_drives: RemoteKeyDrives = RemoteKeyDrives::WhileHeld,
+            assumed "the manual says that a short press drives, not for how long";
+        /// PWM of both motors while the remote control's forward or backward key drives, and
+        /// of each motor, in opposite directions, while a turn key does.
         remote_pwm: u32 = 500, unit "", range 0..=1000,
             assumed "the manual does not say how fast the remote control drives";
         /// Whether the emergency stop also applies the parking brake.
         emergency_stop_brakes: bool = true,
             assumed "the manual says only that it cuts propulsion power";
+        /// Whether the emergency stop also locks the vehicle, so that it must be unlocked again.
+        emergency_stop_locks: bool = false,
+            assumed "the manual says only that it cuts propulsion power";
+        /// Whether the motors stop when the battery is empty.
+        empty_battery_stops: bool = true,
+            assumed "the manual reports the charge and says nothing about its end";
         /// Random relative error, one standard deviation, of the voltages and currents that 0x06
         /// reports.
         measurement_noise: f64 = 0.0, unit "%", range 0.0..=50.0,
@@ -307,14 +196,22 @@ settings! {
         /// How long a rail may stay above that multiple.
         short_delay: Duration = MS(1), range Duration::ZERO..=S(60),
             assumed "the manual promises short-circuit protection without figures";
-        /// Temperature above which a 12 V pair reports over-temperature and switches off.
+        /// What the module does about an overloaded 12 V pair.
+        on_overcurrent_12v: ProtectionAction = ProtectionAction::SwitchOff,
+            assumed "the manual names the bit; it promises protection for 48 V and 5 V";
+        /// What the module does about a 12 V pair that is too hot.
+        on_over_temperature: ProtectionAction = ProtectionAction::SwitchOff,
+            assumed "the manual names the bit, not what follows";
+        /// What the module does about a power module fault; it concerns all outputs.
+        on_power_module_fault: ProtectionAction = ProtectionAction::SwitchOff,
+            assumed "the manual names the bit, not what follows";
+        /// Temperature above which a 12 V pair reports over-temperature.
         over_temperature: f64 = 85.0, unit "degC", range -40.0..=200.0,
             assumed "the manual names the bit, not the temperature";
         /// Temperature below which that report ends.
         over_temperature_clear: f64 = 75.0, unit "degC", range -40.0..=200.0,
             assumed "the manual names the bit, not the temperature";
-        /// Supply voltage below which the module reports a power module fault and switches its
-        /// outputs off.
+        /// Supply voltage below which the module reports a power module fault.
         undervoltage: f64 = 39.0, unit "V", range 0.0..=100.0,
             assumed "3 V a cell; the manual names the bit, not its cause";
         /// How long the supply may stay below that voltage.

@@ -1,8 +1,10 @@
 //! From what the sensors read to the fields of replies.
 
+use sim_physics::r150::{RAILS, Rail};
+
 use super::R150Device;
 use super::reply::{Reply, SystemInfo};
-use super::settings::Voltage48v;
+use super::settings::{Current48v, Voltage12v, Voltage48v};
 
 impl R150Device {
     /// The reply to 0x05.
@@ -24,7 +26,11 @@ impl R150Device {
 
     /// The reply to 0x06.
     pub(super) fn system_info(&mut self) -> SystemInfo {
-        let measured = self.measured;
+        let (volts, amperes) = self.rails_as_reported();
+        let volts_48v = match self.settings.voltage_48v {
+            Voltage48v::Supply => self.measured.bus_voltage,
+            Voltage48v::Output => self.measured.rail_voltage[Rail::V48.index()],
+        };
         let spread = self.settings.measurement_noise / 100.0;
         let noise = &mut self.noise;
         let mut spoil = |value: f64| {
@@ -34,27 +40,37 @@ impl R150Device {
                 value
             }
         };
-        let volts_48v = match self.settings.voltage_48v {
-            Voltage48v::Supply => measured.bus_voltage,
-            Voltage48v::Output => measured.rail_voltage[4],
-        };
-        let voltage = measured
-            .rail_voltage
-            .map(|volts| round(spoil(volts) * 1000.0));
-        let current = measured
-            .rail_current
-            .map(|amperes| round(spoil(amperes) * 1000.0));
-        let [v12a, v12b, v12c, v12d, ..] = voltage;
-        let [i12a, i12b, i12c, i12d, i48, _] = current;
+        let [v12a, v12b, v12c, v12d, ..] = volts.map(|volts| round(spoil(volts) * 1000.0));
+        let [i12a, i12b, i12c, i12d, i48, _] =
+            amperes.map(|amperes| round(spoil(amperes) * 1000.0));
+        let celsius = self.measured.temperature;
         let info = SystemInfo {
             voltage_12v: [v12a, v12b, v12c, v12d],
             voltage_48v: round(spoil(volts_48v) * 1000.0),
             current_12v: [i12a, i12b, i12c, i12d],
             current_48v: i48,
-            temp_12v: measured.temperature.map(|celsius| round(celsius * 10.0)),
+            temp_12v: celsius.map(|celsius| round(celsius * 10.0)),
             ..self.system_status()
         };
         self.stick(info)
+    }
+
+    /// Voltage and current of each rail, measured where the settings say.
+    fn rails_as_reported(&self) -> ([f64; RAILS], [f64; RAILS]) {
+        let mut volts = self.measured.rail_voltage;
+        let mut amperes = self.measured.rail_current;
+        if self.settings.voltage_12v == Voltage12v::Converter {
+            let on = self.power_status();
+            for rail in [Rail::V12A, Rail::V12B, Rail::V12C, Rail::V12D] {
+                if on >> rail.index() & 1 == 0 {
+                    volts[rail.index()] = self.measured.converter_12v;
+                }
+            }
+        }
+        if self.settings.current_48v == Current48v::Supply {
+            amperes[Rail::V48.index()] = self.measured.supply_current;
+        }
+        (volts, amperes)
     }
 
     /// The part of the reply to 0x06 that no sensor gives.
@@ -62,8 +78,8 @@ impl R150Device {
         let pwm = self.pwm_outputs();
         SystemInfo {
             sys_status: self.protection.sys_status(),
-            power_ctrl_mode: u8::from(!self.control.power_by_client),
-            pwm_ctrl_mode: u8::from(!self.control.pwm_by_client),
+            power_ctrl_mode: u8::from(!self.control.by_client().power),
+            pwm_ctrl_mode: u8::from(!self.control.by_client().pwm),
             power_status: self.power_status(),
             pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
             ..SystemInfo::default()

@@ -1,6 +1,7 @@
 //! The module against its datasheet. The hardware here is a table of readings, so that every
 //! number in a reply can be told where it comes from.
 
+mod choices;
 mod commands;
 mod control;
 mod motion;
@@ -35,6 +36,8 @@ pub(super) fn readings() -> R150Measurements {
         bus_voltage: 51.25,
         rail_voltage: [12.01, 0.0, 11.98, 12.0, 51.2, 5.0],
         rail_current: [1.5, 0.0, 0.25, 3.125, 7.0, 0.5],
+        converter_12v: 12.05,
+        supply_current: 9.75,
         temperature: [31.25, 40.0],
         pwm_in: [
             PwmReading {

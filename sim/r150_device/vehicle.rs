@@ -4,6 +4,7 @@
 use std::fmt;
 
 use super::control::Outputs;
+use super::settings::{R150FirmwareSettings, RemoteKeyDrives, TopButtonWorks};
 
 /// A motion key of the remote control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,7 +26,7 @@ pub enum Action {
     Unlock,
     /// Short press of the rear buttons, 上锁.
     Lock,
-    /// Long press of the top button, 解除驻车; works unlocked and in remote mode only.
+    /// Long press of the top button, 解除驻车; the settings say when it works.
     ReleaseParking,
     /// The parking brake is put on, 驻车. The manual does not say by which button.
     Park,
@@ -121,7 +122,16 @@ pub struct Vehicle {
     autonomous: bool,
     emergency_stop: bool,
     key: Option<Key>,
+    rules: Rules,
+}
+
+/// What the manual leaves open about the buttons; the settings of the same names say more.
+#[derive(Debug, Clone, Copy)]
+struct Rules {
     locking_parks: bool,
+    emergency_stop_locks: bool,
+    top_button_works: TopButtonWorks,
+    remote_key_drives: RemoteKeyDrives,
 }
 
 /// What the motor bridges do, right then left.
@@ -136,7 +146,7 @@ pub enum Drive {
 impl Vehicle {
     /// A vehicle as `start` says.
     #[must_use]
-    pub fn new(start: Start, locking_parks: bool) -> Self {
+    pub fn new(start: Start, settings: &R150FirmwareSettings) -> Self {
         let ready = start == Start::Ready;
         Self {
             locked: !ready,
@@ -144,20 +154,28 @@ impl Vehicle {
             autonomous: ready,
             emergency_stop: false,
             key: None,
-            locking_parks,
+            rules: Rules {
+                locking_parks: settings.locking_parks,
+                emergency_stop_locks: settings.emergency_stop_locks,
+                top_button_works: settings.top_button_works,
+                remote_key_drives: settings.remote_key_drives,
+            },
         }
     }
 
     /// Works a button; the app's actions are not the vehicle's and change nothing here.
     pub fn operate(&mut self, action: Action) {
+        if self.key_outlasts_press() {
+            match action {
+                Action::AppHolds { .. } | Action::AppSets(_) | Action::ReleaseKey => return,
+                // A button, whatever else it does, ends what a key before it began.
+                _ => self.key = None,
+            }
+        }
         match action {
             Action::Unlock => self.locked = false,
-            Action::Lock => {
-                self.locked = true;
-                self.parked |= self.locking_parks;
-                self.key = None;
-            }
-            Action::ReleaseParking => self.parked &= self.locked || self.autonomous,
+            Action::Lock => self.lock(),
+            Action::ReleaseParking => self.parked &= !self.top_button_works(),
             Action::Park => self.parked = true,
             Action::Autonomous => {
                 self.autonomous = true;
@@ -168,8 +186,27 @@ impl Vehicle {
                 self.key = Some(key);
             }
             Action::ReleaseKey => self.key = None,
-            Action::EmergencyStop(pushed_in) => self.emergency_stop = pushed_in,
+            Action::EmergencyStop(pushed_in) => {
+                self.emergency_stop = pushed_in;
+                if pushed_in && self.rules.emergency_stop_locks {
+                    self.lock();
+                }
+            }
             Action::AppHolds { .. } | Action::AppSets(_) => {}
+        }
+    }
+
+    fn lock(&mut self) {
+        self.locked = true;
+        self.parked |= self.rules.locking_parks;
+        self.key = None;
+    }
+
+    fn top_button_works(&self) -> bool {
+        match self.rules.top_button_works {
+            TopButtonWorks::RemoteUnlocked => !self.locked && !self.autonomous,
+            TopButtonWorks::Unlocked => !self.locked,
+            TopButtonWorks::Always => true,
         }
     }
 
@@ -189,6 +226,12 @@ impl Vehicle {
     #[must_use]
     pub fn locked(&self) -> bool {
         self.locked
+    }
+
+    /// Whether a motion key goes on driving after it is let go.
+    #[must_use]
+    pub fn key_outlasts_press(&self) -> bool {
+        self.rules.remote_key_drives == RemoteKeyDrives::UntilNextButton
     }
 
     /// Whether it is in autonomous mode.

@@ -296,3 +296,28 @@ fn the_app_refuses_the_client_what_it_holds() {
     assert_ne!(power(&mut rig, 1), [refused]);
     assert_eq!(info(&mut rig).power_ctrl_mode, 0);
 }
+
+/// However the buttons are set to work, what an operator did is undone.
+#[test]
+fn operators_undo_what_the_settings_let_their_buttons_do() {
+    let mut rig = r150_with(1, |s| {
+        s.firmware.emergency_stop_locks = true;
+        s.firmware.remote_key_drives = settings::RemoteKeyDrives::UntilNextButton;
+    });
+    for fault in [
+        "emergency-stop",
+        "remote-control-takes-over",
+        "locked",
+        "parked",
+    ] {
+        let handle = rig.inject(0, fault, &sample(fault)).unwrap();
+        run(&mut rig, MAIN, MS(100));
+        rig.clear(handle);
+        let vehicle = rig.r150(0).unwrap().device().vehicle();
+        let left = vehicle.obstacles(false);
+        assert_eq!(left, [], "{fault}");
+        // Nothing drives of itself.
+        let duty = rig.r150(0).unwrap().device().commands().motor_duty;
+        assert_eq!([duty.right, duty.left], [0.0, 0.0], "{fault}");
+    }
+}

@@ -80,6 +80,7 @@ fn a_bad_crc_is_reported_with_its_bytes_and_the_right_crc() {
     assert_eq!(
         whole(&bytes),
         [Decoded::BadCrc {
+            command: 0x07,
             bytes,
             expected: 0x84C7
         }]

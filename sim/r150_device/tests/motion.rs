@@ -1,7 +1,7 @@
 //! Motor watchdog, reply rate, and what keeps the vehicle from moving.
 
 use super::*;
-use crate::r150_device::settings::{OutOfRange, OverRate};
+use crate::r150_device::settings::{OutOfRange, OverRate, RemoteKeyDrives, TopButtonWorks};
 use crate::r150_device::vehicle::{Action, Key, Obstacle};
 
 const WATCHDOG: Duration = Duration::from_millis(500);
@@ -255,4 +255,84 @@ fn standing_still_is_never_an_event() {
     let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
     assert!(bench.drive(0, 0).is_some());
     assert_eq!(bench.codes(), [""; 0]);
+}
+
+#[test]
+fn the_top_button_works_when_it_is_set_to() {
+    use TopButtonWorks::{Always, RemoteUnlocked, Unlocked};
+    // Works locked in remote mode, unlocked in remote mode, unlocked in autonomous mode.
+    for (choice, works) in [
+        (RemoteUnlocked, [false, true, false]),
+        (Unlocked, [false, true, true]),
+        (Always, [true, true, true]),
+    ] {
+        let before: [&[Action]; 3] = [
+            &[],
+            &[Action::Unlock],
+            &[Action::Unlock, Action::Autonomous],
+        ];
+        for (actions, works) in before.into_iter().zip(works) {
+            let settings = R150FirmwareSettings {
+                top_button_works: choice,
+                ..R150FirmwareSettings::default()
+            };
+            let mut bench = Bench::start(settings, Start::Locked);
+            for action in actions {
+                bench.device.operate(bench.now, *action);
+            }
+            bench.device.operate(bench.now, Action::ReleaseParking);
+            let released = !bench.device.vehicle().parked();
+            assert_eq!(released, works, "{choice:?} after {actions:?}");
+        }
+    }
+}
+
+#[test]
+fn a_motion_key_may_drive_until_the_next_button() {
+    let next_buttons = [
+        (Action::Press(Key::Left), [0.5, -0.5]),
+        (Action::Autonomous, [0.0, 0.0]),
+        (Action::Lock, [0.0, 0.0]),
+        (Action::Unlock, [0.0, 0.0]),
+        (Action::ReleaseParking, [0.0, 0.0]),
+    ];
+    for (next, duty) in next_buttons {
+        let mut bench = Bench::with(|s| s.remote_key_drives = RemoteKeyDrives::UntilNextButton);
+        let mut operate = |action| bench.device.operate(bench.now, action);
+        operate(Action::Press(Key::Forward));
+        operate(Action::ReleaseKey);
+        assert_eq!(bench.duty(), [0.5, 0.5]);
+        bench.device.operate(bench.now, next);
+        assert_eq!(bench.duty(), duty, "{next}");
+    }
+    // Pulled out, the emergency stop does not let it go on.
+    let mut bench = Bench::with(|s| s.remote_key_drives = RemoteKeyDrives::UntilNextButton);
+    for action in [
+        Action::Press(Key::Forward),
+        Action::EmergencyStop(true),
+        Action::EmergencyStop(false),
+    ] {
+        bench.device.operate(bench.now, action);
+    }
+    assert_eq!(bench.duty(), [0.0, 0.0]);
+}
+
+#[test]
+fn the_emergency_stop_may_lock_the_vehicle() {
+    let mut bench = Bench::with(|s| s.emergency_stop_locks = true);
+    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    bench
+        .device
+        .operate(bench.now, Action::EmergencyStop(false));
+    assert_eq!(obstacles(&mut bench), [Obstacle::Locked, Obstacle::Parked]);
+}
+
+#[test]
+fn an_empty_battery_may_let_the_motors_run() {
+    let mut bench = Bench::with(|s| s.empty_battery_stops = false);
+    bench.drive(1000, 1000);
+    bench.read(|r| r.soc = 0.0);
+    assert_eq!(bench.duty(), [1.0, 1.0]);
+    bench.after(INTERVAL);
+    assert_eq!(obstacles(&mut bench), []);
 }

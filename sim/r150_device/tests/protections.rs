@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::r150_device::reply::sys_status as bit;
-use crate::r150_device::settings::OvercurrentRecovery;
+use crate::r150_device::settings::{OvercurrentRecovery, ProtectionAction};
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 
@@ -282,4 +282,52 @@ fn a_fault_of_the_power_module_itself_sets_bit_6() {
     assert_eq!(bench.device.sys_status(), bit::POWER_MODULE_FAULT);
     assert_eq!(bench.device.power_status(), 0);
     assert_eq!(bench.codes(), ["power_module_fault"]);
+}
+
+/// What is reported only leaves the outputs on, and ends with its cause.
+#[test]
+fn an_overloaded_12_v_pair_may_be_reported_only() {
+    let mut bench = idle(|s| s.protection.on_overcurrent_12v = ProtectionAction::Report);
+    bench.read(|r| r.rail_current[0] = 30.0);
+    bench.after(MS(200) - QUANTUM);
+    assert_eq!(bench.device.sys_status(), 0);
+    bench.after(QUANTUM);
+    assert_eq!(bench.device.sys_status(), bit::OVERCURRENT_AB);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+    bench.after(MS(1000));
+    bench.read(|r| r.rail_current[0] = 1.0);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(bench.codes(), ["overcurrent", "trip_cleared"]);
+    // 48 V and 5 V have the protection that the manual promises.
+    bench.read(|r| r.rail_current[4..].copy_from_slice(&[126.0, 2.1]));
+    bench.after(MS(100));
+    assert_eq!(bench.device.power_status(), 0b00_1111);
+}
+
+#[test]
+fn over_temperature_may_be_reported_only() {
+    let mut bench = idle(|s| s.protection.on_over_temperature = ProtectionAction::Report);
+    bench.read(|r| r.temperature = [25.0, 86.0]);
+    assert_eq!(bench.device.sys_status(), bit::OVER_TEMPERATURE_CD);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+    bench.power(0);
+    bench.power(0b1100);
+    assert_eq!(bench.device.power_status(), 0b1100);
+    bench.read(|r| r.temperature = [25.0, 74.0]);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(bench.codes(), ["over_temperature", "cooled"]);
+}
+
+#[test]
+fn a_power_module_fault_may_be_reported_only() {
+    let mut bench = idle(|s| s.protection.on_power_module_fault = ProtectionAction::Report);
+    bench.read(|r| r.bus_voltage = 38.0);
+    bench.after(MS(5));
+    assert_eq!(bench.device.sys_status(), bit::POWER_MODULE_FAULT);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+    bench.read(|r| r.bus_voltage = 42.0);
+    assert_eq!(bench.device.sys_status(), 0);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+    let codes = ["power_module_fault", "power_module_recovered"];
+    assert_eq!(bench.codes(), codes);
 }

@@ -1,0 +1,226 @@
+//! From what the decoder found to what changes, and to the reply.
+
+use sim_settings::SimTime;
+
+use super::R150Device;
+use super::codec::{self, Decoded, Frame};
+use super::command::{Refusal, Request, code};
+use super::control::{FULL_DUTY, POWER_BITS};
+use super::event::{R150Event, ValueFault};
+use super::motors::{Answer, FULL};
+use super::reply::Reply;
+use super::settings::{
+    HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
+    ReservedBits,
+};
+
+/// Most replies that may wait for their time.
+const MOST_REPLIES: usize = 64;
+
+impl R150Device {
+    /// Takes what the decoder found, in order.
+    pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded>) {
+        for decoded in found {
+            match decoded {
+                Decoded::Frame(frame) => self.frame(now, &frame),
+                bad => self.bad_stream(now, bad),
+            }
+        }
+        self.send_due(now);
+    }
+
+    fn frame(&mut self, now: SimTime, frame: &Frame) {
+        let bytes = codec::encode(frame.command, &frame.parameters);
+        match Request::parse(frame.command, &frame.parameters) {
+            Ok(request) => self.request(now, request, bytes),
+            Err(refusal) => self.refuse(now, refusal, bytes),
+        }
+    }
+
+    fn bad_stream(&mut self, now: SimTime, bad: Decoded) {
+        let command = match &bad {
+            Decoded::BadCrc { command, .. } => Some(*command),
+            _ => None,
+        };
+        self.event(now, R150Event::BadStream(bad));
+        if let Some(command) = command
+            && self.settings.on_bad_crc == RefusalReply::False
+        {
+            self.refusal_reply(now, command);
+        }
+    }
+
+    fn refuse(&mut self, now: SimTime, refusal: Refusal, frame: Vec<u8>) {
+        self.event(now, R150Event::Refused { refusal, frame });
+        if self.settings.heartbeat_by == HeartbeatBy::Frames {
+            self.control.heartbeat(now, &self.settings);
+        }
+        let (command, choice) = match refusal {
+            Refusal::UnknownCommand(command) => (command, self.settings.on_unknown_command),
+            Refusal::WrongLength {
+                command: code::SET_MOTORS,
+                ..
+            } => return self.refuse_motors(now),
+            Refusal::WrongLength { command, .. } => (command, self.settings.on_wrong_length),
+        };
+        if choice == RefusalReply::False {
+            self.refusal_reply(now, command);
+        }
+    }
+
+    fn refuse_motors(&mut self, now: SimTime) {
+        match self.settings.on_motors_refused {
+            MotorsRefusalReply::Silent => {}
+            MotorsRefusalReply::False => self.refusal_reply(now, code::SET_MOTORS),
+            MotorsRefusalReply::Speeds => {
+                let reply = self.motor_reply();
+                self.reply(now, reply);
+            }
+        }
+    }
+
+    fn refusal_reply(&mut self, now: SimTime, command: u8) {
+        let reply = Reply::Bool {
+            command,
+            success: false,
+        };
+        self.reply(now, reply);
+    }
+
+    fn request(&mut self, now: SimTime, request: Request, frame: Vec<u8>) {
+        if let Some(fault) = ValueFault::of(request) {
+            self.event(
+                now,
+                R150Event::Request {
+                    request,
+                    frame: frame.clone(),
+                },
+            );
+            self.event(now, R150Event::BadValue { fault, frame });
+        } else {
+            self.event(now, R150Event::Request { request, frame });
+        }
+        let taken = self.control.request(now, request, &self.settings);
+        if taken.any() {
+            self.event(now, R150Event::ControlTaken(taken));
+        }
+        if let Some(reply) = self.execute(now, request) {
+            self.reply(now, reply);
+        }
+    }
+
+    /// Does what a request asks; gives the reply that is due at once.
+    fn execute(&mut self, now: SimTime, request: Request) -> Option<Reply> {
+        let command = request.command();
+        let answered = |success| Reply::Bool { command, success };
+        Some(match request {
+            Request::PowerControl { status } => answered(self.set_power(now, status)?),
+            Request::SetPwmOutputs { duty } => answered(self.set_pwm(now, duty)?),
+            Request::GetPwmOutputs => Reply::PwmOutputs {
+                duty: self.pwm_outputs(),
+            },
+            Request::GetPwmInputs => self.pwm_inputs(),
+            Request::SystemInfo => Reply::SystemInfo(self.system_info()),
+            Request::Heartbeat => answered(true),
+            Request::Version => self.version(),
+            Request::SetMotors { right, left } => {
+                if self.set_motors(now, right, left) != Answer::Now {
+                    return None;
+                }
+                self.motor_reply()
+            }
+        })
+    }
+
+    fn version(&self) -> Reply {
+        let order = self.settings.version_order;
+        Reply::Version {
+            hardware: self.settings.hardware_version.word(order),
+            software: self.settings.software_version.word(order),
+        }
+    }
+
+    /// Says whether it succeeded, if that is answered.
+    fn set_power(&mut self, now: SimTime, status: u32) -> Option<bool> {
+        if !self.control.by_client().power {
+            return self.refuse_for_app(now, code::POWER_CONTROL);
+        }
+        let reserved = status & !u32::from(POWER_BITS) != 0;
+        if reserved && self.settings.reserved_power_bits == ReservedBits::Refuse {
+            return Some(false);
+        }
+        self.control.set_power(status.to_le_bytes()[0]);
+        self.power_requested(now);
+        let done = self.power_status() == self.control.outputs().power;
+        Some(done || self.settings.true_when_tripped)
+    }
+
+    /// Says whether it succeeded, if that is answered.
+    fn set_pwm(&mut self, now: SimTime, mut duty: [u16; 4]) -> Option<bool> {
+        if !self.control.by_client().pwm {
+            return self.refuse_for_app(now, code::SET_PWM_OUTPUTS);
+        }
+        if duty.iter().any(|duty| *duty > FULL_DUTY) {
+            if self.settings.on_duty_out_of_range == OutOfRange::Refuse {
+                return Some(false);
+            }
+            duty = duty.map(|duty| duty.min(FULL_DUTY));
+        }
+        self.control.set_pwm(duty);
+        Some(true)
+    }
+
+    fn refuse_for_app(&mut self, now: SimTime, command: u8) -> Option<bool> {
+        self.event(now, R150Event::AppInControl(command));
+        match self.settings.on_app_in_control {
+            RefusalReply::Silent => None,
+            RefusalReply::False => Some(false),
+        }
+    }
+
+    fn set_motors(&mut self, now: SimTime, right: i16, left: i16) -> Answer {
+        let set_point = [right, left];
+        let beyond = set_point
+            .iter()
+            .any(|pwm| pwm.unsigned_abs() > FULL.unsigned_abs());
+        if beyond && self.settings.on_motors_out_of_range == OutOfRange::Refuse {
+            self.refuse_motors(now);
+            return Answer::Never;
+        }
+        let obstacles = self.vehicle.obstacles(self.battery_empty());
+        let answered =
+            self.settings.motors_answered == MotorsAnswered::Always || obstacles.is_empty();
+        let (answer, too_soon) = self
+            .motors
+            .command(now, set_point, answered, &self.settings);
+        if let Some(after) = too_soon {
+            self.event(now, R150Event::OverRate { after });
+        }
+        if set_point != [0, 0] && !obstacles.is_empty() {
+            self.event(now, R150Event::NotDriving(obstacles));
+        }
+        answer
+    }
+
+    pub(super) fn reply(&mut self, now: SimTime, reply: Reply) {
+        if self.replies.len() >= MOST_REPLIES {
+            self.event(now, R150Event::ReplyDropped);
+        } else {
+            let delay = self.settings.reply_delay + self.slowness();
+            self.replies.push_back((now + delay, reply));
+        }
+    }
+
+    /// Sends the replies whose time has come.
+    pub(super) fn send_due(&mut self, now: SimTime) {
+        while let Some((due, reply)) = self.replies.pop_front_if(|(due, _)| *due <= now) {
+            let command = match self.settings.reply_command {
+                ReplyCommand::Same => reply.command(),
+                ReplyCommand::HighBit => reply.command() | 0x80,
+            };
+            let frame = codec::encode(command, &reply.parameters());
+            self.output.push_back(frame.clone());
+            self.event(due, R150Event::Reply { reply, frame });
+        }
+    }
+}
