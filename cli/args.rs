@@ -10,6 +10,7 @@ use sim_scenarios::Kind;
 use sim_settings::Span;
 
 use crate::exit::Exit;
+use crate::lists::ListFormat;
 use crate::schema::FileKind;
 
 const EXAMPLES: &str = "\
@@ -100,6 +101,9 @@ pub(crate) enum Command {
         /// Only those that this device can have.
         #[arg(long, value_enum)]
         device: Option<Device>,
+        /// How to print them.
+        #[arg(long, value_enum, default_value_t = ListFormat::Text)]
+        format: ListFormat,
     },
     /// List the names that a scenario's conditions can use, with unit and meaning.
     Names {

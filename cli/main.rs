@@ -45,7 +45,7 @@ fn main() -> ExitCode {
             Some(Command::Supervise { client, folder }) => {
                 supervise::supervise(client, folder.as_deref())
             }
-            Some(Command::Faults { device }) => lists::faults(*device),
+            Some(Command::Faults { device, format }) => lists::faults(*device, *format),
             Some(Command::Names { device }) => lists::list_names(*device),
             Some(Command::Schema { of }) => schema::print(*of),
             None => start::serve(&cli.serve),

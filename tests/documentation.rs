@@ -1,0 +1,368 @@
+//! The documentation for users: its scenario files are played, and its commands print what it says.
+//!
+//! A block of TOML that is a whole scenario begins with its name as a comment, as in `# first.toml`;
+//! so does a block of Python that is a client. They are files for the commands. Other blocks of TOML
+//! are parts of scenarios. A block of the kind `console` has commands behind `$ ` and what they
+//! print; `...` stands for anything, on a line of its own for any number of lines. In blocks of the
+//! kind `console python`, Python and pyserial are needed. Commands end with 0 unless they say
+//! otherwise.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::LazyLock;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use harness::{Sim, command, run, tell_skipped};
+
+/// Set where Python clients must not be passed over.
+const PYTHON_IS_THERE: &str = "SIM_TEST_PYTHON";
+
+static SCENARIOS: LazyLock<String> = LazyLock::new(|| document("docs/scenarios.md"));
+static CI: LazyLock<String> = LazyLock::new(|| document("docs/ci.md"));
+static README: LazyLock<String> = LazyLock::new(|| document("README.md"));
+
+/// What a part of a scenario is put behind, for each kind of device.
+const AROUND_PARTS: [&str; 2] = [
+    r#"
+schema = 1
+title = "A part"
+good_client = "Is not there."
+limit = "60 s"
+device = [{ kind = "r150" }]
+[[step]]
+name = "drive"
+at = "100 ms"
+host = { send = { set_motors = { right = 300, left = 300 } } }
+"#,
+    r#"
+schema = 1
+title = "A part"
+good_client = "Is not there."
+limit = "60 s"
+device = [{ kind = "mecanum", ros = true }]
+[[step]]
+name = "drive"
+at = "100 ms"
+host = { send = { motion = { moving_idx = 0, s = 10, v = 100 } } }
+"#,
+];
+
+fn document(name: &str) -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap()
+}
+
+/// A fenced block.
+struct Block<'a> {
+    info: &'a str,
+    text: String,
+}
+
+fn blocks(document: &str) -> Vec<Block<'_>> {
+    let mut blocks = Vec::new();
+    let mut lines = document.lines();
+    while let Some(line) = lines.next() {
+        if let Some(info) = line.strip_prefix("```") {
+            let inside = lines.by_ref().take_while(|line| *line != "```");
+            let text = inside.map(|line| format!("{line}\n")).collect();
+            blocks.push(Block { info, text });
+        }
+    }
+    blocks
+}
+
+impl Block<'_> {
+    /// The name of the file that it is.
+    fn file(&self) -> Option<&str> {
+        let name = self.text.lines().next()?.strip_prefix("# ")?;
+        let ending = Path::new(name).extension()?;
+        (ending == "toml" || ending == "py").then_some(name)
+    }
+
+    /// Commands and what they print.
+    fn commands(&self) -> Vec<(&str, Vec<&str>)> {
+        let mut commands: Vec<(&str, Vec<&str>)> = Vec::new();
+        for line in self.text.lines() {
+            match (line.strip_prefix("$ "), commands.last_mut()) {
+                (Some(command), _) => commands.push((command, Vec::new())),
+                (None, Some((_, printed))) => printed.push(line),
+                (None, None) => panic!("no command is before {line:?}"),
+            }
+        }
+        commands
+    }
+}
+
+/// A folder with what the repository has and the files of the documents.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for name in ["scenarios", "worlds", "docs"] {
+        symlink(root.join(name), folder.path().join(name)).unwrap();
+    }
+    for block in [&*SCENARIOS, &*CI]
+        .into_iter()
+        .flat_map(|text| blocks(text))
+    {
+        if let Some(name) = block.file() {
+            fs::write(folder.path().join(name), &block.text).unwrap();
+        }
+    }
+    folder
+}
+
+/// A shell's command with this `sim` first on its path.
+fn shell(folder: &Path, script: &str) -> Command {
+    let binary = Path::new(env!("CARGO_BIN_EXE_sim"));
+    let path = std::env::var("PATH").unwrap();
+    let path = format!("{}:{path}", binary.parent().unwrap().display());
+    let mut command = Command::new("sh");
+    command
+        .args(["-c", script])
+        .current_dir(folder)
+        .env("PATH", path)
+        .env("NO_COLOR", "1");
+    command
+}
+
+/// Whether `line` is as shown.
+fn matches(shown: &str, line: &str) -> bool {
+    let mut parts = shown.split("...");
+    let first = parts.next().unwrap_or_default();
+    let Some(mut rest) = line.strip_prefix(first) else {
+        return false;
+    };
+    let mut open_end = false;
+    for part in parts {
+        open_end = part.is_empty();
+        match rest.find(part) {
+            Some(at) => rest = &rest[at + part.len()..],
+            None => return false,
+        }
+    }
+    open_end || rest.is_empty()
+}
+
+/// Whether what is printed is as shown.
+fn all_match(shown: &[&str], printed: &[&str]) -> bool {
+    match (shown.split_first(), printed.split_first()) {
+        (None, None) => true,
+        (Some((&"...", shown)), _) => {
+            (0..=printed.len()).any(|skipped| all_match(shown, &printed[skipped..]))
+        }
+        (Some((first, shown)), Some((line, printed))) => {
+            matches(first, line) && all_match(shown, printed)
+        }
+        _ => false,
+    }
+}
+
+fn run_blocks(document: &str, info: &str, folder: &Path) {
+    for block in blocks(document).iter().filter(|block| block.info == info) {
+        for (script, shown) in block.commands() {
+            let output = shell(folder, script).output().unwrap();
+            let text = String::from_utf8(output.stdout).unwrap();
+            let wrong = String::from_utf8(output.stderr).unwrap();
+            let printed: Vec<&str> = text.lines().chain(wrong.lines()).collect();
+            assert!(
+                all_match(&shown, &printed),
+                "$ {script}\nprints\n{text}{wrong}"
+            );
+            assert!(output.status.success(), "$ {script}: {}", output.status);
+        }
+    }
+}
+
+#[test]
+fn commands_print_what_is_shown() {
+    let folder = folder();
+    for document in [&SCENARIOS, &CI, &README] {
+        run_blocks(document, "console", folder.path());
+    }
+}
+
+#[test]
+fn commands_with_python_clients_print_what_is_shown() {
+    let folder = folder();
+    let probe = shell(folder.path(), "python3 -c 'import serial'").output();
+    if !probe.unwrap().status.success() && std::env::var_os(PYTHON_IS_THERE).is_none() {
+        tell_skipped("clients in the documentation", "no python3 with pyserial");
+        return;
+    }
+    for document in [&SCENARIOS, &README] {
+        run_blocks(document, "console python", folder.path());
+    }
+}
+
+#[test]
+fn every_whole_scenario_has_a_name_and_is_played() {
+    let played: Vec<String> = blocks(&SCENARIOS)
+        .iter()
+        .filter(|block| block.info.starts_with("console"))
+        .flat_map(|block| block.commands())
+        .map(|(command, _)| command.to_owned())
+        .collect();
+    let all = blocks(&SCENARIOS);
+    let whole = all
+        .iter()
+        .filter(|block| block.info == "toml" && block.text.contains("schema = 1"));
+    let mut count = 0;
+    for block in whole {
+        let name = block.file().expect("a whole scenario begins with its name");
+        let is_run = |command: &String| command.contains("sim run") && command.contains(name);
+        assert!(played.iter().any(is_run), "no command plays {name}");
+        count += 1;
+    }
+    assert!(count >= 5);
+}
+
+#[test]
+fn parts_of_scenarios_are_well_formed() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("part.toml");
+    for block in blocks(&SCENARIOS) {
+        if block.info != "toml" || block.text.contains("schema = 1") {
+            continue;
+        }
+        // Keys of the whole file come before its tables.
+        let is_key = !block.text.trim_start().starts_with(['[', '#']);
+        let errors: Vec<String> = AROUND_PARTS
+            .iter()
+            .map(|around| match is_key {
+                true => around.replacen('\n', &format!("\n{}", block.text), 1),
+                false => format!("{around}{}", block.text),
+            })
+            .map(|text| {
+                fs::write(&file, text).unwrap();
+                run(&["check", file.to_str().unwrap()])
+            })
+            .map(|checked| checked.err)
+            .collect();
+        let fits = errors.iter().any(String::is_empty);
+        assert!(fits, "{}\n{}", block.text, errors.join("\n"));
+    }
+}
+
+/// Commands that are shown without what they print: files and flags exist, and ports are served.
+#[test]
+fn further_commands_are_understood() {
+    let folder = folder();
+    let here = format!("{}/", folder.path().display());
+    for document in [&SCENARIOS, &CI] {
+        for block in blocks(document).iter().filter(|block| block.info == "sh") {
+            for line in block.text.lines() {
+                let line = line.split(" #").next().unwrap_or_default();
+                if line.starts_with("sim run ") {
+                    let script = line.replacen("sim run", "sim run --dry-run", 1);
+                    let output = shell(folder.path(), &script).output().unwrap();
+                    assert!(output.status.success(), "{script}: {output:?}");
+                } else if let Some(arguments) = line.strip_prefix("sim --") {
+                    let line = format!("--{arguments}").replace("/tmp/", &here);
+                    let mut sim = command();
+                    sim.args(line.split_whitespace()).current_dir(folder.path());
+                    let sim = Sim::spawn(&mut sim, PathBuf::new(), None);
+                    sim.wait_ready();
+                    sim.stop();
+                } else {
+                    let known = ["pip ", "cargo ", "sim ", "python3 ", "pytest"];
+                    let is_known = known.iter().any(|known| line.starts_with(known));
+                    assert!(is_known, "what is {line:?}?");
+                }
+            }
+        }
+    }
+}
+
+/// Adds every key and every word of a schema, but what is a fault's.
+fn words(schema: &Value, found: &mut BTreeSet<String>) {
+    match schema {
+        Value::Object(object) => {
+            for (key, value) in object {
+                match (key.as_str(), value) {
+                    ("properties", Value::Object(properties)) => {
+                        found.extend(properties.keys().cloned());
+                        properties.values().for_each(|value| words(value, found));
+                    }
+                    ("const", Value::String(word)) => {
+                        found.insert(word.clone());
+                    }
+                    ("enum", Value::Array(all)) => {
+                        found.extend(all.iter().filter_map(Value::as_str).map(str::to_owned));
+                    }
+                    ("Fault", _) => {}
+                    _ => words(value, found),
+                }
+            }
+        }
+        Value::Array(all) => all.iter().for_each(|value| words(value, found)),
+        _ => {}
+    }
+}
+
+/// What stands between single backquotes.
+fn quoted(text: &str) -> BTreeSet<&str> {
+    text.lines()
+        .flat_map(|line| line.split('`').skip(1).step_by(2))
+        .collect()
+}
+
+#[test]
+fn the_reference_has_every_key_and_no_other() {
+    let schema: Value = serde_json::from_str(&run(&["schema", "scenario"]).out).unwrap();
+    let mut known = BTreeSet::new();
+    words(&schema, &mut known);
+    let reference = SCENARIOS.split_once("\n## Reference\n").unwrap().1;
+    let told = quoted(reference);
+    let missing: Vec<&String> = known
+        .iter()
+        .filter(|word| !told.contains(word.as_str()))
+        .collect();
+    assert!(missing.is_empty(), "the reference lacks {missing:?}");
+    // The first cells of tables under "key" name keys.
+    let mut is_keys = false;
+    for line in reference.lines() {
+        let cell = line
+            .strip_prefix("| ")
+            .and_then(|row| row.split(" |").next());
+        match cell {
+            None => is_keys &= line.starts_with("|--"),
+            Some("key") => is_keys = true,
+            Some(cell) if is_keys => {
+                for key in quoted(cell) {
+                    assert!(known.contains(key), "the files have no key `{key}`");
+                }
+            }
+            Some(_) => {}
+        }
+    }
+}
+
+#[test]
+fn the_client_report_of_the_reference_is_whole() {
+    let reference = SCENARIOS.split_once("\n## Reference\n").unwrap().1;
+    let told = quoted(reference);
+    for code in sim_scenarios::report::CLIENT_FAULTS {
+        assert!(told.contains(code), "the reference lacks `{code}`");
+    }
+}
+
+#[test]
+fn the_catalogue_of_faults_is_what_the_program_prints() {
+    let printed = run(&["faults", "--format", "markdown"]).expect_clean().out;
+    let why = "sim faults --format markdown > docs/faults.md";
+    assert!(printed == document("docs/faults.md"), "stale: {why}");
+    let text = run(&["faults", "--device", "mecanum"]).expect_clean().out;
+    assert!(text.contains("tag-misread [Sensor; mecanum]") && !text.contains("; r150]"));
+}
