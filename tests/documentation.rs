@@ -366,3 +366,38 @@ fn the_catalogue_of_faults_is_what_the_program_prints() {
     let text = run(&["faults", "--device", "mecanum"]).expect_clean().out;
     assert!(text.contains("tag-misread [Sensor; mecanum]") && !text.contains("; r150]"));
 }
+
+/// A heading as links call it.
+fn anchor(heading: &str) -> String {
+    let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
+    let kept: String = heading.to_lowercase().chars().filter(kept).collect();
+    kept.replace(' ', "-")
+}
+
+#[test]
+fn links_lead_to_files_and_headings() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let documents = ["docs/scenarios.md", "docs/ci.md", "docs/faults.md"];
+    for name in documents
+        .into_iter()
+        .chain(["README.md", "ARCHITECTURE.md"])
+    {
+        let text = document(name);
+        let links = text.split("](").skip(1);
+        let links = links.filter_map(|rest| rest.split_once(')').map(|(link, _)| link));
+        for link in links.filter(|link| !link.starts_with("http")) {
+            let (path, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = match path {
+                "" => root.join(name),
+                path => root.join(name).with_file_name(path),
+            };
+            assert!(target.exists(), "{name}: {link} leads nowhere");
+            if !heading.is_empty() {
+                let text = fs::read_to_string(&target).unwrap();
+                let mut headings = text.lines().filter_map(|line| line.split_once("# "));
+                let found = headings.any(|(_, words)| anchor(words) == heading);
+                assert!(found, "{name}: {link} has no such heading");
+            }
+        }
+    }
+}
