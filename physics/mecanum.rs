@@ -39,8 +39,8 @@ pub use settings::{
     MecanumPlantSettings, MecanumWheelSettings, ReaderSettings, UltrasonicSettings, ZeroSpeed,
 };
 pub use signals::{
-    ECHOES, MecanumCommands, MecanumMeasurements, PORTS, Plugs, Port, PortCommand, WHEELS, Wheel,
-    Wiring,
+    ECHOES, MecanumCommands, MecanumMeasurements, PORTS, PlugSwaps, Plugs, Port, PortCommand,
+    WHEELS, Wheel, Wiring,
 };
 
 use crate::pose::{BodyMotion, Pose};

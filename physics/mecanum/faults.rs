@@ -2,7 +2,7 @@
 
 use super::MecanumPlant;
 use super::encoder::Encoder;
-use super::signals::{ECHOES, MecanumMeasurements, Port, Wheel};
+use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
 use crate::pose::Pose;
 use crate::world::World;
 
@@ -45,8 +45,8 @@ pub enum Ultrasonic {
 pub struct MecanumFaults {
     /// Board and motors have no supply.
     pub unsupplied: bool,
-    /// The plugs in these two ports are swapped.
-    pub swapped: Option<[Port; 2]>,
+    /// Which plugs have changed places.
+    pub swaps: PlugSwaps,
     /// Most friction that the ground under the wheels gives.
     pub friction: Option<f64>,
     /// Payload added, kg.
@@ -108,11 +108,7 @@ impl MecanumPlant {
     pub fn set_faults(&mut self, world: &mut World, faults: &MecanumFaults) {
         let before = self.raw_pulses();
         self.faults = faults.within_limits(self.settings.ultrasonic.range);
-        let plain = self.plain_wiring;
-        self.wiring = match self.faults.swapped {
-            Some([one, other]) => plain.swapped(one, other),
-            None => plain,
-        };
+        self.wiring = self.plain_wiring.swapped(self.faults.swaps);
         // A counter counts on from where it is, whichever wheel's wire it gets.
         let after = self.raw_pulses();
         for (port, offset) in self.pulse_offset.iter_mut().enumerate() {

@@ -5,7 +5,7 @@
 
 mod wiring;
 
-pub use wiring::{Plugs, Wiring};
+pub use wiring::{PlugSwaps, Plugs, Wiring};
 
 /// How many motor ports the board has.
 pub const PORTS: usize = 5;

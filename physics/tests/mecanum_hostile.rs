@@ -9,7 +9,8 @@ use std::time::Duration;
 use car::{Car, FULL, RADIUS};
 use proptest::prelude::*;
 use sim_physics::mecanum::{
-    Encoder, MecanumFaults, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults, Wiring,
+    Encoder, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults,
+    Wiring,
 };
 use sim_physics::{
     Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
@@ -70,12 +71,16 @@ fn any_faults() -> impl Strategy<Value = WheelFaults> {
 
 fn any_car_faults() -> impl Strategy<Value = MecanumFaults> {
     use any_number as n;
-    let swapped = proptest::option::of((0..5_usize, 0..5_usize));
-    (any::<[bool; 3]>(), swapped, (n(), n(), n(), n())).prop_map(
-        |([unsupplied, strip_lost, ghosts], swapped, (friction, payload, push, distance))| {
+    let swaps = proptest::collection::vec((0..5_usize, 0..5_usize), 0..4);
+    (any::<[bool; 3]>(), swaps, (n(), n(), n(), n())).prop_map(
+        |([unsupplied, strip_lost, ghosts], swaps, (friction, payload, push, distance))| {
             MecanumFaults {
                 unsupplied,
-                swapped: swapped.map(|(one, other)| [Port::ALL[one], Port::ALL[other]]),
+                swaps: swaps
+                    .into_iter()
+                    .fold(PlugSwaps::default(), |swaps, (one, other)| {
+                        swaps.and(Port::ALL[one], Port::ALL[other])
+                    }),
                 friction: Some(friction),
                 payload,
                 push: [push, -push, push],

@@ -82,7 +82,9 @@ impl Layer {
 fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
     match fault {
         Fault::SupplyLost {} => whole.unsupplied = true,
-        Fault::PortsSwapped { port, with } => whole.swapped = Some([port.port(), with.port()]),
+        Fault::PortsSwapped { port, with } => {
+            whole.swaps = whole.swaps.and(port.port(), with.port());
+        }
         Fault::Ice { friction } => {
             let most = whole.friction.unwrap_or(f64::INFINITY);
             whole.friction = Some(most.min(friction.get()));

@@ -95,9 +95,13 @@ impl Control {
         Self::powered_on(settings, Outputs::of_app(settings))
     }
 
-    /// Back to the state at power-on. What the app wants is the app's to remember, not the module's.
+    /// Back to the state at power-on. What the app wants and whether it insists is the app's to
+    /// remember, not the module's.
     pub(super) fn restart(&mut self, settings: &R150FirmwareSettings) {
+        let held = self.held_by_app;
         *self = Self::powered_on(settings, self.app);
+        self.app_holds(held);
+        self.lost = Outputs::default();
     }
 
     fn powered_on(settings: &R150FirmwareSettings, app: Outputs) -> Self {

@@ -8,7 +8,7 @@ use std::fmt;
 
 use sim_settings::{Bounds, SettingValue, Value};
 
-use super::{MecanumCommands, Port, PortCommand, WHEELS, Wheel};
+use super::{MecanumCommands, PORTS, Port, PortCommand, WHEELS, Wheel};
 
 /// The word for [`Plugs::AsExpected`].
 const AS_EXPECTED: &str = "as expected";
@@ -52,17 +52,13 @@ impl Wiring {
         self.reversed[wheel.index()]
     }
 
-    /// This wiring with the plugs in two ports swapped; either may be empty.
+    /// This wiring after its plugs have changed places.
     #[must_use]
-    pub fn swapped(mut self, one: Port, other: Port) -> Self {
-        for port in &mut self.ports {
-            if *port == one {
-                *port = other;
-            } else if *port == other {
-                *port = one;
-            }
+    pub fn swapped(self, swaps: PlugSwaps) -> Self {
+        Self {
+            ports: self.ports.map(|port| swaps.now_in(port)),
+            ..self
         }
-        self
     }
 
     /// The wheel at a port, if any.
@@ -92,6 +88,34 @@ impl Wiring {
             PortCommand { reverse: true, .. } => -1,
             PortCommand { reverse: false, .. } => 1,
         }
+    }
+}
+
+/// Plugs that have changed places, pair by pair: for each port where its own plug is now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PlugSwaps([Port; PORTS]);
+
+impl PlugSwaps {
+    /// After these, the plugs that are in two ports change places, too; either port may be empty.
+    #[must_use]
+    pub fn and(self, one: Port, other: Port) -> Self {
+        Self(self.0.map(|port| match port {
+            port if port == one => other,
+            port if port == other => one,
+            port => port,
+        }))
+    }
+
+    /// Where the plug of this port is now.
+    #[must_use]
+    pub fn now_in(self, port: Port) -> Port {
+        self.0[port.index()]
+    }
+}
+
+impl Default for PlugSwaps {
+    fn default() -> Self {
+        Self(Port::ALL)
     }
 }
 

@@ -101,6 +101,27 @@ fn swapped_ports_move_it_otherwise_and_do_not_make_the_counters_jump() {
 }
 
 #[test]
+fn ports_that_are_swapped_more_than_once_are_where_that_leads() {
+    use sim_physics::mecanum::{Port, Wheel};
+    let mut rig = car(false);
+    let swap = |rig: &mut Rig, port: &str, with: &str| {
+        let text = format!("kind = \"ports-swapped\"\nport = \"{port}\"\nwith = \"{with}\"");
+        inject(rig, &text)
+    };
+    let ports = |rig: &Rig| {
+        let wiring = rig.mecanum(0).unwrap().plant().wiring();
+        [Wheel::LeftFront, Wheel::RightFront].map(|wheel| wiring.port(wheel))
+    };
+    swap(&mut rig, "x", "y");
+    let second = swap(&mut rig, "y", "z");
+    assert_eq!(ports(&rig), [Port::Z, Port::X]);
+    rig.clear(second);
+    assert_eq!(ports(&rig), [Port::Y, Port::X]);
+    swap(&mut rig, "x", "y");
+    assert_eq!(ports(&rig), [Port::X, Port::Y]);
+}
+
+#[test]
 fn ice_payload_and_push_change_how_it_moves() {
     let far = |fault: &str| {
         let mut rig = car(false);

@@ -321,3 +321,18 @@ fn operators_undo_what_the_settings_let_their_buttons_do() {
         assert_eq!([duty.right, duty.left], [0.0, 0.0], "{fault}");
     }
 }
+
+#[test]
+fn the_app_still_holds_what_it_holds_when_the_module_has_restarted() {
+    let mut rig = r150();
+    let refused = Reply::Bool {
+        command: 2,
+        success: false,
+    };
+    let held = inject(&mut rig, "kind = \"app-takes-control\"");
+    inject(&mut rig, "kind = \"reset\"\nboot = \"100 ms\"");
+    run(&mut rig, MAIN, MS(200));
+    assert_eq!(power(&mut rig, 1), [refused]);
+    rig.clear(held);
+    assert_ne!(power(&mut rig, 1), [refused]);
+}

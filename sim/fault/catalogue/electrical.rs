@@ -1,0 +1,97 @@
+//! Electrical faults: supply, outputs, fuses.
+
+/// Hands these faults on, behind those that come before them, to the next in the row.
+macro_rules! electrical {
+    ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
+
+    /// Something else hangs on an output. Give one of power, resistance and current.
+    RailLoad = "rail-load", Electrical, R150,
+    sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
+    counts "The output was on.",
+    {
+        /// Which output.
+        rail: RailName,
+        /// What it draws.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        power: Option<Power>,
+        /// What it is.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        resistance: Option<Resistance>,
+        /// What it draws at the output's nominal voltage; its power stays the same at others.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        current: Option<Current>,
+    }
+    /// An output is shorted.
+    RailShort = "rail-short", Electrical, R150,
+    sees "The output trips within a millisecond and `sysStatus` says so; 0x02 may answer false.",
+    counts "The output was on.",
+    {
+        /// Which output.
+        rail: RailName,
+    }
+    /// What hangs on an output is off.
+    RailOpen = "rail-open", Electrical, R150,
+    sees "No current from an output that is on.",
+    counts "The output was on.",
+    {
+        /// Which output.
+        rail: RailName,
+    }
+    /// The supply sags.
+    SupplySag = "supply-sag", Electrical, R150,
+    sees "A lower `voltage_48v` and speed; under 39 V the power module fault and all outputs off.",
+    counts "The supply was lower by 0.1 V or more.",
+    {
+        /// By how much, whatever is drawn; 10 V unless given.
+        #[serde(default = "defaults::sag")]
+        by: Voltage,
+        /// In the way of the current, up to 10 ohm; none unless given.
+        #[serde(default = "defaults::no_resistance")]
+        resistance: Resistance,
+    }
+    /// A pair of 12 V outputs gets hot.
+    OverTemperature = "over-temperature", Electrical, R150,
+    sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
+    counts "The sensor read more than without the fault.",
+    {
+        /// Which pair.
+        pair: PairName,
+        /// How hot at least; 95 °C unless given.
+        #[serde(default = "defaults::hot")]
+        temperature: Temperature,
+    }
+    /// The power module is faulty.
+    PowerModuleFault = "power-module-fault", Electrical, R150,
+    sees "Bit 6 of `sysStatus`, and all outputs off.",
+    counts "The module was powered.",
+    {}
+    /// The battery is empty; at the end it has what it would have had.
+    BatteryEmpty = "battery-empty", Electrical, R150,
+    sees "`soc` 0, a low voltage with the power module fault, and motors that do not turn.",
+    counts "The battery had charge.",
+    {}
+    /// The battery suddenly has less charge, as with a bad cell; at the end it has it again.
+    ChargeDrop = "charge-drop", Electrical, R150,
+    sees "`soc` falls at once, and the voltage with it.",
+    counts "The battery had charge.",
+    {
+        /// How much less, of the full charge; 50 % unless given.
+        #[serde(default = "defaults::half")]
+        by: Percent,
+    }
+    /// A fuse is blown; it is replaced at the end.
+    FuseBlown = "fuse-blown", Electrical, R150,
+    sees "A side that the other drags along; or, without the tail supply, a module that is silent.",
+    counts "Current would have flowed through it.",
+    {
+        /// Which fuse.
+        fuse: FuseName,
+    }
+    /// Board and motors have no supply.
+    SupplyLost = "supply-lost", Electrical, CAR,
+    sees "Silence, then a board that has forgotten motions and position.",
+    counts "The board was powered.",
+    {}
+
+    } };
+}

@@ -1,0 +1,180 @@
+//! Faults of the protocol: whole frames, packets and lines of the device.
+
+/// Hands these faults on, behind those that come before them, to the next in the row.
+macro_rules! protocol {
+    ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
+
+    /// Replies have a wrong CRC.
+    BadCrc = "bad-crc", Protocol, R150,
+    sees "A reply that it must throw away.",
+    counts "A reply was spoilt.",
+    {
+        /// Only replies to this command; to all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each reply; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+    }
+    /// Replies carry another command byte, packets another type, lines another letter; a CRC fits.
+    WrongCommand = "wrong-command", Protocol, BOTH,
+    sees "A well-formed answer to something that it did not ask.",
+    counts "A frame was changed.",
+    {
+        /// The byte to put there; the right one with its lowest bit flipped unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        with: Option<u8>,
+        /// Only replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Replies are too short or too long.
+    WrongLength = "wrong-length", Protocol, BOTH,
+    sees "A well-formed frame with parameters missing or too many; or one whose length field lies.",
+    counts "A frame was changed.",
+    {
+        /// By how many bytes; −1 unless given.
+        #[serde(default = "defaults::one_less")]
+        by: i8,
+        /// Whether `parameters` are missing, or the `field` lies; parameters unless given.
+        #[serde(default)]
+        what: WrongLength,
+        /// Only replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Only the first half of a reply is sent.
+    TornReply = "torn-reply", Protocol, BOTH,
+    sees "A frame that never ends; the next one seems to be its rest.",
+    counts "A frame was cut.",
+    {
+        /// Only replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Replies are sent late. A later one may overtake them.
+    LateReply = "late-reply", Protocol, BOTH,
+    sees "No reply in time, and one that it no longer waits for.",
+    counts "A frame was put off.",
+    {
+        /// By how much; 500 ms unless given.
+        #[serde(default = "defaults::late")]
+        by: Span,
+        /// Only replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Replies are sent twice.
+    ReplyTwice = "reply-twice", Protocol, BOTH,
+    sees "The same frame again at once, which it may take for the answer to its next request.",
+    counts "A frame was sent twice.",
+    {
+        /// Only replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Replies are not sent.
+    MissingReply = "missing-reply", Protocol, BOTH,
+    sees "No reply, although the command took effect.",
+    counts "A frame was not sent.",
+    {
+        /// Only replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// The frame before is sent again in place of the right one.
+    PreviousReply = "previous-reply", Protocol, BOTH,
+    sees "An old answer: other values than asked for, or the answer to another command.",
+    counts "An old frame was sent. The first one after the start has none before it.",
+    {
+        /// Only in place of replies to this command, or packets of this type; all unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        command: Option<u8>,
+        /// For each frame; 1 unless given.
+        #[serde(default)]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// The device sends something that nobody asked for.
+    UnsolicitedFrame = "unsolicited-frame", Protocol, BOTH,
+    sees "A frame without a request: a heartbeat reply, a status packet of zeros, or a line.",
+    counts "The frame was sent.",
+    {
+        /// What; unless given a well-formed frame of the device.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bytes: Option<HexBytes>,
+        /// Again after this; once unless given. At least 1 ms.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        every: Option<Span>,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+
+    } };
+}

@@ -1,0 +1,201 @@
+//! Faults of the wire: bytes on their way.
+
+/// Hands these faults on, behind those that come before them, to the next in the row.
+macro_rules! wire {
+    ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
+
+    /// Single bits change on the wire.
+    BitFlips = "bit-flips", Wire, BOTH,
+    sees "Frames whose CRC is wrong, or packets with wrong values; its own requests get no answer.",
+    counts "A bit was flipped.",
+    {
+        /// For each byte; 0.01 unless given.
+        #[serde(default = "defaults::rarely")]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Bytes are lost on the wire.
+    DroppedBytes = "dropped-bytes", Wire, BOTH,
+    sees "Frames that are too short, so that the next one is taken for their end.",
+    counts "A byte was lost.",
+    {
+        /// For each byte; 0.01 unless given.
+        #[serde(default = "defaults::rarely")]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Bytes arrive twice.
+    DuplicatedBytes = "duplicated-bytes", Wire, BOTH,
+    sees "Frames with a byte too many.",
+    counts "A byte was doubled.",
+    {
+        /// For each byte; 0.01 unless given.
+        #[serde(default = "defaults::rarely")]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Random bytes appear between the others.
+    InsertedBytes = "inserted-bytes", Wire, BOTH,
+    sees "Frames with a foreign byte in or before them.",
+    counts "A byte was inserted.",
+    {
+        /// Before each byte; 0.01 unless given.
+        #[serde(default = "defaults::rarely")]
+        probability: Probability,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Interference makes several bytes in a row random.
+    Burst = "burst", Wire, BOTH,
+    sees "Runs of garbage inside frames and across them.",
+    counts "A burst began.",
+    {
+        /// Bytes of a burst; 8 unless given.
+        #[serde(default = "defaults::burst_length")]
+        length: u16,
+        /// That a burst begins, for each byte; 0.01 unless given.
+        #[serde(default = "defaults::rarely")]
+        probability: Probability,
+        /// At most so many bursts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Bytes take longer, all by the same or by a random time. They never overtake one another.
+    Delay = "delay", Wire, BOTH,
+    sees "Replies that come late; frames torn by pauses if there is jitter.",
+    counts "A byte came late.",
+    {
+        /// By which every byte is late; 50 ms unless given.
+        #[serde(default = "defaults::delay")]
+        by: Span,
+        /// Most of what a random further delay adds to each byte; none unless given.
+        #[serde(default)]
+        jitter: Span,
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Pauses tear what is sent in one piece.
+    Fragmentation = "fragmentation", Wire, BOTH,
+    sees "A reply that comes in pieces over several reads.",
+    counts "A pause was put between two bytes.",
+    {
+        /// Bytes of a piece; 3 unless given.
+        #[serde(default = "defaults::piece")]
+        size: u16,
+        /// Pause after each; 5 ms unless given. The R150 gives an unfinished request up after 20 ms.
+        #[serde(default = "defaults::pause")]
+        pause: Span,
+        /// Which way; to-client unless given.
+        #[serde(default = "defaults::to_client")]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Bytes stop, and all come at once when the stall ends, as with a busy USB adapter.
+    Stall = "stall", Wire, BOTH,
+    sees "Silence, then everything at once, old replies first.",
+    counts "A byte was held up.",
+    {
+        /// Which way; both unless given.
+        #[serde(default)]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// One wire of the cable is broken: nothing arrives that way.
+    Mute = "mute", Wire, BOTH,
+    sees "No replies; to-device, a vehicle that does nothing and whose watchdog fires.",
+    counts "A byte was lost.",
+    {
+        /// Which way; to-client unless given.
+        #[serde(default = "defaults::to_client")]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// The device's serial port runs at a wrong speed.
+    WrongBaud = "wrong-baud", Wire, BOTH,
+    sees "Garbage instead of replies, and no answer to what it sends.",
+    counts "Something was sent at mismatched speeds.",
+    {
+        /// Bits per second of the device's end; 9600 unless given.
+        #[serde(default = "defaults::wrong_baud")]
+        baud: u32,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// Random bytes come out of an idle line.
+    IdleNoise = "idle-noise", Wire, BOTH,
+    sees "Bytes between replies that belong to nothing.",
+    counts "A byte came out of nothing.",
+    {
+        /// Mean time between two; 100 ms unless given, at least 1 ms.
+        #[serde(default = "defaults::noise_every")]
+        every: Span,
+        /// At most so many.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        count: Option<u64>,
+        /// Which way; to-client unless given.
+        #[serde(default = "defaults::to_client")]
+        direction: Direction,
+        /// On which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+    /// The cable is pulled, and plugged in again at the end.
+    CablePulled = "cable-pulled", Wire, BOTH,
+    sees "Its port hangs up, as a pulled USB adapter does, and can be opened again afterwards.",
+    counts "A client had the port open, or something was sent.",
+    {
+        /// Of which link; main unless given.
+        #[serde(default)]
+        link: LinkName,
+    }
+
+    } };
+}
