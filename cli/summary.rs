@@ -87,6 +87,9 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
                 "\n      {code} {}x, first at {} s: {}",
                 tally.client_faults, tally.first_at, tally.first
             );
+            if tally.count > 1 && tally.lost_bytes > 0 {
+                let _ = write!(text, "; {} bytes in all", tally.lost_bytes);
+            }
         }
     }
     if run.excused > 0 {
@@ -162,6 +165,7 @@ pub(crate) fn events_json(report: &Report) -> Vec<Value> {
                 "first": tally.first,
                 "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
                 "client_faults": tally.client_faults,
+                "lost_bytes": tally.lost_bytes,
             })
         })
         .collect()

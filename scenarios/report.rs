@@ -1,56 +1,9 @@
 //! The client report: what the client did that the protocol forbids, or that is risky.
 
-/// Every kind that a client report can have, of all devices and of the line.
-pub const CLIENT_FAULTS: &[&str] = &[
-    "bad_crc",
-    "partial_frame",
-    "noise",
-    "unknown_command",
-    "wrong_length",
-    "duty_out_of_range",
-    "motors_out_of_range",
-    "reserved_bits",
-    "over_rate",
-    "watchdog_fired",
-    "heartbeat_lost",
-    "partial_packet",
-    "bad_line",
-    "bad_number",
-    "line_too_long",
-    "speed_clamped",
-    "bad_is_reset",
-    "bad_moving_idx",
-    "bad_control_type",
-    "queue_full",
-    "ignored_in_remote",
-    "link_timeout",
-    "baud_mismatch",
-    "line_not_raw",
-    "stop_bits",
-    "sent_too_much",
-    "overrun",
-    "line_full",
-];
+use sim_core::event::Code;
 
-/// What a client is not to blame for while a fault disturbs its line.
-pub(crate) const OF_A_DISTURBED_LINE: &[&str] = &[
-    "bad_crc",
-    "partial_frame",
-    "noise",
-    "unknown_command",
-    "wrong_length",
-    "duty_out_of_range",
-    "motors_out_of_range",
-    "reserved_bits",
-    "watchdog_fired",
-    "heartbeat_lost",
-    "partial_packet",
-    "bad_line",
-    "bad_number",
-    "line_too_long",
-    "speed_clamped",
-    "bad_is_reset",
-    "bad_moving_idx",
-    "bad_control_type",
-    "link_timeout",
-];
+/// Every kind that a client report can have, of all devices and of the line.
+pub fn client_faults() -> impl Iterator<Item = &'static str> {
+    let all = Code::ALL.iter().filter(|code| code.is_client_fault());
+    all.map(|code| code.word())
+}

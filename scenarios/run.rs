@@ -23,6 +23,7 @@
 
 mod agenda;
 mod client;
+mod effects;
 mod host;
 mod judge;
 mod outcome;
@@ -139,7 +140,7 @@ impl Run {
     /// A run that has not begun. `world` is the world file that the scenario names, if it does.
     ///
     /// # Errors
-    /// When the world file is wrong.
+    /// When the world file is wrong, or lacks an obstacle that a step moves or removes.
     pub fn new(
         scenario: Arc<Scenario>,
         world: Option<Source<'_>>,
@@ -150,6 +151,7 @@ impl Run {
                 .map_err(|error| RunError::World(error.to_string()))?,
             None => WorldMap::default(),
         };
+        scenario.check_obstacles(&map).map_err(RunError::World)?;
         let rig = scenario.rig.build(map, options.wire, options.seed);
         let ports: Vec<PortId> = scenario
             .rig

@@ -35,6 +35,7 @@ use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::settings::SimSettings;
+use sim_physics::WorldMap;
 use sim_settings::Source;
 
 pub use document::Only;
@@ -88,6 +89,8 @@ pub struct Scenario {
     pub(crate) steps: Vec<Step>,
     pub(crate) rules: Vec<Rule>,
     pub(crate) demand: Option<Demand>,
+    /// Obstacles that have to be there, and where the file says so.
+    pub(crate) obstacles: Vec<(String, String)>,
 }
 
 /// One thing that happens.
@@ -169,6 +172,33 @@ impl Scenario {
     #[must_use]
     pub fn world(&self) -> Option<&Path> {
         self.rig.world.as_deref()
+    }
+
+    /// Whether the obstacles that steps move or remove are in this world, or are added by a step.
+    ///
+    /// # Errors
+    /// A line for each that nobody has put there, with its place in the file.
+    pub(crate) fn check_obstacles(&self, map: &WorldMap) -> Result<(), String> {
+        let in_map = map.obstacles.iter().filter_map(|obstacle| obstacle.name());
+        let added = self.steps.iter().flat_map(|step| match &step.action {
+            Action::World(action) => action.brings().collect(),
+            _ => Vec::new(),
+        });
+        let known: Vec<&str> = in_map.chain(added).collect();
+        let unknown: Vec<String> = self
+            .obstacles
+            .iter()
+            .filter(|(name, _)| !known.contains(&name.as_str()))
+            .map(|(name, place)| {
+                let hint = crate::suggest::or_allowed(name, &known);
+                format!("{place}: no obstacle is named `{name}`; {hint}")
+            })
+            .collect();
+        if unknown.is_empty() {
+            Ok(())
+        } else {
+            Err(unknown.join("\n"))
+        }
     }
 
     /// The JSON Schema of scenario files.

@@ -1,5 +1,7 @@
 //! What is told to whoever watches: the log, the client report, scenarios.
 
+mod code;
+
 use std::borrow::Cow;
 use std::fmt;
 
@@ -9,6 +11,8 @@ use crate::fault::FaultPhase;
 use crate::line::LineEvent;
 use crate::mecanum_device::{Link, MecanumEvent};
 use crate::r150_device::R150Event;
+
+pub use code::{Blame, Code};
 
 /// How much an event matters to somebody who writes a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,15 +88,21 @@ impl EventKind {
     /// A short stable name, the same in logs, reports and documentation.
     #[must_use]
     pub fn code(&self) -> &'static str {
+        self.which().word()
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn which(&self) -> Code {
         match self {
-            Self::Line { event, .. } => event.code(),
+            Self::Line { event, .. } => event.which(),
             Self::Fault { phase, .. } => match phase {
-                FaultPhase::Armed => "fault_armed",
-                FaultPhase::Triggered { .. } => "fault_triggered",
-                FaultPhase::Cleared => "fault_cleared",
+                FaultPhase::Armed => Code::FaultArmed,
+                FaultPhase::Triggered { .. } => Code::FaultTriggered,
+                FaultPhase::Cleared => Code::FaultCleared,
             },
-            Self::R150(event) => event.code(),
-            Self::Mecanum(event) => event.code(),
+            Self::R150(event) => event.which(),
+            Self::Mecanum(event) => event.which(),
         }
     }
 
@@ -136,6 +146,15 @@ impl EventKind {
             | Self::Mecanum(MecanumEvent::Status(..) | MecanumEvent::Report(_)) => Role::Reply,
             Self::R150(R150Event::HeartbeatLost) => Role::HeartbeatLost,
             _ => Role::Other,
+        }
+    }
+
+    /// How many bytes were lost.
+    #[must_use]
+    pub fn lost_bytes(&self) -> u64 {
+        match self {
+            Self::Line { event, .. } => event.lost_bytes(),
+            _ => 0,
         }
     }
 

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use sim_settings::{SimTime, choices};
 
-use crate::event::Level;
-use crate::uart;
+use crate::event::{Code, Level};
+use crate::uart::{self, Receiver};
 
 choices! {
     /// Whether bytes take time on the line.
@@ -16,6 +16,16 @@ choices! {
         Paced = "paced",
         /// Bytes arrive the moment they are sent.
         Instant = "instant",
+    }
+}
+
+impl Wire {
+    /// Time that a byte takes.
+    fn byte_time(self, baud: u32) -> Duration {
+        match self {
+            Self::Paced => uart::byte_time(baud),
+            Self::Instant => Duration::ZERO,
+        }
     }
 }
 
@@ -110,33 +120,43 @@ impl LineEvent {
     /// A short stable name, the same in logs, reports and documentation.
     #[must_use]
     pub fn code(&self) -> &'static str {
+        self.which().word()
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn which(&self) -> Code {
         match self {
-            Self::Attached => "client_attached",
-            Self::Detached => "client_detached",
-            Self::BaudMismatch { .. } => "baud_mismatch",
-            Self::BaudMatched { .. } => "baud_matched",
-            Self::NotRaw => "line_not_raw",
-            Self::StopBits => "stop_bits",
-            Self::SentTooMuch { .. } => "sent_too_much",
-            Self::SimulatorLate { .. } => "simulator_late",
-            Self::SimulatorTooSlow => "simulator_too_slow",
-            Self::Overrun { .. } => "overrun",
-            Self::ReplyDropped { .. } => "line_full",
+            Self::Attached => Code::ClientAttached,
+            Self::Detached => Code::ClientDetached,
+            Self::BaudMismatch { .. } => Code::BaudMismatch,
+            Self::BaudMatched { .. } => Code::BaudMatched,
+            Self::NotRaw => Code::LineNotRaw,
+            Self::StopBits => Code::StopBits,
+            Self::SentTooMuch { .. } => Code::SentTooMuch,
+            Self::SimulatorLate { .. } => Code::SimulatorLate,
+            Self::SimulatorTooSlow => Code::SimulatorTooSlow,
+            Self::Overrun { .. } => Code::Overrun,
+            Self::ReplyDropped { .. } => Code::LineFull,
+        }
+    }
+
+    /// How many bytes were lost.
+    #[must_use]
+    pub fn lost_bytes(&self) -> u64 {
+        match self {
+            Self::SentTooMuch { bytes } | Self::ReplyDropped { bytes } => {
+                u64::try_from(*bytes).unwrap_or(u64::MAX)
+            }
+            Self::Overrun { bytes } => *bytes,
+            _ => 0,
         }
     }
 
     /// Whether the client did something that it should not.
     #[must_use]
     pub fn is_client_fault(&self) -> bool {
-        matches!(
-            self,
-            Self::BaudMismatch { .. }
-                | Self::NotRaw
-                | Self::StopBits
-                | Self::SentTooMuch { .. }
-                | Self::Overrun { .. }
-                | Self::ReplyDropped { .. }
-        )
+        self.which().is_client_fault()
     }
 }
 
@@ -189,37 +209,94 @@ struct Direction {
     under_way: VecDeque<(SimTime, u8)>,
     /// When the sender's shift register is empty.
     free_at: SimTime,
+    /// The last burst, if it went at a wrong speed.
+    garbled: Option<Burst>,
+}
+
+/// Bytes that follow one another at a speed that is not the receiver's.
+#[derive(Debug, Clone)]
+struct Burst {
+    receiver: Receiver,
+    /// Speeds of the sender and of the receiver.
+    bauds: [u32; 2],
+    begin: SimTime,
+    /// When all of it has been sent.
+    sent_at: SimTime,
+    /// How many of the last bytes under way are what they are only if nothing follows.
+    tentative: usize,
+    /// When the first of them arrives.
+    tentative_from: Option<SimTime>,
+}
+
+impl Burst {
+    fn new(begin: SimTime, bauds: [u32; 2]) -> Self {
+        let [from, to] = bauds;
+        Self {
+            receiver: Receiver::new(from, to),
+            bauds,
+            begin,
+            sent_at: begin,
+            tentative: 0,
+            tentative_from: None,
+        }
+    }
 }
 
 impl Direction {
-    /// Bytes sent at another speed are read as a burst with an idle line before and after, so what
-    /// comes of them depends on how they were cut into bursts; on a cable it depends on the pauses
-    /// between them in the same way.
     fn send(&mut self, now: SimTime, bytes: &[u8], from_baud: u32, to_baud: u32, wire: Wire) {
-        let start = self.free_at.max(now);
-        let byte_time = match wire {
-            Wire::Paced => uart::byte_time(from_baud),
-            Wire::Instant => Duration::ZERO,
-        };
-        if matches(from_baud, to_baud) {
-            let mut arrival = start;
-            for &byte in bytes {
-                arrival += byte_time;
-                self.under_way.push_back((arrival, byte));
-            }
-            self.free_at = arrival;
-        } else {
-            let mut arrival = start;
-            for received in uart::resample(bytes, from_baud, to_baud) {
-                if wire == Wire::Paced {
-                    arrival = start + received.after;
-                }
-                self.under_way.push_back((arrival, received.byte));
-            }
-            let count = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
-            // A slow receiver may still be at its last byte when the sender has finished.
-            self.free_at = arrival.max(start + byte_time * count);
+        if !matches(from_baud, to_baud) {
+            return self.send_garbled(now, bytes, [from_baud, to_baud], wire);
         }
+        self.garbled = None;
+        let byte_time = wire.byte_time(from_baud);
+        let mut arrival = self.free_at.max(now);
+        for &byte in bytes {
+            arrival += byte_time;
+            self.under_way.push_back((arrival, byte));
+        }
+        self.free_at = arrival;
+    }
+
+    /// Bytes at another speed than the receiver's. What it makes of them depends on where bytes
+    /// follow one another without a pause, as on a cable: not on the pieces in which they were
+    /// handed over.
+    fn send_garbled(&mut self, now: SimTime, bytes: &[u8], bauds: [u32; 2], wire: Wire) {
+        let goes_on = |burst: &Burst| {
+            let tentative = burst.tentative_from.is_none_or(|arrival| arrival > now);
+            let fits = burst.receiver.pending() < MOST_IN_FLIGHT;
+            burst.bauds == bauds && wire == Wire::Paced && now <= burst.sent_at && tentative && fits
+        };
+        let mut burst = match self.garbled.take().filter(goes_on) {
+            Some(burst) => {
+                // The line was not idle after all.
+                let kept = self.under_way.len().saturating_sub(burst.tentative);
+                self.under_way.truncate(kept);
+                burst
+            }
+            None => Burst::new(self.free_at.max(now), bauds),
+        };
+        burst.receiver.hear(bytes);
+        let byte_time = wire.byte_time(bauds[0]);
+        let count = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+        burst.sent_at += byte_time * count;
+        let begin = burst.begin;
+        let arrives = |after| match wire {
+            Wire::Paced => begin + after,
+            Wire::Instant => begin,
+        };
+        while let Some(received) = burst.receiver.next_settled() {
+            let arrival = arrives(received.after);
+            self.under_way.push_back((arrival, received.byte));
+        }
+        let tentative = burst.receiver.if_idle();
+        burst.tentative = tentative.len();
+        burst.tentative_from = tentative.first().map(|first| arrives(first.after));
+        let tentative = tentative.iter().map(|r| (arrives(r.after), r.byte));
+        self.under_way.extend(tentative);
+        // A slow receiver may still be at its last byte when the sender has finished.
+        let last = self.under_way.back().map_or(begin, |(arrival, _)| *arrival);
+        self.free_at = last.max(burst.sent_at);
+        self.garbled = Some(burst);
     }
 
     fn take(&mut self, now: SimTime) -> Option<u8> {
@@ -544,6 +621,36 @@ mod tests {
         let mut at_client = Vec::new();
         line.take_for_client(SimTime::ZERO, &mut at_client);
         assert_ne!(at_client, [0xAA, 0x55, 0x01]);
+    }
+
+    #[test]
+    fn the_pieces_in_which_a_burst_is_handed_over_change_nothing() {
+        let bytes: Vec<u8> = (0..=255).map(|byte: u8| byte.wrapping_mul(37)).collect();
+        for baud in [4_800, 57_600, 110_000, 230_400, 921_600] {
+            let whole = {
+                let mut line = SerialLine::new(115_200, Wire::Paced);
+                line.set_client_line(ClientLine::at(baud));
+                line.client_sends(SimTime::ZERO, &bytes);
+                arrivals(&mut line)
+            };
+            for piece in [1, 3, 17, 100] {
+                let mut line = SerialLine::new(115_200, Wire::Paced);
+                line.set_client_line(ClientLine::at(baud));
+                let mut now = SimTime::ZERO;
+                let mut found = Vec::new();
+                for piece in bytes.chunks(piece) {
+                    while let Some(at) = line.next_for_device().filter(|at| *at <= now) {
+                        found.push((at.as_nanos(), line.take_for_device(at).unwrap()));
+                    }
+                    line.client_sends(now, piece);
+                    // Just before the line would be idle.
+                    let count = u32::try_from(piece.len()).unwrap();
+                    now += uart::byte_time(baud) * count - Duration::from_nanos(1);
+                }
+                found.extend(arrivals(&mut line));
+                assert_eq!(found, whole, "{baud} baud in pieces of {piece}");
+            }
+        }
     }
 
     #[test]

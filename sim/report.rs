@@ -18,6 +18,8 @@ pub struct Tally {
     pub first: String,
     /// The bytes of the first, if it was about bytes.
     pub bytes: Option<Vec<u8>>,
+    /// Bytes that were lost in all of them.
+    pub lost_bytes: u64,
     /// How many of them were the client's doing: forbidden by the protocol, or risky.
     pub client_faults: u64,
 }
@@ -51,9 +53,11 @@ impl Report {
             first_at: event.at,
             first: kind.to_string(),
             bytes: kind.bytes().map(Cow::into_owned),
+            lost_bytes: 0,
             client_faults: 0,
         });
         tally.count += 1;
+        tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes());
         // A heartbeat that ends because the client has left is as it should be.
         let left = kind.role() == Role::HeartbeatLost && self.attached == 0;
         tally.client_faults += u64::from(kind.is_client_fault() && !left);

@@ -6,10 +6,12 @@
 //! cent in either direction it looks at the wrong bits, and where they differ much it finds more
 //! or fewer bytes than were sent.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 /// Bits on the line for each byte: start, eight data, stop.
 pub const BITS_PER_BYTE: u64 = 10;
+const BITS: u128 = BITS_PER_BYTE as u128;
 
 /// Time that one byte takes at `baud`, to the nearest nanosecond.
 #[must_use]
@@ -29,57 +31,127 @@ pub struct Received {
 
 /// What a receiver at `to_baud` finds in `bytes` sent back to back at `from_baud`; the line is
 /// idle before and after.
-///
-/// The receiver hands on bytes whose stop bit is wrong too, as common UARTs do, and then waits
-/// for the line to go high.
 #[must_use]
 pub fn resample(bytes: &[u8], from_baud: u32, to_baud: u32) -> Vec<Received> {
-    // Time is counted in units of 1/(from·to) seconds, so that a bit is a whole number at both
-    // speeds; half of the receiver's bit needs a factor of two.
-    let sent_bit = 2 * u128::from(to_baud.max(1));
-    let read_bit = 2 * u128::from(from_baud.max(1));
-    let second = sent_bit * u128::from(from_baud.max(1));
-    let bits = bytes.len() as u128 * u128::from(BITS_PER_BYTE);
-    let level = |time: u128| is_high(bytes, time / sent_bit);
-    let mut received = Vec::new();
-    let mut time = 0;
-    // The line is high before the first bit and after a good stop bit.
-    let mut was_high = true;
-    while time < bits * sent_bit {
-        if !was_high || level(time) {
-            // No falling edge here: go to the next bit of the sender.
-            was_high = level(time);
-            time = (time / sent_bit + 1) * sent_bit;
-            continue;
-        }
-        let sample = |bit: u128| level(time + bit * read_bit + read_bit / 2);
-        if sample(0) {
-            // A glitch shorter than half a bit is no start bit.
-            was_high = true;
-            time = (time / sent_bit + 1) * sent_bit;
-            continue;
-        }
-        let byte = (0..8).fold(0, |byte, bit| byte | u8::from(sample(1 + bit)) << bit);
-        let stop = time + 9 * read_bit + read_bit / 2;
-        let nanos = stop * 1_000_000_000 / second;
-        let after = Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX));
-        received.push(Received { byte, after });
-        was_high = level(stop);
-        time = stop;
-    }
-    received
+    let mut receiver = Receiver::new(from_baud, to_baud);
+    receiver.hear(bytes);
+    receiver.if_idle()
 }
 
-/// Level of the sender's bit `index`, counted from the first start bit.
-fn is_high(bytes: &[u8], index: u128) -> bool {
-    let byte = usize::try_from(index / u128::from(BITS_PER_BYTE)).unwrap_or(usize::MAX);
-    let Some(byte) = bytes.get(byte) else {
-        return true;
-    };
-    match index % u128::from(BITS_PER_BYTE) {
-        0 => false,
-        9 => true,
-        bit => byte >> (bit - 1) & 1 == 1,
+/// A receiver that listens to a burst at another speed than the sender's.
+///
+/// It hands on bytes whose stop bit is wrong too, as common UARTs do, and then waits for the line
+/// to go high.
+#[derive(Debug, Clone)]
+pub struct Receiver {
+    /// Time is counted in units of 1/(from·to) seconds, so that a bit is a whole number at both
+    /// speeds; half of the receiver's bit needs a factor of two.
+    sent_bit: u128,
+    read_bit: u128,
+    second: u128,
+    /// What was sent, as far as it still matters, and how many bytes came before that.
+    sent: VecDeque<u8>,
+    forgotten: u128,
+    /// Where the receiver is, and whether the line was high just before.
+    time: u128,
+    was_high: bool,
+}
+
+impl Receiver {
+    /// At the beginning of a burst, after an idle line.
+    #[must_use]
+    pub fn new(from_baud: u32, to_baud: u32) -> Self {
+        let (from, to) = (u128::from(from_baud.max(1)), u128::from(to_baud.max(1)));
+        Self {
+            sent_bit: 2 * to,
+            read_bit: 2 * from,
+            second: 2 * to * from,
+            sent: VecDeque::new(),
+            forgotten: 0,
+            time: 0,
+            was_high: true,
+        }
+    }
+
+    /// These bytes follow those before without a pause.
+    pub fn hear(&mut self, bytes: &[u8]) {
+        self.sent.extend(bytes);
+    }
+
+    /// How many bytes it keeps because they still matter.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.sent.len()
+    }
+
+    /// The next byte that is what it is, whatever follows.
+    pub fn next_settled(&mut self) -> Option<Received> {
+        let found = self.advance(false);
+        while self.time >= (self.forgotten + 1) * BITS * self.sent_bit
+            && self.sent.pop_front().is_some()
+        {
+            self.forgotten += 1;
+        }
+        found
+    }
+
+    /// All that is still to come if the line is idle from here on.
+    #[must_use]
+    pub fn if_idle(&self) -> Vec<Received> {
+        let mut receiver = self.clone();
+        std::iter::from_fn(|| receiver.advance(true)).collect()
+    }
+
+    /// Goes on to the end of the next byte; unless the line is `idle` behind what was sent, only if
+    /// all that it has to look at is known.
+    fn advance(&mut self, idle: bool) -> Option<Received> {
+        let end = (self.forgotten + self.sent.len() as u128) * BITS * self.sent_bit;
+        let known = |time: u128| idle || time < end;
+        while self.time < end {
+            let next_bit = (self.time / self.sent_bit + 1) * self.sent_bit;
+            let high = self.level(self.time);
+            if !self.was_high || high {
+                // No falling edge here: go to the next bit of the sender.
+                self.was_high = high;
+                self.time = next_bit;
+                continue;
+            }
+            let middle = |bit: u128| self.time + bit * self.read_bit + self.read_bit / 2;
+            if !known(middle(0)) {
+                return None;
+            }
+            if self.level(middle(0)) {
+                // A glitch shorter than half a bit is no start bit.
+                self.was_high = true;
+                self.time = next_bit;
+                continue;
+            }
+            let stop = middle(9);
+            if !known(stop) {
+                return None;
+            }
+            let byte = (0..8).fold(0, |byte, bit| {
+                byte | u8::from(self.level(middle(1 + bit))) << bit
+            });
+            let nanos = stop * 1_000_000_000 / self.second;
+            let after = Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX));
+            self.was_high = self.level(stop);
+            self.time = stop;
+            return Some(Received { byte, after });
+        }
+        None
+    }
+
+    /// Whether the line is high at a time that is not forgotten.
+    fn level(&self, time: u128) -> bool {
+        let index = time / self.sent_bit;
+        let at = (index / BITS).checked_sub(self.forgotten);
+        let byte = at.and_then(|at| self.sent.get(usize::try_from(at).ok()?));
+        match (byte, index % BITS) {
+            (None, _) | (Some(_), 9) => true,
+            (Some(_), 0) => false,
+            (Some(byte), bit) => byte >> (bit - 1) & 1 == 1,
+        }
     }
 }
 
@@ -130,6 +202,24 @@ mod tests {
             baud in 1u32..4_000_000,
         ) {
             prop_assert_eq!(values(&bytes, baud, baud), bytes);
+        }
+
+        #[test]
+        fn what_is_settled_is_what_a_whole_burst_gives(
+            bytes in prop::collection::vec(any::<u8>(), 0..60),
+            cut in 0_usize..60,
+            from in 1_200u32..300_000,
+            to in 1_200u32..300_000,
+        ) {
+            let (first, second) = bytes.split_at(cut.min(bytes.len()));
+            let mut receiver = Receiver::new(from, to);
+            let mut found = Vec::new();
+            for part in [first, second] {
+                receiver.hear(part);
+                found.extend(std::iter::from_fn(|| receiver.next_settled()));
+            }
+            found.extend(receiver.if_idle());
+            prop_assert_eq!(found, resample(&bytes, from, to));
         }
 
         #[test]

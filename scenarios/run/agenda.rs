@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sim_core::SimTime;
 
-use super::steps::Undo;
+use super::effects::Undo;
 
 /// Something planned.
 #[derive(Debug, Clone)]

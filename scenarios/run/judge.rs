@@ -3,14 +3,13 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::{Event, Role};
+use sim_core::event::{Blame, Event, Role};
 use sim_settings::show_duration;
 
 use super::agenda::Item;
 use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 use super::{MOST_RECENT, Run};
 use crate::condition::{Condition, Situation};
-use crate::report::OF_A_DISTURBED_LINE;
 use crate::scenario::{Action, Scenario, Trigger};
 
 /// Most failures that are told; further ones are counted.
@@ -177,7 +176,7 @@ impl Run {
             .excused_until
             .get(event.device)
             .is_some_and(|until| event.at <= *until);
-        let own = disturbed && OF_A_DISTURBED_LINE.contains(&event.kind.code());
+        let own = disturbed && event.kind.which().blame() == Blame::ClientUnlessDisturbed;
         // Asked in any case, for it may count.
         let by_others = self.excuse.as_mut().is_some_and(|excuse| excuse(event));
         own || by_others

@@ -3,17 +3,14 @@
 use std::collections::BTreeMap;
 
 use sim_core::SimTime;
-use sim_core::mecanum_device as mecanum;
 use sim_core::noise::Noise;
-use sim_core::r150_device::vehicle;
-use sim_physics::Ground;
-use sim_physics::r150::{Load, PwmSource, Rail};
 
 use super::agenda::Item;
+use super::effects::Undo;
 use super::judge::Expected;
 use super::{MOST_ROUNDS, Run};
 use crate::fault::{self, Fault, FaultHandle};
-use crate::scenario::{Action, Only, OperatorAction, Scenario, Step, Trigger, WorldAction};
+use crate::scenario::{Action, Only, Scenario, Step, Trigger};
 
 /// How far a step has come.
 #[derive(Debug)]
@@ -31,21 +28,6 @@ pub(super) struct StepState {
     faults: BTreeMap<u64, FaultHandle>,
     injected: u64,
     hits: u64,
-}
-
-/// What ends the effect of a step.
-#[derive(Debug, Clone)]
-pub(super) enum Undo {
-    /// Nothing is left to be undone: a repetition's time is over.
-    Nothing,
-    Fault(u64),
-    R150(vehicle::Action),
-    Mecanum(mecanum::Action),
-    Push,
-    Payload,
-    Friction,
-    Load(Rail, Load),
-    Pwm(usize),
 }
 
 impl StepState {
@@ -242,124 +224,6 @@ impl Run {
             .any(
                 |(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_requests(f)),
             )
-    }
-
-    fn operate(&mut self, device: usize, action: &OperatorAction) -> Option<Undo> {
-        match action {
-            OperatorAction::R150(action, end) => {
-                self.rig
-                    .with_r150(device, |r150, _, now| r150.operate(now, *action));
-                end.map(Undo::R150)
-            }
-            OperatorAction::Mecanum(action, end) => {
-                self.rig
-                    .with_mecanum(device, |car, _, now| car.operate(now, *action));
-                end.map(Undo::Mecanum)
-            }
-            OperatorAction::Push(push) => {
-                self.push(device, *push);
-                Some(Undo::Push)
-            }
-            OperatorAction::Payload(mass) => {
-                self.payload(device, *mass);
-                Some(Undo::Payload)
-            }
-            OperatorAction::Place(pose) => {
-                self.rig.with_r150(device, |r150, world, _| {
-                    r150.place(world, *pose);
-                });
-                self.rig.with_mecanum(device, |car, world, _| {
-                    car.plant_mut().place(world, *pose);
-                });
-                None
-            }
-        }
-    }
-
-    fn push(&mut self, device: usize, [ahead, left, turn]: [f64; 3]) {
-        self.rig.with_r150(device, |r150, _, _| {
-            r150.set_push(ahead, left, turn);
-        });
-        self.rig.with_mecanum(device, |car, _, _| {
-            car.plant_mut().set_push(ahead, left, turn);
-        });
-    }
-
-    fn payload(&mut self, device: usize, mass: f64) {
-        self.rig.with_r150(device, |r150, world, _| {
-            r150.set_payload(world, mass);
-        });
-        self.rig.with_mecanum(device, |car, world, _| {
-            car.plant_mut().set_payload(world, mass);
-        });
-    }
-
-    fn change_world(
-        &mut self,
-        index: usize,
-        device: usize,
-        action: &WorldAction,
-        now: SimTime,
-    ) -> Option<Undo> {
-        match action {
-            WorldAction::Add(map) => {
-                if let Err(why) = self.rig.with_world(|world| world.add_map(map)) {
-                    self.fail_step(index, now, why.to_string());
-                }
-                None
-            }
-            WorldAction::Friction(friction) => {
-                let ground = self.ground.with_friction_of(&Ground::flat(*friction));
-                self.rig.with_world(|world| world.set_ground(ground));
-                Some(Undo::Friction)
-            }
-            WorldAction::Load(rail, load) => {
-                let before = self.load(device, *rail, *load)?;
-                Some(Undo::Load(*rail, before))
-            }
-            WorldAction::Pwm(input, source) => {
-                self.pwm(device, *input, *source);
-                Some(Undo::Pwm(*input))
-            }
-        }
-    }
-
-    /// Wires a load; gives what was there before.
-    fn load(&mut self, device: usize, rail: Rail, load: Load) -> Option<Load> {
-        self.rig
-            .with_r150(device, |r150, _, _| r150.set_load(rail, load))
-    }
-
-    fn pwm(&mut self, device: usize, input: usize, source: PwmSource) {
-        self.rig.with_r150(device, |r150, _, _| {
-            r150.set_pwm_source(input, source);
-        });
-    }
-
-    fn undo(&mut self, index: usize, undo: Undo) {
-        let device = self.scenario.steps[index].device;
-        match undo {
-            Undo::Nothing => {}
-            Undo::Fault(number) => self.clear_fault(index, number),
-            Undo::R150(action) => {
-                self.rig
-                    .with_r150(device, |r150, _, now| r150.operate(now, action));
-            }
-            Undo::Mecanum(action) => {
-                self.rig
-                    .with_mecanum(device, |car, _, now| car.operate(now, action));
-            }
-            Undo::Push => self.push(device, [0.0; 3]),
-            Undo::Payload => self.payload(device, 0.0),
-            Undo::Friction => {
-                let ground = self.ground;
-                self.rig.with_world(|world| world.set_ground(ground));
-            }
-            Undo::Load(rail, before) => {
-                self.load(device, rail, before);
-            }
-            Undo::Pwm(input) => self.pwm(device, input, PwmSource::None),
-        }
     }
 
     /// One of a step's times that went on is over.

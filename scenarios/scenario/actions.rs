@@ -27,6 +27,12 @@ pub(crate) enum OperatorAction {
 #[derive(Debug, Clone)]
 pub(crate) enum WorldAction {
     Add(Box<WorldMap>),
+    Move {
+        obstacle: String,
+        place: [f64; 2],
+        heading: Option<f64>,
+    },
+    Remove(String),
     Friction(f64),
     Load(Rail, Load),
     Pwm(usize, PwmSource),
@@ -143,6 +149,12 @@ impl WorldAction {
     pub(super) fn read(text: &WorldText, kind: Kind) -> Result<Self, String> {
         match text {
             WorldText::Add(table) => add(table).map(|map| Self::Add(Box::new(map))),
+            WorldText::Move(to) => Ok(Self::Move {
+                obstacle: to.obstacle.clone(),
+                place: [to.x.0, to.y.0],
+                heading: to.heading.map(|angle| angle.0.to_radians()),
+            }),
+            WorldText::Remove(obstacle) => Ok(Self::Remove(obstacle.clone())),
             WorldText::Friction(friction) if (0.0..=2.0).contains(friction) => {
                 Ok(Self::Friction(*friction))
             }
@@ -161,7 +173,37 @@ impl WorldAction {
 
     /// Whether it can be undone after a time.
     pub(crate) fn can_end(&self) -> bool {
-        !matches!(self, Self::Add(_))
+        let Self::Add(map) = self else {
+            return true;
+        };
+        let WorldMap {
+            obstacles,
+            slopes,
+            frictions,
+            tags,
+            strips,
+        } = map.as_ref();
+        let ground = slopes.len() + frictions.len() + tags.len() + strips.len();
+        ground == 0 && obstacles.iter().all(|obstacle| obstacle.name().is_some())
+    }
+
+    /// The obstacle that has to be there.
+    pub(crate) fn obstacle(&self) -> Option<&str> {
+        match self {
+            Self::Move { obstacle, .. } | Self::Remove(obstacle) => Some(obstacle),
+            _ => None,
+        }
+    }
+
+    /// The obstacles that it brings, as far as they have names.
+    pub(crate) fn brings(&self) -> impl Iterator<Item = &str> {
+        let map = match self {
+            Self::Add(map) => Some(map),
+            _ => None,
+        };
+        map.into_iter()
+            .flat_map(|map| map.obstacles.iter())
+            .filter_map(|obstacle| obstacle.name())
     }
 }
 

@@ -17,7 +17,7 @@ use super::{
 use crate::Kind;
 use crate::condition::{Condition, identifier, names};
 use crate::fault;
-use crate::report::CLIENT_FAULTS;
+use crate::report::client_faults;
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::suggest::{improve, nearest, or_allowed};
 
@@ -47,6 +47,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
             .collect(),
         names: BTreeMap::new(),
         limit: document.limit.get_ref().0,
+        obstacles: Vec::new(),
         problems,
     };
     checker.check_device_names();
@@ -79,6 +80,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
     if let Some(steps) = steps.iter().map(Option::as_ref).collect::<Option<Vec<_>>>() {
         checker.check_order(&steps, &document.step, &rules);
     }
+    let obstacles = checker.obstacles;
     checker.problems.into_result()?;
     Ok(Scenario {
         file: source.file.to_owned(),
@@ -93,6 +95,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         steps: steps.into_iter().flatten().collect(),
         rules: rules.into_iter().map(|(rule, _)| rule).collect(),
         demand,
+        obstacles,
         rig,
     })
 }
@@ -103,6 +106,8 @@ struct Checker<'a> {
     /// Steps by their names.
     names: BTreeMap<String, usize>,
     limit: std::time::Duration,
+    /// Obstacles that have to be there, and where the file says so.
+    obstacles: Vec<(String, String)>,
     problems: Problems<'a>,
 }
 
@@ -266,6 +271,10 @@ impl Checker<'_> {
         if let Some(world) = &text.world {
             let read = WorldAction::read(world.get_ref(), kind);
             let read = self.problems.take(world.span(), read);
+            if let Some(name) = read.as_ref().and_then(WorldAction::obstacle) {
+                let place = self.problems.place(world.span());
+                self.obstacles.push((name.to_owned(), place));
+            }
             actions.push(read.map(Action::World));
         }
         if let Some(expect) = &text.expect {
@@ -370,9 +379,10 @@ impl Checker<'_> {
                 only: None,
             };
         };
+        let known: Vec<&str> = client_faults().collect();
         for kind in kinds.allowed.iter().chain(&kinds.forbidden).flatten() {
-            if !CLIENT_FAULTS.contains(&kind.as_str()) {
-                let allowed = or_allowed(kind, CLIENT_FAULTS);
+            if !known.contains(&kind.as_str()) {
+                let allowed = or_allowed(kind, &known);
                 let why = format!("the client report has no kind `{kind}`; {allowed}");
                 self.problems.add(text.span(), &why);
             }

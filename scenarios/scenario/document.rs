@@ -376,9 +376,14 @@ pub(crate) struct PlaceText {
 #[serde(rename_all = "snake_case")]
 pub(crate) enum WorldText {
     /// Puts things into the world, in the form of a world file: `wall`, `box`, `circle`, `slope`,
-    /// `friction`, `tag`, `strip`. They stay.
+    /// `friction`, `tag`, `strip`. They stay; with `for`, which takes obstacles with names only,
+    /// they are taken away after that.
     #[schemars(with = "std::collections::BTreeMap<String, serde_json::Value>")]
     Add(toml::Table),
+    /// Moves an obstacle at once; with `for`, back after that.
+    Move(MoveText),
+    /// Takes the obstacle of this name away; with `for`, it is put back after that.
+    Remove(String),
     /// Changes the friction of the ground wherever no area of the world has its own; with `for`,
     /// back after that.
     Friction(f64),
@@ -386,6 +391,20 @@ pub(crate) enum WorldText {
     Load(LoadText),
     /// R150: wires a signal to a PWM input; with `for`, nothing after that.
     PwmSignal(SignalText),
+}
+
+/// Where an obstacle is to stand: the middle of a box or post, the first point of a wall.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct MoveText {
+    /// Its name in the world file, or in the step that added it.
+    pub obstacle: String,
+    /// East.
+    pub x: Length,
+    /// North.
+    pub y: Length,
+    /// Counter-clockwise from x; its own unless given.
+    pub heading: Option<Angle>,
 }
 
 /// A load: one of `power` and `resistance`, or nothing.

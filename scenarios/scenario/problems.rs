@@ -33,6 +33,11 @@ impl<'t> Problems<'t> {
         }
     }
 
+    /// Where something is said, as errors begin.
+    pub(super) fn place(&self, at: Range<usize>) -> String {
+        self.source.place(at.start).to_string()
+    }
+
     /// The value, or `None` and one problem more.
     pub(super) fn take<T>(&mut self, at: Range<usize>, result: Result<T, String>) -> Option<T> {
         result.map_err(|why| self.add(at, &why)).ok()

@@ -12,7 +12,7 @@ use super::motion::{Change, Motion};
 use super::packet::{Request, Status};
 use super::settings::{ByteOrder, OverSpeed};
 use super::{Action, Link, MAX_SPEED};
-use crate::event::{Hex, Level};
+use crate::event::{Code, Hex, Level};
 
 /// A field of a request that has few legal values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,62 +161,55 @@ impl MecanumEvent {
     /// A short stable name, the same in logs, reports and documentation.
     #[must_use]
     pub fn code(&self) -> &'static str {
+        self.which().word()
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn which(&self) -> Code {
         match self {
-            Self::Request(..) | Self::Command(_) => "request",
-            Self::Status(..) | Self::Report(_) => "reply",
-            Self::BadStream(Decoded::Partial(_)) => "partial_packet",
-            Self::BadStream(_) => "noise",
+            Self::Request(..) | Self::Command(_) => Code::Request,
+            Self::Status(..) | Self::Report(_) => Code::Reply,
+            Self::BadStream(Decoded::Partial(_)) => Code::PartialPacket,
+            Self::BadStream(_) => Code::Noise,
             Self::BadLine { fault, .. } => match fault {
-                Fault::Malformed | Fault::Blank => "bad_line",
-                Fault::OutOfRange => "bad_number",
-                Fault::TooLong => "line_too_long",
+                Fault::Malformed | Fault::Blank => Code::BadLine,
+                Fault::OutOfRange => Code::BadNumber,
+                Fault::TooLong => Code::LineTooLong,
             },
             Self::SpeedOutOfRange {
                 handling: OverSpeed::Clamp,
                 ..
-            } => "speed_clamped",
-            Self::SpeedOutOfRange { .. } => "speed_out_of_range",
+            } => Code::SpeedClamped,
+            Self::SpeedOutOfRange { .. } => Code::SpeedOutOfRange,
             Self::BadField { field, .. } => match field {
-                Field::IsReset => "bad_is_reset",
-                Field::MovingIdx => "bad_moving_idx",
-                Field::ControlType => "bad_control_type",
+                Field::IsReset => Code::BadIsReset,
+                Field::MovingIdx => Code::BadMovingIdx,
+                Field::ControlType => Code::BadControlType,
             },
-            Self::QueueFull(_) => "queue_full",
-            Self::IgnoredInRemote(_) => "ignored_in_remote",
-            Self::IgnoredForRos(_) => "ignored_for_ros",
-            Self::Motion(Change::Started(_)) => "motion_started",
-            Self::Motion(Change::Done(_)) => "motion_done",
+            Self::QueueFull(_) => Code::QueueFull,
+            Self::IgnoredInRemote(_) => Code::IgnoredInRemote,
+            Self::IgnoredForRos(_) => Code::IgnoredForRos,
+            Self::Motion(Change::Started(_)) => Code::MotionStarted,
+            Self::Motion(Change::Done(_)) => Code::MotionDone,
             Self::Discarded {
                 why: Discard::LinkTimeout(_),
                 ..
-            } => "link_timeout",
-            Self::Discarded { .. } => "motions_discarded",
-            Self::ControlMode { .. } => "control_mode",
-            Self::Operated(_) => "operated",
-            Self::KeyIgnored(_) => "key_ignored",
-            Self::PowerLost => "power_lost",
-            Self::Reset { .. } => "firmware_reset",
-            Self::Started => "started",
+            } => Code::LinkTimeout,
+            Self::Discarded { .. } => Code::MotionsDiscarded,
+            Self::ControlMode { .. } => Code::ControlMode,
+            Self::Operated(_) => Code::Operated,
+            Self::KeyIgnored(_) => Code::KeyIgnored,
+            Self::PowerLost => Code::PowerLost,
+            Self::Reset { .. } => Code::FirmwareReset,
+            Self::Started => Code::Started,
         }
     }
 
     /// Whether it is something that the client did and the protocol forbids, or that is risky.
     #[must_use]
     pub fn is_client_fault(&self) -> bool {
-        matches!(
-            self,
-            Self::BadStream(_)
-                | Self::BadLine { .. }
-                | Self::SpeedOutOfRange { .. }
-                | Self::BadField { .. }
-                | Self::QueueFull(_)
-                | Self::IgnoredInRemote(_)
-                | Self::IgnoredForRos(_)
-                | Self::Discarded {
-                    why: Discard::LinkTimeout(_),
-                    ..
-                }
-        )
+        self.which().is_client_fault()
     }
 
     /// The bytes it is about, if it is about bytes.

@@ -11,7 +11,7 @@ use super::protection::{Cause, Group};
 use super::reply::Reply;
 use super::settings::ProtectionAction;
 use super::vehicle::{Action, Obstacle};
-use crate::event::Level;
+use crate::event::{Code, Level};
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,57 +155,56 @@ impl R150Event {
     /// A short stable name, the same in logs, reports and documentation.
     #[must_use]
     pub fn code(&self) -> &'static str {
+        self.which().word()
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn which(&self) -> Code {
         match self {
-            Self::Request { .. } => "request",
-            Self::Reply { .. } => "reply",
-            Self::BadStream(Decoded::BadCrc { .. }) => "bad_crc",
-            Self::BadStream(Decoded::Partial(_)) => "partial_frame",
-            Self::BadStream(_) => "noise",
+            Self::Request { .. } => Code::Request,
+            Self::Reply { .. } => Code::Reply,
+            Self::BadStream(Decoded::BadCrc { .. }) => Code::BadCrc,
+            Self::BadStream(Decoded::Partial(_)) => Code::PartialFrame,
+            Self::BadStream(_) => Code::Noise,
             Self::Refused {
                 refusal: Refusal::UnknownCommand(_),
                 ..
-            } => "unknown_command",
+            } => Code::UnknownCommand,
             Self::Refused {
                 refusal: Refusal::WrongLength { .. },
                 ..
-            } => "wrong_length",
+            } => Code::WrongLength,
             Self::BadValue { fault, .. } => match fault {
-                ValueFault::DutyOutOfRange(_) => "duty_out_of_range",
-                ValueFault::MotorsOutOfRange { .. } => "motors_out_of_range",
-                ValueFault::ReservedBits(_) => "reserved_bits",
+                ValueFault::DutyOutOfRange(_) => Code::DutyOutOfRange,
+                ValueFault::MotorsOutOfRange { .. } => Code::MotorsOutOfRange,
+                ValueFault::ReservedBits(_) => Code::ReservedBits,
             },
-            Self::OverRate { .. } => "over_rate",
-            Self::AppInControl(_) => "app_in_control",
-            Self::NotDriving(_) => "not_driving",
-            Self::WatchdogFired { .. } => "watchdog_fired",
-            Self::ControlTaken(_) => "control_taken",
-            Self::HeartbeatLost => "heartbeat_lost",
-            Self::Tripped(_, Cause::Overcurrent, _) => "overcurrent",
-            Self::Tripped(_, Cause::OverTemperature, _) => "over_temperature",
-            Self::TripCleared(..) => "trip_cleared",
-            Self::Cooled(_) => "cooled",
-            Self::PowerModuleFault { .. } => "power_module_fault",
-            Self::PowerModuleRecovered => "power_module_recovered",
-            Self::PowerLost => "power_lost",
-            Self::Reset { .. } => "firmware_reset",
-            Self::Started => "started",
-            Self::Operated(_) => "operated",
-            Self::ReplyDropped => "reply_dropped",
+            Self::OverRate { .. } => Code::OverRate,
+            Self::AppInControl(_) => Code::AppInControl,
+            Self::NotDriving(_) => Code::NotDriving,
+            Self::WatchdogFired { .. } => Code::WatchdogFired,
+            Self::ControlTaken(_) => Code::ControlTaken,
+            Self::HeartbeatLost => Code::HeartbeatLost,
+            Self::Tripped(_, Cause::Overcurrent, _) => Code::Overcurrent,
+            Self::Tripped(_, Cause::OverTemperature, _) => Code::OverTemperature,
+            Self::TripCleared(..) => Code::TripCleared,
+            Self::Cooled(_) => Code::Cooled,
+            Self::PowerModuleFault { .. } => Code::PowerModuleFault,
+            Self::PowerModuleRecovered => Code::PowerModuleRecovered,
+            Self::PowerLost => Code::PowerLost,
+            Self::Reset { .. } => Code::FirmwareReset,
+            Self::Started => Code::Started,
+            Self::Operated(_) => Code::Operated,
+            Self::ReplyDropped => Code::ReplyDropped,
         }
     }
 
     /// Whether it is something that the client did and the protocol forbids, or that is risky.
     #[must_use]
     pub fn is_client_fault(&self) -> bool {
-        matches!(
-            self,
-            Self::BadStream(_)
-                | Self::Refused { .. }
-                | Self::BadValue { .. }
-                | Self::OverRate { .. }
-                | Self::WatchdogFired { driving: true, .. }
-                | Self::HeartbeatLost
-        )
+        let idle = matches!(self, Self::WatchdogFired { driving: false, .. });
+        self.which().is_client_fault() && !idle
     }
 
     /// The bytes it is about, if it is about bytes.

@@ -119,28 +119,6 @@ fn the_client_report_can_be_demanded_to_be_empty_or_by_kind() {
 }
 
 #[test]
-fn the_report_knows_every_kind_of_client_fault() {
-    use sim_core::line::LineEvent;
-    let of_the_line = [
-        LineEvent::BaudMismatch {
-            client: 1,
-            device: 2,
-        },
-        LineEvent::NotRaw,
-        LineEvent::StopBits,
-        LineEvent::SentTooMuch { bytes: 1 },
-        LineEvent::Overrun { bytes: 1 },
-        LineEvent::ReplyDropped { bytes: 1 },
-    ];
-    for event in of_the_line {
-        assert!(
-            crate::report::CLIENT_FAULTS.contains(&event.code()),
-            "{event:?}"
-        );
-    }
-}
-
-#[test]
 fn an_outcome_shows_the_last_traffic_and_every_device_s_report() {
     let outcome = r150("4s", DRIVE);
     assert_eq!(outcome.devices[0].name, "r150");

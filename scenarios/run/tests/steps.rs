@@ -117,6 +117,51 @@ fn the_world_changes() {
 }
 
 #[test]
+fn obstacles_come_move_and_go() {
+    let person =
+        "world = { add = { circle = [{ name = \"person\", at_m = [1, 0], radius = \"0.2 m\" }] } }";
+    let near = "truth.x_m == 0 && sensor.front2_m < 1";
+    passes(&car(
+        "8s",
+        &format!(
+            "[[step]]\nat = \"0.9s\"\nexpect = {{ that = \"!({near})\" }}\n\
+             [[step]]\nname = \"comes\"\nat = \"1s\"\nfor = \"3s\"\n{person}\n\
+             [[step]]\nat = \"1.5s\"\nexpect = {{ that = \"{near}\" }}\n\
+             [[step]]\nat = \"2s\"\nfor = \"500ms\"\nworld = {{ move = {{ obstacle = \"person\", x = \"-1 m\", y = \"0 m\" }} }}\n\
+             [[step]]\nat = \"2.2s\"\nexpect = {{ that = \"!({near}) && sensor.rear2_m < 1\" }}\n\
+             [[step]]\nat = \"2.8s\"\nexpect = {{ that = \"{near}\" }}\n\
+             [[step]]\nat = \"3s\"\nfor = \"500ms\"\nworld = {{ remove = \"person\" }}\n\
+             [[step]]\nat = \"3.2s\"\nexpect = {{ that = \"!({near})\" }}\n\
+             [[step]]\nat = \"3.8s\"\nexpect = {{ that = \"{near}\" }}\n\
+             [[step]]\nafter = \"comes\"\ndelay = \"200ms\"\nexpect = {{ that = \"!({near})\" }}\n\
+             [[step]]\nat = \"5s\"\n{person}\n\
+             [[step]]\nat = \"6s\"\nworld = {{ remove = \"person\" }}\n"
+        ),
+    ));
+    let twice = format!("[[step]]\nat = \"1s\"\n{person}\n").repeat(2);
+    fails(&car("3s", &twice), "an obstacle named `person` already");
+}
+
+#[test]
+fn an_obstacle_that_nobody_has_put_there_is_refused_with_its_line() {
+    let remove = "[[step]]\nat = \"1s\"\nworld = { remove = \"gaet\" }\n";
+    let scenario = scenario(&text(CAR, "3s", remove));
+    let world =
+        "schema = 1\n[[box]]\nname = \"gate\"\nat_m = [2, 0]\nlength = \"1 m\"\nwidth = \"1 m\"\n";
+    let world = Source {
+        file: "w.toml",
+        text: world,
+    };
+    let options = RunOptions::scripted(1);
+    let error = Run::new(scenario, Some(world), options).err().unwrap();
+    let error = error.to_string();
+    assert!(
+        error.starts_with("s.toml:10:") && error.contains("did you mean `gate`?"),
+        "{error}"
+    );
+}
+
+#[test]
 fn ice_makes_the_way_longer() {
     let stopped_at = |step: &str| {
         let mut run = Run::new(
