@@ -273,6 +273,12 @@ impl MecanumDevice {
         .min()
     }
 
+    /// Whether output or events wait to be taken.
+    #[must_use]
+    pub fn has_news(&self) -> bool {
+        !self.output.is_empty() || !self.events.is_empty()
+    }
+
     /// The next packet or line for the client of a link.
     pub fn poll_output(&mut self) -> Option<(Link, Vec<u8>)> {
         self.output.pop_front()

@@ -143,6 +143,10 @@ impl Unit for R150 {
         self.device.next_deadline()
     }
 
+    fn has_news(&self) -> bool {
+        self.device.has_news()
+    }
+
     fn settle(&mut self, now: SimTime) {
         for _ in 0..MOST_ROUNDS {
             self.device.sense(now, &self.plant.measurements());

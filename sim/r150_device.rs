@@ -178,23 +178,23 @@ impl R150Device {
         if self.defects.hung || self.boot_due.is_some() {
             return self.boot_due;
         }
-        [
-            self.decoder.deadline(),
-            self.control.deadline(),
-            self.motors.watchdog(),
-            self.motors.answer_due(),
-            self.protection.deadline(),
-            self.replies.front().map(|(due, _)| *due),
-        ]
-        .into_iter()
-        .flatten()
-        .min()
+        let next = earlier(self.decoder.deadline(), self.control.deadline());
+        let next = earlier(next, self.motors.watchdog());
+        let next = earlier(next, self.motors.answer_due());
+        let next = earlier(next, self.protection.deadline());
+        earlier(next, self.replies.front().map(|(due, _)| *due))
     }
 
     /// Drops the replies that are held back: whoever asked is gone.
     pub fn forget_replies(&mut self) {
         self.replies.clear();
         self.motors.forget_answer();
+    }
+
+    /// Whether output or events wait to be taken.
+    #[must_use]
+    pub fn has_news(&self) -> bool {
+        !self.output.is_empty() || !self.events.is_empty()
     }
 
     /// The next frame for the client.
@@ -349,6 +349,17 @@ impl R150Device {
 
     fn event(&mut self, now: SimTime, event: R150Event) {
         keep(&mut self.events, now, event);
+    }
+}
+
+/// The earlier of two times that may never come.
+///
+/// The rig asks for deadlines all the time, and an iterator over an array of them takes several
+/// times as long.
+fn earlier(one: Option<SimTime>, other: Option<SimTime>) -> Option<SimTime> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        (one, other) => one.or(other),
     }
 }
 

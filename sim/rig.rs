@@ -5,6 +5,7 @@
 //! arrive, then deadlines of the firmware are served, device by device in the order in which they
 //! were added; then the physics takes the step that ends there.
 
+mod agenda;
 mod faults;
 mod port;
 
@@ -22,6 +23,7 @@ use crate::r150::R150;
 use crate::r150_device::vehicle::Start;
 use crate::settings::{MecanumSettings, R150Settings};
 use crate::unit::Unit;
+use agenda::Agenda;
 pub use port::PortId;
 
 /// How often slow states (charge, temperatures) advance while nothing moves.
@@ -89,8 +91,6 @@ struct Slot {
     lines: Vec<SerialLine>,
     /// What goes wrong with it, if anything does.
     faults: Option<Box<Faults>>,
-    /// When anything next happens to it by itself.
-    next: SimTime,
 }
 
 /// Devices, their lines, and the world around them.
@@ -98,6 +98,8 @@ pub struct Rig {
     settings: RigSettings,
     world: World,
     slots: Vec<Slot>,
+    /// When anything next happens to each device by itself.
+    agenda: Agenda,
     now: SimTime,
     /// When the physics next takes a step or, at rest, a tick.
     physics_due: SimTime,
@@ -120,6 +122,7 @@ impl Rig {
             settings,
             world,
             slots: Vec::new(),
+            agenda: Agenda::new(),
             now: SimTime::ZERO,
             physics_due,
             resting: false,
@@ -174,8 +177,8 @@ impl Rig {
                 .map(|baud| SerialLine::new(*baud, wire))
                 .collect(),
             faults: None,
-            next: SimTime::MAX,
         });
+        self.agenda.push();
         self.resting = false;
         let device = self.slots.len() - 1;
         self.after_change(device);
@@ -279,32 +282,20 @@ impl Rig {
     pub fn advance(&mut self, to: SimTime) -> Result<(), RigError> {
         let mut rounds = 0;
         loop {
-            let next = self
-                .slots
-                .iter()
-                .map(|slot| slot.next)
-                .min()
-                .unwrap_or(SimTime::MAX);
-            let at = next.min(self.physics_due);
+            let at = self.agenda.earliest().min(self.physics_due);
             if at > to {
                 break;
             }
             rounds = if at > self.now { 0 } else { rounds + 1 };
             if rounds > MOST_ROUNDS {
-                let device = self
-                    .slots
-                    .iter()
-                    .position(|slot| slot.next <= at)
-                    .unwrap_or(0);
+                let device = self.agenda.due(at, 0).unwrap_or(0);
                 return Err(RigError::Stuck { device, at });
             }
             self.now = self.now.max(at);
-            if next <= at {
-                for device in 0..self.slots.len() {
-                    if self.slots[device].next <= at {
-                        self.serve(device);
-                    }
-                }
+            let mut from = 0;
+            while let Some(device) = self.agenda.due(at, from) {
+                self.serve(device);
+                from = device + 1;
             }
             if self.physics_due <= at {
                 self.step_physics()?;
@@ -337,11 +328,9 @@ impl Rig {
             .filter_map(SerialLine::next_for_client);
         let faults = self.slots.iter().filter_map(|slot| slot.faults.as_ref());
         let to_client = to_client.chain(faults.filter_map(|faults| faults.next_for_client()));
-        let own = self
-            .slots
-            .iter()
-            .map(|slot| slot.next.min(self.physics_due));
-        own.chain(to_client).min()
+        let own = self.agenda.earliest().min(self.physics_due);
+        let own = (!self.slots.is_empty()).then_some(own);
+        own.into_iter().chain(to_client).min()
     }
 
     /// Takes the next event.
@@ -372,22 +361,45 @@ impl Rig {
                 unit.receive(now, link, &[byte]);
             }
         }
-        unit.advance(now);
-        self.after_change(device);
+        let due = unit.next_deadline().is_some_and(|due| due <= now);
+        if due {
+            unit.advance(now);
+        }
+        // Most bytes do no more than to lengthen a frame.
+        if due || unit.has_news() {
+            self.settle(device);
+        }
+        self.follow_up(device);
     }
 
     /// Follows up whatever has happened to a device at the present time.
     fn after_change(&mut self, device: usize) {
+        self.settle(device);
+        self.follow_up(device);
+    }
+
+    /// Lets firmware and hardware of a device answer to one another.
+    fn settle(&mut self, device: usize) {
         self.rest_to_grid(device);
+        let now = self.now;
+        if let Some(slot) = self.slots.get_mut(device) {
+            let unit = slot.vehicle.unit_mut();
+            unit.settle(now);
+            if unit.next_deadline().is_some_and(|due| due <= now) {
+                // What the firmware answers to a measurement at once, such as a trip without delay.
+                unit.advance(now);
+                unit.settle(now);
+            }
+        }
+    }
+
+    /// Takes what a device has to say, and notes when it next has something to do.
+    fn follow_up(&mut self, device: usize) {
         let now = self.now;
         let Some(slot) = self.slots.get_mut(device) else {
             return;
         };
         let unit = slot.vehicle.unit_mut();
-        unit.settle(now);
-        // What the firmware answers to a measurement at once, such as a trip without delay.
-        unit.advance(now);
-        unit.settle(now);
         for (link, line) in slot.lines.iter_mut().enumerate() {
             if line.take_former_done(now) {
                 unit.client_left(link);
@@ -436,17 +448,14 @@ impl Rig {
             );
         }
         let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
-        slot.next = arrivals
-            .chain(unit.next_deadline())
-            .min()
-            .unwrap_or(SimTime::MAX);
+        let mut next = arrivals.chain(unit.next_deadline()).min();
         if let Some(faults) = &slot.faults {
             // Faults of the wire act on bytes to the client when they arrive, too.
             let lines = slot.lines.iter().filter(|_| faults.act_on_wire());
             let to_client = lines.filter_map(SerialLine::next_for_client);
-            let next = to_client.chain(faults.next()).min();
-            slot.next = next.map_or(slot.next, |next| next.min(slot.next));
+            next = to_client.chain(faults.next()).chain(next).min();
         }
+        self.agenda.set(device, next.unwrap_or(SimTime::MAX));
         if self.resting && !unit.at_rest() {
             self.resting = false;
             self.physics_due = self
@@ -461,11 +470,11 @@ impl Rig {
     /// While nothing moves, a device's slow states lag behind; this brings them to where the next
     /// step of the physics would begin, so that no time is counted twice.
     fn rest_to_grid(&mut self, device: usize) {
-        let step = self.world.step_length();
-        let begin = self.now.next_multiple(step) - step;
         if self.resting
             && let Some(slot) = self.slots.get_mut(device)
         {
+            let step = self.world.step_length();
+            let begin = self.now.next_multiple(step) - step;
             slot.vehicle.unit_mut().rest_until(begin);
         }
     }

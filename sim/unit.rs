@@ -9,8 +9,8 @@ use crate::event::EventKind;
 
 /// Firmware and hardware of one device, tied together.
 ///
-/// Time never goes back. After `receive` and `advance` the rig calls `settle`, and takes all
-/// output and events.
+/// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
+/// `settle`, and takes all output and events.
 pub(crate) trait Unit {
     /// Takes bytes whose last has arrived on `link` at `now`.
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
@@ -20,6 +20,10 @@ pub(crate) trait Unit {
 
     /// When the firmware next does something by itself.
     fn next_deadline(&self) -> Option<SimTime>;
+
+    /// Whether output or events wait to be taken. Whatever bytes do to a device is told by one, but
+    /// for the place within a frame that they bring it to.
+    fn has_news(&self) -> bool;
 
     /// Passes pins and measurements between firmware and hardware until neither changes.
     fn settle(&mut self, now: SimTime);

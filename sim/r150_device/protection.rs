@@ -8,6 +8,7 @@ mod group;
 use sim_physics::r150::R150Measurements;
 use sim_settings::SimTime;
 
+use super::earlier;
 use super::event::R150Event;
 use super::reply::sys_status;
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
@@ -150,8 +151,8 @@ impl Protection {
     pub fn deadline(&self) -> Option<SimTime> {
         let groups = self
             .iter()
-            .filter_map(|(group, state)| self.group_deadline(group, state));
-        groups.chain(self.supply_deadline()).min()
+            .map(|(group, state)| self.group_deadline(group, state));
+        groups.fold(self.supply_deadline(), earlier)
     }
 
     /// Does what is due at `now`; `requested` is what the outputs should be.
@@ -192,7 +193,7 @@ impl Protection {
     }
 
     fn iter(&self) -> impl Iterator<Item = (Group, &GroupState)> {
-        Group::ALL.into_iter().zip(&self.groups)
+        Group::ALL.iter().copied().zip(&self.groups)
     }
 
     fn group_deadline(&self, group: Group, state: &GroupState) -> Option<SimTime> {
@@ -212,7 +213,7 @@ impl Protection {
         };
         let over = state.over.map(|since| since + delay);
         let short = state.short.map(|since| since + limits.short_delay);
-        over.into_iter().chain(short).min()
+        earlier(over, short)
     }
 
     /// Whether the group is above its threshold, and above the short-circuit multiple.
@@ -221,15 +222,15 @@ impl Protection {
     /// the power.
     fn excess(&self, group: Group, measured: &R150Measurements) -> (bool, bool) {
         let limits = &self.settings;
-        let rails = 0..6_usize;
-        let rails = rails.filter(|rail| group.mask() >> rail & 1 == 1);
-        let (power_w, current_a) = rails.fold((0.0, 0.0), |(power_w, current_a), rail| {
-            let current = measured.rail_current[rail];
-            (
-                power_w + current * measured.rail_voltage[rail],
-                current_a + current,
-            )
-        });
+        let (power_w, current_a) = group
+            .rails()
+            .fold((0.0, 0.0), |(power_w, current_a), rail| {
+                let current = measured.rail_current[rail];
+                (
+                    power_w + current * measured.rail_voltage[rail],
+                    current_a + current,
+                )
+            });
         let short_a = limits.short_multiple
             * match group {
                 Group::Ab | Group::Cd => limits.limit_12v / limits.nominal_12v,

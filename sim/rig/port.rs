@@ -156,13 +156,12 @@ impl Rig {
     }
 
     fn reschedule(&mut self, device: usize) {
-        if let Some(slot) = self.slots.get_mut(device) {
+        if let Some(slot) = self.slots.get(device) {
             let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
             let faults = slot.faults.as_ref();
-            slot.next = arrivals
-                .chain(faults.and_then(|faults| faults.next()))
-                .min()
-                .map_or(slot.next, |arrival| arrival.min(slot.next));
+            let next = arrivals.chain(faults.and_then(|faults| faults.next()));
+            let own = self.agenda.of(device);
+            self.agenda.set(device, next.fold(own, SimTime::min));
         }
     }
 

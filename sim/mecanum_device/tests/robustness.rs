@@ -98,6 +98,20 @@ fn every_event_has_words_and_a_code() {
 
 proptest! {
     #[test]
+    fn bytes_that_change_a_pin_are_news(bytes in stream()) {
+        let mut bench = Bench::with_ros();
+        for link in Link::ALL {
+            for &byte in &bytes {
+                while bench.device.poll_output().is_some() || bench.device.poll_event().is_some() {}
+                prop_assert!(!bench.device.has_news());
+                let before = bench.device.commands();
+                bench.device.receive(bench.now, link, &[byte]);
+                prop_assert!(bench.device.has_news() || bench.device.commands() == before);
+            }
+        }
+    }
+
+    #[test]
     fn any_split_gives_the_same(bytes in stream(), cuts in prop::collection::vec(any::<usize>(), 0..10)) {
         let mut whole = fed(&bytes, &[]);
         let mut split = fed(&bytes, &cuts);

@@ -1,6 +1,7 @@
 //! Which outputs are protected together, and why they may be switched off.
 
 use std::fmt;
+use std::ops::Range;
 
 use sim_physics::r150::R150Measurements;
 
@@ -30,6 +31,16 @@ impl Group {
             Self::Cd => 0b00_1100,
             Self::V48 => 0b01_0000,
             Self::V5 => 0b10_0000,
+        }
+    }
+
+    /// Its rails.
+    pub(super) fn rails(self) -> Range<usize> {
+        match self {
+            Self::Ab => 0..2,
+            Self::Cd => 2..4,
+            Self::V48 => 4..5,
+            Self::V5 => 5..6,
         }
     }
 

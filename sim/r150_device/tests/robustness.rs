@@ -128,6 +128,19 @@ proptest! {
     }
 
     #[test]
+    fn bytes_that_change_a_pin_are_news(bytes in stream()) {
+        let mut bench = Bench::new();
+        bench.device.advance(bench.now);
+        for byte in bytes {
+            while bench.device.poll_output().is_some() || bench.device.poll_event().is_some() {}
+            prop_assert!(!bench.device.has_news());
+            let before = bench.device.commands();
+            bench.device.receive(bench.now, &[byte]);
+            prop_assert!(bench.device.has_news() || bench.device.commands() == before);
+        }
+    }
+
+    #[test]
     fn every_reply_is_a_valid_frame(bytes in stream()) {
         let (replies, _) = output(&[(SimTime::ZERO, &bytes)]);
         let mut decoder = Decoder::new(Duration::from_secs(1), Resync::SecondByte);
