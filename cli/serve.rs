@@ -172,7 +172,9 @@ impl<S: Simulation> Server<S> {
             for token in &ready {
                 self.receive(*token)?;
             }
-            self.deliver()?;
+            for token in 0..self.ports.len() {
+                self.deliver(token)?;
+            }
             self.resume()?;
             look(&mut self.simulation);
             if self.simulation.is_over() {
@@ -314,29 +316,32 @@ impl<S: Simulation> Server<S> {
                     let now = self.present();
                     self.simulation
                         .client_sends(id, now, &self.buffer[..count])?;
+                    // Before another look at the port, for which a client need not wait.
+                    self.deliver(token)?;
                 }
             }
         }
         Ok(())
     }
 
-    /// Hands the clients what has arrived for them.
-    fn deliver(&mut self) -> anyhow::Result<()> {
-        for served in &mut self.ports {
-            let (id, Some(port)) = (served.id, &mut served.port) else {
-                continue;
-            };
-            self.outgoing.clear();
-            self.simulation.client_reads(id, &mut self.outgoing);
-            if self.outgoing.is_empty() {
-                continue;
-            }
-            // A client that only listens would else never be found to listen at a wrong speed.
-            set_line(&mut self.simulation, id, port)?;
-            let written = port.write(&self.outgoing)?;
-            if written.dropped > 0 && port.is_attached() {
-                self.simulation.client_lost(id, written.dropped as u64);
-            }
+    /// Hands the client of a port what has arrived for it.
+    fn deliver(&mut self, token: usize) -> anyhow::Result<()> {
+        let Some(served) = self.ports.get_mut(token) else {
+            return Ok(());
+        };
+        let (id, Some(port)) = (served.id, &mut served.port) else {
+            return Ok(());
+        };
+        self.outgoing.clear();
+        self.simulation.client_reads(id, &mut self.outgoing);
+        if self.outgoing.is_empty() {
+            return Ok(());
+        }
+        // A client that only listens would else never be found to listen at a wrong speed.
+        set_line(&mut self.simulation, id, port)?;
+        let written = port.write(&self.outgoing)?;
+        if written.dropped > 0 && port.is_attached() {
+            self.simulation.client_lost(id, written.dropped as u64);
         }
         Ok(())
     }

@@ -29,6 +29,10 @@ pub(crate) const SIGNALS: u64 = u64::MAX - 1;
 /// this is more than the queue holds and only bounds the loop.
 const MAX_READS: usize = 128;
 
+/// A read that takes fewer reports than this had room left, and left none.
+/// Reports on a watched file itself name no other and take 16 bytes each.
+const FULL_READ: usize = 128;
+
 /// The shared half of a waiter.
 #[derive(Debug)]
 pub(crate) struct Hub {
@@ -106,6 +110,7 @@ impl Hub {
         let mut reader = inotify::Reader::new(&self.inotify, &mut buf);
         for _ in 0..MAX_READS {
             // The reader calls the system once its buffer is used up.
+            let mut reports = 0;
             loop {
                 match reader.next() {
                     Ok(event) => state.note(event.wd(), event.events()),
@@ -113,9 +118,14 @@ impl Hub {
                     Err(Errno::INTR) => {}
                     Err(errno) => return Err(errno),
                 }
+                reports += 1;
                 if reader.is_buffer_empty() {
                     break;
                 }
+            }
+            // So few are all that there were.
+            if reports < FULL_READ {
+                return Ok(());
             }
         }
         Ok(())

@@ -36,6 +36,9 @@ pub struct PtyPort {
     successor: bool,
     /// The client's settings when it last sent something.
     last_line: Option<LineSettings>,
+    /// The same until the port is next read, for a caller who asks for them
+    /// right away.
+    fresh_line: Option<LineSettings>,
     counters: Counters,
 }
 
@@ -96,6 +99,7 @@ impl PtyPort {
             stash: Stash::default(),
             successor: false,
             last_line: None,
+            fresh_line: None,
             counters: Counters::default(),
         }
     }
@@ -126,8 +130,8 @@ impl PtyPort {
     }
 
     /// The line settings as the client has made them, or the device's own if
-    /// no client has. Of a client that has left, until that is reported, they
-    /// are those with which it sent what is being read.
+    /// no client has. Until the port is next read they are those with which
+    /// what was read last was sent.
     ///
     /// # Errors
     ///
@@ -135,6 +139,9 @@ impl PtyPort {
     pub fn client_line(&self) -> Result<LineSettings, PortError> {
         if let Some(leaving) = &self.leaving {
             return Ok(leaving.line);
+        }
+        if let Some(line) = self.fresh_line {
+            return Ok(line);
         }
         self.line()
             .map_err(|kind| self.error("read the line settings of", kind))
@@ -214,6 +221,7 @@ impl PtyPort {
     }
 
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortErrorKind> {
+        self.fresh_line = None;
         if !self.attached {
             return self.arrival();
         }
@@ -238,7 +246,8 @@ impl PtyPort {
                     self.leave(departure)?;
                     return self.last_words(buf);
                 }
-                self.last_line = Some(self.line()?);
+                self.fresh_line = Some(self.line()?);
+                self.last_line = self.fresh_line;
                 self.counters.received(n);
                 Ok(Event::Data(n))
             }
