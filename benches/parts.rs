@@ -1,0 +1,164 @@
+//! The parts, each by itself: `cargo bench --bench parts`.
+#![allow(clippy::unwrap_used, reason = "a benchmark ends at the first surprise")]
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use divan::Bencher;
+use divan::counter::BytesCount;
+use sim_core::SimTime;
+use sim_core::line::{SerialLine, Wire};
+use sim_core::mecanum_device::{ascii, codec as mecanum_codec, packet};
+use sim_core::r150_device::codec::{self, Decoder};
+use sim_core::r150_device::command::Request;
+use sim_core::r150_device::settings::Resync;
+use sim_physics::{
+    MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant, R150PlantSettings, World,
+    WorldMap, WorldSettings,
+};
+
+fn main() {
+    divan::main();
+}
+
+const MOTORS: Request = Request::SetMotors {
+    right: 900,
+    left: 900,
+};
+
+#[divan::bench]
+fn r150_encode_request(bencher: Bencher) {
+    bencher.bench(|| black_box(MOTORS).encode());
+}
+
+/// A motor command, byte by byte.
+#[divan::bench]
+fn r150_decode_request(bencher: Bencher) {
+    let frame = MOTORS.encode();
+    let mut decoder = Decoder::new(Duration::from_millis(5), Resync::SecondByte);
+    bencher
+        .counter(BytesCount::of_slice(&frame))
+        .bench_local(|| {
+            for &byte in &frame {
+                decoder.push(SimTime::ZERO, byte, &mut |found| {
+                    black_box(found);
+                });
+            }
+        });
+}
+
+#[divan::bench]
+fn r150_checksum_of_the_longest_frame(bencher: Bencher) {
+    let parameters = [0x5A; 255];
+    bencher
+        .counter(BytesCount::of_slice(&parameters))
+        .bench(|| codec::checksum(black_box(0x12), black_box(&parameters)));
+}
+
+/// A motion packet, byte by byte.
+#[divan::bench]
+fn mecanum_decode_request(bencher: Bencher) {
+    let bytes = packet::Request::Motion {
+        seq: 1,
+        is_reset: 0,
+        moving_idx: 0,
+        s: 100,
+        v: 100,
+    }
+    .encode();
+    let mut decoder = mecanum_codec::Decoder::<packet::Request>::new(Duration::from_millis(5));
+    bencher
+        .counter(BytesCount::of_slice(&bytes))
+        .bench_local(|| {
+            for &byte in &bytes {
+                decoder.push(SimTime::ZERO, byte, &mut |found| {
+                    black_box(found);
+                });
+            }
+        });
+}
+
+/// An order of the ROS link, byte by byte.
+#[divan::bench]
+fn ros_decode_order(bencher: Bencher) {
+    let bytes = b"X10 \n";
+    let mut decoder = ascii::Decoder::new(ascii::Syntax::default());
+    bencher
+        .counter(BytesCount::of_slice(bytes))
+        .bench_local(|| {
+            for &byte in bytes {
+                black_box(decoder.push(byte));
+            }
+        });
+}
+
+/// A frame through a paced line.
+#[divan::bench]
+fn line_carries_a_frame(bencher: Bencher) {
+    let frame = MOTORS.encode();
+    let mut line = SerialLine::new(115_200, Wire::Paced);
+    line.attach();
+    let mut now = SimTime::ZERO;
+    bencher.bench_local(|| {
+        line.client_sends(now, &frame);
+        now += Duration::from_millis(2);
+        while let Some(byte) = line.take_for_device(now) {
+            black_box(byte);
+        }
+    });
+}
+
+/// A step of 5 ms with one R150 that drives.
+#[divan::bench]
+fn r150_step(bencher: Bencher) {
+    let mut world = World::new(&WorldSettings::default());
+    let settings = R150PlantSettings::default();
+    let mut plant = R150Plant::new(&settings, &mut world, Pose::default());
+    let mut commands = R150Commands {
+        propulsion_power: true,
+        ..R150Commands::default()
+    };
+    let mut step = 0_u32;
+    bencher.bench_local(|| {
+        if step.is_multiple_of(10) {
+            let duty = 0.9 + f64::from(step / 10 % 2) * 0.05;
+            commands.motor_duty = [duty; 2].into();
+            plant.set_commands(&commands);
+        }
+        step = step.wrapping_add(1);
+        plant.before_step(&mut world);
+        world.step().unwrap();
+        plant.after_step(&mut world);
+    });
+}
+
+#[divan::bench]
+fn r150_measurements(bencher: Bencher) {
+    let mut world = World::new(&WorldSettings::default());
+    let plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+    bencher.bench_local(|| black_box(&plant).measurements());
+}
+
+/// 100 ms of rest.
+#[divan::bench]
+fn r150_rest(bencher: Bencher) {
+    let mut world = World::new(&WorldSettings::default());
+    let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
+    bencher.bench_local(|| plant.rest(Duration::from_millis(100)));
+}
+
+/// A step of 5 ms with a car that stands among the walls of a yard, seeing them.
+#[divan::bench]
+fn mecanum_step_in_a_yard(bencher: Bencher) {
+    let yard = include_str!("../worlds/yard.toml");
+    let map = WorldMap::from_toml(yard, "yard").unwrap();
+    let mut world = World::with_map(&WorldSettings::default(), &map);
+    let settings = MecanumPlantSettings::default();
+    let mut car = MecanumPlant::new(&settings, &mut world, Pose::default());
+    bencher.bench_local(|| {
+        car.wake();
+        car.before_step(&mut world);
+        world.step().unwrap();
+        car.after_step(&mut world);
+    });
+}
