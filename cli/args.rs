@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, value_parser};
 use sim_core::line::Wire;
@@ -132,7 +133,7 @@ pub(crate) struct RunArgs {
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
     /// How many scenarios to play at a time [default: one for each core, but 1 with a client].
-    #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=256))]
+    #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) jobs: Option<u32>,
     /// Seed of everything random, instead of the file's or a random one.
     #[arg(long, value_name = "N")]
@@ -161,7 +162,7 @@ pub(crate) struct RunArgs {
     pub(crate) speed: Option<f64>,
     /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
     /// twice its `limit` and 30 s].
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
@@ -304,6 +305,13 @@ pub(crate) enum LogFormat {
     Text,
     /// One JSON object a line.
     Json,
+}
+
+fn some_time(text: &str) -> Result<Span, String> {
+    match text.parse::<Span>()? {
+        Span(Duration::ZERO) => Err("allowed: some time, as in 90s".to_owned()),
+        span => Ok(span),
+    }
 }
 
 fn speed(text: &str) -> Result<f64, String> {

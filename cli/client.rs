@@ -1,6 +1,6 @@
 //! A client that `sim run` starts: its environment, its output, its end.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::ffi::OsString;
 use std::fmt;
 use std::fs::File;
@@ -9,14 +9,14 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-use crate::supervise::{ClientEnd, GRACE};
+use crate::supervise::{ClientEnd, GRACE, end_orphans};
 
 /// How much of the end of the output is kept.
 const MOST_OUTPUT: usize = 1 << 16;
@@ -24,6 +24,13 @@ const MOST_OUTPUT: usize = 1 << 16;
 const MOST_FILED: usize = 1 << 26;
 /// How long the end of a client may take in all, which includes killing it.
 const END_PATIENCE: Duration = Duration::from_secs(10);
+
+/// The supervisors of the clients that run now, at most one for each job at a time.
+static SUPERVISORS: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
+
+fn supervisors() -> MutexGuard<'static, BTreeSet<u32>> {
+    SUPERVISORS.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A client and everything that it has started; dropping it ends them.
 pub(crate) struct Client {
@@ -100,6 +107,8 @@ impl Client {
         file: Option<File>,
     ) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("cannot find the simulator's own program")?;
+        // Held until it is noted down, lest it be taken for an orphan.
+        let mut known = supervisors();
         let mut supervisor = Command::new(program)
             .arg("supervise")
             .arg("--folder")
@@ -114,6 +123,8 @@ impl Client {
             .process_group(0)
             .spawn()
             .context("cannot start a process for the client")?;
+        known.insert(supervisor.id());
+        drop(known);
         let pipes = supervisor
             .stdin
             .take()
@@ -142,7 +153,7 @@ impl Client {
 
     /// Asks it to end, and kills it if it does not.
     pub(crate) fn stop(&mut self) -> anyhow::Result<ClientEnd> {
-        if let Some(mut leash) = self.leash.take() {
+        if let Some(leash) = &mut self.leash {
             // It has ended by itself if it cannot be asked.
             let _ = leash.write_all(b".");
         }
@@ -166,13 +177,30 @@ impl Client {
         self.supervisor
             .wait()
             .context("cannot wait for the client")?;
-        if let Some(reader) = self.reader.take() {
+        supervisors().remove(&self.supervisor.id());
+        let end = ClientEnd::parse(&line);
+        if end.is_none() {
+            let others = supervisors();
+            end_orphans(|pid| others.contains(&pid));
+        }
+        self.end_of_output();
+        end.context("the process that looks after the client was killed, and so was the client")
+    }
+
+    /// Waits until all that the client wrote has been read, which takes no longer than a moment
+    /// once nobody is left who can write.
+    fn end_of_output(&mut self) {
+        let Some(reader) = self.reader.take() else {
+            return;
+        };
+        let begun = Instant::now();
+        while !reader.is_finished() && begun.elapsed() < GRACE {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        if reader.is_finished() {
             // A panic has been printed by its own hook, and costs only output.
             let _ = reader.join();
         }
-        ClientEnd::parse(&line).context(
-            "the process that looks after the client was killed, so the client may be left",
-        )
     }
 
     /// What it has written so far.

@@ -9,6 +9,7 @@ mod scripted;
 mod tell;
 mod trace_file;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -18,8 +19,9 @@ use anyhow::{Context as _, anyhow};
 use crate::args::RunArgs;
 use crate::exit::{Exit, Failure};
 use crate::print::print;
-use crate::scenario_files::{find, load_all};
+use crate::scenario_files::{Loaded, find, load_all};
 use crate::start::random_seed;
+use crate::supervise::adopt_orphans;
 
 use job::{Job, JobResult};
 pub(crate) use tell::{verdict_json, verdict_text};
@@ -46,6 +48,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
              takes as long as the machine needs"
         )));
     }
+    if args.output.is_some() {
+        refuse_shared_files(&loaded)?;
+    }
     let base = random_seed();
     let jobs: Vec<Job> = loaded
         .iter()
@@ -56,6 +61,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     prepare(args)?;
+    adopt_orphans().map_err(Failure::system)?;
     let progress = progress(jobs.len());
     let results = pool::play_all(args, &jobs, |job, result| {
         let text = tell::told(args, job, result);
@@ -65,11 +71,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
     });
     progress.finish_and_clear();
     let (results, wrong) = results?;
+    let exit = finish(&results);
     // Also when the run was broken off.
     if let Some(path) = &args.junit {
         junit::write(path, &jobs, &results)?;
     }
-    let exit = finish(&results)?;
+    let exit = exit?;
     wrong.map_or(Ok(exit), Err)
 }
 
@@ -82,6 +89,22 @@ pub(crate) fn check(files: &[PathBuf]) -> Result<Exit, Failure> {
     })
 }
 
+/// Refuses scenarios whose traces and reports would have the same name.
+fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
+    let mut stems = BTreeMap::new();
+    for one in loaded {
+        if let Some(other) = stems.insert(one.stem(), &one.path) {
+            return Err(Failure::usage(anyhow!(
+                "{} and {} would write the same files into the folder of --output; rename one, or \
+                 run them apart",
+                other.display(),
+                one.path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
     let folder = |path: &std::path::Path| {
@@ -91,15 +114,16 @@ fn prepare(args: &RunArgs) -> Result<(), Failure> {
     };
     if let Some(output) = &args.output {
         folder(output)?;
+        tempfile::tempfile_in(output)
+            .with_context(|| format!("cannot write into the folder {}", output.display()))
+            .map_err(Failure::usage)?;
     }
     if let Some(junit) = &args.junit {
         if let Some(parent) = junit.parent().filter(|p| !p.as_os_str().is_empty()) {
             folder(parent)?;
         }
-        fs::OpenOptions::new()
-            .create(true)
-            .append(true)
-            .open(junit)
+        // Emptied, lest the results of a former run be taken for this one's if it is killed.
+        fs::File::create(junit)
             .with_context(|| format!("cannot write {}", junit.display()))
             .map_err(Failure::usage)?;
     }

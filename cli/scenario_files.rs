@@ -1,5 +1,6 @@
 //! Finding and reading scenario files.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -56,6 +57,7 @@ impl Loaded {
 /// Every scenario file that the paths name; of folders those whose names are scenarios'.
 pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBuf>, Failure> {
     let mut found = Vec::new();
+    let mut seen = BTreeSet::new();
     let mut pending: Vec<PathBuf> = paths.iter().rev().cloned().collect();
     while let Some(path) = pending.pop() {
         if found.len() + pending.len() > MOST_FILES {
@@ -63,12 +65,18 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
                 "more than {MOST_FILES} files are named"
             )));
         }
+        // Links may lead in circles, and what is named twice is meant once.
+        if !fs::canonicalize(&path).is_ok_and(|real| seen.insert(real)) && path.exists() {
+            continue;
+        }
         if path.is_dir() {
             let entries = fs::read_dir(&path)
                 .with_context(|| format!("cannot look into {}", path.display()))
                 .map_err(Failure::usage)?;
             let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-            inside.retain(|path| !is_hidden(path) && (path.is_dir() || is_scenario_file(path)));
+            inside.retain(|path| {
+                !is_hidden(path) && (path.is_dir() || path.is_file() && is_scenario_file(path))
+            });
             inside.sort();
             pending.extend(inside.into_iter().rev());
         } else {

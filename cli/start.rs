@@ -22,7 +22,7 @@ use crate::plan::{Plan, plan};
 use crate::ports::{Elsewhere, ShownPort, open_all};
 use crate::ready_file::ReadyFile;
 use crate::run;
-use crate::serve::{Begin, Server};
+use crate::serve::{Begin, Ended, Server};
 use crate::simulation::Simulation;
 use crate::summary::{self, DeviceSummary, RunSummary};
 
@@ -35,7 +35,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         let rig = plan.rig.build(plan.map.clone(), args.wire(), seed);
         let reports = vec![Report::default(); rig.devices()];
         let mut session = Session::open(args, &plan, seed, rig, (Begin::Now, fairness))?;
-        let reports = session.serve(reports)?;
+        let (_, reports) = session.serve(reports)?;
         session.finish(&reports, None);
         return Ok(Exit::Clean);
     };
@@ -49,7 +49,12 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     run.excuse_with(Box::new(move |event| lock(&shared).would_excuse(event)));
     let mut session = Session::open(args, &plan, seed, run, (Begin::WithClient, fairness))?;
     // Counted by the run, which knows of its own faults; these only count what is excused.
-    session.serve(vec![Report::default(); plan.rig.devices.len()])?;
+    let (ended, _) = session.serve(vec![Report::default(); plan.rig.devices.len()])?;
+    let broken_off = ended == Ended::Signal;
+    if broken_off {
+        let run = session.server.simulation_mut();
+        run.fail("a signal ended it before the scenario's end".to_owned());
+    }
     let outcome = session.server.simulation_mut().end().clone();
     let reports: Vec<Report> = outcome.devices.iter().map(|d| d.report.clone()).collect();
     let verdict = match args.log_format {
@@ -57,7 +62,9 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         LogFormat::Json => run::verdict_json(&outcome).to_string(),
     };
     session.finish(&reports, Some(verdict));
-    Ok(if outcome.passed {
+    Ok(if broken_off {
+        Exit::System
+    } else if outcome.passed {
         Exit::Clean
     } else {
         Exit::Failed
@@ -142,7 +149,7 @@ impl<S: Simulation> Session<S> {
     }
 
     /// Serves to the end, and counts what happens at each device.
-    fn serve(&mut self, mut reports: Vec<Report>) -> Result<Vec<Report>, Failure> {
+    fn serve(&mut self, mut reports: Vec<Report>) -> Result<(Ended, Vec<Report>), Failure> {
         let (log, fairness) = (&self.log, &self.fairness);
         let outcome = self.server.run(|simulation| {
             while let Some(event) = simulation.poll_event() {
@@ -154,7 +161,7 @@ impl<S: Simulation> Session<S> {
         self.ready_file = None;
         self.counters = self.server.close_ports();
         match outcome {
-            Ok(_) => Ok(reports),
+            Ok(ended) => Ok((ended, reports)),
             Err(error) => {
                 self.print_summary(&reports, None);
                 Err(Failure::system(error))

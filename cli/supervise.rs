@@ -2,7 +2,8 @@
 //! client has started, whatever becomes of the client or of the simulator.
 //!
 //! Its standard input is a pipe that the simulator holds open; a byte in it asks for the client's
-//! end, and the end of it does so, too, for then the simulator was killed. Standard error is where the client writes both of its
+//! end, and the end of it does so, too, for then the simulator was killed. So do the signals that
+//! ask a program to end, as from `killall sim`. Standard error is where the client writes both of its
 //! streams. Standard output carries one line that says how the client ended, when nobody is left.
 //!
 //! It is a child subreaper: a process whose parent has ended becomes its child, also one that has
@@ -20,6 +21,8 @@ use anyhow::{Context as _, anyhow};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitOptions, WaitStatus};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 use crate::exit::{Exit, Failure};
 
@@ -27,6 +30,8 @@ use crate::exit::{Exit, Failure};
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
 /// How often to kill whoever has become a child meanwhile.
 const ROUND: Duration = Duration::from_millis(10);
+/// Rounds after which orphans are given up that even SIGKILL does not end.
+const MOST_ROUNDS: u32 = 200;
 
 /// How a client ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -92,6 +97,7 @@ fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
     let (program, args) = command.split_first().context("no client is named")?;
     let this = rustix::process::getpid();
     rustix::process::set_child_subreaper(Some(this)).context("cannot adopt orphans")?;
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("cannot catch signals")?;
     let spawned = Command::new(program)
         .args(args)
         .stdin(Stdio::null())
@@ -107,12 +113,17 @@ fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
     let (sender, news) = crossbeam_channel::unbounded();
     let stop = sender.clone();
     std::thread::spawn(move || {
-        let news = match io::stdin().read(&mut [0]) {
-            Ok(count) if count > 0 => News::Stop,
-            _ => News::Abandoned,
-        };
-        // Nobody listens any more if the client has ended.
-        let _ = stop.send(news);
+        // Nobody listens any more once the client has ended.
+        while matches!(io::stdin().read(&mut [0]), Ok(count) if count > 0) {
+            let _ = stop.send(News::Stop);
+        }
+        let _ = stop.send(News::Abandoned);
+    });
+    let asked = sender.clone();
+    std::thread::spawn(move || {
+        for _ in signals.forever() {
+            let _ = asked.send(News::Stop);
+        }
     });
     std::thread::spawn(move || reap(&sender));
     attend(client, &news)
@@ -185,6 +196,31 @@ fn ask(client: Pid, patience: &mut Option<Instant>) {
         // Both may be gone already.
         let _ = rustix::process::kill_process_group(client, Signal::TERM);
         signal_children(Signal::TERM);
+    }
+}
+
+/// Makes this process the parent of those whose supervisor is killed.
+pub(crate) fn adopt_orphans() -> anyhow::Result<()> {
+    let this = rustix::process::getpid();
+    rustix::process::set_child_subreaper(Some(this)).context("cannot adopt orphans")
+}
+
+/// Kills those whose supervisor was killed: every child that is none of the supervisors.
+pub(crate) fn end_orphans(is_supervisor: impl Fn(u32) -> bool) {
+    for _ in 0..MOST_ROUNDS {
+        let orphans: Vec<Pid> = children()
+            .into_iter()
+            .filter(|pid| !is_supervisor(pid.as_raw_nonzero().get().unsigned_abs()))
+            .collect();
+        if orphans.is_empty() {
+            return;
+        }
+        for orphan in orphans {
+            // It may have ended just now.
+            let _ = rustix::process::kill_process(orphan, Signal::KILL);
+            let _ = rustix::process::waitpid(Some(orphan), WaitOptions::NOHANG);
+        }
+        std::thread::sleep(ROUND);
     }
 }
 

@@ -248,16 +248,74 @@ fn a_scenario_is_played_against_whatever_client_comes() {
 }
 
 #[test]
-fn ctrl_c_ends_a_scenario_with_its_verdict_so_far() {
+fn a_scenario_that_is_broken_off_has_not_passed() {
     let folder = Folder::with(&[("drive.toml", DRIVE)]);
     let sim = folder.start(&["--scenario", "drive.toml"]);
     sim.wait_ready();
-    let ended = sim.stop().expect_clean();
+    let ended = sim.stop();
+    assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
     assert!(
-        ended.out.contains("passed: A client drives"),
+        ended.out.contains("FAILED: A client drives"),
         "{}",
         ended.out
     );
+    assert!(ended.out.contains("a signal ended it"), "{}", ended.out);
+}
+
+#[test]
+#[ignore = "the client of other tests"]
+fn a_client_that_leaves_at_once() {
+    let Some(port) = port() else { return };
+    let mut client = Client::open(&port);
+    client.send(&harness::wire::frame(0x07, &[]).repeat(1500));
+}
+
+#[test]
+fn what_a_client_sent_last_is_taken_and_it_is_not_blamed_for_leaving() {
+    let strict = DRIVE.replace("tags", "client_report = \"empty\"\ntags");
+    let strict = strict.replace("limit = \"4 s\"", "limit = \"9 s\"");
+    let folder = Folder::with(&[("strict.toml", &strict)]);
+    let args = ["run", "--output", "out", "strict.toml"];
+    let ended = folder.with_client(&args, "a_client_that_leaves_at_once");
+    ended.expect_clean();
+    let report: Value = serde_json::from_str(&folder.read("out/strict.report.json")).unwrap();
+    assert_eq!(report["devices"][0]["requests"], 1500);
+    assert!(folder.read("out/strict.trace.jsonl").contains("detach"));
+}
+
+#[test]
+fn results_of_two_scenarios_never_share_a_file() {
+    let folder = Folder::with(&[("b-c.toml", DRIVE), ("drive.toml", DRIVE)]);
+    for name in ["a", "a-b"] {
+        std::fs::create_dir(folder.file(name)).unwrap();
+    }
+    std::fs::write(folder.file("a/b-c.toml"), DRIVE).unwrap();
+    std::fs::write(folder.file("a-b/c.toml"), DRIVE).unwrap();
+    let ended = folder.sim(&["run", "--output", "out", "a", "a-b"]);
+    ended.expect_refusal(
+        2,
+        &["a/b-c.toml and a-b/c.toml", "would write the same files"],
+    );
+    std::os::unix::fs::symlink(folder.path(), folder.file("a/loop")).unwrap();
+    // A link that leads in a circle and a name that is given twice add nothing.
+    let ended = folder.sim(&["run", ".", "./drive.toml"]).expect_clean();
+    assert!(ended.out.contains("4 passed, 0 failed"), "{}", ended.out);
+}
+
+#[test]
+fn after_the_first_failure_nothing_new_is_begun() {
+    let slow = DRIVE.replace("< 1.0", "< 0.1");
+    let files = [("a.toml", DRIVE), ("b.toml", &slow), ("c.toml", DRIVE)];
+    let folder = Folder::with(&files);
+    let ended = folder.sim(&["run", "--fail-fast", "-j", "1", "--junit", "j.xml", "."]);
+    assert_eq!(ended.code(), Some(1), "{}", ended.out);
+    assert!(
+        ended.out.contains("1 passed, 1 failed, 1 skipped"),
+        "{}",
+        ended.out
+    );
+    let junit = Report::deserialize_from_str(&folder.read("j.xml")).unwrap();
+    assert_eq!((junit.tests, junit.failures), (3, 1));
 }
 
 #[test]

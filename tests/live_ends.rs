@@ -12,7 +12,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use quick_junit::Report;
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 
 use harness::live::{DRIVE, Folder, is_running};
 use harness::{Sim, until};
@@ -25,7 +25,8 @@ const DAEMONS: &str = "setsid sh -c 'trap \"\" TERM HUP INT; echo $$ >>pids; \
     sh -c \"echo \\$\\$ >>pids; sleep 600\" & sleep 600; sleep 600' & ";
 
 fn folder() -> Folder {
-    Folder::with(&[("drive.toml", DRIVE), ("other.toml", DRIVE)])
+    let names = ["drive.toml", "other.toml", "third.toml"];
+    Folder::with(&names.map(|name| (name, DRIVE)))
 }
 
 #[track_caller]
@@ -134,7 +135,7 @@ fn two_running(folder: &Folder) -> Sim {
         "junit.xml",
         "drive.toml",
         "other.toml",
-        "drive.toml",
+        "third.toml",
         "--",
         "sh",
         "-c",
@@ -169,6 +170,84 @@ fn a_killed_simulator_leaves_nobody_behind() {
     sim.wait();
     nobody_is_left(&folder);
     until("the ports are gone", || folder.leftovers().is_empty());
+}
+
+#[test]
+fn a_second_signal_loses_nothing() {
+    let folder = folder();
+    let sim = two_running(&folder);
+    sim.signal(Signal::TERM);
+    sim.signal(Signal::TERM);
+    let ended = sim.wait();
+    assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+    nobody_is_left(&folder);
+    assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
+    let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
+    assert_eq!((junit.tests, junit.errors), (3, 2));
+}
+
+/// Signals the process that looks after the client whose id was written down.
+fn signal_supervisor(folder: &Folder, signal: Signal) {
+    wait_for_pids(folder, 3);
+    // The client itself writes last.
+    let client = *folder.pids("pids").last().unwrap();
+    let stat = fs::read_to_string(format!("/proc/{}/stat", client.as_raw_nonzero())).unwrap();
+    let parent = stat.rsplit(')').next().unwrap().split_whitespace().nth(1);
+    let parent = Pid::from_raw(parent.unwrap().parse().unwrap()).unwrap();
+    kill_process(parent, signal).unwrap();
+}
+
+#[test]
+fn nobody_is_left_when_whoever_looks_after_the_client_is_killed() {
+    let wait = "while [ \"$(wc -l <pids)\" != 2 ]; do sleep 0.02; done 2>/dev/null; ";
+    let script = format!("trap '' TERM; {OPEN} {DAEMONS} {wait} echo $$ >>pids; sleep 600");
+    let args = ["run", "drive.toml", "--", "sh", "-c", &script];
+    for (signal, code) in [(Signal::KILL, 3), (Signal::TERM, 1)] {
+        let folder = folder();
+        let sim = folder.start(&args);
+        signal_supervisor(&folder, signal);
+        let ended = sim.wait();
+        assert_eq!(ended.code(), Some(code), "{}{}", ended.out, ended.err);
+        nobody_is_left(&folder);
+        assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
+    }
+}
+
+/// The client leaves at once, and there is a day to go.
+fn long() -> Folder {
+    Folder::with(&[("long.toml", &DRIVE.replace("\"4 s\"", "\"24 h\""))])
+}
+
+#[test]
+fn what_is_broken_off_after_the_client_has_left_has_not_passed() {
+    let folder = long();
+    let script = format!("{OPEN} echo $$ >>pids");
+    let sim = folder.start(&[
+        "run",
+        "--timeout",
+        "20 min",
+        "long.toml",
+        "--",
+        "sh",
+        "-c",
+        &script,
+    ]);
+    wait_for_pids(&folder, 1);
+    nobody_is_left(&folder);
+    let ended = sim.stop();
+    assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+    assert!(ended.out.contains("1 broken off"), "{}", ended.out);
+}
+
+#[test]
+fn the_time_allowed_holds_after_the_client_has_left_too() {
+    let folder = long();
+    let args = ["run", "--timeout", "500ms", "--output", "out", "long.toml"];
+    fails(&folder, &args, OPEN, "still going on after the 500ms");
+    // What was recorded of it can be played again.
+    folder
+        .sim(&["replay", "out/long.trace.jsonl"])
+        .expect_clean();
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use sim_core::line::Wire;
 use sim_scenarios::{Outcome, Run, RunOptions};
+use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::exit::Failure;
@@ -27,6 +28,8 @@ pub(crate) struct Job<'a> {
     pub(crate) speed: f64,
     /// Real time that it may take.
     pub(crate) allowed: Duration,
+    /// The same as it was asked for.
+    timeout: Option<Duration>,
     pub(crate) client: &'a [OsString],
     /// Where traces and reports go.
     pub(crate) output: Option<&'a Path>,
@@ -46,6 +49,7 @@ impl<'a> Job<'a> {
             repeat: (args.repeat > 1).then_some(repeat),
             speed,
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
+            timeout,
             client: &args.client,
             output: args.output.as_deref(),
         }
@@ -94,6 +98,9 @@ impl<'a> Job<'a> {
         words.extend(["--seed".to_owned(), self.seed.to_string()]);
         if self.is_live() && self.speed != 1.0 {
             words.extend(["--speed".to_owned(), self.speed.to_string()]);
+        }
+        if let Some(timeout) = self.timeout {
+            words.extend(["--timeout".to_owned(), show_duration(timeout)]);
         }
         words.push(self.loaded.path.display().to_string());
         if self.is_live() {

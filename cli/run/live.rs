@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -17,6 +18,7 @@ use crate::fairness::Fairness;
 use crate::ports::{Elsewhere, ShownPort, open_all};
 use crate::serve::{Begin, Ended, Server};
 use crate::served::Served;
+use crate::simulation::Simulation as _;
 use crate::supervise::ClientEnd;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
@@ -24,6 +26,10 @@ use super::trace_file::TraceFile;
 
 /// Simulated time between looks for signals, once the client has ended.
 const SLICE: Duration = Duration::from_millis(500);
+
+/// The same while bytes of the client are still to be taken: as many as arrive in this have room
+/// on the line again.
+const SHORT_SLICE: Duration = Duration::from_millis(5);
 
 /// The reason of a scenario that took too long.
 pub(crate) fn over_time(allowed: Duration) -> String {
@@ -40,6 +46,9 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     // Before anything is opened, so that a signal at any time leaves nothing behind.
     let mut waiter = Waiter::new().map_err(Failure::system)?;
     waiter.catch_signals().map_err(Failure::system)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(JobResult::BrokenOff);
+    }
     let (mut run, trace) = job.begin()?;
     let fairness = Arc::new(Mutex::new(Fairness::default()));
     let shared = Arc::clone(&fairness);
@@ -71,24 +80,29 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         server,
         client,
         trace,
+        begun,
     };
-    let Some(client) = play.play(job, stop).map_err(Failure::system)? else {
-        return Ok(JobResult::BrokenOff);
-    };
-    if let ClientEnd::NotStarted(why) = &client.end {
+    let played = play.play(job, stop).map_err(Failure::system)?;
+    if let Some(client) = &played
+        && let ClientEnd::NotStarted(why) = &client.end
+    {
         let shown = job.client[0].display();
         return Err(Failure::usage(anyhow!(
             "cannot start the client {shown}: {why}"
         )));
     }
+    // The trace has its end in any case, so that it can be played again.
     let outcome = play.server.simulation_mut().end().clone();
     take(play.server.simulation_mut(), &mut play.trace);
     play.trace.map_or(Ok(()), TraceFile::finish)?;
-    Ok(JobResult::Played(Box::new(Played {
-        outcome,
-        client: Some(client),
-        took: begun.elapsed(),
-    })))
+    Ok(match played {
+        None => JobResult::BrokenOff,
+        Some(client) => JobResult::Played(Box::new(Played {
+            outcome,
+            client: Some(client),
+            took: begun.elapsed(),
+        })),
+    })
 }
 
 /// What the client finds in its environment.
@@ -104,18 +118,26 @@ fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)
                 job.loaded.path.display()
             )));
         }
-        environment.push((variable, served.path.clone().into_os_string()));
+        environment.push((variable, absolute(&served.path)?));
     }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
-    let scenario = job.loaded.path.clone().into_os_string();
-    environment.push(("SIM_SCENARIO".to_owned(), scenario));
+    environment.push(("SIM_SCENARIO".to_owned(), absolute(&job.loaded.path)?));
     Ok(environment)
+}
+
+/// A path for a client that may go elsewhere.
+fn absolute(path: &Path) -> Result<OsString, Failure> {
+    std::path::absolute(path)
+        .map(std::path::PathBuf::into_os_string)
+        .with_context(|| format!("cannot tell where {} is", path.display()))
+        .map_err(Failure::system)
 }
 
 struct LivePlay {
     server: Server<Run>,
     client: Client,
     trace: Option<TraceFile>,
+    begun: Instant,
 }
 
 impl LivePlay {
@@ -131,10 +153,21 @@ impl LivePlay {
             self.client.wait()?
         };
         match ended {
-            Ended::Signal => return Ok(None),
+            Ended::Signal => return Ok(self.broken_off()),
             Ended::Over => {}
             Ended::Timeout => self.fail(over_time(job.allowed)),
-            Ended::Watched => self.client_ended(&end, stop)?,
+            Ended::Watched if end != ClientEnd::Exited(0) => {
+                self.server.take_the_rest()?;
+                self.fail(format!("the client {end}"));
+            }
+            Ended::Watched if !self.server.has_begun() => {
+                self.fail("the client ended without having opened a port".to_owned());
+            }
+            Ended::Watched => {
+                if !self.play_the_rest(job, stop)? {
+                    return Ok(self.broken_off());
+                }
+            }
         }
         Ok(Some(PlayedClient {
             end,
@@ -143,24 +176,30 @@ impl LivePlay {
         }))
     }
 
-    /// The client has ended by itself. Of one that did its work, the rest of the scenario shows
-    /// what becomes of the vehicle afterwards.
-    fn client_ended(&mut self, end: &ClientEnd, stop: &AtomicBool) -> anyhow::Result<()> {
-        self.server.take_the_rest()?;
-        if *end != ClientEnd::Exited(0) {
-            self.fail(format!("the client {end}"));
-            return Ok(());
-        }
-        if !self.server.has_begun() {
-            self.fail("the client ended without having opened a port".to_owned());
-            return Ok(());
-        }
-        let run = self.server.simulation_mut();
-        while run.finished().is_none() && !stop.load(Ordering::Relaxed) {
-            run.advance(run.rig().now() + SLICE)?;
+    /// The client has done its work and left. What it had still sent is on its way, and the rest of
+    /// the scenario shows what becomes of the vehicle. `false` if a signal came first.
+    fn play_the_rest(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<bool> {
+        let mut gone = false;
+        while !self.server.simulation().is_over() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            if self.begun.elapsed() > job.allowed {
+                self.fail(over_time(job.allowed));
+                return Ok(true);
+            }
+            gone = gone || self.server.take_the_rest()?;
+            let run = self.server.simulation_mut();
+            let slice = if gone { SLICE } else { SHORT_SLICE };
+            run.advance(run.rig().now() + slice)?;
             take(run, &mut self.trace);
         }
-        Ok(())
+        Ok(true)
+    }
+
+    fn broken_off(&mut self) -> Option<PlayedClient> {
+        self.fail("a signal ended it".to_owned());
+        None
     }
 
     fn fail(&mut self, what: String) {

@@ -4,6 +4,7 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
 use anyhow::Context as _;
 use sim_pty::Waiter;
@@ -13,6 +14,9 @@ use crate::exit::{Exit, Failure};
 
 use super::job::{Job, JobResult};
 use super::{live, report, scripted};
+
+/// How long everything may take to end after a second signal.
+const LAST_PATIENCE: Duration = Duration::from_secs(15);
 
 /// Plays all, and hands each result to `tell` in the order of the jobs. What was not played, since
 /// another failed or a signal came, has no result. An error that concerns all comes beside.
@@ -88,7 +92,7 @@ fn threads(args: &RunArgs, jobs: usize) -> usize {
     asked.unwrap_or(usual).min(jobs)
 }
 
-/// Becomes true when a signal asks for the end. A second signal ends the program at once.
+/// Becomes true when a signal asks for the end.
 fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
     let mut waiter = Waiter::new().map_err(Failure::system)?;
     waiter.catch_signals().map_err(Failure::system)?;
@@ -100,7 +104,8 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
             // Without a way to wait, signals do nothing, and the limits of time end the run.
             while let Ok(wake) = waiter.wait(None) {
                 if wake.signal().is_some() && seen.swap(true, Ordering::Relaxed) {
-                    // What looks after the clients ends them.
+                    // Somebody insists; whoever reads the output may have stopped reading it.
+                    std::thread::sleep(LAST_PATIENCE);
                     std::process::exit(3);
                 }
             }

@@ -17,9 +17,12 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let begun = Instant::now();
     let (mut run, mut trace) = job.begin()?;
     let mut to = SimTime::ZERO;
+    let mut broken_off = false;
     while run.finished().is_none() {
-        if stop.load(Ordering::Relaxed) {
-            return Ok(JobResult::BrokenOff);
+        broken_off = stop.load(Ordering::Relaxed);
+        if broken_off {
+            run.fail("a signal ended it".to_owned());
+            break;
         }
         if begun.elapsed() > job.allowed {
             run.fail(super::live::over_time(job.allowed));
@@ -41,6 +44,9 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         }
     }
     trace.map_or(Ok(()), super::trace_file::TraceFile::finish)?;
+    if broken_off {
+        return Ok(JobResult::BrokenOff);
+    }
     Ok(JobResult::Played(Box::new(Played {
         outcome,
         client: None,

@@ -17,6 +17,8 @@ use super::job::{Job, JobResult, Played};
 const TRAFFIC: usize = 12;
 /// How many of the last lines of the client's output are shown of a scenario that failed.
 const OUTPUT: usize = 30;
+/// How much is shown of one of them.
+const MOST_CHARACTERS: usize = 300;
 
 /// A scenario in the list.
 pub(crate) fn listed(loaded: &Loaded) -> String {
@@ -96,7 +98,7 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
         let _ = write!(text, "\n    {line}");
     }
     if let Some(client) = &played.client {
-        let lines: Vec<String> = client.output.lines().map(str::to_owned).collect();
+        let lines: Vec<String> = client.output.lines().map(shortened).collect();
         if lines.is_empty() {
             text += "\n  the client wrote nothing";
         } else {
@@ -115,6 +117,14 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
 
 fn last(lines: &[String], count: usize) -> &[String] {
     &lines[lines.len().saturating_sub(count)..]
+}
+
+/// A line that may be of any length.
+fn shortened(line: &str) -> String {
+    match line.char_indices().nth(MOST_CHARACTERS) {
+        Some((end, _)) => format!("{} ({} bytes)", &line[..end], line.len()),
+        None => line.to_owned(),
+    }
 }
 
 fn failures(outcome: &Outcome) -> String {
