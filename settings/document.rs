@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Origin, SettingsError};
+use crate::error::{Origin, SettingsError, shorten};
 use crate::key::key_at;
 use crate::value::Value;
 use crate::{Problem, Settings};
@@ -46,11 +46,11 @@ impl Source<'_> {
     #[must_use]
     pub fn syntax(&self, error: &toml::de::Error) -> SettingsError {
         let at = error.span().map_or(0, |span| span.start);
-        let why = error.message().replace('\n', " ");
+        let why = shorten(error.message().replace('\n', " "));
         SettingsError::Syntax {
             origin: self.place(at),
             why: match self.key_at(at) {
-                Some(key) => format!("`{key}`: {why}"),
+                Some(key) => format!("`{}`: {why}", shorten(key)),
                 None => why,
             },
         }
@@ -233,12 +233,12 @@ fn plain(value: &DeValue<'_>) -> Value {
 }
 
 fn explain(settings: &dyn Root, key: &str, origin: Origin, problem: Problem) -> SettingsError {
-    let key = key.to_owned();
+    let key = shorten(key.to_owned());
     match problem {
         Problem::Invalid { why, allowed } => SettingsError::Invalid {
             origin,
             key,
-            why,
+            why: shorten(why),
             allowed,
         },
         Problem::IsGroup => {

@@ -27,6 +27,18 @@ impl fmt::Display for Origin {
     }
 }
 
+/// Most characters that an error repeats of what somebody wrote.
+const MOST_REPEATED: usize = 400;
+
+/// The beginning of `text`, if it is too long to be repeated in an error.
+#[must_use]
+pub fn shorten(text: String) -> String {
+    match text.char_indices().nth(MOST_REPEATED) {
+        Some((at, _)) => format!("{}… ({} bytes)", &text[..at], text.len()),
+        None => text,
+    }
+}
+
 /// A setting or a settings file that was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {

@@ -18,7 +18,7 @@ mod value;
 mod written;
 
 pub use document::{Root, Source, apply_table, load_toml, parse_assignment, set, show_toml};
-pub use error::{Origin, SettingsError};
+pub use error::{Origin, SettingsError, shorten};
 pub use quantity::parse_quantity;
 pub use time::{SimTime, show_duration};
 pub use value::{Bounds, SettingValue, Value, read_in};

@@ -200,3 +200,18 @@ proptest! {
         prop_assert!(error <= nanos as f64 * 1e-15 + 0.5);
     }
 }
+
+#[test]
+fn an_error_does_not_repeat_what_is_endless() {
+    let endless = "k".repeat(1_000_000);
+    for text in [
+        format!("{endless} = 1"),
+        format!("r150.baud = \"{endless}\""),
+        format!("r150.{endless}"),
+    ] {
+        let errors = load_toml(&text, "my.toml", &mut Tree::default()).unwrap_err();
+        let told = errors[0].to_string();
+        assert!(told.len() < 2000, "{} bytes", told.len());
+        assert!(told.starts_with("my.toml:1:"), "{told}");
+    }
+}

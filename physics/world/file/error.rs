@@ -1,6 +1,6 @@
 //! What to tell a user whose world file was refused.
 
-use sim_settings::{Origin, Source};
+use sim_settings::{Origin, Source, shorten};
 
 /// A world file that was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -24,8 +24,8 @@ impl WorldFileError {
     pub(super) fn at(at: usize, why: &str, source: &Source<'_>) -> Self {
         Self {
             origin: source.place(at),
-            key: source.key_at(at),
-            why: why.replace('\n', " "),
+            key: source.key_at(at).map(shorten),
+            why: shorten(why.replace('\n', " ")),
         }
     }
 }
