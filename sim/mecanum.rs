@@ -129,7 +129,7 @@ impl Unit for Mecanum {
     }
 
     /// The board answers nothing, so it holds nothing back.
-    fn client_left(&mut self, _link: usize) {}
+    fn client_left(&mut self, _now: SimTime, _link: usize) {}
 
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
         self.device

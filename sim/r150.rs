@@ -158,8 +158,8 @@ impl Unit for R150 {
         }
     }
 
-    fn client_left(&mut self, _link: usize) {
-        self.device.forget_replies();
+    fn client_left(&mut self, now: SimTime, _link: usize) {
+        self.device.client_left(now);
     }
 
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {

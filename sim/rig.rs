@@ -402,7 +402,7 @@ impl Rig {
         let unit = slot.vehicle.unit_mut();
         for (link, line) in slot.lines.iter_mut().enumerate() {
             if line.take_former_done(now) {
-                unit.client_left(link);
+                unit.client_left(now, link);
                 if let Some(faults) = &mut slot.faults {
                     faults.forget_late(link);
                 }

@@ -30,7 +30,7 @@ pub(crate) trait Unit {
 
     /// The client of a link has left and its last byte has arrived: replies to it that are held
     /// back are nobody's.
-    fn client_left(&mut self, link: usize);
+    fn client_left(&mut self, now: SimTime, link: usize);
 
     /// Bytes for the client of a link.
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;

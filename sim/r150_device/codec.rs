@@ -134,9 +134,13 @@ impl Decoder {
 
     /// Gives up what is held if its deadline is `now` or earlier.
     pub fn expire(&mut self, now: SimTime, found: &mut impl FnMut(Decoded)) {
-        if self.deadline().is_none_or(|deadline| deadline > now) {
-            return;
+        if self.deadline().is_some_and(|deadline| deadline <= now) {
+            self.give_up(found);
         }
+    }
+
+    /// Gives up what is held, whatever the time: no more bytes come of whoever sent it.
+    pub fn give_up(&mut self, found: &mut impl FnMut(Decoded)) {
         // Every round takes at least one byte off a buffer of at most 261.
         while !self.buffer.is_empty() {
             if self.reported == 0 {

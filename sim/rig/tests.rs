@@ -1,3 +1,4 @@
+mod departed;
 mod mecanum;
 
 use std::time::Duration;
