@@ -57,8 +57,9 @@ pub(crate) struct Log {
     /// What to print after all lines, or after those for which there was time.
     last: Sender<String>,
     hurry: Arc<AtomicBool>,
-    /// Nothing is ever sent; disconnected when the thread has ended.
-    ended: Receiver<()>,
+    /// What the output's first refusal was, if it was one; disconnected when the thread has ended.
+    ended: Receiver<io::Error>,
+    refusal: Option<io::Error>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -67,7 +68,7 @@ impl Log {
     pub(crate) fn start(options: LogOptions, names: Vec<DeviceName>) -> io::Result<Self> {
         let (lines, receiver) = crossbeam_channel::bounded(MOST_LINES);
         let (last, last_receiver) = crossbeam_channel::bounded(1);
-        let (ends, ended) = crossbeam_channel::bounded(0);
+        let (ends, ended) = crossbeam_channel::bounded(1);
         let dropped = Arc::new(AtomicU64::new(0));
         let hurry = Arc::new(AtomicBool::new(false));
         let printer = Printer {
@@ -78,7 +79,7 @@ impl Log {
             repeats: BTreeMap::new(),
             last: last_receiver,
             hurry: Arc::clone(&hurry),
-            _ends: ends,
+            ends,
         };
         let thread = std::thread::Builder::new()
             .name("log".to_owned())
@@ -90,6 +91,7 @@ impl Log {
             last,
             hurry,
             ended,
+            refusal: None,
             thread: Some(thread),
         })
     }
@@ -140,13 +142,13 @@ impl Log {
             let _ = self.last.try_send(last);
         }
         let printed = self.drain(|| interrupted(GLANCE));
-        if !printed {
-            // Nothing is left to do if standard error is closed, too.
-            let _ = writeln!(
-                anstream::stderr(),
-                "some output was not printed: whoever reads it is too slow"
-            );
-        }
+        let why = match &self.refusal {
+            Some(refusal) => refusal.to_string(),
+            None if !printed => "whoever reads it is too slow".to_owned(),
+            None => return,
+        };
+        // Nothing is left to do if standard error is closed, too.
+        let _ = writeln!(anstream::stderr(), "some output was not printed: {why}");
     }
 
     /// Waits until all is printed, up to a point; says whether it was.
@@ -156,7 +158,8 @@ impl Log {
         let ended = loop {
             match self.ended.recv_timeout(GLANCE) {
                 Err(RecvTimeoutError::Timeout) => {}
-                _ => break true,
+                Err(RecvTimeoutError::Disconnected) => break true,
+                Ok(refusal) => self.refusal = Some(refusal),
             }
             if begun.elapsed() > END_PATIENCE {
                 self.hurry.store(true, Ordering::Relaxed);
@@ -191,8 +194,8 @@ struct Printer {
     last: Receiver<String>,
     /// Set when there is no more time for the lines that wait.
     hurry: Arc<AtomicBool>,
-    /// Dropped with the rest of it at the end.
-    _ends: Sender<()>,
+    /// Takes the first refusal of the output; dropped with the rest of it at the end.
+    ends: Sender<io::Error>,
 }
 
 impl Printer {
@@ -204,17 +207,29 @@ impl Printer {
                 self.dropped.fetch_add(1, Ordering::Relaxed);
                 continue;
             }
-            let _ = self.print(&mut out, line);
+            let mut printed = self.print(&mut out, line);
             if lines.is_empty() {
-                let _ = self.tell_dropped(&mut out);
-                let _ = out.flush();
+                printed = printed
+                    .and_then(|()| self.tell_dropped(&mut out))
+                    .and_then(|()| out.flush());
             }
+            self.note(printed);
         }
-        let _ = self.tell_dropped(&mut out);
+        let mut printed = self.tell_dropped(&mut out);
         if let Ok(last) = self.last.try_recv() {
-            let _ = writeln!(out, "{last}");
+            printed = printed.and_then(|()| writeln!(out, "{last}"));
         }
-        let _ = out.flush();
+        self.note(printed.and_then(|()| out.flush()));
+    }
+
+    /// Keeps a refusal of the output to be told at the end. That nobody reads any more is none.
+    fn note(&self, printed: io::Result<()>) {
+        if let Err(error) = printed
+            && error.kind() != io::ErrorKind::BrokenPipe
+        {
+            // There is room for one, which is the first.
+            let _ = self.ends.try_send(error);
+        }
     }
 
     fn print(&mut self, out: &mut impl Write, line: Line) -> io::Result<()> {

@@ -1,7 +1,7 @@
 //! The `replay` subcommand: a trace is played again.
 
 use std::fs;
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
@@ -10,6 +10,9 @@ use sim_scenarios::trace::{Replay, ReplayError};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 
+/// Most bytes of a line of a trace; the first holds the scenario and its world.
+const MOST_LINE: u64 = 16 << 20;
+
 /// Plays the trace in simulated time and compares.
 pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
     let shown = path.display();
@@ -17,13 +20,26 @@ pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
         .with_context(|| format!("cannot read the trace {shown}"))
         .map_err(Failure::usage)?;
     let mut replay: Option<Replay> = None;
-    for line in BufReader::new(file).lines() {
-        let line = line
+    let mut file = BufReader::new(file);
+    let mut line = String::new();
+    loop {
+        line.clear();
+        // What is no trace may be one line without an end.
+        let read = file.by_ref().take(MOST_LINE + 1).read_line(&mut line);
+        let read = read
             .with_context(|| format!("cannot read the trace {shown}"))
             .map_err(Failure::system)?;
+        if read == 0 {
+            break;
+        }
+        if read as u64 > MOST_LINE {
+            let why = anyhow!("{shown} is no trace: a line of it is too long");
+            return Err(Failure::usage(why));
+        }
+        let line = line.trim_end_matches(['\r', '\n']);
         let outcome = match &mut replay {
-            None => Replay::begin(&line).map(|begun| replay = Some(begun)),
-            Some(replay) => replay.line(&line),
+            None => Replay::begin(line).map(|begun| replay = Some(begun)),
+            Some(replay) => replay.line(line),
         };
         if let Err(error) = outcome {
             return not_the_same(error);

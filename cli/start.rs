@@ -99,6 +99,7 @@ impl<S: Simulation> Session<S> {
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
         let ports = open_all(&plan.rig, &plan.folder, serial, &Elsewhere::Unlinked)?;
+        waiter.check_headroom().map_err(Failure::system)?;
         let options = LogOptions {
             format: args.log_format,
             verbose: args.verbose,

@@ -77,7 +77,10 @@ impl Hub {
             .map_err(PortErrorKind::call("epoll_create1"))?;
         let inotify = inotify::init(inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK)
             .map_err(|errno| match errno {
-                Errno::MFILE => PortErrorKind::WatchLimit,
+                // The user's limit on watches, unless no descriptor of any kind is to be had.
+                Errno::MFILE if rustix::io::fcntl_dupfd_cloexec(&epoll, 0).is_ok() => {
+                    PortErrorKind::WatchLimit
+                }
                 errno => PortErrorKind::call("inotify_init1")(errno),
             })?;
         let data = epoll::EventData::new_u64(INOTIFY);

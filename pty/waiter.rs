@@ -17,6 +17,8 @@ use crate::signals::{Signals, TerminationSignal};
 /// Descriptors reported by one call of the system. More than these wait for
 /// the next call; none is lost.
 const EVENTS: usize = 256;
+/// Descriptors that serving opens for a moment.
+const HEADROOM: usize = 4;
 
 /// Waits for news from ports and for signals.
 #[derive(Debug)]
@@ -60,6 +62,20 @@ impl Waiter {
             signals: None,
             wake: Wake::default(),
         })
+    }
+
+    /// Makes sure that the few descriptors can be opened that ports need for a moment when clients
+    /// come and go, so that a limit is met at the start and not while clients are served.
+    ///
+    /// # Errors
+    ///
+    /// When the limit on descriptors leaves no room for them.
+    pub fn check_headroom(&self) -> Result<(), PortError> {
+        let spare = (0..HEADROOM).map(|_| rustix::io::fcntl_dupfd_cloexec(self.hub.epoll(), 0));
+        spare
+            .collect::<Result<Vec<_>, _>>()
+            .map(drop)
+            .map_err(|errno| waiting(PortErrorKind::call("fcntl")(errno)))
     }
 
     /// Has `SIGINT`, `SIGTERM` and `SIGHUP` end a wait instead of the

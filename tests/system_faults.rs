@@ -1,0 +1,276 @@
+//! What the system does to the program: full disks, missing directories, limits, closed outputs.
+//! `docs/reliability.md` lists what is promised of each, and where the rest is tested.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use harness::{Finished, Sim, command, run, until};
+
+const SCENARIO: &str = r#"
+schema = 1
+title = "Nothing happens"
+good_client = "Does nothing."
+limit = "5 s"
+seed = 5
+
+[[device]]
+kind = "r150"
+
+[[step]]
+at = "10 ms"
+every = "20 ms"
+host = { send = "heartbeat" }
+"#;
+
+/// The binary's command line in the hands of a shell, which sets it up as `how` says and then
+/// becomes it.
+fn shell(how: &str, args: &[&str]) -> Command {
+    let sim = command();
+    let mut shell = Command::new("sh");
+    shell
+        .arg("-c")
+        .arg(format!("exec 3>&- 4>&- 5>&- 6>&-; {how}"))
+        .arg(sim.get_program())
+        .args(args);
+    shell
+}
+
+fn ended(command: &mut Command) -> Finished {
+    Sim::spawn(command, PathBuf::new(), None).wait()
+}
+
+/// What stands in a folder.
+fn names(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap();
+    names
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
+}
+
+/// A folder with a scenario, and the path of the trace that a run of it makes in there.
+fn scenario() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("idle.toml"), SCENARIO).unwrap();
+    let trace = folder.path().join("traces/idle.trace.jsonl");
+    fs::create_dir(folder.path().join("traces")).unwrap();
+    (folder, trace)
+}
+
+fn run_with_trace(folder: &Path) -> Finished {
+    let args = ["run", "idle.toml", "--output", "traces"];
+    ended(command().args(args).current_dir(folder))
+}
+
+/// Fails unless it ended as a system error, with these words beside the scenario's name.
+fn expect_told(finished: &Finished, parts: &[&str]) {
+    assert_eq!(finished.code(), Some(3), "{}{}", finished.out, finished.err);
+    for part in parts {
+        assert!(
+            finished.out.contains(part),
+            "no {part:?} in {}",
+            finished.out
+        );
+    }
+}
+
+#[test]
+fn a_trace_that_does_not_fit_on_the_disk_is_an_error() {
+    let (folder, trace) = scenario();
+    run_with_trace(folder.path()).expect_clean();
+    assert!(fs::metadata(&trace).unwrap().len() > 10_000);
+    fs::remove_file(&trace).unwrap();
+    symlink("/dev/full", &trace).unwrap();
+    let name = "idle.trace.jsonl; it is not complete";
+    expect_told(&run_with_trace(folder.path()), &[name, "No space left"]);
+}
+
+#[test]
+fn a_place_where_no_trace_can_be_written_is_an_error() {
+    let (folder, trace) = scenario();
+    fs::create_dir(&trace).unwrap();
+    expect_told(
+        &run_with_trace(folder.path()),
+        &["cannot write the trace", "idle.trace.jsonl"],
+    );
+    // The kernel's own file systems take nothing from anybody, as one that is mounted read-only.
+    let idle = folder.path().join("idle.toml");
+    let args = ["run", idle.to_str().unwrap(), "--output", "/proc/traces"];
+    run(&args).expect_refusal(2, &["cannot make the folder /proc/traces"]);
+}
+
+#[test]
+fn a_folder_that_takes_no_link_is_an_error() {
+    let says = ["/proc/r150"];
+    run(&["--pty", "/proc/r150"]).expect_refusal(3, &says);
+}
+
+#[test]
+fn a_link_that_is_removed_stays_removed_and_its_client_is_served() {
+    let sim = Sim::start(&[]);
+    let mut client = sim.client();
+    fs::remove_file(sim.port()).unwrap();
+    for _ in 0..3 {
+        assert_eq!(client.ask(0x07, &[]), [1]);
+    }
+    assert!(fs::symlink_metadata(sim.port()).is_err());
+    sim.stop().expect_clean();
+}
+
+#[test]
+fn a_folder_that_is_removed_with_its_link_harms_nobody() {
+    let above = tempfile::tempdir().unwrap();
+    let folder = above.path().join("ports");
+    fs::create_dir(&folder).unwrap();
+    let sim = Sim::start_at(&folder.join("r150"), &[]);
+    let mut client = sim.client();
+    fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(client.ask(0x07, &[]), [1]);
+    drop(client);
+    sim.wait_line(&["client detached"]);
+    sim.stop().expect_clean();
+    assert!(names(above.path()).is_empty());
+}
+
+#[test]
+fn whoever_makes_something_in_the_place_of_the_link_keeps_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("r150");
+    let sim = Sim::start_at(&port, &[]);
+    fs::remove_file(&port).unwrap();
+    fs::write(&port, "precious").unwrap();
+    sim.stop().expect_clean();
+    assert_eq!(fs::read_to_string(&port).unwrap(), "precious");
+}
+
+#[test]
+fn with_any_limit_of_file_descriptors_it_serves_or_says_why_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("r150");
+    let path = port.to_str().unwrap();
+    let mut served = 0;
+    let mut refused = 0;
+    for limit in 4..24 {
+        let how = format!("ulimit -n {limit} && exec \"$0\" \"$@\"");
+        let args = ["--pty", path, "--seed", "1"];
+        let sim = Sim::spawn(&mut shell(&how, &args), port.clone(), None);
+        let mut said = String::new();
+        until("it is ready or ends", || {
+            said = sim.printed();
+            said.contains("ready\n") || fs::read_to_string(stat(sim.pid())).is_ok_and(is_zombie)
+        });
+        if said.contains("ready\n") {
+            served += 1;
+            for _ in 0..3 {
+                assert_eq!(sim.client().ask(0x07, &[]), [1]);
+            }
+            sim.stop().expect_clean();
+        } else {
+            refused += 1;
+            let finished = sim.wait();
+            // So few that the program cannot even be loaded is the loader's to tell.
+            if finished.code() != Some(127) {
+                finished.expect_refusal(3, &["Too many open files"]);
+            }
+        }
+        assert!(
+            names(folder.path()).is_empty(),
+            "{:?}",
+            names(folder.path())
+        );
+    }
+    assert!(
+        served > 0 && refused > 0,
+        "{served} served, {refused} refused"
+    );
+}
+
+fn stat(pid: u32) -> PathBuf {
+    PathBuf::from(format!("/proc/{pid}/stat"))
+}
+
+fn is_zombie(stat: String) -> bool {
+    stat.rsplit_once(") ")
+        .is_some_and(|(_, rest)| rest.starts_with('Z'))
+}
+
+#[test]
+fn with_its_outputs_closed_it_serves() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("r150");
+    let ready = folder.path().join("ready");
+    let args = [
+        "--pty",
+        port.to_str().unwrap(),
+        "--ready-file",
+        ready.to_str().unwrap(),
+        "-v",
+    ];
+    let how = "exec \"$0\" \"$@\" 0<&- 1>&- 2>&-";
+    let sim = Sim::spawn(&mut shell(how, &args), port.clone(), None);
+    until("it is ready", || ready.exists());
+    // Were a port to take the place of an output, the log would come to the client.
+    let mut client = sim.client();
+    for _ in 0..20 {
+        assert_eq!(client.ask(0x07, &[]), [1]);
+    }
+    assert_eq!(sim.stop().code(), Some(0));
+    assert!(names(folder.path()).is_empty());
+}
+
+#[test]
+fn with_its_log_on_a_full_disk_it_serves_and_says_so_at_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("r150");
+    let ready = folder.path().join("ready");
+    let args = [
+        "--pty",
+        port.to_str().unwrap(),
+        "--ready-file",
+        ready.to_str().unwrap(),
+    ];
+    let how = "exec \"$0\" \"$@\" >/dev/full";
+    let sim = Sim::spawn(&mut shell(how, &args), port.clone(), None);
+    until("it is ready", || ready.exists());
+    assert_eq!(sim.client().ask(0x07, &[]), [1]);
+    let finished = sim.stop();
+    assert_eq!(finished.code(), Some(0), "{}", finished.err);
+    assert!(finished.err.contains("No space left"), "{}", finished.err);
+}
+
+#[test]
+fn what_cannot_be_printed_is_an_error_where_printing_is_the_point() {
+    let (folder, _) = scenario();
+    for args in [
+        &["config"][..],
+        &["run", "idle.toml"],
+        &["faults"],
+        &["schema", "world"],
+    ] {
+        let how = "exec \"$0\" \"$@\" >/dev/full";
+        let finished = ended(shell(how, args).current_dir(folder.path()));
+        finished.expect_refusal(3, &["cannot print", "No space left"]);
+    }
+}
+
+#[test]
+fn an_endless_file_is_refused() {
+    for args in [
+        &["config", "--config", "/dev/zero"][..],
+        &["check", "/dev/zero"],
+        &["replay", "/dev/zero"],
+        &["--rig", "/dev/zero"],
+        &["--pty", "/tmp/never-made", "--world", "/dev/zero"],
+    ] {
+        run(args).expect_refusal(2, &["/dev/zero", "too long"]);
+    }
+}
