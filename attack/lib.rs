@@ -1,0 +1,25 @@
+//! What may be done to the simulator by anybody, and what must hold whatever is done.
+//!
+//! Each function takes an input, plays it, and panics if a promise is broken. Two things call them:
+//! the property tests in `tests/` of this crate, which shrink what fails, and the fuzz targets in
+//! `fuzz/`, which are guided by what code an input reaches. Both generate the same types from one
+//! declaration, so an operation that is added to [`operation::Operation`] is played by both.
+//!
+//! | module | input | promises |
+//! |---|---|---|
+//! | [`stream`] | bytes and pauses, for each decoder | what an independent reading of the stream finds, however it is split |
+//! | [`operation`], [`fault`] | one thing that a client, an operator, a fault or the world does | – |
+//! | [`session`] | a sequence of operations on devices in a world | finite physics, time forward, bounded output, right frames |
+//! | [`text`] | settings, world, rig, scenario and trace files | refused in words, or built and run for a while |
+
+#![expect(
+    clippy::panic,
+    clippy::missing_panics_doc,
+    reason = "a broken promise is told by panicking, to proptest and to libFuzzer alike"
+)]
+
+pub mod fault;
+pub mod operation;
+pub mod session;
+pub mod stream;
+pub mod text;

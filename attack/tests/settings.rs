@@ -1,0 +1,198 @@
+//! Every setting takes nothing that breaks the simulation: what it refuses is told with its name
+//! and range, and with what it takes both devices drive.
+
+use std::time::Duration;
+
+use proptest::prelude::*;
+use sim_attack::text::{self, Drive};
+use sim_core::settings::SimSettings;
+use sim_physics::WorldMap;
+use sim_settings::{Entry, Settings as _, load_toml};
+
+/// Numbers that no setting means. Some are in a range all the same.
+const ABSURD: &[&str] = &[
+    "nan", "-nan", "inf", "-inf", "1e308", "-1e308", "1e39", "-1e39", "1e-308", "0", "-0.0", "-1",
+    "1", "1e9", "1e18",
+];
+/// Values of other types, and numbers that TOML cannot hold.
+const FOREIGN: &[&str] = &[
+    "\"\"",
+    "\"nan\"",
+    "\"off\"",
+    "\"1 parsec\"",
+    "\"1e400 m\"",
+    "\"٣ m\"",
+    "true",
+    "[]",
+    "[[[]]]",
+    "{}",
+    "{ a = 1 }",
+    "1979-05-27",
+    "99999999999999999999999",
+    "9223372036854775807",
+    "-9223372036854775808",
+];
+
+fn entries() -> Vec<Entry> {
+    let mut entries = Vec::new();
+    SimSettings::default().visit("", &mut |entry| entries.push(entry));
+    entries
+}
+
+/// Values as TOML literals, in the form of the setting's own.
+fn literals(entry: &Entry, numbers: impl IntoIterator<Item = String>) -> Vec<String> {
+    let items = entry.default.trim_start_matches('[').trim_end_matches(']');
+    let items: Vec<&str> = items.split(", ").collect();
+    let is_list = entry.default.starts_with('[');
+    let unit = entry.allowed.split_once(" in ").map_or("", |(_, rest)| {
+        rest.split_once(" from ").map_or(rest, |(unit, _)| unit)
+    });
+    let numbers = numbers.into_iter().map(|number| {
+        // Bounds of times are shown with their unit.
+        let has_unit = number.ends_with(|c: char| c.is_ascii_alphabetic());
+        let unit = if entry.allowed.contains("a time") {
+            "s"
+        } else {
+            unit
+        };
+        let is_number = number.parse::<f64>().is_ok();
+        let item = match (is_number, has_unit && !is_number, unit) {
+            (_, true, _) => format!("\"{number}\""),
+            (_, _, "") => number,
+            (_, _, unit) => format!("\"{number} {unit}\""),
+        };
+        if is_list {
+            format!("[{}]", vec![item; items.len()].join(", "))
+        } else {
+            item
+        }
+    });
+    numbers.collect()
+}
+
+/// The ends of a setting's range.
+fn bounds(entry: &Entry) -> Option<[String; 2]> {
+    let (_, range) = entry.allowed.split_once(" from ")?;
+    let (low, high) = range.split_once(" to ")?;
+    Some([low.to_owned(), high.to_owned()])
+}
+
+fn file(key: &str, literal: &str) -> String {
+    format!("{key} = {literal}\n")
+}
+
+#[test]
+fn absurd_values_are_refused_by_name_or_do_no_harm() {
+    let mut refused = 0;
+    let mut driven = 0;
+    for entry in entries() {
+        let absurd = literals(&entry, ABSURD.iter().map(|&number| number.to_owned()));
+        let foreign = FOREIGN.iter().map(|&literal| literal.to_owned());
+        for literal in absurd.into_iter().chain(foreign) {
+            let mut settings = SimSettings::default();
+            let text = file(&entry.key, &literal);
+            match load_toml(&text, "my.toml", &mut settings) {
+                Err(errors) => {
+                    refused += 1;
+                    let told = errors[0].to_string();
+                    for part in ["my.toml:1", &entry.key, &entry.allowed] {
+                        // A syntax error is told by the parser, which knows no settings.
+                        let has =
+                            told.contains(part) || literal.contains("nan") && part != "my.toml:1";
+                        assert!(has || literal == "{ a = 1 }", "{text}: {told}");
+                    }
+                }
+                Ok(()) => match settings.check() {
+                    Err(errors) => {
+                        refused += 1;
+                        assert!(errors[0].contains(&entry.key), "{text}: {}", errors[0]);
+                    }
+                    Ok(()) => {
+                        driven += 1;
+                        text::drive(
+                            &settings,
+                            WorldMap::default(),
+                            Drive::For(Duration::from_secs(1)),
+                        );
+                    }
+                },
+            }
+            for not_finite in ["nan", "inf", "1e308", "1e400"] {
+                assert!(
+                    !literal.contains(not_finite) || settings == SimSettings::default(),
+                    "{text} is taken"
+                );
+            }
+        }
+    }
+    assert!(
+        refused > 3000 && driven > 100,
+        "{refused} refused, {driven} driven"
+    );
+}
+
+#[test]
+fn both_ends_of_every_range_drive() {
+    let mut tried = 0;
+    for entry in entries() {
+        for literal in literals(&entry, bounds(&entry).into_iter().flatten()) {
+            let mut settings = SimSettings::default();
+            let text = file(&entry.key, &literal);
+            let loaded = load_toml(&text, "my.toml", &mut settings);
+            assert_eq!(loaded, Ok(()), "{text}");
+            if settings.check().is_ok() {
+                tried += 1;
+                println!("{text}");
+                text::drive(
+                    &settings,
+                    WorldMap::default(),
+                    Drive::For(Duration::from_secs(1)),
+                );
+            }
+        }
+    }
+    assert!(tried > 200, "{tried}");
+}
+
+#[test]
+fn a_range_without_end_has_a_reason() {
+    // What has no range must be a word, a switch, or something whose type is its range.
+    for entry in entries() {
+        let is_number = entry.allowed.contains("number") || entry.allowed.contains("a time");
+        assert!(
+            !is_number || bounds(&entry).is_some(),
+            "{}: {}",
+            entry.key,
+            entry.allowed
+        );
+    }
+}
+
+/// A choice for each setting: what it is, an end of its range, or something between.
+fn extremes() -> impl Strategy<Value = String> {
+    let choices = entries().into_iter().filter_map(|entry| {
+        let [low, high] = bounds(&entry)?;
+        let between = low.parse::<f64>().ok().zip(high.parse::<f64>().ok());
+        let between = between.map(|(low, high)| format!("{:.3}", low + (high - low) / 3.0));
+        let whole = entry.allowed.contains("whole");
+        let between = between.filter(|_| !whole).unwrap_or_else(|| low.clone());
+        let literals = literals(&entry, [low, high, between]);
+        let key = entry.key;
+        let lines: Vec<String> = literals.iter().map(|literal| file(&key, literal)).collect();
+        Some(prop_oneof![6 => Just(String::new()), 1 => prop::sample::select(lines)])
+    });
+    choices.collect::<Vec<_>>().prop_map(|lines| lines.concat())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn any_extremes_together_drive(text in extremes()) {
+        let mut settings = SimSettings::default();
+        prop_assert_eq!(load_toml(&text, "my.toml", &mut settings), Ok(()));
+        if settings.check().is_ok() {
+            text::drive(&settings, WorldMap::default(), Drive::For(Duration::from_millis(500)));
+        }
+    }
+}

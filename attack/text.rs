@@ -1,0 +1,194 @@
+//! Text of each kind of file: refused in words, or built and run for a while.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use sim_core::SimTime;
+use sim_core::line::Wire;
+use sim_core::mecanum_device::packet::Request as Packet;
+use sim_core::r150_device::command::Request;
+use sim_core::r150_device::vehicle::Start;
+use sim_core::rig::{PortId, Rig, RigError, RigSettings};
+use sim_core::settings::SimSettings;
+use sim_physics::{Pose, WorldMap};
+use sim_scenarios::trace::Replay;
+use sim_scenarios::{RigPlan, Run, RunError, RunOptions, Scenario};
+use sim_settings::{Source, load_toml};
+
+use crate::session::truth;
+
+/// Most devices that are driven, since each makes every step dearer.
+const MOST_DRIVEN: usize = 12;
+/// Most simulated time of a scenario or a trace.
+const MOST_TIME: Duration = Duration::from_millis(200);
+
+/// A refusal must say something, and not everything.
+fn is_told(error: &str) {
+    assert!(!error.is_empty(), "an error without words");
+    assert!(error.len() < 20_000, "an error of {} bytes", error.len());
+}
+
+/// A settings file: both devices are driven with it for some steps of the physics.
+pub fn settings(text: &str) {
+    let mut settings = SimSettings::default();
+    match load_toml(text, "settings.toml", &mut settings) {
+        Ok(()) => {}
+        Err(errors) => return errors.iter().for_each(|error| is_told(&error.to_string())),
+    }
+    match settings.check() {
+        Ok(()) => drive(&settings, WorldMap::default(), Steps(40)),
+        Err(errors) => errors.iter().for_each(|error| is_told(error)),
+    }
+}
+
+/// A world file: both devices are driven in it for some steps.
+pub fn world(text: &str) {
+    match WorldMap::from_toml(text, "world.toml") {
+        Ok(map) => drive(&SimSettings::default(), map, Steps(40)),
+        Err(error) => is_told(&error.to_string()),
+    }
+}
+
+/// A rig file: its devices are driven for some steps, in the empty plane.
+pub fn rig(text: &str) {
+    let file = "rig.toml";
+    match RigPlan::parse(Source { file, text }, &SimSettings::default()) {
+        Ok(plan) => {
+            let sound = |settings: &SimSettings| settings.check().is_ok();
+            if plan.devices.len() <= MOST_DRIVEN
+                && plan.devices.iter().all(|device| sound(&device.settings))
+            {
+                let map = WorldMap::default();
+                drive_rig(plan.build(map, Wire::Paced, 1), Steps(20));
+            }
+        }
+        Err(error) => is_told(&error.to_string()),
+    }
+}
+
+/// A scenario file: it is played for a while.
+pub fn scenario(text: &str) {
+    let file = "scenario.toml";
+    let scenario = match Scenario::parse(Source { file, text }, &SimSettings::default()) {
+        Ok(scenario) => scenario,
+        Err(error) => return is_told(&error.to_string()),
+    };
+    if scenario.rig.devices.len() > MOST_DRIVEN {
+        return;
+    }
+    let options = RunOptions {
+        trace: true,
+        ..RunOptions::scripted(1)
+    };
+    let mut run = match Run::new(Arc::new(scenario), None, options) {
+        Ok(run) => run,
+        Err(error) => return goes_on(&error),
+    };
+    if let Err(error) = run.advance(SimTime::ZERO + MOST_TIME) {
+        return goes_on(&error);
+    }
+    while run.poll_trace().is_some() {}
+    while run.poll_event().is_some() {}
+    let outcome = run.end();
+    for failure in &outcome.failures {
+        is_told(&failure.to_string());
+    }
+}
+
+/// A scenario may ask for what has no end, and is told so; the simulation itself never gives up.
+fn goes_on(error: &RunError) {
+    is_told(&error.to_string());
+    assert!(!matches!(error, RunError::Rig(_)), "{error}");
+}
+
+/// A trace: it is repeated, or refused.
+pub fn trace(text: &str) {
+    if let Err(error) = Replay::all(text.lines()) {
+        is_told(&error.to_string());
+    }
+}
+
+/// For how long to drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drive {
+    /// In steps of the physics, of whatever length.
+    Steps(u32),
+    /// In simulated time.
+    For(Duration),
+}
+use Drive::Steps;
+
+/// Drives one device of each kind, and checks its numbers.
+///
+/// # Panics
+/// When a number is not finite, or the simulation gives up.
+pub fn drive(settings: &SimSettings, map: WorldMap, how_long: Drive) {
+    let mut rig = Rig::new(RigSettings {
+        world: settings.world.clone(),
+        map,
+        wire: Wire::Paced,
+        seed: 1,
+    });
+    rig.add_r150("r150", &settings.r150, Start::Ready, Pose::default());
+    let beside = Pose {
+        y: 1.5,
+        ..Pose::default()
+    };
+    rig.add_mecanum("car", &settings.mecanum, true, beside);
+    drive_rig(rig, how_long);
+}
+
+fn drive_rig(mut rig: Rig, how_long: Drive) {
+    let step = rig.world().step_length();
+    let (pace, count) = match how_long {
+        Drive::Steps(count) => (step, count),
+        Drive::For(span) => (Duration::from_millis(50), {
+            u32::try_from(span.as_millis() / 50).unwrap_or(u32::MAX)
+        }),
+    };
+    let gone_on = |went: Result<(), RigError>| went.unwrap_or_else(|error| panic!("{error}"));
+    let ports: Vec<PortId> = (0..rig.devices())
+        .flat_map(|device| [0, 1].map(|link| PortId { device, link }))
+        .collect();
+    for port in &ports {
+        gone_on(rig.attach(*port, SimTime::ZERO));
+    }
+    let mut now = SimTime::ZERO;
+    let mut bytes = Vec::new();
+    for round in 0..count {
+        if round % 10 == 0 {
+            for device in 0..rig.devices() {
+                let port = PortId { device, link: 0 };
+                let request = if rig.r150(device).is_some() {
+                    let (right, left) = (1000, if round % 20 == 0 { 1000 } else { -600 });
+                    Request::SetMotors { right, left }.encode()
+                } else {
+                    let moving_idx = u8::try_from(round / 10 % 5).unwrap_or_default();
+                    let motion = Packet::Motion {
+                        seq: 0,
+                        is_reset: 1,
+                        moving_idx,
+                        s: 500,
+                        v: 500,
+                    };
+                    motion.encode()
+                };
+                gone_on(rig.client_sends(port, now, &request));
+            }
+        }
+        now += pace;
+        gone_on(rig.advance(now));
+        for device in 0..rig.devices() {
+            let numbers = truth(&rig, device);
+            let finite = numbers.iter().all(|number| number.is_finite());
+            assert!(finite, "device {device} at {now} s: {numbers:?}");
+        }
+        for port in &ports {
+            bytes.clear();
+            rig.client_reads(*port, &mut bytes);
+        }
+        while let Some(event) = rig.poll_event() {
+            assert!(!event.kind.to_string().is_empty());
+        }
+    }
+}
