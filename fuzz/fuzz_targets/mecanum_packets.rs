@@ -1,0 +1,7 @@
+//! Streams of bytes to the decoders of the mecanum board's main link, and to its firmware.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use sim_attack::stream::{Stream, mecanum};
+
+fuzz_target!(|data: &[u8]| mecanum(&Stream::read(data)));

@@ -1,0 +1,7 @@
+//! Rig files: refused in words, or their devices drive.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use sim_attack::text;
+
+fuzz_target!(|text: &str| text::rig(text));

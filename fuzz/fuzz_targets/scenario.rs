@@ -1,0 +1,7 @@
+//! Scenario files: refused in words, or played for a while.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use sim_attack::text;
+
+fuzz_target!(|text: &str| text::scenario(text));

@@ -1,0 +1,7 @@
+//! Settings files: refused in words, or both devices drive with them.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use sim_attack::text;
+
+fuzz_target!(|text: &str| text::settings(text));

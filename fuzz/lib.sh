@@ -1,0 +1,32 @@
+# What the scripts of this folder have in common.
+
+# Targets, each with the longest input that it gets, how many inputs a short run has, and folders
+# whose files it starts from, beside those of its corpus.
+targets() {
+    cat <<TABLE
+r150_frames 700 100000
+mecanum_packets 400 100000
+ascii_lines 300 100000
+r150 2000 10000
+mecanum 2000 10000
+both 2000 8000
+settings 4000 10000
+world 4000 10000 ../worlds
+rig 4000 10000 ../worlds
+scenario 4000 5000 ../scenarios/r150 ../scenarios/mecanum
+TABLE
+}
+
+# run TARGET FOLDER ARGUMENTS...: runs a target in FOLDER, where new inputs go, on top of the
+# committed ones.
+run() {
+    local target=$1 folder=$2 row
+    shift 2
+    read -r -a row < <(targets | grep "^$target ")
+    local dictionary=dictionaries/$target.dict
+    [ ! -e "$dictionary" ] || set -- "$@" "-dict=$dictionary"
+    mkdir -p "$folder"
+    # An input that takes longer than 20 s, or more than 1 GiB, is a failure like a panic.
+    "target/$(rustc --print host-tuple)/release/$target" "$folder" "corpus/$target" "${row[@]:3}" \
+        -max_len="${row[1]}" -timeout=20 -rss_limit_mb=1024 -artifact_prefix="artifacts/$target-" "$@"
+}
