@@ -62,6 +62,8 @@ struct Node {
     /// Somebody came after that one, and has left as well.
     departed_next: Option<Departure>,
     paused: bool,
+    /// The next opening is our own.
+    visiting: bool,
 }
 
 /// The last one who had a node open has closed it.
@@ -171,7 +173,10 @@ impl State {
             return;
         };
         if events.contains(ReadFlags::OPEN) {
-            node.openers += 1;
+            // Which of two is our own makes no difference to their number.
+            if !std::mem::take(&mut node.visiting) {
+                node.openers += 1;
+            }
         }
         if events.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
             node.closed = true;
@@ -275,6 +280,7 @@ impl Registration {
             departed: None,
             departed_next: None,
             paused: self.paused,
+            visiting: false,
         };
         self.hub.lock().nodes.insert(wd, node);
         self.wd = Some(wd);
@@ -290,6 +296,23 @@ impl Registration {
         self.take_departure();
         self.take_departure();
         Ok(())
+    }
+
+    /// We ourselves are about to open `node`, to read, for a moment, while
+    /// others may have it open. No visit of theirs is forgotten.
+    pub(crate) fn begin_visit(&mut self, node: &Path) -> Result<(), PortErrorKind> {
+        self.add_watch(node, Self::everybody() - WatchFlags::CLOSE_NOWRITE)?;
+        self.look()?;
+        self.with_node(|node| node.visiting = true);
+        Ok(())
+    }
+
+    /// Our own visit is over, and counts for none. One who only reads and
+    /// leaves in its course is missed, until the node is hung up.
+    pub(crate) fn end_visit(&mut self, node: &Path) -> Result<(), PortErrorKind> {
+        self.look()?;
+        self.with_node(|node| node.visiting = false);
+        self.heed_readers(node)
     }
 
     /// Reports everybody again.

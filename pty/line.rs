@@ -109,7 +109,44 @@ impl fmt::Display for LineSettings {
 /// client has left that way: whoever opens it next with plain `cat` would
 /// have its replies echoed back into the device.
 pub(crate) fn set_raw_and_flush(master: impl AsFd, baud: u32) -> Result<(), Errno> {
-    let mut termios = tcgetattr(&master)?;
+    let raw = made_raw(&tcgetattr(&master)?, baud)?;
+    tcsetattr(master, OptionalActions::Flush, &raw)
+}
+
+/// The same after a client has left, unless nothing has to be changed or
+/// `is_taken` by the next one already.
+///
+/// Settings can only be written all at once, so that writing them undoes
+/// what a client changes at the same time. Hence they are not written
+/// without need, and whether they may be is asked at the last moment.
+pub(crate) fn restore_raw(
+    master: impl AsFd,
+    baud: u32,
+    is_taken: impl FnOnce() -> Result<bool, Errno>,
+) -> Result<(), Errno> {
+    let left = tcgetattr(&master)?;
+    let raw = made_raw(&left, baud)?;
+    if is_same(&left, &raw) || is_taken()? {
+        return Ok(());
+    }
+    tcsetattr(master, OptionalActions::Flush, &raw)
+}
+
+fn is_same(one: &Termios, other: &Termios) -> bool {
+    let code = |termios: &Termios, index| termios.special_codes[index];
+    one.input_modes == other.input_modes
+        && one.output_modes == other.output_modes
+        && one.local_modes == other.local_modes
+        && one.control_modes == other.control_modes
+        && one.input_speed() == other.input_speed()
+        && one.output_speed() == other.output_speed()
+        && [SpecialCodeIndex::VMIN, SpecialCodeIndex::VTIME]
+            .into_iter()
+            .all(|index| code(one, index) == code(other, index))
+}
+
+fn made_raw(termios: &Termios, baud: u32) -> Result<Termios, Errno> {
+    let mut termios = termios.clone();
     termios.input_modes = InputModes::empty();
     termios.output_modes = OutputModes::empty();
     termios.local_modes = LocalModes::empty();
@@ -128,7 +165,7 @@ pub(crate) fn set_raw_and_flush(master: impl AsFd, baud: u32) -> Result<(), Errn
     termios.special_codes[SpecialCodeIndex::VMIN] = 1;
     termios.special_codes[SpecialCodeIndex::VTIME] = 0;
     termios.set_speed(baud)?;
-    tcsetattr(master, OptionalActions::Flush, &termios)
+    Ok(termios)
 }
 
 #[cfg(test)]

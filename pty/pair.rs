@@ -27,7 +27,7 @@ use rustix::termios::{OptionalActions, QueueSelector, ioctl_tiocnxcl, tcflush};
 use rustix::termios::{tcgetattr, tcsetattr};
 
 use crate::error::PortErrorKind;
-use crate::line::set_raw_and_flush;
+use crate::line::{restore_raw, set_raw_and_flush};
 
 /// A pair whose client end is raw at the device's baud.
 #[derive(Debug)]
@@ -102,36 +102,56 @@ impl Pair {
         Ok(fds[0].revents())
     }
 
-    /// Takes back every byte that the client has not read, and gives the
-    /// line the device's own settings again.
+    /// Takes back what is on the way to the client that has left, and gives
+    /// the line the device's own settings again. What has arrived for it is
+    /// for [`Self::clear_exclusive`] or [`Self::flush_output`].
+    ///
+    /// A next client that is there already keeps whatever it has set.
     pub(crate) fn reset(&self) -> Result<(), Errno> {
-        // In this order: nothing can arrive at the client's end once nothing
-        // is on the way to it.
         tcflush(&self.master, QueueSelector::OFlush)?;
-        set_raw_and_flush(&self.master, self.baud)
+        restore_raw(&self.master, self.baud, || Ok(!self.is_hung_up()?))
     }
 
     /// Takes back every byte that was not read, but keeps the settings, for
-    /// a client who may already have made its own.
-    pub(crate) fn flush_output(&self) -> Result<(), Errno> {
-        tcflush(&self.master, QueueSelector::OFlush)?;
-        let termios = tcgetattr(&self.master)?;
-        tcsetattr(&self.master, OptionalActions::Flush, &termios)
+    /// a client who may be making its own right now.
+    ///
+    /// A descriptor of the client's end, held for a moment, can do that
+    /// without a word about settings. Where a client keeps us out, they are
+    /// written as they were just read, and what it changes in between is
+    /// undone.
+    pub(crate) fn flush_output(&self) -> Result<(), PortErrorKind> {
+        // In this order: nothing can arrive at the client's end once nothing
+        // is on the way to it.
+        tcflush(&self.master, QueueSelector::OFlush).map_err(PortErrorKind::call("tcflush"))?;
+        if let Some(slave) = self.look_in()? {
+            return tcflush(slave, QueueSelector::IFlush).map_err(PortErrorKind::call("tcflush"));
+        }
+        tcgetattr(&self.master)
+            .and_then(|termios| tcsetattr(&self.master, OptionalActions::Flush, &termios))
+            .map_err(PortErrorKind::call("tcsetattr"))
     }
 
     /// Clears the exclusive flag by way of a descriptor held for a moment,
-    /// which root may open and anybody else if the flag is not set at all.
-    ///
-    /// The descriptor only reads, so that its closing is told apart from a
-    /// client's by whoever watches the node.
+    /// which root may open and anybody else if the flag is not set at all;
+    /// and takes back what waits at the client's end.
     pub(crate) fn clear_exclusive(&self) -> Result<Access, PortErrorKind> {
+        let Some(slave) = self.look_in()? else {
+            return Ok(Access::Locked);
+        };
+        ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
+        tcflush(slave, QueueSelector::IFlush).map_err(PortErrorKind::call("tcflush"))?;
+        Ok(Access::Open)
+    }
+
+    /// A descriptor of the client's end, unless it is locked.
+    ///
+    /// It only reads, so that its closing is told apart from a client's by
+    /// whoever watches the node.
+    fn look_in(&self) -> Result<Option<OwnedFd>, PortErrorKind> {
         let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         match retry_on_intr(|| rustix::fs::open(&self.slave, flags, Mode::empty())) {
-            Ok(slave) => {
-                ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
-                Ok(Access::Open)
-            }
-            Err(Errno::BUSY) => Ok(Access::Locked),
+            Ok(slave) => Ok(Some(slave)),
+            Err(Errno::BUSY) => Ok(None),
             Err(errno) => Err(PortErrorKind::call("open")(errno)),
         }
     }
@@ -140,5 +160,60 @@ impl Pair {
 impl AsFd for Pair {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.master.as_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A client's end as the system opens it.
+    fn client_of(pair: &Pair) -> OwnedFd {
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        rustix::fs::open(pair.slave(), flags, Mode::empty()).expect("the node can be opened")
+    }
+
+    fn set_speed(client: &OwnedFd, baud: u32) {
+        let mut termios = tcgetattr(client).expect("there are settings");
+        termios.set_speed(baud).expect("a speed");
+        tcsetattr(client, OptionalActions::Now, &termios).expect("the settings are taken");
+    }
+
+    fn speed(pair: &Pair) -> u32 {
+        tcgetattr(&pair.master)
+            .expect("there are settings")
+            .output_speed()
+    }
+
+    #[test]
+    fn a_client_that_has_come_before_the_reset_keeps_its_settings() {
+        let pair = Pair::open(115_200).expect("a pair");
+        let former = client_of(&pair);
+        set_speed(&former, 9_600);
+        drop(former);
+        let client = client_of(&pair);
+        set_speed(&client, 57_600);
+        pair.reset().expect("the reset");
+        assert_eq!(speed(&pair), 57_600);
+        drop(client);
+        pair.reset().expect("the reset");
+        assert_eq!(speed(&pair), 115_200);
+    }
+
+    #[test]
+    fn what_waits_for_a_client_is_taken_back_without_its_settings() {
+        let pair = Pair::open(115_200).expect("a pair");
+        let client = client_of(&pair);
+        set_speed(&client, 57_600);
+        let mut buf = [0; 8];
+        for flush in [
+            Pair::flush_output as fn(&Pair) -> Result<(), PortErrorKind>,
+            |pair| pair.clear_exclusive().map(drop),
+        ] {
+            assert_eq!(rustix::io::write(&pair.master, b"reply"), Ok(5));
+            flush(&pair).expect("the flush");
+            assert_eq!(rustix::io::read(&client, &mut buf), Err(Errno::AGAIN));
+            assert_eq!(speed(&pair), 57_600);
+        }
     }
 }

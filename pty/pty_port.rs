@@ -319,12 +319,21 @@ impl PtyPort {
         let foreign = !unread && !self.stash.is_empty();
         if foreign || self.has_client()? {
             self.successor = true;
-            self.pair
-                .flush_output()
-                .map_err(PortErrorKind::call("tcsetattr"))
+            self.flush_output()
         } else {
             self.vacate()
         }
+    }
+
+    /// Takes back what was not read, while somebody may have the node open.
+    fn flush_output(&mut self) -> Result<(), PortErrorKind> {
+        let Some(registration) = &mut self.registration else {
+            return self.pair.flush_output();
+        };
+        registration.begin_visit(self.pair.slave())?;
+        let outcome = self.pair.flush_output();
+        registration.end_visit(self.pair.slave())?;
+        outcome
     }
 
     /// Reports what is left of a client that has left, and then its leaving.
@@ -393,10 +402,14 @@ impl PtyPort {
             registration.heed_readers(self.pair.slave())?;
         }
         // A client that locks the port while it is there is in its right.
-        if access == Access::Locked && !self.has_client()? {
-            self.recreate()?;
+        if access == Access::Open {
+            return Ok(());
         }
-        Ok(())
+        if self.has_client()? {
+            self.pair.flush_output()
+        } else {
+            self.recreate()
+        }
     }
 
     fn recreate(&mut self) -> Result<(), PortErrorKind> {
