@@ -64,6 +64,7 @@ pub(crate) struct ShownPort {
     pub(crate) index: usize,
     pub(crate) path: PathBuf,
     pub(crate) baud: u32,
+    pub(crate) stop_bits: u32,
 }
 
 impl ShownPort {
@@ -73,18 +74,26 @@ impl ShownPort {
             .links()
             .into_iter()
             .find(|link| link.index == served.id.link);
-        let (link, baud) = link.map_or(("", 0), |link| (link.name, link.baud));
+        let (link, baud, stop_bits) =
+            link.map_or(("", 0, 1), |link| (link.name, link.baud, link.stop_bits));
         Self {
             device: device.name.clone(),
             link,
             index: served.id.link,
             path: served.path.clone(),
             baud,
+            stop_bits,
         }
     }
 
     pub(crate) fn json(&self) -> Value {
-        json!({"device": self.device, "link": self.link, "path": self.path, "baud": self.baud})
+        json!({
+            "device": self.device,
+            "link": self.link,
+            "path": self.path,
+            "baud": self.baud,
+            "stop_bits": self.stop_bits,
+        })
     }
 
     /// The variable of a client's environment that holds the path.

@@ -253,11 +253,12 @@ fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed:
                     .filter(|port| port.device == plan.devices[device].name)
                 {
                     text += &format!(
-                        "\n  {} ({} link) on {} at {} baud 8N1{}",
+                        "\n  {} ({} link) on {} at {} baud 8N{}{}",
                         port.device,
                         port.link,
                         port.path.display(),
                         port.baud,
+                        port.stop_bits,
                         start.as_deref().unwrap_or_default(),
                     );
                 }

@@ -19,6 +19,8 @@ pub struct Link {
     pub name: &'static str,
     /// Speed of the device's end.
     pub baud: u32,
+    /// Stop bits of the device's end; there are 8 data bits and no parity.
+    pub stop_bits: u32,
     /// Path of its port, if it has been given one.
     pub path: Option<PathBuf>,
 }
@@ -32,6 +34,7 @@ impl DevicePlan {
                 index: 0,
                 name: "RS-232",
                 baud: self.settings.r150.firmware.baud,
+                stop_bits: 1,
                 path: self.port.clone(),
             }],
             Kind::Mecanum => {
@@ -40,12 +43,14 @@ impl DevicePlan {
                     index: 0,
                     name: "main",
                     baud: firmware.baud,
+                    stop_bits: firmware.stop_bits,
                     path: self.port.clone(),
                 };
                 let ros = self.ros.then(|| Link {
                     index: 1,
                     name: "ROS",
                     baud: firmware.ros_baud,
+                    stop_bits: firmware.ros_stop_bits,
                     path: self.ros_port.clone(),
                 });
                 std::iter::once(main).chain(ros).collect()

@@ -12,7 +12,8 @@ use crate::uart::{self, Receiver};
 choices! {
     /// Whether bytes take time on the line.
     pub enum Wire {
-        /// Each byte takes ten bits at the sender's baud rate, as on a cable.
+        /// Each byte takes its ten bits, or eleven with two stop bits, at the sender's baud rate, as
+        /// on a cable.
         Paced = "paced",
         /// Bytes arrive the moment they are sent.
         Instant = "instant",
@@ -21,9 +22,9 @@ choices! {
 
 impl Wire {
     /// Time that a byte takes.
-    fn byte_time(self, baud: u32) -> Duration {
+    fn byte_time(self, baud: u32, stop_bits: u8) -> Duration {
         match self {
-            Self::Paced => uart::byte_time(baud),
+            Self::Paced => uart::byte_time(baud, stop_bits),
             Self::Instant => Duration::ZERO,
         }
     }
@@ -49,7 +50,7 @@ pub struct ClientLine {
 }
 
 impl ClientLine {
-    /// As it should be for a device that runs at `baud`.
+    /// As it should be for a device that runs at `baud` with one stop bit.
     #[must_use]
     pub fn at(baud: u32) -> Self {
         Self {
@@ -82,7 +83,12 @@ pub enum LineEvent {
     /// The client's port echoes, edits or translates what passes.
     NotRaw,
     /// The client has set two stop bits.
-    StopBits,
+    StopBits {
+        /// The client's.
+        client: u8,
+        /// The device's.
+        device: u8,
+    },
     /// The client sent more than the line holds, and the rest was lost.
     SentTooMuch {
         /// How many bytes were lost.
@@ -132,7 +138,7 @@ impl LineEvent {
             Self::BaudMismatch { .. } => Code::BaudMismatch,
             Self::BaudMatched { .. } => Code::BaudMatched,
             Self::NotRaw => Code::LineNotRaw,
-            Self::StopBits => Code::StopBits,
+            Self::StopBits { .. } => Code::StopBits,
             Self::SentTooMuch { .. } => Code::SentTooMuch,
             Self::SimulatorLate { .. } => Code::SimulatorLate,
             Self::SimulatorTooSlow => Code::SimulatorTooSlow,
@@ -175,8 +181,10 @@ impl fmt::Display for LineEvent {
                 "the client's port is not raw: replies are echoed back as requests or changed on \
                  the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)",
             ),
-            Self::StopBits => f.write_str(
-                "the client has set 2 stop bits, the device uses 1; open the port with 1",
+            Self::StopBits { client, device } => write!(
+                f,
+                "the client has set {client} stop bits, the device uses {device}; open the port with \
+                 {device}"
             ),
             Self::SentTooMuch { bytes } => write!(
                 f,
@@ -243,12 +251,14 @@ impl Burst {
 }
 
 impl Direction {
-    fn send(&mut self, now: SimTime, bytes: &[u8], from_baud: u32, to_baud: u32, wire: Wire) {
+    /// `from` are the sender's speed and stop bits.
+    fn send(&mut self, now: SimTime, bytes: &[u8], from: (u32, u8), to_baud: u32, wire: Wire) {
+        let (from_baud, stop_bits) = from;
         if !matches(from_baud, to_baud) {
             return self.send_garbled(now, bytes, [from_baud, to_baud], wire);
         }
         self.garbled = None;
-        let byte_time = wire.byte_time(from_baud);
+        let byte_time = wire.byte_time(from_baud, stop_bits);
         let mut arrival = self.free_at.max(now);
         for &byte in bytes {
             arrival += byte_time;
@@ -276,7 +286,8 @@ impl Direction {
             None => Burst::new(self.free_at.max(now), bauds),
         };
         burst.receiver.hear(bytes);
-        let byte_time = wire.byte_time(bauds[0]);
+        // It is garbage with one stop bit or two.
+        let byte_time = wire.byte_time(bauds[0], 1);
         let count = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
         burst.sent_at += byte_time * count;
         let begin = burst.begin;
@@ -321,6 +332,7 @@ fn matches(a: u32, b: u32) -> bool {
 #[derive(Debug, Clone)]
 pub struct SerialLine {
     device_baud: u32,
+    device_stop_bits: u8,
     /// Speed at which the device's end runs by a fault.
     faulty_baud: Option<u32>,
     client: ClientLine,
@@ -338,13 +350,23 @@ pub struct SerialLine {
 }
 
 impl SerialLine {
-    /// A line with no client.
+    /// A line with no client, whose device has one stop bit.
     #[must_use]
     pub fn new(baud: u32, wire: Wire) -> Self {
+        Self::with_stop_bits(baud, 1, wire)
+    }
+
+    /// The same with 1 or 2 stop bits.
+    #[must_use]
+    pub fn with_stop_bits(baud: u32, stop_bits: u8, wire: Wire) -> Self {
         Self {
             device_baud: baud,
+            device_stop_bits: stop_bits,
             faulty_baud: None,
-            client: ClientLine::at(baud),
+            client: ClientLine {
+                stop_bits,
+                ..ClientLine::at(baud)
+            },
             wire,
             to_device: Direction::default(),
             to_client: Direction::default(),
@@ -416,8 +438,9 @@ impl SerialLine {
     /// The client sends; gives what is to be told of it.
     pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<LineEvent> {
         let (sent, lost) = bytes.split_at(bytes.len().min(self.room()));
+        let client = (self.client.baud, self.client.stop_bits);
         self.to_device
-            .send(now, sent, self.client.baud, self.device_end(), self.wire);
+            .send(now, sent, client, self.device_end(), self.wire);
         let mut events = Vec::new();
         let mut once = |wrong: bool, told: &mut bool, event| {
             if wrong && !std::mem::replace(told, true) {
@@ -434,9 +457,12 @@ impl SerialLine {
         );
         once(!self.client.raw, &mut self.told_not_raw, LineEvent::NotRaw);
         once(
-            self.client.stop_bits != 1,
+            self.client.stop_bits != self.device_stop_bits,
             &mut self.told_stop_bits,
-            LineEvent::StopBits,
+            LineEvent::StopBits {
+                client: self.client.stop_bits,
+                device: self.device_stop_bits,
+            },
         );
         if !lost.is_empty() {
             events.push(LineEvent::SentTooMuch { bytes: lost.len() });
@@ -453,8 +479,9 @@ impl SerialLine {
         if self.to_client.under_way.len() + bytes.len() > MOST_IN_FLIGHT {
             return Some(LineEvent::ReplyDropped { bytes: bytes.len() });
         }
+        let device = (self.device_end(), self.device_stop_bits);
         self.to_client
-            .send(now, bytes, self.device_end(), self.client.baud, self.wire);
+            .send(now, bytes, device, self.client.baud, self.wire);
         None
     }
 
@@ -565,10 +592,43 @@ mod tests {
                 ..good
             });
             let told = line.client_sends(SimTime::ZERO, &[0xAA]);
-            assert_eq!(told, [LineEvent::StopBits]);
+            let two = LineEvent::StopBits {
+                client: 2,
+                device: 1,
+            };
+            assert_eq!(told, [two]);
             assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
             line.detach();
         }
+    }
+
+    #[test]
+    fn with_two_stop_bits_a_byte_takes_eleven() {
+        let mut line = SerialLine::with_stop_bits(10_000, 2, Wire::Paced);
+        line.attach();
+        assert_eq!(line.client_sends(SimTime::ZERO, &[1, 2]), []);
+        assert_eq!(line.device_sends(SimTime::ZERO, &[3]), None);
+        let arrives = SimTime::ZERO + Duration::from_micros(1100);
+        let before = SimTime::from_nanos(arrives.as_nanos() - 1);
+        assert_eq!(line.take_for_device(before), None);
+        assert_eq!(line.take_for_device(arrives), Some(1));
+        assert_eq!(line.next_for_client(), Some(arrives));
+        // A client with one stop bit is told of it, and its bytes take ten.
+        line.set_client_line(ClientLine::at(10_000));
+        let told = line.client_sends(arrives + Duration::from_micros(1100), &[4]);
+        assert_eq!(
+            told,
+            [LineEvent::StopBits {
+                client: 1,
+                device: 2
+            }]
+        );
+        let after = arrives + Duration::from_micros(1100);
+        assert_eq!(line.take_for_device(after), Some(2));
+        assert_eq!(
+            line.take_for_device(after + Duration::from_micros(1000)),
+            Some(4)
+        );
     }
 
     #[test]
@@ -645,7 +705,7 @@ mod tests {
                     line.client_sends(now, piece);
                     // Just before the line would be idle.
                     let count = u32::try_from(piece.len()).unwrap();
-                    now += uart::byte_time(baud) * count - Duration::from_nanos(1);
+                    now += uart::byte_time(baud, 1) * count - Duration::from_nanos(1);
                 }
                 found.extend(arrivals(&mut line));
                 assert_eq!(found, whole, "{baud} baud in pieces of {piece}");

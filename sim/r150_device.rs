@@ -87,7 +87,7 @@ impl R150Device {
         noise: Noise,
     ) -> Self {
         // The decoder sees when a byte has ended, and the pause is from there to the next one's start.
-        let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud);
+        let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud, 1);
         let mut device = Self {
             decoder: Decoder::new(pause, settings.resync),
             control: Control::new(&settings),

@@ -150,7 +150,8 @@ impl Rig {
             self.settings.seed,
             &mut self.world,
         );
-        self.add(Vehicle::R150(Box::new(r150)), &[settings.firmware.baud])
+        let line = (settings.firmware.baud, 1);
+        self.add(Vehicle::R150(Box::new(r150)), &[line])
     }
 
     /// Puts a mecanum car into the world. Its index is the number of devices there were before; its
@@ -163,18 +164,25 @@ impl Rig {
         pose: Pose,
     ) -> usize {
         let car = Mecanum::new(name, settings, ros_configured, pose, &mut self.world);
-        let bauds = [settings.firmware.baud, settings.firmware.ros_baud];
+        let board = &settings.firmware;
+        // The settings allow 1 and 2.
+        let stop_bits = |setting| u8::try_from(setting).unwrap_or(1);
+        let lines = [
+            (board.baud, stop_bits(board.stop_bits)),
+            (board.ros_baud, stop_bits(board.ros_stop_bits)),
+        ];
         let links = if ros_configured { 2 } else { 1 };
-        self.add(Vehicle::Mecanum(Box::new(car)), &bauds[..links])
+        self.add(Vehicle::Mecanum(Box::new(car)), &lines[..links])
     }
 
-    fn add(&mut self, vehicle: Vehicle, bauds: &[u32]) -> usize {
+    /// `lines` are the speeds and stop bits of its links.
+    fn add(&mut self, vehicle: Vehicle, lines: &[(u32, u8)]) -> usize {
         let wire = self.settings.wire;
         self.slots.push(Slot {
             vehicle,
-            lines: bauds
+            lines: lines
                 .iter()
-                .map(|baud| SerialLine::new(*baud, wire))
+                .map(|(baud, stop_bits)| SerialLine::with_stop_bits(*baud, *stop_bits, wire))
                 .collect(),
             faults: None,
         });

@@ -13,11 +13,12 @@ use std::time::Duration;
 pub const BITS_PER_BYTE: u64 = 10;
 const BITS: u128 = BITS_PER_BYTE as u128;
 
-/// Time that one byte takes at `baud`, to the nearest nanosecond.
+/// Time that one byte of eight bits takes at `baud` with so many stop bits, to the nearest nanosecond.
 #[must_use]
-pub fn byte_time(baud: u32) -> Duration {
+pub fn byte_time(baud: u32, stop_bits: u8) -> Duration {
     let baud = u64::from(baud.max(1));
-    Duration::from_nanos((BITS_PER_BYTE * 1_000_000_000 + baud / 2) / baud)
+    let bits = BITS_PER_BYTE - 1 + u64::from(stop_bits);
+    Duration::from_nanos((bits * 1_000_000_000 + baud / 2) / baud)
 }
 
 /// A byte as the receiver found it.
@@ -181,9 +182,9 @@ mod tests {
 
     #[test]
     fn byte_times() {
-        assert_eq!(byte_time(115_200), Duration::from_nanos(86_806));
-        assert_eq!(byte_time(9_600), Duration::from_nanos(1_041_667));
-        assert_eq!(byte_time(0), Duration::from_secs(10));
+        assert_eq!(byte_time(115_200, 1), Duration::from_nanos(86_806));
+        assert_eq!(byte_time(9_600, 1), Duration::from_nanos(1_041_667));
+        assert_eq!(byte_time(0, 1), Duration::from_secs(10));
     }
 
     #[test]

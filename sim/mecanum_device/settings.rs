@@ -21,6 +21,13 @@ settings! {
         /// Speed of the ROS link.
         ros_baud: u32 = 9600, unit "baud", range 300..=4_000_000,
             assumed "as on the same authors' sibling vehicle";
+        /// Stop bits of the main link; it has 8 data bits and no parity, since a pseudo-terminal has
+        /// nothing else.
+        stop_bits: u32 = 1, range 1..=2,
+            assumed "the article does not say; 8N1 is what serial ports start with";
+        /// Stop bits of the ROS link.
+        ros_stop_bits: u32 = 1, range 1..=2,
+            assumed "as on the same authors' sibling vehicle";
         /// Order of the bytes in a field of the main link, both ways.
         byte_order: ByteOrder = ByteOrder::Little,
             assumed "the article gives none; the board's STM32 keeps numbers so";
