@@ -96,7 +96,7 @@ pub struct Scenario {
 /// One thing that happens.
 #[derive(Debug, Clone)]
 pub(crate) struct Step {
-    /// As the file says, or `step 3`.
+    /// As the file says, or `step 3`, or `bit-flips 2` for the second fault of a kind.
     pub name: String,
     pub trigger: Trigger,
     /// From what the trigger says to the first time.

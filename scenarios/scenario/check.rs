@@ -48,6 +48,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         names: BTreeMap::new(),
         limit: document.limit.get_ref().0,
         obstacles: Vec::new(),
+        unnamed_faults: BTreeMap::new(),
         problems,
     };
     checker.check_device_names();
@@ -108,6 +109,8 @@ struct Checker<'a> {
     limit: std::time::Duration,
     /// Obstacles that have to be there, and where the file says so.
     obstacles: Vec<(String, String)>,
+    /// How many faults of each kind have no name.
+    unnamed_faults: BTreeMap<&'static str, usize>,
     problems: Problems<'a>,
 }
 
@@ -170,6 +173,20 @@ impl Checker<'_> {
         self.problems.take(name.span(), found)
     }
 
+    /// What a step without a name is called. Faults draw their chances by name, so a fault that is
+    /// added must not change what others are called: they are counted by kind.
+    fn name_for(&mut self, index: usize, action: &Action) -> String {
+        let Action::Fault(fault) = action else {
+            return format!("step {}", index + 1);
+        };
+        let count = self.unnamed_faults.entry(fault.id()).or_insert(0);
+        *count += 1;
+        match *count {
+            1 => fault.id().to_owned(),
+            count => format!("{} {count}", fault.id()),
+        }
+    }
+
     fn step(&mut self, index: usize, spanned: &Spanned<StepText>) -> Option<Step> {
         let text = spanned.get_ref();
         let at = spanned.span();
@@ -184,9 +201,12 @@ impl Checker<'_> {
             let why = "out of range; allowed: 0 to 1";
             self.problems.add(probability.span(), why);
         }
-        let name = text.name.as_ref().map(|name| name.get_ref().clone());
+        let name = match &text.name {
+            Some(name) => name.get_ref().clone(),
+            None => self.name_for(index, &action),
+        };
         Some(Step {
-            name: name.unwrap_or_else(|| format!("step {}", index + 1)),
+            name,
             trigger,
             delay: text.delay.unwrap_or_default().0,
             every,

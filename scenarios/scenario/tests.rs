@@ -318,3 +318,23 @@ fn the_schema_is_the_published_one() {
         "scenarios/scenario.schema.json is to read:\n{schema}"
     );
 }
+
+#[test]
+fn a_fault_that_is_added_does_not_rename_another() {
+    let flips = "[[step]]\nat = \"1s\"\nfault = { kind = \"bit-flips\", probability = 0.1 }\n";
+    let noise = "[[step]]\nat = \"1s\"\nfault = { kind = \"idle-noise\", every = \"1s\" }\n";
+    let named = |steps: &str| -> Vec<String> {
+        let text = format!("{HEAD}[[device]]\nkind = \"r150\"\n{steps}");
+        let source = Source {
+            file: "s.toml",
+            text: &text,
+        };
+        let scenario = Scenario::parse(source, &SimSettings::default()).unwrap();
+        scenario.steps.into_iter().map(|step| step.name).collect()
+    };
+    assert_eq!(named(flips), ["bit-flips"]);
+    assert_eq!(
+        named(&format!("{noise}{flips}{flips}")),
+        ["idle-noise", "bit-flips", "bit-flips 2"]
+    );
+}
