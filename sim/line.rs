@@ -1,13 +1,17 @@
 //! A serial line between a client and a device: its speed, and what goes wrong on it.
 
-use std::collections::VecDeque;
-use std::fmt;
+mod direction;
+mod event;
+
 use std::time::Duration;
 
 use sim_settings::{SimTime, choices};
 
-use crate::event::{Code, Level};
-use crate::uart::{self, Receiver};
+use crate::uart;
+
+pub use event::LineEvent;
+
+use direction::{Direction, matches};
 
 choices! {
     /// Whether bytes take time on the line.
@@ -35,9 +39,6 @@ impl Wire {
 /// replies are dropped whole.
 pub const MOST_IN_FLIGHT: usize = 4096;
 
-/// Relative difference of the speeds beyond which bytes arrive wrong.
-const TOLERANCE: f64 = 0.035;
-
 /// How a client has set its end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientLine {
@@ -59,270 +60,6 @@ impl ClientLine {
             raw: true,
         }
     }
-}
-
-/// Something that happened on a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LineEvent {
-    /// A client opened the port.
-    Attached,
-    /// The client closed the port or died.
-    Detached,
-    /// The client's speed is not the device's.
-    BaudMismatch {
-        /// Speed that the client has set.
-        client: u32,
-        /// Speed of the device.
-        device: u32,
-    },
-    /// The client's speed is the device's again.
-    BaudMatched {
-        /// Speed of both.
-        baud: u32,
-    },
-    /// The client's port echoes, edits or translates what passes.
-    NotRaw,
-    /// The client has set two stop bits.
-    StopBits {
-        /// The client's.
-        client: u8,
-        /// The device's.
-        device: u8,
-    },
-    /// The client sent more than the line holds, and the rest was lost.
-    SentTooMuch {
-        /// How many bytes were lost.
-        bytes: usize,
-    },
-    /// The system did not run the simulator for a while, during which simulated time stood still.
-    SimulatorLate {
-        /// For how long.
-        by: Duration,
-    },
-    /// The machine is too slow for the speed that was asked for.
-    SimulatorTooSlow,
-    /// The client does not read; bytes for it were lost.
-    Overrun {
-        /// How many.
-        bytes: u64,
-    },
-    /// The line was too full for a reply of the device.
-    ReplyDropped {
-        /// Its length in bytes.
-        bytes: usize,
-    },
-}
-
-impl LineEvent {
-    /// How much it matters.
-    #[must_use]
-    pub fn level(&self) -> Level {
-        match self {
-            Self::Attached | Self::Detached | Self::BaudMatched { .. } => Level::Notice,
-            _ => Level::Warning,
-        }
-    }
-
-    /// A short stable name, the same in logs, reports and documentation.
-    #[must_use]
-    pub fn code(&self) -> &'static str {
-        self.which().word()
-    }
-
-    /// What it is called.
-    #[must_use]
-    pub fn which(&self) -> Code {
-        match self {
-            Self::Attached => Code::ClientAttached,
-            Self::Detached => Code::ClientDetached,
-            Self::BaudMismatch { .. } => Code::BaudMismatch,
-            Self::BaudMatched { .. } => Code::BaudMatched,
-            Self::NotRaw => Code::LineNotRaw,
-            Self::StopBits { .. } => Code::StopBits,
-            Self::SentTooMuch { .. } => Code::SentTooMuch,
-            Self::SimulatorLate { .. } => Code::SimulatorLate,
-            Self::SimulatorTooSlow => Code::SimulatorTooSlow,
-            Self::Overrun { .. } => Code::Overrun,
-            Self::ReplyDropped { .. } => Code::LineFull,
-        }
-    }
-
-    /// How many bytes were lost.
-    #[must_use]
-    pub fn lost_bytes(&self) -> u64 {
-        match self {
-            Self::SentTooMuch { bytes } | Self::ReplyDropped { bytes } => {
-                u64::try_from(*bytes).unwrap_or(u64::MAX)
-            }
-            Self::Overrun { bytes } => *bytes,
-            _ => 0,
-        }
-    }
-
-    /// Whether the client did something that it should not.
-    #[must_use]
-    pub fn is_client_fault(&self) -> bool {
-        self.which().is_client_fault()
-    }
-}
-
-impl fmt::Display for LineEvent {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Attached => f.write_str("client attached"),
-            Self::Detached => f.write_str("client detached"),
-            Self::BaudMismatch { client, device } => write!(
-                f,
-                "baud mismatch: the client has set {client} baud, the device runs at {device}; \
-                 bytes are garbled both ways, open the port at {device} baud"
-            ),
-            Self::BaudMatched { baud } => write!(f, "baud mismatch ended: both run at {baud}"),
-            Self::NotRaw => f.write_str(
-                "the client's port is not raw: replies are echoed back as requests or changed on \
-                 the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)",
-            ),
-            Self::StopBits { client, device } => write!(
-                f,
-                "the client has set {client} stop bits, the device uses {device}; open the port with \
-                 {device}"
-            ),
-            Self::SentTooMuch { bytes } => write!(
-                f,
-                "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
-            ),
-            Self::SimulatorLate { by } => write!(
-                f,
-                "the machine was busy and held the simulator up for {} ms; simulated time stood \
-                 still meanwhile",
-                by.as_millis()
-            ),
-            Self::SimulatorTooSlow => f.write_str(
-                "the machine cannot keep up: simulated time runs slower than asked for; lower \
-                 --speed or take longer steps",
-            ),
-            Self::Overrun { bytes } => {
-                write!(f, "{bytes} bytes lost: the client does not read its port")
-            }
-            Self::ReplyDropped { bytes } => write!(
-                f,
-                "a reply of {bytes} bytes dropped: requests come faster than the line carries replies"
-            ),
-        }
-    }
-}
-
-/// Bytes under way in one direction, oldest first.
-#[derive(Debug, Clone, Default)]
-struct Direction {
-    under_way: VecDeque<(SimTime, u8)>,
-    /// When the sender's shift register is empty.
-    free_at: SimTime,
-    /// The last burst, if it went at a wrong speed.
-    garbled: Option<Burst>,
-}
-
-/// Bytes that follow one another at a speed that is not the receiver's.
-#[derive(Debug, Clone)]
-struct Burst {
-    receiver: Receiver,
-    /// Speeds of the sender and of the receiver.
-    bauds: [u32; 2],
-    begin: SimTime,
-    /// When all of it has been sent.
-    sent_at: SimTime,
-    /// How many of the last bytes under way are what they are only if nothing follows.
-    tentative: usize,
-    /// When the first of them arrives.
-    tentative_from: Option<SimTime>,
-}
-
-impl Burst {
-    fn new(begin: SimTime, bauds: [u32; 2]) -> Self {
-        let [from, to] = bauds;
-        Self {
-            receiver: Receiver::new(from, to),
-            bauds,
-            begin,
-            sent_at: begin,
-            tentative: 0,
-            tentative_from: None,
-        }
-    }
-}
-
-impl Direction {
-    /// `from` are the sender's speed and stop bits.
-    fn send(&mut self, now: SimTime, bytes: &[u8], from: (u32, u8), to_baud: u32, wire: Wire) {
-        let (from_baud, stop_bits) = from;
-        if !matches(from_baud, to_baud) {
-            return self.send_garbled(now, bytes, [from_baud, to_baud], wire);
-        }
-        self.garbled = None;
-        let byte_time = wire.byte_time(from_baud, stop_bits);
-        let mut arrival = self.free_at.max(now);
-        for &byte in bytes {
-            arrival += byte_time;
-            self.under_way.push_back((arrival, byte));
-        }
-        self.free_at = arrival;
-    }
-
-    /// Bytes at another speed than the receiver's. What it makes of them depends on where bytes
-    /// follow one another without a pause, as on a cable: not on the pieces in which they were
-    /// handed over.
-    fn send_garbled(&mut self, now: SimTime, bytes: &[u8], bauds: [u32; 2], wire: Wire) {
-        let goes_on = |burst: &Burst| {
-            let tentative = burst.tentative_from.is_none_or(|arrival| arrival > now);
-            let fits = burst.receiver.pending() < MOST_IN_FLIGHT;
-            burst.bauds == bauds && wire == Wire::Paced && now <= burst.sent_at && tentative && fits
-        };
-        let mut burst = match self.garbled.take().filter(goes_on) {
-            Some(burst) => {
-                // The line was not idle after all.
-                let kept = self.under_way.len().saturating_sub(burst.tentative);
-                self.under_way.truncate(kept);
-                burst
-            }
-            None => Burst::new(self.free_at.max(now), bauds),
-        };
-        burst.receiver.hear(bytes);
-        // It is garbage with one stop bit or two.
-        let byte_time = wire.byte_time(bauds[0], 1);
-        let count = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
-        burst.sent_at += byte_time * count;
-        let begin = burst.begin;
-        let arrives = |after| match wire {
-            Wire::Paced => begin + after,
-            Wire::Instant => begin,
-        };
-        while let Some(received) = burst.receiver.next_settled() {
-            let arrival = arrives(received.after);
-            self.under_way.push_back((arrival, received.byte));
-        }
-        let tentative = burst.receiver.if_idle();
-        burst.tentative = tentative.len();
-        burst.tentative_from = tentative.first().map(|first| arrives(first.after));
-        let tentative = tentative.iter().map(|r| (arrives(r.after), r.byte));
-        self.under_way.extend(tentative);
-        // A slow receiver may still be at its last byte when the sender has finished.
-        let last = self.under_way.back().map_or(begin, |(arrival, _)| *arrival);
-        self.free_at = last.max(burst.sent_at);
-        self.garbled = Some(burst);
-    }
-
-    fn take(&mut self, now: SimTime) -> Option<u8> {
-        self.under_way
-            .pop_front_if(|(arrival, _)| *arrival <= now)
-            .map(|(_, byte)| byte)
-    }
-
-    fn next(&self) -> Option<SimTime> {
-        self.under_way.front().map(|(arrival, _)| *arrival)
-    }
-}
-
-fn matches(a: u32, b: u32) -> bool {
-    (f64::from(a) - f64::from(b)).abs() <= TOLERANCE * f64::from(b)
 }
 
 /// A serial line with a client at one end and a device at the other.

@@ -1,0 +1,157 @@
+//! What is told of a line.
+
+use std::fmt;
+use std::time::Duration;
+
+use super::MOST_IN_FLIGHT;
+use crate::event::{Code, Level};
+
+/// Something that happened on a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LineEvent {
+    /// A client opened the port.
+    Attached,
+    /// The client closed the port or died.
+    Detached,
+    /// The client's speed is not the device's.
+    BaudMismatch {
+        /// Speed that the client has set.
+        client: u32,
+        /// Speed of the device.
+        device: u32,
+    },
+    /// The client's speed is the device's again.
+    BaudMatched {
+        /// Speed of both.
+        baud: u32,
+    },
+    /// The client's port echoes, edits or translates what passes.
+    NotRaw,
+    /// The client has set two stop bits.
+    StopBits {
+        /// The client's.
+        client: u8,
+        /// The device's.
+        device: u8,
+    },
+    /// The client sent more than the line holds, and the rest was lost.
+    SentTooMuch {
+        /// How many bytes were lost.
+        bytes: usize,
+    },
+    /// The system did not run the simulator for a while, during which simulated time stood still.
+    SimulatorLate {
+        /// For how long.
+        by: Duration,
+    },
+    /// The machine is too slow for the speed that was asked for.
+    SimulatorTooSlow,
+    /// The client does not read; bytes for it were lost.
+    Overrun {
+        /// How many.
+        bytes: u64,
+    },
+    /// The line was too full for a reply of the device.
+    ReplyDropped {
+        /// Its length in bytes.
+        bytes: usize,
+    },
+}
+
+impl LineEvent {
+    /// How much it matters.
+    #[must_use]
+    pub fn level(&self) -> Level {
+        match self {
+            Self::Attached | Self::Detached | Self::BaudMatched { .. } => Level::Notice,
+            _ => Level::Warning,
+        }
+    }
+
+    /// A short stable name, the same in logs, reports and documentation.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        self.which().word()
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn which(&self) -> Code {
+        match self {
+            Self::Attached => Code::ClientAttached,
+            Self::Detached => Code::ClientDetached,
+            Self::BaudMismatch { .. } => Code::BaudMismatch,
+            Self::BaudMatched { .. } => Code::BaudMatched,
+            Self::NotRaw => Code::LineNotRaw,
+            Self::StopBits { .. } => Code::StopBits,
+            Self::SentTooMuch { .. } => Code::SentTooMuch,
+            Self::SimulatorLate { .. } => Code::SimulatorLate,
+            Self::SimulatorTooSlow => Code::SimulatorTooSlow,
+            Self::Overrun { .. } => Code::Overrun,
+            Self::ReplyDropped { .. } => Code::LineFull,
+        }
+    }
+
+    /// How many bytes were lost.
+    #[must_use]
+    pub fn lost_bytes(&self) -> u64 {
+        match self {
+            Self::SentTooMuch { bytes } | Self::ReplyDropped { bytes } => {
+                u64::try_from(*bytes).unwrap_or(u64::MAX)
+            }
+            Self::Overrun { bytes } => *bytes,
+            _ => 0,
+        }
+    }
+
+    /// Whether the client did something that it should not.
+    #[must_use]
+    pub fn is_client_fault(&self) -> bool {
+        self.which().is_client_fault()
+    }
+}
+
+impl fmt::Display for LineEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Attached => f.write_str("client attached"),
+            Self::Detached => f.write_str("client detached"),
+            Self::BaudMismatch { client, device } => write!(
+                f,
+                "baud mismatch: the client has set {client} baud, the device runs at {device}; \
+                 bytes are garbled both ways, open the port at {device} baud"
+            ),
+            Self::BaudMatched { baud } => write!(f, "baud mismatch ended: both run at {baud}"),
+            Self::NotRaw => f.write_str(
+                "the client's port is not raw: replies are echoed back as requests or changed on \
+                 the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)",
+            ),
+            Self::StopBits { client, device } => write!(
+                f,
+                "the client has set {client} stop bits, the device uses {device}; open the port with \
+                 {device}"
+            ),
+            Self::SentTooMuch { bytes } => write!(
+                f,
+                "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
+            ),
+            Self::SimulatorLate { by } => write!(
+                f,
+                "the machine was busy and held the simulator up for {} ms; simulated time stood \
+                 still meanwhile",
+                by.as_millis()
+            ),
+            Self::SimulatorTooSlow => f.write_str(
+                "the machine cannot keep up: simulated time runs slower than asked for; lower \
+                 --speed or take longer steps",
+            ),
+            Self::Overrun { bytes } => {
+                write!(f, "{bytes} bytes lost: the client does not read its port")
+            }
+            Self::ReplyDropped { bytes } => write!(
+                f,
+                "a reply of {bytes} bytes dropped: requests come faster than the line carries replies"
+            ),
+        }
+    }
+}
