@@ -36,7 +36,7 @@ fn supervisors() -> MutexGuard<'static, BTreeSet<u32>> {
 pub(crate) struct Client {
     supervisor: Child,
     /// Held open for as long as the client may run.
-    leash: Option<ChildStdin>,
+    leash: ChildStdin,
     status: ChildStdout,
     output: Arc<Mutex<Output>>,
     reader: Option<JoinHandle<()>>,
@@ -139,7 +139,7 @@ impl Client {
             .context("cannot start a thread for the client's output")?;
         Ok(Self {
             supervisor,
-            leash: Some(leash),
+            leash,
             status,
             output,
             reader: Some(reader),
@@ -153,10 +153,8 @@ impl Client {
 
     /// Asks it to end, and kills it if it does not.
     pub(crate) fn stop(&mut self) -> anyhow::Result<ClientEnd> {
-        if let Some(leash) = &mut self.leash {
-            // It has ended by itself if it cannot be asked.
-            let _ = leash.write_all(b".");
-        }
+        // It has ended by itself if it cannot be asked.
+        let _ = self.leash.write_all(b".");
         self.wait()
     }
 

@@ -26,14 +26,21 @@ Exit codes:
      scenarios were broken off by Ctrl-C";
 }
 
+impl Exit {
+    /// As the system is told.
+    pub(crate) fn code(self) -> u8 {
+        match self {
+            Self::Clean => 0,
+            Self::Failed => 1,
+            Self::Usage => 2,
+            Self::System => 3,
+        }
+    }
+}
+
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
-        Self::from(match exit {
-            Exit::Clean => 0,
-            Exit::Failed => 1,
-            Exit::Usage => 2,
-            Exit::System => 3,
-        })
+        Self::from(exit.code())
     }
 }
 

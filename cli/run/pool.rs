@@ -106,7 +106,7 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
                 if wake.signal().is_some() && seen.swap(true, Ordering::Relaxed) {
                     // Somebody insists; whoever reads the output may have stopped reading it.
                     std::thread::sleep(LAST_PATIENCE);
-                    std::process::exit(3);
+                    std::process::exit(Exit::System.code().into());
                 }
             }
         })
