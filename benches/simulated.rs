@@ -10,16 +10,12 @@ use std::time::Duration;
 use rapier2d::prelude as rapier;
 use sim_core::SimTime;
 use sim_core::line::Wire;
-use sim_core::r150_device::codec::{Decoder, encode};
 use sim_core::r150_device::command::Request;
-use sim_core::r150_device::settings::Resync;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{PortId, Rig, RigSettings};
 use sim_core::settings::R150Settings;
 use sim_physics::{Pose, WorldMap, WorldSettings};
-use support::{
-    Aim, Figures, Options, Table, alternate, cpu_seconds, micros, nanos, times_real_time,
-};
+use support::{Aim, Figures, Options, Table, alternate, cpu_seconds, micros, times_real_time};
 
 /// A command every 50 ms, which is the fastest rate at which the module answers.
 const COMMAND_INTERVAL: Duration = Duration::from_millis(50);
@@ -41,7 +37,7 @@ fn main() {
         idle(&options, &table);
     }
     if options.wants("hostile") {
-        hostile(&options, &table);
+        support::hostile::rows(&options, &table);
     }
 }
 
@@ -220,44 +216,6 @@ fn idle(options: &Options, table: &Table) {
     );
     let what = "idle R150, simulated seconds per second";
     table.figure(what, &speed, times_real_time, Aim::AtLeast(100_000.0));
-}
-
-/// Streams that make a decoder look again and again.
-fn hostile(options: &Options, table: &Table) {
-    let bytes = options.count(1 << 18, 1 << 12);
-    let clean = encode(0x12, &[0xE8, 0x03, 0xE8, 0x03]);
-    let streams: [(&str, &[u8]); 4] = [
-        ("header bytes only", &[0xAA, 0x55]),
-        ("nested frames of the greatest length", &[0xAA, 0x55, 0xFF]),
-        ("first header byte only", &[0xAA]),
-        (
-            "nested empty frames with a wrong CRC",
-            &[0xAA, 0x55, 0x00, 0x07],
-        ),
-    ];
-    for (name, pattern) in streams {
-        let [own, floor] = alternate(
-            options.count(40, 1),
-            [&mut || decode(pattern, bytes), &mut || {
-                decode(&clean, bytes)
-            }],
-        );
-        let what = format!("R150, decoding {name}, per byte");
-        table.ratio(&what, &own, &floor, nanos, Aim::AtMost(10.0));
-    }
-}
-
-/// Seconds per byte of the pattern, repeated.
-fn decode(pattern: &[u8], bytes: usize) -> f64 {
-    let mut decoder = Decoder::new(Duration::from_millis(5), Resync::SecondByte);
-    let taken = cpu_seconds(|| {
-        for &byte in pattern.iter().cycle().take(bytes) {
-            decoder.push(SimTime::ZERO, byte, &mut |found| {
-                black_box(found);
-            });
-        }
-    });
-    taken / f64::from(u32::try_from(bytes).unwrap())
 }
 
 fn rig() -> Rig {

@@ -14,6 +14,7 @@
 )]
 
 pub mod client;
+pub mod hostile;
 pub mod process;
 pub mod serving;
 
