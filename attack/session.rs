@@ -9,62 +9,30 @@
 //!   packets, whole lines.
 //! - Events are told in order, and have words.
 
+mod promises;
+mod setup;
+
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::sync::LazyLock;
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::device_kind::DeviceKind;
 use sim_core::fault::{FaultHandle, FaultLevel};
-use sim_core::line::{ClientLine, MOST_IN_FLIGHT, Wire};
-use sim_core::mecanum_device::Link;
-use sim_core::r150_device::vehicle::Start;
-use sim_core::rig::{PortId, Rig, RigSettings};
-use sim_core::settings::{MecanumSettings, R150Settings};
+use sim_core::line::ClientLine;
+use sim_core::rig::Rig;
 use sim_physics::r150::{Load, Rail};
-use sim_physics::{Ground, Pose, WorldMap, WorldSettings};
+use sim_physics::{Ground, Pose};
 
 use crate::operation::{Hands, Message, Operation, Wait, car_key, r150_button};
-use crate::stream;
+pub use promises::truth;
+use promises::{Client, ExpectDue as _};
+pub use setup::{Devices, Setup};
 
 /// Most operations of a session; further ones are left out.
 const MOST_OPERATIONS: usize = 200;
 /// Most simulated time of a session; what waits longer waits less.
 const MOST_TIME: Duration = Duration::from_secs(20);
-/// Most bytes that a client may ever find waiting: the line's and those that faults hold.
-const MOST_WAITING: usize = MOST_IN_FLIGHT + 16_384;
 /// Most obstacles, since each makes every step dearer.
 const MOST_OBSTACLES: usize = 20;
-
-/// What is there at the start.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
-pub struct Setup {
-    /// Which devices.
-    pub devices: Devices,
-    /// Bytes take no time.
-    pub instant: bool,
-    /// A car has its ROS link.
-    pub ros: bool,
-    /// An R150 starts as the hardware does.
-    pub locked: bool,
-    /// There are walls, slopes, a strip and a tag.
-    pub yard: bool,
-    /// Of everything random.
-    pub seed: u8,
-}
-
-/// Which devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
-pub enum Devices {
-    /// An R150.
-    R150,
-    /// A car.
-    Mecanum,
-    /// One of each, in each other's way.
-    Both,
-}
 
 /// A session.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,22 +68,6 @@ pub fn play(session: &Session) -> u64 {
     player.seen.finish()
 }
 
-/// A client, or the place of one.
-struct Client {
-    port: PortId,
-    kind: DeviceKind,
-    baud: u32,
-    attached: bool,
-    line: ClientLine,
-    /// Whether nothing has disturbed its line since it came.
-    undisturbed: bool,
-    since: SimTime,
-    sent: usize,
-    read: usize,
-    /// The beginning of something that is not whole yet.
-    unread: Vec<u8>,
-}
-
 struct Player {
     rig: Rig,
     clients: Vec<Client>,
@@ -138,55 +90,7 @@ struct Injected {
 
 impl Player {
     fn new(setup: Setup) -> Self {
-        let mut rig = Rig::new(RigSettings {
-            world: WorldSettings::default(),
-            map: if setup.yard {
-                yard()
-            } else {
-                WorldMap::default()
-            },
-            wire: if setup.instant {
-                Wire::Instant
-            } else {
-                Wire::Paced
-            },
-            seed: setup.seed.into(),
-        });
-        let mut clients = Vec::new();
-        let mut serve = |device, kind, bauds: &[u32]| {
-            for (link, baud) in bauds.iter().enumerate() {
-                let port = PortId { device, link };
-                clients.push(Client::new(port, kind, *baud));
-            }
-        };
-        if setup.devices != Devices::Mecanum {
-            let settings = R150Settings::default();
-            let start = if setup.locked {
-                Start::Locked
-            } else {
-                Start::Ready
-            };
-            let device = rig.add_r150("r150", &settings, start, Pose::default());
-            serve(device, DeviceKind::R150, &[settings.firmware.baud]);
-        }
-        if setup.devices != Devices::R150 {
-            let mut settings = MecanumSettings::default();
-            if setup.locked {
-                // There is a watchdog that can fail only then.
-                settings.firmware.link_timeout = Some(Duration::from_millis(400));
-            }
-            let pose = Pose {
-                x: 1.2,
-                ..Pose::default()
-            };
-            let device = rig.add_mecanum("car", &settings, setup.ros, pose);
-            let bauds = [settings.firmware.baud, settings.firmware.ros_baud];
-            serve(
-                device,
-                DeviceKind::Mecanum,
-                &bauds[..1 + usize::from(setup.ros)],
-            );
-        }
+        let (rig, clients) = setup.begin();
         let mut player = Self {
             distance: vec![0.0; rig.devices()],
             rig,
@@ -312,13 +216,7 @@ impl Player {
         came.unwrap_or_else(|error| panic!("{error}"));
         let disturbed =
             |fault: &Injected| fault.armed && fault.disturbs && fault.device == client.port.device;
-        *client = Client {
-            attached: true,
-            undisturbed: client.line.baud == client.baud && !self.faults.iter().any(disturbed),
-            since: self.now,
-            line: client.line,
-            ..Client::new(client.port, client.kind, client.baud)
-        };
+        client.comes(self.now, !self.faults.iter().any(disturbed));
     }
 
     fn injected(&mut self, handle: FaultHandle, device: usize, level: FaultLevel) {
@@ -397,17 +295,7 @@ impl Player {
         let mut bytes = Vec::new();
         self.rig.client_reads(client.port, &mut bytes);
         bytes.hash(&mut self.seen);
-        assert!(bytes.len() <= MOST_WAITING, "{} bytes at once", bytes.len());
-        assert!(client.attached || bytes.is_empty(), "bytes for nobody");
-        client.read += bytes.len();
-        if client.undisturbed {
-            client.unread.extend(bytes);
-            let whole = client.whole();
-            assert!(client.says_well(whole), "{:02X?}", client.unread);
-            client.unread.drain(..whole);
-            let most = client.most(self.now);
-            assert!(client.read <= most, "{} bytes of {most}", client.read);
-        }
+        client.gets(&bytes, self.now);
     }
 
     fn handle(&mut self, device: usize, how: Hands) {
@@ -448,178 +336,4 @@ impl Player {
             }
         });
     }
-
-    fn check(&mut self) {
-        for device in 0..self.rig.devices() {
-            let numbers = truth(&self.rig, device);
-            for number in numbers {
-                assert!(number.is_finite(), "device {device}: {numbers:?}");
-                number.to_bits().hash(&mut self.seen);
-            }
-            let distance = self.rig.distance_m(device);
-            assert!(distance >= self.distance[device], "{distance} m");
-            self.distance[device] = distance;
-            if let Some(r150) = self.rig.r150(device) {
-                let soc = r150.truth().soc;
-                assert!((0.0..=1.0).contains(&soc), "charge of {soc}");
-            }
-        }
-        while let Some(event) = self.rig.poll_event() {
-            assert!(event.at >= self.told && event.at <= self.now, "{event:?}");
-            self.told = event.at;
-            let words = event.kind.to_string();
-            assert!(!words.is_empty());
-            (event.at, event.device, words).hash(&mut self.seen);
-        }
-        assert_eq!(self.rig.events_lost(), 0);
-    }
 }
-
-impl Client {
-    fn new(port: PortId, kind: DeviceKind, baud: u32) -> Self {
-        Self {
-            port,
-            kind,
-            baud,
-            attached: false,
-            line: ClientLine::at(baud),
-            undisturbed: true,
-            since: SimTime::ZERO,
-            sent: 0,
-            read: 0,
-            unread: Vec::new(),
-        }
-    }
-
-    /// How much of what has come is whole frames, packets or lines, if all is well.
-    fn whole(&self) -> usize {
-        let bytes = &self.unread;
-        match (self.kind, self.port.link) {
-            (DeviceKind::R150, _) => {
-                let mut at = 0;
-                while let Some(&length) = bytes.get(at + 2)
-                    && at + 6 + usize::from(length) <= bytes.len()
-                {
-                    at += 6 + usize::from(length);
-                }
-                at
-            }
-            (DeviceKind::Mecanum, 0) => bytes.len() / 39 * 39,
-            (DeviceKind::Mecanum, _) => {
-                let end = bytes.iter().rposition(|byte| *byte == b'\n');
-                end.map_or(0, |end| end + 1)
-            }
-        }
-    }
-
-    fn says_well(&self, whole: usize) -> bool {
-        let bytes = &self.unread[..whole];
-        match self.kind {
-            DeviceKind::R150 => stream::frames_cover(bytes),
-            DeviceKind::Mecanum => {
-                Link::from_index(self.port.link).is_some_and(|link| stream::sends_well(link, bytes))
-            }
-        }
-    }
-
-    /// Most that the device can have said to it by `now`.
-    fn most(&self, now: SimTime) -> usize {
-        let millis = now.since(self.since).as_millis();
-        let millis = usize::try_from(millis).unwrap_or(usize::MAX - 1) + 1;
-        match self.kind {
-            // The longest reply, of 82 bytes, is to the shortest request, of 6.
-            DeviceKind::R150 => 14 * self.sent,
-            // Whether bytes take time or not, it speaks ten times a second.
-            DeviceKind::Mecanum => 60 * (millis / 100 + 2),
-        }
-    }
-}
-
-/// Something is always due, since batteries and temperatures never stand still.
-trait ExpectDue {
-    fn expect_due(self) -> SimTime;
-}
-
-impl ExpectDue for Option<SimTime> {
-    fn expect_due(self) -> SimTime {
-        self.unwrap_or_else(|| panic!("nothing is due for ever"))
-    }
-}
-
-/// The numbers of a device's truth.
-#[must_use]
-pub fn truth(rig: &Rig, device: usize) -> [f64; 18] {
-    let mut numbers = [0.0; 18];
-    if let Some(r150) = rig.r150(device) {
-        let t = r150.truth();
-        numbers = [
-            t.pose.x,
-            t.pose.y,
-            t.pose.heading,
-            t.forward_speed,
-            t.leftward_speed,
-            t.yaw_rate,
-            t.distance,
-            t.wheel_speed.right,
-            t.wheel_speed.left,
-            t.motor_current.right,
-            t.motor_current.left,
-            t.motor_supply_current.right,
-            t.motor_supply_current.left,
-            t.battery_voltage,
-            t.battery_current,
-            t.soc,
-            t.charge_drawn,
-            t.mass,
-        ];
-    }
-    if let Some(car) = rig.mecanum(device) {
-        let t = car.truth();
-        let body = [
-            t.pose.x,
-            t.pose.y,
-            t.pose.heading,
-            t.forward_speed,
-            t.leftward_speed,
-            t.yaw_rate,
-        ];
-        let rest = body.into_iter().chain([t.distance, t.mass]);
-        let rest = rest.chain(t.wheel_speed).chain(t.motor_torque);
-        for (number, value) in numbers.iter_mut().zip(rest) {
-            *number = value;
-        }
-    }
-    numbers
-}
-
-/// Walls within reach, a slope, a strip, and a tag under the car.
-fn yard() -> WorldMap {
-    static YARD: LazyLock<WorldMap> = LazyLock::new(|| {
-        WorldMap::from_toml(YARD_FILE, "yard").unwrap_or_else(|error| panic!("{error}"))
-    });
-    YARD.clone()
-}
-
-const YARD_FILE: &str = r#"
-schema = 1
-
-[[wall]]
-points_m = [[2.5, -3.0], [2.5, 3.0]]
-thickness = "0.1 m"
-
-[[wall]]
-points_m = [[-2.0, -2.0], [2.0, -2.0]]
-thickness = "0.1 m"
-
-[[slope]]
-area.circle = { at_m = [-1.0, 0.5], radius = "0.8 m" }
-slope = "12 deg"
-uphill = "60 deg"
-
-[[tag]]
-at_m = [1.2, 0.0]
-number = 77
-
-[[strip]]
-points_m = [[-2.0, 0.0], [2.0, 0.0]]
-"#;

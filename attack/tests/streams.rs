@@ -24,9 +24,9 @@ fn bytes_of(
 /// The bytes behind cuts at any places.
 fn stream(bytes: impl Strategy<Value = Vec<u8>>) -> impl Strategy<Value = Vec<u8>> {
     let cuts = prop::collection::vec(any::<[u8; 2]>(), 0..8);
-    (bytes, cuts, any::<[bool; 2]>()).prop_map(|(bytes, cuts, [variant, firmware])| {
+    (bytes, cuts, any::<u8>()).prop_map(|(bytes, cuts, rules)| {
         let count = u8::try_from(cuts.len()).unwrap_or(0);
-        let head = count | (u8::from(variant) << 3) | (u8::from(firmware) << 4);
+        let head = count | rules & !7;
         [vec![head], cuts.concat(), bytes].concat()
     })
 }
@@ -47,7 +47,7 @@ fn packet() -> impl Strategy<Value = Vec<u8>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
+    #![proptest_config(ProptestConfig::with_cases(4096))]
 
     #[test]
     fn r150_frames(data in stream(bytes_of(frame(), &[0xAA, 0x55, 0, 1, 7]))) {
@@ -62,7 +62,7 @@ proptest! {
     #[test]
     fn ascii_lines(
         data in stream(bytes_of(
-            "[XYZABQ]-?[0-9]{0,33} ?\r?\n".prop_map(String::into_bytes),
+            "[XYZABQx][+-]?[0-9]{0,33} ?\r?\n".prop_map(String::into_bytes),
             b"XZ-0+19 \r\n",
         )),
     ) {

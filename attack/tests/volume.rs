@@ -35,7 +35,8 @@ fn stream(name: &str, pieces: &[&[u8]], play: fn(&Stream<'_>)) {
         // One in 16 goes through the firmware, too.
         let cuts = noise.below(8) & noise.below(8);
         let firmware = u32::from(noise.below(16) == 0) << 4;
-        data.push(u8::try_from(cuts | (noise.below(2) << 3) | firmware).unwrap());
+        let rules = u32::from(noise.byte()) & 0b1110_1000;
+        data.push(u8::try_from(cuts | rules | firmware).unwrap());
         data.extend((0..2 * cuts).map(|_| noise.byte()));
         for _ in 0..noise.below(8) {
             let piece = choose(&mut noise, pieces);
