@@ -10,7 +10,8 @@
 //! | [`stream`] | bytes and pauses, for each decoder | what an independent reading of the stream finds, however it is split |
 //! | [`operation`], [`fault`] | one thing that a client, an operator, a fault or the world does | – |
 //! | [`session`] | a sequence of operations on devices in a world | finite physics, time forward, bounded output, right frames |
-//! | [`text`] | settings, world, rig, scenario and trace files | refused in words, or built and run for a while |
+//! | [`text`] | settings, world, rig and scenario files | refused in words, or built and run for a while |
+//! | [`trace`] | recordings of live runs, whole and damaged | the same again, or refused in words |
 
 #![expect(
     clippy::panic,
@@ -23,3 +24,4 @@ pub mod operation;
 pub mod session;
 pub mod stream;
 pub mod text;
+pub mod trace;

@@ -1,4 +1,4 @@
-//! Text of each kind of file: refused in words, or built and run for a while.
+//! Text of each kind of file but traces: refused in words, or built and run for a while.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,19 +11,18 @@ use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{PortId, Rig, RigError, RigSettings};
 use sim_core::settings::SimSettings;
 use sim_physics::{Pose, WorldMap};
-use sim_scenarios::trace::Replay;
 use sim_scenarios::{RigPlan, Run, RunError, RunOptions, Scenario};
 use sim_settings::{Source, load_toml};
 
 use crate::session::truth;
 
 /// Most devices that are driven, since each makes every step dearer.
-const MOST_DRIVEN: usize = 12;
-/// Most simulated time of a scenario or a trace.
+pub(crate) const MOST_DRIVEN: usize = 12;
+/// Most simulated time of a scenario.
 const MOST_TIME: Duration = Duration::from_millis(200);
 
 /// A refusal must say something, and not everything.
-fn is_told(error: &str) {
+pub(crate) fn is_told(error: &str) {
     assert!(!error.is_empty(), "an error without words");
     assert!(error.len() < 20_000, "an error of {} bytes", error.len());
 }
@@ -96,16 +95,9 @@ pub fn scenario(text: &str) {
 }
 
 /// A scenario may ask for what has no end, and is told so; the simulation itself never gives up.
-fn goes_on(error: &RunError) {
+pub(crate) fn goes_on(error: &RunError) {
     is_told(&error.to_string());
     assert!(!matches!(error, RunError::Rig(_)), "{error}");
-}
-
-/// A trace: it is repeated, or refused.
-pub fn trace(text: &str) {
-    if let Err(error) = Replay::all(text.lines()) {
-        is_told(&error.to_string());
-    }
 }
 
 /// For how long to drive.

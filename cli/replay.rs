@@ -1,7 +1,7 @@
 //! The `replay` subcommand: a trace is played again.
 
 use std::fs;
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
@@ -26,9 +26,15 @@ pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
         line.clear();
         // What is no trace may be one line without an end.
         let read = file.by_ref().take(MOST_LINE + 1).read_line(&mut line);
-        let read = read
-            .with_context(|| format!("cannot read the trace {shown}"))
-            .map_err(Failure::system)?;
+        let read = read.map_err(|error| {
+            let is_text = error.kind() != ErrorKind::InvalidData;
+            let told = anyhow!(error).context(format!("cannot read the trace {shown}"));
+            if is_text {
+                Failure::system(told)
+            } else {
+                Failure::usage(told)
+            }
+        })?;
         if read == 0 {
             break;
         }

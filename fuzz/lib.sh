@@ -14,6 +14,7 @@ settings 4000 10000
 world 4000 10000 ../worlds
 rig 4000 10000 ../worlds
 scenario 4000 5000 ../scenarios/r150 ../scenarios/mecanum
+trace 8000 5000
 TABLE
 }
 

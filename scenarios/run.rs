@@ -252,6 +252,12 @@ impl Run {
         &self.rig
     }
 
+    /// The ports of all devices.
+    #[must_use]
+    pub fn ports(&self) -> &[PortId] {
+        &self.ports
+    }
+
     /// The scenario.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {

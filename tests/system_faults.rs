@@ -274,3 +274,21 @@ fn an_endless_file_is_refused() {
         run(args).expect_refusal(2, &["/dev/zero", "too long"]);
     }
 }
+
+#[test]
+fn a_file_that_is_no_text_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.toml");
+    std::fs::write(&path, b"\x89PNG\r\n\x1a\n\xFF\xFE\n").unwrap();
+    let file = path.to_str().unwrap();
+    for args in [
+        &["config", "--config", file][..],
+        &["check", file],
+        &["run", file],
+        &["replay", file],
+        &["--rig", file],
+        &["--pty", "/tmp/never-made", "--world", file],
+    ] {
+        run(args).expect_refusal(2, &[file, "UTF-8"]);
+    }
+}

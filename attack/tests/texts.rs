@@ -205,7 +205,7 @@ fn monsters_are_refused_by_every_reader() {
         ("world", text::world),
         ("rig", text::rig),
         ("scenario", text::scenario),
-        ("trace", text::trace),
+        ("trace", sim_attack::trace::play),
     ];
     for (what, monster) in monsters() {
         for (reader, read) in readers {
@@ -249,7 +249,9 @@ fn conditions_without_bottom_are_refused() {
 fn traces_without_bottom_are_refused() {
     for deep in [100, 1000, 100_000] {
         for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
-            text::trace(&[open.repeat(deep), "1".to_owned(), close.repeat(deep)].concat());
+            sim_attack::trace::play(
+                &[open.repeat(deep), "1".to_owned(), close.repeat(deep)].concat(),
+            );
         }
     }
 }

@@ -63,9 +63,10 @@ impl Run {
         self.instant(at, |rig| rig.client_puts(port, bytes))
     }
 
-    /// The client has set its end of the line, at the present time.
+    /// The client has set its end of the line, at the present time; after the end of the run that is
+    /// no part of it.
     pub fn set_client_line(&mut self, port: PortId, line: ClientLine) {
-        if self.lines.insert(port, line) == Some(line) {
+        if self.outcome.is_some() || self.lines.insert(port, line) == Some(line) {
             return;
         }
         if let Some(recorder) = &mut self.recorder {

@@ -2,18 +2,26 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
+use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::event::Hex;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::rig::PortId;
 use sim_core::settings::SimSettings;
-use sim_settings::{Source, load_toml};
+use sim_settings::{Source, load_toml, shorten};
 
-use super::FORMAT;
 use super::record::{Header, Record};
+use super::{FORMAT, MOST_BYTES};
 use crate::run::{Run, RunError, RunOptions};
 use crate::scenario::Scenario;
+
+/// Most bytes of a port by which the recording and the second run may be apart, since of one instant
+/// there is never more. So neither of them fills the memory when the other has nothing.
+const MOST_APART: usize = 1 << 16;
+/// How much simulated time is played before what came is compared.
+const SLICE: Duration = Duration::from_millis(500);
+const NANOSECOND: Duration = Duration::from_nanos(1);
 
 /// A second run that is compared with the first as the trace is read.
 ///
@@ -24,6 +32,8 @@ pub struct Replay {
     /// What was recorded and what came now, of each port, as far as they are not yet compared.
     streams: BTreeMap<PortId, Stream>,
     line: usize,
+    /// When the client last did something.
+    acted: u64,
     ended: bool,
 }
 
@@ -32,6 +42,18 @@ struct Stream {
     recorded: VecDeque<(u64, u8)>,
     now: VecDeque<(u64, u8)>,
     compared: u64,
+}
+
+impl Stream {
+    fn differs(&self, port: PortId) -> ReplayError {
+        let at = |byte: Option<&(u64, u8)>| byte.map(|(t, byte)| (SimTime::from_nanos(*t), *byte));
+        ReplayError::Differs(Box::new(Difference {
+            port,
+            offset: self.compared,
+            recorded: at(self.recorded.front()),
+            found: at(self.now.front()),
+        }))
+    }
 }
 
 /// Where a second run first differs.
@@ -104,11 +126,12 @@ impl Replay {
             let why = format!("format {} is not known; allowed: {FORMAT}", header.format);
             return Err(malformed(why));
         }
-        let run = start(&header).map_err(malformed)??;
+        let run = start(&header).map_err(malformed)?;
         Ok(Self {
             run,
             streams: BTreeMap::new(),
             line: 1,
+            acted: 0,
             ended: false,
         })
     }
@@ -123,18 +146,33 @@ impl Replay {
             return Ok(());
         }
         match read(line, self.line)? {
+            Record::Host { .. }
+            | Record::Event { .. }
+            | Record::Pose { .. }
+            | Record::Step { .. }
+            // How the client ended may be written behind the end of the run.
+            | Record::Failure { .. } => return Ok(()),
+            _ if self.ended => {
+                let why = "nothing is done behind the end".to_owned();
+                return Err(self.malformed(why));
+            }
             Record::Header(_) => {
                 return Err(self.malformed("a second header".to_owned()));
             }
             Record::Attach { t, port } => {
-                self.run.attach(port.into(), SimTime::from_nanos(t))?;
+                let at = self.client_acts(t)?;
+                let port = self.port(port.into())?;
+                self.run.attach(port, at)?;
             }
             Record::Detach { t, port } => {
-                self.run.detach(port.into(), SimTime::from_nanos(t))?;
+                let at = self.client_acts(t)?;
+                let port = self.port(port.into())?;
+                self.run.detach(port, at)?;
             }
             Record::In { t, port, bytes } => {
-                let at = SimTime::from_nanos(t);
-                self.run.client_sends(port.into(), at, &bytes.0)?;
+                let at = self.client_acts(t)?;
+                let port = self.port(port.into())?;
+                self.run.client_sends(port, at, &bytes.0)?;
             }
             Record::Line {
                 t,
@@ -143,35 +181,40 @@ impl Replay {
                 stop_bits,
                 raw,
             } => {
-                self.run.advance(SimTime::from_nanos(t))?;
+                let at = self.client_acts(t)?;
+                self.run.advance(at)?;
                 let line = ClientLine {
                     baud,
                     stop_bits,
                     raw,
                 };
-                self.run.set_client_line(port.into(), line);
+                let port = self.port(port.into())?;
+                self.run.set_client_line(port, line);
             }
             Record::Out { t, dt, port, bytes } => {
-                self.stream(port.into())
-                    .recorded
-                    .extend(spread(t, dt, &bytes.0));
+                let port = self.port(port.into())?;
+                if bytes.0.len() > MOST_BYTES {
+                    let why = format!("no line has more than {MOST_BYTES} bytes");
+                    return Err(self.malformed(why));
+                }
+                let bytes: Vec<(u64, u8)> = spread(t, dt, &bytes.0).collect();
+                let last = bytes.last().map_or(t, |(at, _)| *at);
+                self.stream(port).recorded.extend(bytes);
+                // The line was written after the last of its bytes, so whatever the client did
+                // before has been read.
+                self.advance(SimTime::from_nanos(last))?;
             }
             Record::End { t, dropped, .. } => {
                 if dropped > 0 {
                     let why = format!("it lacks {dropped} lines, which were lost in recording");
                     return Err(self.malformed(why));
                 }
-                self.run.advance(SimTime::from_nanos(t))?;
+                let at = self.client_acts(t)?;
+                self.advance(at)?;
                 self.run.end();
                 self.ended = true;
             }
-            Record::Host { .. }
-            | Record::Event { .. }
-            | Record::Pose { .. }
-            | Record::Step { .. }
-            | Record::Failure { .. } => {}
         }
-        self.take_own()?;
         self.compare()
     }
 
@@ -184,13 +227,43 @@ impl Replay {
             return Err(self.malformed("the trace has no end".to_owned()));
         }
         for (port, stream) in &self.streams {
-            let recorded = stream.recorded.front().copied();
-            let found = stream.now.front().copied();
-            if recorded.is_some() || found.is_some() {
-                return Err(differs(*port, stream.compared, recorded, found));
+            if !stream.recorded.is_empty() || !stream.now.is_empty() {
+                return Err(stream.differs(*port));
             }
         }
         Ok(())
+    }
+
+    /// The client does something at `t`: the second run advances to just before it.
+    fn client_acts(&mut self, t: u64) -> Result<SimTime, ReplayError> {
+        if t < self.acted {
+            let why = format!("it goes back in time, from {} ns to {t} ns", self.acted);
+            return Err(self.malformed(why));
+        }
+        self.acted = t;
+        let at = SimTime::from_nanos(t);
+        self.advance(at - NANOSECOND)?;
+        Ok(at)
+    }
+
+    /// Advances the second run, which may take long, and compares on the way.
+    fn advance(&mut self, to: SimTime) -> Result<(), ReplayError> {
+        while self.run.rig().now() < to && self.run.finished().is_none() {
+            let next = self.run.rig().now() + SLICE;
+            self.run.advance(next.min(to))?;
+            self.compare()?;
+        }
+        Ok(())
+    }
+
+    /// A port that the scenario has.
+    fn port(&self, port: PortId) -> Result<PortId, ReplayError> {
+        if self.run.ports().contains(&port) {
+            return Ok(port);
+        }
+        let PortId { device, link } = port;
+        let why = format!("the scenario has no device {device} with a link {link}");
+        Err(self.malformed(why))
     }
 
     fn stream(&mut self, port: PortId) -> &mut Stream {
@@ -210,18 +283,21 @@ impl Replay {
     }
 
     fn compare(&mut self) -> Result<(), ReplayError> {
+        self.take_own()?;
         for (port, stream) in &mut self.streams {
             while let (Some(recorded), Some(found)) = (
                 stream.recorded.front().copied(),
                 stream.now.front().copied(),
             ) {
                 if recorded != found {
-                    let (recorded, found) = (Some(recorded), Some(found));
-                    return Err(differs(*port, stream.compared, recorded, found));
+                    return Err(stream.differs(*port));
                 }
                 stream.recorded.pop_front();
                 stream.now.pop_front();
                 stream.compared += 1;
+            }
+            if stream.recorded.len().max(stream.now.len()) > MOST_APART {
+                return Err(stream.differs(*port));
             }
         }
         Ok(())
@@ -235,11 +311,11 @@ impl Replay {
     }
 }
 
-fn start(header: &Header) -> Result<Result<Run, RunError>, String> {
+fn start(header: &Header) -> Result<Run, String> {
     let mut base = SimSettings::default();
     load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
-        errors.join("; ")
+        shorten(errors.join("; "))
     })?;
     let source = Source {
         file: &header.file,
@@ -260,32 +336,17 @@ fn start(header: &Header) -> Result<Result<Run, RunError>, String> {
         live: header.live,
         trace: true,
     };
-    Ok(Run::new(Arc::new(scenario), world, options))
+    Run::new(Arc::new(scenario), world, options).map_err(|error| error.to_string())
 }
 
 fn read(line: &str, number: usize) -> Result<Record, ReplayError> {
     serde_json::from_str(line).map_err(|error| ReplayError::Malformed {
         line: number,
-        why: error.to_string(),
+        why: shorten(error.to_string()),
     })
 }
 
 fn spread(t: u64, dt: u64, bytes: &[u8]) -> impl Iterator<Item = (u64, u8)> + '_ {
     let times = std::iter::successors(Some(t), move |t| Some(t.saturating_add(dt)));
     times.zip(bytes.iter().copied())
-}
-
-fn differs(
-    port: PortId,
-    offset: u64,
-    recorded: Option<(u64, u8)>,
-    found: Option<(u64, u8)>,
-) -> ReplayError {
-    let at = |byte: Option<(u64, u8)>| byte.map(|(t, byte)| (SimTime::from_nanos(t), byte));
-    ReplayError::Differs(Box::new(Difference {
-        port,
-        offset,
-        recorded: at(recorded),
-        found: at(found),
-    }))
 }

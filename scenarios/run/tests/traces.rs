@@ -121,6 +121,87 @@ fn a_flipped_byte_a_lost_line_and_another_seed_are_found() {
 }
 
 #[test]
+fn what_no_recording_has_is_refused_in_words() {
+    let text = text(R150, "2s", "");
+    let version = Request::Version.encode();
+    let lines = live(
+        &text,
+        Wire::Paced,
+        &[(10_000_000, version.clone()), (500_000_000, version)],
+    );
+    replay(&lines).unwrap();
+    let last = lines.len() - 1;
+    let with = |at: usize, line: &str| {
+        let mut spoilt = lines.clone();
+        spoilt.insert(at, line.to_owned());
+        replay(&spoilt).unwrap_err().to_string()
+    };
+    let bytes = "AA".repeat(1025);
+    let ports = [
+        r#"{"kind":"attach","t":600000000,"port":[1,0]}"#,
+        r#"{"kind":"detach","t":600000000,"port":[0,1]}"#,
+        r#"{"kind":"in","t":600000000,"port":[0,18446744073709551615],"bytes":"AA"}"#,
+        r#"{"kind":"line","t":600000000,"port":[7,0],"baud":1,"stop_bits":1,"raw":true}"#,
+        r#"{"kind":"out","t":600000000,"dt":1,"port":[7,0],"bytes":"AA"}"#,
+    ];
+    for line in ports {
+        assert!(
+            with(last, line).contains("the scenario has no device"),
+            "{line}"
+        );
+    }
+    let back = r#"{"kind":"in","t":400000000,"port":[0,0],"bytes":"AA"}"#;
+    assert!(with(last, back).contains("back in time"));
+    assert!(with(last + 1, &lines[last]).contains("behind the end"));
+    // Which is where a client that ends with an error is told of.
+    let failure = r#"{"kind":"failure","t":2000000000,"step":null,"what":"w"}"#.to_owned();
+    replay(&[&lines[..], &[failure]].concat()).unwrap();
+    let long = format!(r#"{{"kind":"out","t":1,"dt":1,"port":[0,0],"bytes":"{bytes}"}}"#);
+    assert!(with(1, &long).contains("more than 1024 bytes"));
+    let unknown = format!(r#"{{"kind":"{}"}}"#, "x".repeat(1_000_000));
+    assert!(with(1, &unknown).len() < 1000);
+}
+
+#[test]
+fn what_comes_after_the_end_of_a_run_is_no_part_of_it() {
+    let options = RunOptions {
+        live: true,
+        trace: true,
+        ..RunOptions::scripted(1)
+    };
+    let mut run = Run::new(scenario(&text(R150, "1s", "")), None, options).unwrap();
+    run.advance(SimTime::from_secs(2)).unwrap();
+    let late = SimTime::from_secs(3);
+    run.set_client_line(PORT, ClientLine::at(9600));
+    run.attach(PORT, late).unwrap();
+    run.client_sends(PORT, late, &[0xAA]).unwrap();
+    run.detach(PORT, late).unwrap();
+    run.advance(late).unwrap();
+    let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();
+    assert!(lines.last().unwrap().contains("\"end\""), "{lines:?}");
+    replay(&lines).unwrap();
+}
+
+#[test]
+fn neither_side_of_a_comparison_grows_without_bound() {
+    // A car that talks by itself and a recording that has nothing of it; and one that has ever more.
+    let lines = live(&text(CAR, "2s", ""), Wire::Paced, &[]);
+    let header = lines[0].replace("2s", "100000 s");
+    let mut silent = Replay::begin(&header).unwrap();
+    let attach = lines.iter().find(|line| line.contains("attach"));
+    silent.line(attach.unwrap()).unwrap();
+    let end = r#"{"kind":"end","t":100000000000000,"passed":true,"dropped":0}"#;
+    let Err(ReplayError::Differs(difference)) = silent.line(end) else {
+        panic!("the recording lacks all bytes")
+    };
+    assert_eq!(difference.recorded, None);
+    let mut talks = Replay::begin(&header).unwrap();
+    let bytes = "00".repeat(1024);
+    let out = format!(r#"{{"kind":"out","t":0,"dt":0,"port":[0,1],"bytes":"{bytes}"}}"#);
+    assert!((0..100).any(|_| talks.line(&out).is_err()));
+}
+
+#[test]
 fn base_settings_travel_in_the_header() {
     let text = text(
         R150,

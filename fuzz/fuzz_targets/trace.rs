@@ -1,0 +1,7 @@
+//! Traces: replayed for a while, or refused in words.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use sim_attack::trace;
+
+fuzz_target!(|text: &str| trace::play(text));
