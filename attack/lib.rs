@@ -9,7 +9,8 @@
 //! |---|---|---|
 //! | [`stream`] | bytes and pauses, for each decoder | what an independent reading of the stream finds, however it is split |
 //! | [`operation`], [`fault`] | one thing that a client, an operator, a fault or the world does | – |
-//! | [`session`] | a sequence of operations on devices in a world | finite physics, time forward, bounded output, right frames |
+//! | [`setting`] | any setting with any value that it takes | – |
+//! | [`session`] | a sequence of operations on devices in a world, with any settings | finite physics, time forward, bounded output, right frames |
 //! | [`text`] | settings, world, rig and scenario files | refused in words, or built and run for a while |
 //! | [`trace`] | recordings of live runs, whole and damaged | the same again, or refused in words |
 
@@ -22,6 +23,7 @@
 pub mod fault;
 pub mod operation;
 pub mod session;
+pub mod setting;
 pub mod stream;
 pub mod text;
 pub mod trace;

@@ -23,6 +23,7 @@ use sim_physics::r150::{Load, Rail};
 use sim_physics::{Ground, Pose};
 
 use crate::operation::{Hands, Message, Operation, Wait, car_key, r150_button};
+use crate::setting::{self, SettingChoice};
 pub use promises::truth;
 use promises::{Client, ExpectDue as _};
 pub use setup::{Devices, Setup};
@@ -40,7 +41,21 @@ const MOST_OBSTACLES: usize = 20;
 pub struct Session {
     /// What is there.
     pub setup: Setup,
+    /// Settings that are not as they are by default, maybe.
+    #[cfg_attr(
+        feature = "proptest",
+        proptest(
+            strategy = "proptest::collection::vec(proptest::prelude::any::<SettingChoice>(), 0..5)"
+        )
+    )]
+    pub settings: Vec<SettingChoice>,
     /// What is done.
+    #[cfg_attr(
+        feature = "proptest",
+        proptest(
+            strategy = "proptest::collection::vec(proptest::prelude::any::<Operation>(), 0..40)"
+        )
+    )]
     pub operations: Vec<Operation>,
 }
 
@@ -48,11 +63,17 @@ pub struct Session {
 impl<'b> arbitrary::Arbitrary<'b> for Session {
     fn arbitrary(bytes: &mut arbitrary::Unstructured<'b>) -> arbitrary::Result<Self> {
         let setup = bytes.arbitrary()?;
+        let settings = (0..bytes.int_in_range(0..=7)?).map(|_| bytes.arbitrary());
+        let settings = settings.collect::<Result<_, _>>()?;
         let mut operations = Vec::new();
         while !bytes.is_empty() && operations.len() < MOST_OPERATIONS {
             operations.push(bytes.arbitrary()?);
         }
-        Ok(Self { setup, operations })
+        Ok(Self {
+            setup,
+            settings,
+            operations,
+        })
     }
 }
 
@@ -60,7 +81,7 @@ impl<'b> arbitrary::Arbitrary<'b> for Session {
 /// time.
 #[must_use]
 pub fn play(session: &Session) -> u64 {
-    let mut player = Player::new(session.setup);
+    let mut player = Player::new(session);
     for operation in session.operations.iter().take(MOST_OPERATIONS) {
         player.perform(operation);
         player.check();
@@ -89,8 +110,8 @@ struct Injected {
 }
 
 impl Player {
-    fn new(setup: Setup) -> Self {
-        let (rig, clients) = setup.begin();
+    fn new(session: &Session) -> Self {
+        let (rig, clients) = session.setup.begin(&setting::settings(&session.settings));
         let mut player = Self {
             distance: vec![0.0; rig.devices()],
             rig,

@@ -1,9 +1,9 @@
 //! What must hold of a session at any time.
 
 use std::hash::Hash as _;
+use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::device_kind::DeviceKind;
 use sim_core::line::{ClientLine, MOST_IN_FLIGHT};
 use sim_core::mecanum_device::Link;
 use sim_core::rig::{PortId, Rig};
@@ -40,10 +40,23 @@ impl Player {
     }
 }
 
+/// What a client can expect of its port.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Says {
+    /// An R150 that speaks when it is spoken to.
+    Replies,
+    /// A car that speaks so often, and to each packet or line if it acknowledges them.
+    Reports {
+        link: Link,
+        period: Duration,
+        acknowledges: bool,
+    },
+}
+
 /// A client, or the place of one.
 pub(super) struct Client {
     pub(super) port: PortId,
-    pub(super) kind: DeviceKind,
+    says: Says,
     pub(super) baud: u32,
     pub(super) attached: bool,
     pub(super) line: ClientLine,
@@ -57,10 +70,10 @@ pub(super) struct Client {
 }
 
 impl Client {
-    pub(super) fn new(port: PortId, kind: DeviceKind, baud: u32) -> Self {
+    pub(super) fn new(port: PortId, baud: u32, says: Says) -> Self {
         Self {
             port,
-            kind,
+            says,
             baud,
             attached: false,
             line: ClientLine::at(baud),
@@ -79,7 +92,7 @@ impl Client {
             undisturbed: undisturbed && self.line.baud == self.baud,
             since: now,
             line: self.line,
-            ..Self::new(self.port, self.kind, self.baud)
+            ..Self::new(self.port, self.baud, self.says)
         };
     }
 
@@ -101,8 +114,8 @@ impl Client {
     /// How much of what has come is whole frames, packets or lines, if all is well.
     fn whole(&self) -> usize {
         let bytes = &self.unread;
-        match (self.kind, self.port.link) {
-            (DeviceKind::R150, _) => {
+        match self.says {
+            Says::Replies => {
                 let mut at = 0;
                 while let Some(&length) = bytes.get(at + 2)
                     && at + 6 + usize::from(length) <= bytes.len()
@@ -111,8 +124,12 @@ impl Client {
                 }
                 at
             }
-            (DeviceKind::Mecanum, 0) => bytes.len() / 39 * 39,
-            (DeviceKind::Mecanum, _) => {
+            Says::Reports {
+                link: Link::Main, ..
+            } => bytes.len() / 39 * 39,
+            Says::Reports {
+                link: Link::Ros, ..
+            } => {
                 let end = bytes.iter().rposition(|byte| *byte == b'\n');
                 end.map_or(0, |end| end + 1)
             }
@@ -121,23 +138,28 @@ impl Client {
 
     fn says_well(&self, whole: usize) -> bool {
         let bytes = &self.unread[..whole];
-        match self.kind {
-            DeviceKind::R150 => stream::frames_cover(bytes),
-            DeviceKind::Mecanum => {
-                Link::from_index(self.port.link).is_some_and(|link| stream::sends_well(link, bytes))
-            }
+        match self.says {
+            Says::Replies => stream::frames_cover(bytes),
+            Says::Reports { link, .. } => stream::sends_well(link, bytes),
         }
     }
 
     /// Most that the device can have said to it by `now`.
     fn most(&self, now: SimTime) -> usize {
-        let millis = now.since(self.since).as_millis();
-        let millis = usize::try_from(millis).unwrap_or(usize::MAX - 1) + 1;
-        match self.kind {
+        match self.says {
             // The longest reply, of 82 bytes, is to the shortest request, of 6.
-            DeviceKind::R150 => 14 * self.sent,
-            // Whether bytes take time or not, it speaks ten times a second.
-            DeviceKind::Mecanum => 60 * (millis / 100 + 2),
+            Says::Replies => 14 * self.sent,
+            // Whether bytes take time or not, it speaks no oftener; a line is never longer than 60
+            // bytes, and the shortest that is answered has 2.
+            Says::Reports {
+                period,
+                acknowledges,
+                ..
+            } => {
+                let periods = now.since(self.since).as_nanos() / period.as_nanos();
+                let periods = usize::try_from(periods).unwrap_or(usize::MAX / 100);
+                60 * (periods + 2) + if acknowledges { 30 * self.sent } else { 0 }
+            }
         }
     }
 }

@@ -3,14 +3,15 @@
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use sim_core::device_kind::DeviceKind;
 use sim_core::line::Wire;
+use sim_core::mecanum_device::Link;
+use sim_core::mecanum_device::settings::Acknowledge;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{PortId, Rig, RigSettings};
-use sim_core::settings::{MecanumSettings, R150Settings};
-use sim_physics::{Pose, WorldMap, WorldSettings};
+use sim_core::settings::SimSettings;
+use sim_physics::{Pose, WorldMap};
 
-use super::promises::Client;
+use super::promises::{Client, Says};
 
 /// What is there at the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
@@ -44,9 +45,9 @@ pub enum Devices {
 
 impl Setup {
     /// The rig, and a client for each of its ports.
-    pub(super) fn begin(self) -> (Rig, Vec<Client>) {
+    pub(super) fn begin(self, settings: &SimSettings) -> (Rig, Vec<Client>) {
         let mut rig = Rig::new(RigSettings {
-            world: WorldSettings::default(),
+            world: settings.world.clone(),
             map: if self.yard {
                 yard()
             } else {
@@ -60,39 +61,43 @@ impl Setup {
             seed: self.seed.into(),
         });
         let mut clients = Vec::new();
-        let mut serve = |device, kind, bauds: &[u32]| {
-            for (link, baud) in bauds.iter().enumerate() {
-                let port = PortId { device, link };
-                clients.push(Client::new(port, kind, *baud));
-            }
+        let mut serve = |device, link, baud, says| {
+            clients.push(Client::new(PortId { device, link }, baud, says));
         };
         if self.devices != Devices::Mecanum {
-            let settings = R150Settings::default();
+            let settings = &settings.r150;
             let start = if self.locked {
                 Start::Locked
             } else {
                 Start::Ready
             };
-            let device = rig.add_r150("r150", &settings, start, Pose::default());
-            serve(device, DeviceKind::R150, &[settings.firmware.baud]);
+            let device = rig.add_r150("r150", settings, start, Pose::default());
+            serve(device, 0, settings.firmware.baud, Says::Replies);
         }
         if self.devices != Devices::R150 {
-            let mut settings = MecanumSettings::default();
-            if self.locked {
+            let mut settings = settings.mecanum.clone();
+            let firmware = &mut settings.firmware;
+            if self.locked && firmware.link_timeout.is_none() {
                 // There is a watchdog that can fail only then.
-                settings.firmware.link_timeout = Some(Duration::from_millis(400));
+                firmware.link_timeout = Some(Duration::from_millis(400));
             }
             let pose = Pose {
                 x: 1.2,
                 ..Pose::default()
             };
             let device = rig.add_mecanum("car", &settings, self.ros, pose);
-            let bauds = [settings.firmware.baud, settings.firmware.ros_baud];
-            serve(
-                device,
-                DeviceKind::Mecanum,
-                &bauds[..1 + usize::from(self.ros)],
-            );
+            let firmware = &settings.firmware;
+            let reports = |link, period| Says::Reports {
+                link,
+                period,
+                acknowledges: firmware.acknowledge == Acknowledge::Status,
+            };
+            let main = reports(Link::Main, firmware.status_period);
+            serve(device, 0, firmware.baud, main);
+            if self.ros {
+                let ros = reports(Link::Ros, firmware.ros_report_period);
+                serve(device, 1, firmware.ros_baud, ros);
+            }
         }
         (rig, clients)
     }

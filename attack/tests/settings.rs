@@ -4,10 +4,11 @@
 use std::time::Duration;
 
 use proptest::prelude::*;
+use sim_attack::setting::{bounds, entries, extremes, line, literals};
 use sim_attack::text::{self, Drive};
 use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
-use sim_settings::{Entry, Settings as _, load_toml};
+use sim_settings::load_toml;
 
 /// Numbers that no setting means. Some are in a range all the same.
 const ABSURD: &[&str] = &[
@@ -33,54 +34,6 @@ const FOREIGN: &[&str] = &[
     "-9223372036854775808",
 ];
 
-fn entries() -> Vec<Entry> {
-    let mut entries = Vec::new();
-    SimSettings::default().visit("", &mut |entry| entries.push(entry));
-    entries
-}
-
-/// Values as TOML literals, in the form of the setting's own.
-fn literals(entry: &Entry, numbers: impl IntoIterator<Item = String>) -> Vec<String> {
-    let items = entry.default.trim_start_matches('[').trim_end_matches(']');
-    let items: Vec<&str> = items.split(", ").collect();
-    let is_list = entry.default.starts_with('[');
-    let unit = entry.allowed.split_once(" in ").map_or("", |(_, rest)| {
-        rest.split_once(" from ").map_or(rest, |(unit, _)| unit)
-    });
-    let numbers = numbers.into_iter().map(|number| {
-        // Bounds of times are shown with their unit.
-        let has_unit = number.ends_with(|c: char| c.is_ascii_alphabetic());
-        let unit = if entry.allowed.contains("a time") {
-            "s"
-        } else {
-            unit
-        };
-        let is_number = number.parse::<f64>().is_ok();
-        let item = match (is_number, has_unit && !is_number, unit) {
-            (_, true, _) => format!("\"{number}\""),
-            (_, _, "") => number,
-            (_, _, unit) => format!("\"{number} {unit}\""),
-        };
-        if is_list {
-            format!("[{}]", vec![item; items.len()].join(", "))
-        } else {
-            item
-        }
-    });
-    numbers.collect()
-}
-
-/// The ends of a setting's range.
-fn bounds(entry: &Entry) -> Option<[String; 2]> {
-    let (_, range) = entry.allowed.split_once(" from ")?;
-    let (low, high) = range.split_once(" to ")?;
-    Some([low.to_owned(), high.to_owned()])
-}
-
-fn file(key: &str, literal: &str) -> String {
-    format!("{key} = {literal}\n")
-}
-
 #[test]
 fn absurd_values_are_refused_by_name_or_do_no_harm() {
     let mut refused = 0;
@@ -90,7 +43,7 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
         let foreign = FOREIGN.iter().map(|&literal| literal.to_owned());
         for literal in absurd.into_iter().chain(foreign) {
             let mut settings = SimSettings::default();
-            let text = file(&entry.key, &literal);
+            let text = line(&entry.key, &literal);
             match load_toml(&text, "my.toml", &mut settings) {
                 Err(errors) => {
                     refused += 1;
@@ -137,7 +90,7 @@ fn both_ends_of_every_range_drive() {
     for entry in entries() {
         for literal in literals(&entry, bounds(&entry).into_iter().flatten()) {
             let mut settings = SimSettings::default();
-            let text = file(&entry.key, &literal);
+            let text = line(&entry.key, &literal);
             let loaded = load_toml(&text, "my.toml", &mut settings);
             assert_eq!(loaded, Ok(()), "{text}");
             if settings.check().is_ok() {
@@ -169,17 +122,15 @@ fn a_range_without_end_has_a_reason() {
 }
 
 /// A choice for each setting: what it is, an end of its range, or something between.
-fn extremes() -> impl Strategy<Value = String> {
+fn any_extremes() -> impl Strategy<Value = String> {
     let choices = entries().into_iter().filter_map(|entry| {
-        let [low, high] = bounds(&entry)?;
-        let between = low.parse::<f64>().ok().zip(high.parse::<f64>().ok());
-        let between = between.map(|(low, high)| format!("{:.3}", low + (high - low) / 3.0));
-        let whole = entry.allowed.contains("whole");
-        let between = between.filter(|_| !whole).unwrap_or_else(|| low.clone());
-        let literals = literals(&entry, [low, high, between]);
-        let key = entry.key;
-        let lines: Vec<String> = literals.iter().map(|literal| file(&key, literal)).collect();
-        Some(prop_oneof![6 => Just(String::new()), 1 => prop::sample::select(lines)])
+        let literals = extremes(&entry);
+        let lines: Vec<String> = literals
+            .iter()
+            .map(|literal| line(&entry.key, literal))
+            .collect();
+        (!lines.is_empty())
+            .then(|| prop_oneof![6 => Just(String::new()), 1 => prop::sample::select(lines)])
     });
     choices.collect::<Vec<_>>().prop_map(|lines| lines.concat())
 }
@@ -188,7 +139,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn any_extremes_together_drive(text in extremes()) {
+    fn any_extremes_together_drive(text in any_extremes()) {
         let mut settings = SimSettings::default();
         prop_assert_eq!(load_toml(&text, "my.toml", &mut settings), Ok(()));
         if settings.check().is_ok() {
