@@ -16,6 +16,7 @@ use sim_core::rig::PortId;
 use super::agenda::Item;
 use super::{Run, RunError};
 use crate::Kind;
+use crate::rig_file::DevicePlan;
 use crate::scenario::{
     Fields, HostAction, HostDoes, ReplyWanted, Wanted, line_fields, matches_fields, r150_fields,
     status_fields,
@@ -58,16 +59,19 @@ struct Found {
 }
 
 impl HostPort {
-    fn new(kind: Kind, link: usize) -> Self {
-        let decoder = match (kind, link) {
+    fn new(plan: &DevicePlan, link: usize) -> Self {
+        let decoder = match (plan.kind, link) {
             (Kind::R150, _) => Decoder::R150(r150::Decoder::new(PAUSE, Resync::SecondByte)),
-            (Kind::Mecanum, 0) => Decoder::Main(car::Decoder::new(PAUSE)),
+            (Kind::Mecanum, 0) => Decoder::Main(car::Decoder::by(car::Rules {
+                order: plan.settings.mecanum.firmware.byte_order,
+                ..car::Rules::new(PAUSE)
+            })),
             (Kind::Mecanum, _) => Decoder::Ros(Vec::new()),
         };
         Self {
             open: true,
             decoder,
-            chatters: kind == Kind::Mecanum,
+            chatters: plan.kind == Kind::Mecanum,
             waiting: Vec::new(),
         }
     }
@@ -181,8 +185,8 @@ impl Run {
             return Ok(());
         }
         for port in self.ports.clone() {
-            let kind = self.scenario.rig.devices[port.device].kind;
-            self.hosts.insert(port, HostPort::new(kind, port.link));
+            let plan = &self.scenario.rig.devices[port.device];
+            self.hosts.insert(port, HostPort::new(plan, port.link));
             self.rig.attach(port, SimTime::ZERO)?;
         }
         Ok(())

@@ -220,7 +220,7 @@ impl HostAction {
         let mut does = Vec::new();
         let mut command = None;
         if let Some(send) = &text.send {
-            let (bytes, code) = problems.take(at.clone(), encode(send, plan.kind, link))?;
+            let (bytes, code) = problems.take(at.clone(), encode(send, plan, link))?;
             command = code;
             does.push(HostDoes::Send(bytes));
         }
@@ -325,11 +325,16 @@ fn read_field(value: &Value) -> Result<FieldWanted, String> {
     }
 }
 
-/// A command's bytes, and the command byte of its reply.
-fn encode(send: &CommandText, kind: Kind, link: usize) -> Result<(Vec<u8>, Option<u8>), String> {
+/// A command's bytes as this device reads them, and the command byte of its reply.
+fn encode(
+    send: &CommandText,
+    plan: &DevicePlan,
+    link: usize,
+) -> Result<(Vec<u8>, Option<u8>), String> {
+    let order = plan.settings.mecanum.firmware.byte_order;
     let r150 = |request: Request| Ok((request.encode(), Some(request.command())));
-    let packet = |packet: Packet| Ok((packet.encode(), None));
-    match (kind, link, send) {
+    let packet = |packet: Packet| Ok((packet.encode_in(order), None));
+    match (plan.kind, link, send) {
         (Kind::R150, _, CommandText::PowerControl(power)) => r150(Request::PowerControl {
             status: status(power)?,
         }),

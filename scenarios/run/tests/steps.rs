@@ -182,6 +182,19 @@ fn ice_makes_the_way_longer() {
 }
 
 #[test]
+fn a_host_speaks_in_the_byte_order_of_the_car() {
+    // Read the other way round, 1 would be 256, and 5 to 6 tenths of a revolution would be thousands.
+    let steps = "[[step]]\nname = \"pose\"\nat = \"100ms\"\nhost = { send = { set_pose = { axis_x = 1, axis_y = -2, ori = 900 } }, expect = { within = \"250ms\", reply = { axis_x = 1, axis_y = -2, ori = 900 } } }\n\
+         [[step]]\nafter = \"pose\"\nexpect = { that = \"reported.axis_x == 1 && reported.axis_y == -2 && reported.ori_deg == 90\" }\n\
+         [[step]]\nname = \"ahead\"\nafter = \"pose\"\nhost = { send = { motion = { moving_idx = 0, s = 5, v = 300 } }, expect = { within = \"3s\", reply = { moto_state = 0, axis_y = { min = 3, max = 4 }, mile = { min = 150, max = 180 } } } }\n\
+         [[step]]\nafter = \"ahead\"\nexpect = { that = \"count.motion_done == 1 && abs(truth.x_m - 0.157) < 0.02\" }\n";
+    for order in ["little", "big"] {
+        let settings = format!("settings = {{ byte_order = \"{order}\" }}\n");
+        passes(&car("6s", &(settings + steps)));
+    }
+}
+
+#[test]
 fn a_car_is_driven_on_both_links_and_by_its_remote_control() {
     passes(&car(
         "8s",
