@@ -1,8 +1,9 @@
-//! The scenarios with the tag `drive` judge clients that only drive ahead: one that hopes for the
-//! best fails many of them, one that takes care passes them all.
+//! The scenarios with the tag `drive` judge clients that do one job, ahead with an R150 and around a
+//! rectangle with a mecanum car: one that hopes for the best fails many of them, one that takes care
+//! passes them all.
 //!
 //! Both clients run in simulated time. Each is a thread that does one thing after another, as any
-//! client does; whatever it asks of its port is done before the thread goes on, so a run is always
+//! client does; whatever it asks of its ports is done before the thread goes on, so a run is always
 //! the same.
 
 #![expect(
@@ -18,87 +19,89 @@ use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::rig::PortId;
-use sim_scenarios::{Outcome, Run, RunOptions};
+use sim_scenarios::{Kind, Outcome, Run, RunOptions};
 
 use common::Loaded;
-use drive_clients::{Client, careful, naive};
+use drive_clients::{Client, car, r150};
 
-const PORT: PortId = PortId { device: 0, link: 0 };
 /// How often a client that waits looks at its port.
 const TICK: Duration = Duration::from_micros(500);
 
-/// What a client asks of its port.
+/// What a client asks of its ports, by link.
 enum Ask {
-    Open,
-    Close,
-    Write(Vec<u8>),
+    Open(usize),
+    Close(usize),
+    Write(usize, Vec<u8>),
     /// So many bytes, or what there is when the time is over.
-    Read(usize, Option<Duration>),
+    Read(usize, usize, Option<Duration>),
     Sleep(Duration),
 }
 
-/// What the port says: bytes, none unless asked for, and the time; nothing when it hung up.
+/// What a port says: bytes, none unless asked for, and the time; nothing when it has hung up.
 type Answer = Option<(SimTime, Vec<u8>)>;
 
-/// A port in simulated time.
-struct Port {
+/// The ports of a device in simulated time.
+struct Ports {
     run: Run,
     now: SimTime,
-    open: bool,
-    received: Vec<u8>,
+    /// What each link has received; `None` where it is not open.
+    links: [Option<Vec<u8>>; 2],
 }
 
-impl Port {
-    /// Goes on for a while; says whether the port is still there.
-    fn pass(&mut self, time: Duration) -> bool {
+fn port(link: usize) -> PortId {
+    PortId { device: 0, link }
+}
+
+impl Ports {
+    fn pass(&mut self, time: Duration) {
         self.now += time;
         self.run.advance(self.now).unwrap();
-        if self.open && self.run.rig().cable_pulled(PORT) {
-            self.close();
-            return false;
+        for link in 0..self.links.len() {
+            if let Some(received) = &mut self.links[link] {
+                self.run.client_reads(port(link), received);
+                if self.run.rig().cable_pulled(port(link)) {
+                    self.close(link);
+                }
+            }
         }
-        self.run.client_reads(PORT, &mut self.received);
-        true
     }
 
-    fn close(&mut self) {
-        self.received.clear();
-        if std::mem::take(&mut self.open) {
-            self.run.detach(PORT, self.now).unwrap();
+    fn close(&mut self, link: usize) {
+        if self.links[link].take().is_some() {
+            self.run.detach(port(link), self.now).unwrap();
         }
     }
 
     fn answer(&mut self, ask: Ask) -> Answer {
+        self.pass(TICK);
         let mut bytes = Vec::new();
-        if !self.pass(TICK) {
-            return None;
-        }
         match ask {
-            Ask::Open => {
-                if self.run.rig().cable_pulled(PORT) {
+            Ask::Open(link) => {
+                if self.run.rig().cable_pulled(port(link)) {
                     return None;
                 }
-                self.run.attach(PORT, self.now).unwrap();
-                self.open = true;
+                self.run.attach(port(link), self.now).unwrap();
+                self.links[link] = Some(Vec::new());
             }
-            Ask::Close => self.close(),
-            Ask::Write(_) | Ask::Read(..) if !self.open => return None,
-            Ask::Write(bytes) => self.run.client_sends(PORT, self.now, &bytes).unwrap(),
-            Ask::Read(wanted, timeout) => {
+            Ask::Close(link) => self.close(link),
+            Ask::Write(link, bytes) => {
+                self.links[link].as_ref()?;
+                self.run.client_sends(port(link), self.now, &bytes).unwrap();
+            }
+            Ask::Read(link, wanted, timeout) => {
                 let due = timeout.map(|timeout| self.now + timeout);
-                while self.received.len() < wanted && due.is_none_or(|due| self.now < due) {
-                    if !self.pass(TICK) || self.run.finished().is_some() {
+                while self.links[link].as_ref()?.len() < wanted
+                    && due.is_none_or(|due| self.now < due)
+                {
+                    self.pass(TICK);
+                    if self.run.finished().is_some() {
                         return None;
                     }
                 }
-                let count = wanted.min(self.received.len());
-                bytes.extend(self.received.drain(..count));
+                let received = self.links[link].as_mut()?;
+                bytes.extend(received.drain(..wanted.min(received.len())));
             }
-            Ask::Sleep(time) => {
-                if !self.pass(time) {
-                    return None;
-                }
-            }
+            Ask::Sleep(time) => self.pass(time),
         }
         Some((self.now, bytes))
     }
@@ -110,60 +113,68 @@ fn play(loaded: &Loaded, client: fn(&Client) -> Option<()>) -> Outcome {
         live: true,
         ..RunOptions::scripted(1)
     };
-    let mut port = Port {
+    let mut ports = Ports {
         run: loaded.run(options),
         now: SimTime::ZERO,
-        open: false,
-        received: Vec::new(),
+        links: [None, None],
     };
     let (client_end, asks, answers) = Client::new();
     std::thread::scope(|scope| {
         let thread = scope.spawn(move || client(&client_end));
         while let Ok(ask) = asks.recv() {
             // Whoever is asked nothing any more is told so, and ends.
-            let over = port.run.finished().is_some();
-            let answer = if over { None } else { port.answer(ask) };
+            let over = ports.run.finished().is_some();
+            let answer = if over { None } else { ports.answer(ask) };
             if answers.send(answer).is_err() {
                 break;
             }
         }
-        if thread.join().unwrap().is_none() && port.run.finished().is_none() {
-            port.run.fail("the client ended with an error".to_owned());
+        if thread.join().unwrap().is_none() && ports.run.finished().is_none() {
+            ports.run.fail("the client ended with an error".to_owned());
         }
     });
-    port.close();
-    port.run.play(&mut |_| {}).unwrap().clone()
+    for link in 0..2 {
+        ports.close(link);
+    }
+    ports.run.play(&mut |_| {}).unwrap().clone()
 }
 
-/// Names of the drives that a client does not pass, with the reasons.
-fn failed(client: fn(&Client) -> Option<()>) -> Vec<(String, String)> {
+/// Names of the drives of this kind of device that a client does not pass, with the reasons.
+fn failed(kind: Kind, client: fn(&Client) -> Option<()>) -> Vec<(String, String)> {
+    let mut drives = 0;
     let mut failed = Vec::new();
     for file in common::files() {
         let loaded = Loaded::read(&file).unwrap();
-        if !loaded.scenario.tags.iter().any(|tag| tag == "drive") {
+        let tagged = loaded.scenario.tags.iter().any(|tag| tag == "drive");
+        if !tagged || loaded.scenario.rig.devices[0].kind != kind {
             continue;
         }
+        drives += 1;
         let outcome = play(&loaded, client);
         if !outcome.passed {
             let reasons: Vec<String> = outcome.failures.iter().map(ToString::to_string).collect();
             failed.push((common::name(&file), reasons.join("; ")));
         }
     }
+    assert!(drives >= 8, "only {drives} drives of {kind:?}");
     failed
 }
 
 #[test]
-fn a_careful_client_passes_every_drive() {
-    let failed = failed(careful);
+fn a_careful_client_passes_every_drive_of_the_r150() {
+    let failed = failed(Kind::R150, r150::careful);
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
 #[test]
-fn a_naive_client_passes_the_plain_drive_and_fails_where_it_should() {
-    let failed = failed(naive);
-    let names: Vec<&str> = failed.iter().map(|(name, _)| name.as_str()).collect();
-    assert!(!names.contains(&"r150/plain-drive"), "{failed:#?}");
-    for name in [
+fn a_careful_client_passes_every_drive_of_the_car() {
+    let failed = failed(Kind::Mecanum, car::careful);
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+#[test]
+fn a_naive_client_of_the_r150_fails_where_it_should() {
+    let failing = [
         "r150/bytes-lost",
         "r150/cable-pulled",
         "r150/camera-shorted",
@@ -173,7 +184,38 @@ fn a_naive_client_passes_the_plain_drive_and_fails_where_it_should() {
         "r150/remote-control-takes-over",
         "r150/replies-missing",
         "r150/wheel-blocked",
-    ] {
-        assert!(names.contains(&name), "passes {name}, fails {names:?}");
+    ];
+    naive_fails(Kind::R150, r150::naive, "r150/plain-drive", &failing);
+}
+
+#[test]
+fn a_naive_client_of_the_car_fails_where_it_should() {
+    let failing = [
+        "mecanum/board-wants-signs-of-life",
+        "mecanum/cable-pulled",
+        "mecanum/distance-stuck-and-person",
+        "mecanum/encoder-lost-on-the-way",
+        "mecanum/lines-garbled",
+        "mecanum/order-lost",
+        "mecanum/person-in-the-way",
+        "mecanum/place-forgotten",
+        "mecanum/status-silent",
+        "mecanum/status-spoilt",
+        "mecanum/wheel-blocked-on-the-way",
+    ];
+    naive_fails(
+        Kind::Mecanum,
+        car::naive,
+        "mecanum/plain-rectangle",
+        &failing,
+    );
+}
+
+fn naive_fails(kind: Kind, client: fn(&Client) -> Option<()>, passing: &str, failing: &[&str]) {
+    let failed = failed(kind, client);
+    let names: Vec<&str> = failed.iter().map(|(name, _)| name.as_str()).collect();
+    assert!(!names.contains(&passing), "{failed:#?}");
+    for name in failing {
+        assert!(names.contains(name), "passes {name}, fails {names:?}");
     }
 }

@@ -1,31 +1,21 @@
-//! Two clients for the same job: switch 12 V A on, drive ahead at 0.5 m/s for 6 s, stop.
+//! Clients for the drives, a naive and a careful one for each kind of device.
+
+pub(crate) mod car;
+pub(crate) mod r150;
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::r150_device::codec::{Decoded, Decoder};
-use sim_core::r150_device::command::Request;
-use sim_core::r150_device::reply::Reply;
-use sim_core::r150_device::settings::Resync;
 
 use crate::{Answer, Ask};
-
-/// About 0.5 m/s.
-const AHEAD: Request = Request::SetMotors {
-    right: 357,
-    left: 357,
-};
-const STOP: Request = Request::SetMotors { right: 0, left: 0 };
-const CAMERA_ON: Request = Request::PowerControl { status: 1 };
-const ALL_OFF: Request = Request::PowerControl { status: 0 };
-const DRIVE: Duration = Duration::from_secs(6);
 
 const fn millis(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
-/// A client's end of its port. Everything gives `None` when the port has hung up.
+/// A client's end of its port. Whatever needs a port gives `None` when it has hung up,
+/// and everything when the run is over.
 pub(crate) struct Client {
     asks: Sender<Ask>,
     answers: Receiver<Answer>,
@@ -43,8 +33,8 @@ impl Client {
         self.answers.recv().ok()?
     }
 
-    fn write(&self, request: Request) -> Option<()> {
-        self.ask(Ask::Write(request.encode())).map(drop)
+    fn write(&self, link: usize, bytes: Vec<u8>) -> Option<()> {
+        self.ask(Ask::Write(link, bytes)).map(drop)
     }
 
     fn sleep(&self, time: Duration) -> Option<SimTime> {
@@ -52,164 +42,8 @@ impl Client {
     }
 
     /// Waits without end, as a read without a timeout does.
-    fn read(&self, count: usize) -> Option<()> {
-        self.ask(Ask::Read(count, None)).map(drop)
+    fn read(&self, link: usize, count: usize) -> Option<Vec<u8>> {
+        self.ask(Ask::Read(link, count, None))
+            .map(|(_, bytes)| bytes)
     }
-}
-
-/// Sends, waits for as many bytes as the answer should have, and takes everything for granted.
-pub(crate) fn naive(client: &Client) -> Option<()> {
-    client.sleep(millis(200))?;
-    client.ask(Ask::Open)?;
-    client.write(CAMERA_ON)?;
-    client.read(7)?;
-    for _ in 0..115 {
-        client.write(AHEAD)?;
-        client.read(14)?;
-        client.sleep(millis(50))?;
-    }
-    client.write(STOP)?;
-    client.read(14)?;
-    client.ask(Ask::Close)?;
-    Some(())
-}
-
-/// A link that is not trusted.
-struct Link<'c> {
-    client: &'c Client,
-    decoder: Decoder,
-    now: SimTime,
-    /// When something valid last came.
-    heard: SimTime,
-}
-
-impl<'c> Link<'c> {
-    /// Opens the port, again and again if need be.
-    fn open(client: &'c Client) -> Option<Self> {
-        for _ in 0..100 {
-            if let Some((now, _)) = client.ask(Ask::Open) {
-                return Some(Self {
-                    client,
-                    decoder: Decoder::new(millis(50), Resync::SecondByte),
-                    now,
-                    heard: now,
-                });
-            }
-            client.sleep(millis(100))?;
-        }
-        None
-    }
-
-    /// Asks, and waits until `patience` is over for the reply that fits.
-    fn request(&mut self, request: Request, patience: Duration) -> Option<Option<Reply>> {
-        self.client.write(request)?;
-        let until = self.now + patience;
-        let mut fitting = None;
-        // What is left of the time is waited for in any case, so that requests never come too fast.
-        while self.now < until {
-            let (now, bytes) = self.client.ask(Ask::Read(64, Some(millis(5))))?;
-            self.now = now;
-            for byte in bytes {
-                self.decoder.push(now, byte, &mut |decoded| {
-                    if let Decoded::Frame(frame) = decoded
-                        && frame.command == request.command()
-                        && let Ok(reply) = Reply::parse(frame.command, &frame.parameters)
-                    {
-                        fitting = Some(reply);
-                    }
-                });
-            }
-            self.decoder.expire(now, &mut |_| {});
-        }
-        if fitting.is_some() {
-            self.heard = self.now;
-        }
-        Some(fitting)
-    }
-
-    /// Asks until `done` likes the reply; says whether it did in time.
-    fn insist(
-        &mut self,
-        request: Request,
-        time: Duration,
-        done: impl Fn(&Reply) -> bool,
-    ) -> Option<bool> {
-        let until = self.now + time;
-        while self.now < until {
-            if self
-                .request(request, millis(100))?
-                .is_some_and(|reply| done(&reply))
-            {
-                return Some(true);
-            }
-        }
-        Some(false)
-    }
-}
-
-/// Waits for nothing without end, believes only what has the right CRC and fits what it asked,
-/// watches what the module says of itself, and stops when in doubt.
-pub(crate) fn careful(client: &Client) -> Option<()> {
-    client.sleep(millis(200))?;
-    let mut link = Link::open(client)?;
-    if mission(&mut link).is_none() {
-        // The port has hung up: first of all the vehicle is to stand.
-        link = Link::open(client)?;
-        halt(&mut link)?;
-    }
-    client.ask(Ask::Close)?;
-    Some(())
-}
-
-fn mission(link: &mut Link<'_>) -> Option<()> {
-    let is_true = |reply: &Reply| matches!(reply, Reply::Bool { success: true, .. });
-    let ready = link.insist(Request::Version, Duration::from_secs(15), |_| true)?
-        && link.insist(CAMERA_ON, Duration::from_secs(3), is_true)?;
-    if ready {
-        drive(link)?;
-    }
-    halt(link)
-}
-
-fn drive(link: &mut Link<'_>) -> Option<()> {
-    let begun = link.now;
-    let mut round = 0;
-    let mut wrong_speeds = 0;
-    while link.now < begun + DRIVE {
-        let reply = link.request(AHEAD, millis(60))?;
-        if let Some(Reply::Motors {
-            right_rpm,
-            left_rpm,
-            soc,
-        }) = reply
-        {
-            let slow = link.now > begun + millis(800) && right_rpm.min(left_rpm) < 250;
-            wrong_speeds = if slow { wrong_speeds + 1 } else { 0 };
-            if soc < 100 || wrong_speeds > 5 {
-                return Some(());
-            }
-        }
-        if round % 4 == 3
-            && let Some(Reply::SystemInfo(info)) = link.request(Request::SystemInfo, millis(40))?
-            && (info.sys_status != 0 || info.power_status & 1 == 0)
-        {
-            return Some(());
-        }
-        if link.now.since(link.heard) > millis(1500) {
-            return Some(());
-        }
-        round += 1;
-    }
-    Some(())
-}
-
-/// Stops, and makes sure of it.
-fn halt(link: &mut Link<'_>) -> Option<()> {
-    let stands = |reply: &Reply| {
-        matches!(reply, Reply::Motors { right_rpm, left_rpm, .. }
-            if right_rpm.abs() < 10 && left_rpm.abs() < 10)
-    };
-    link.insist(STOP, Duration::from_secs(3), stands)?;
-    link.insist(ALL_OFF, Duration::from_secs(1), |_| true)?;
-    Some(())
 }
