@@ -5,6 +5,7 @@
 
 use std::sync::LazyLock;
 
+use sim_core::device_kind::DeviceKind;
 use sim_core::fault::parameters::{
     Direction, EchoSensor, FuseName, Key, LinkName, Motors, PairName, PortName, RailName,
     WrongLength,
@@ -57,11 +58,40 @@ pub struct FaultChoice {
 }
 
 impl FaultChoice {
+    /// A choice of these numbers.
+    #[must_use]
+    pub fn new([kind, parameters @ ..]: [u8; 7]) -> Self {
+        Self { kind, parameters }
+    }
+
+    /// The choice of the next kind with the same parameters.
+    #[must_use]
+    pub fn next(&self) -> Self {
+        let kind = self.kind.wrapping_add(1);
+        Self { kind, ..*self }
+    }
+
+    /// Whether a device of this kind has it.
+    #[must_use]
+    pub fn is_for(&self, kind: DeviceKind) -> bool {
+        self.info().0.devices.contains(&kind)
+    }
+
+    fn info(&self) -> &'static (&'static FaultInfo, Taken) {
+        let kinds = &*KINDS;
+        &kinds[usize::from(self.kind) % kinds.len()]
+    }
+
     /// The fault.
     #[must_use]
     pub fn fault(&self) -> Fault {
-        let kinds = &*KINDS;
-        let (info, taken) = &kinds[usize::from(self.kind) % kinds.len()];
+        read(self.table()).unwrap_or_else(|why| panic!("{}: {why}", self.info().0.id))
+    }
+
+    /// The fault as scenario files have it.
+    #[must_use]
+    pub fn table(&self) -> Table {
+        let (info, taken) = self.info();
         let mut table = Table::new();
         table.insert("kind".to_owned(), Value::from(info.id));
         // Those that must be given come first, since there may be more parameters than choices.
@@ -75,7 +105,7 @@ impl FaultChoice {
             };
             table.insert(parameter.name.to_owned(), value.clone());
         }
-        read(table).unwrap_or_else(|why| panic!("{}: {why}", info.id))
+        table
     }
 }
 

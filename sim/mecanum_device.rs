@@ -125,7 +125,8 @@ pub struct MecanumDevice {
     stuck_status: Option<u8>,
     /// When the firmware is up, while it is not.
     boot_due: Option<SimTime>,
-    /// What was due while it hung is done then.
+    /// The latest time that it was told of: what turns out to have been due before that, as when it
+    /// hung, is done then.
     not_before: SimTime,
     /// A link timeout that is out of order has missed its time.
     missed_timeout: bool,
@@ -328,6 +329,7 @@ impl MecanumDevice {
         if let Some(nanos) = now.as_nanos().checked_sub(1) {
             self.advance(SimTime::from_nanos(nanos));
         }
+        self.not_before = now;
     }
 
     /// Does what is due at `now` and not earlier.

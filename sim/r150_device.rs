@@ -70,7 +70,8 @@ pub struct R150Device {
     stuck_status: Option<SystemInfo>,
     /// When the firmware is up, while it is not.
     boot_due: Option<SimTime>,
-    /// What was due while it hung is done then.
+    /// The latest time that it was told of: what turns out to have been due before that, as when it
+    /// hung, is done then.
     not_before: SimTime,
 }
 
@@ -291,6 +292,7 @@ impl R150Device {
         if let Some(nanos) = now.as_nanos().checked_sub(1) {
             self.advance(SimTime::from_nanos(nanos));
         }
+        self.not_before = now;
     }
 
     /// Does what is due at `now` and not earlier.

@@ -416,8 +416,14 @@ impl Rig {
                 }
             }
         }
-        let mut send = |line: &mut SerialLine, link: usize, bytes: &[u8]| {
-            if let Some(event) = line.device_sends(now, bytes) {
+        let mut send = |line: &mut SerialLine, link: usize, bytes: &[u8], has_room: bool| {
+            let event = if has_room {
+                line.device_sends(now, bytes)
+            } else {
+                let bytes = bytes.len();
+                Some(LineEvent::ReplyDropped { bytes })
+            };
+            if let Some(event) = event {
                 let kind = EventKind::Line { link, event };
                 keep(
                     &mut self.events,
@@ -433,19 +439,19 @@ impl Rig {
         while let Some((link, bytes)) = unit.poll_output() {
             let line = &mut slot.lines[link];
             let Some(faults) = &mut slot.faults else {
-                send(line, link, &bytes);
+                send(line, link, &bytes, true);
                 continue;
             };
             for frame in faults.send(now, link, bytes) {
                 faults.before_sending(now, link, frame.len(), line);
-                send(line, link, &frame);
+                send(line, link, &frame, faults.has_room(link));
             }
         }
         if let Some(faults) = &mut slot.faults {
             while let Some((link, frame)) = faults.take_due(now) {
                 let line = &mut slot.lines[link];
                 faults.before_sending(now, link, frame.len(), line);
-                send(line, link, &frame);
+                send(line, link, &frame, faults.has_room(link));
             }
         }
         while let Some((at, kind)) = unit.poll_event() {

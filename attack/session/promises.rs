@@ -30,7 +30,9 @@ impl Player {
             }
         }
         while let Some(event) = self.rig.poll_event() {
-            assert!(event.at >= self.told && event.at <= self.now, "{event:?}");
+            let (told, now) = (self.told, self.now);
+            let in_order = told <= event.at && event.at <= now;
+            assert!(in_order, "{event:?} is told after {told} s, at {now} s");
             self.told = event.at;
             let words = event.kind.to_string();
             assert!(!words.is_empty());

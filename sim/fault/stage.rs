@@ -24,6 +24,11 @@ impl Stage {
         }
     }
 
+    /// How many more bytes it can hold.
+    pub(super) fn room(&self) -> usize {
+        MOST_HELD - self.held.len()
+    }
+
     pub(super) fn take(&mut self, now: SimTime) -> Option<u8> {
         self.held
             .pop_front_if(|(at, _)| *at <= now)

@@ -6,7 +6,7 @@ use sim_settings::SimTime;
 use super::Tally;
 use super::active::{Faults, Work};
 use super::wire::{Way, WireFault};
-use crate::line::SerialLine;
+use crate::line::{MOST_IN_FLIGHT, SerialLine};
 
 /// Most frames that wait for their time.
 const MOST_LATE: usize = 256;
@@ -45,6 +45,12 @@ impl Faults {
         for byte in bytes {
             self.pass(now, link, Way::ToClient, byte);
         }
+    }
+
+    /// Whether all that a line carries can wait for the client of a link, who does not read.
+    pub(crate) fn has_room(&self, link: usize) -> bool {
+        let stages = self.stages.get(link);
+        stages.is_none_or(|own| own[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
     }
 
     fn pass(&mut self, now: SimTime, link: usize, way: Way, byte: u8) {

@@ -22,7 +22,6 @@ impl MecanumDevice {
         } else if self.stuck_status.is_none() {
             self.stuck_status = Some(self.motor_state(now));
         }
-        self.not_before = now;
         self.defects = defects;
     }
 

@@ -22,7 +22,6 @@ impl R150Device {
         } else if self.stuck_status.is_none() {
             self.stuck_status = Some(self.system_status());
         }
-        self.not_before = now;
         self.defects = defects;
     }
 

@@ -213,14 +213,15 @@ impl R150Device {
 
     /// Sends the replies whose time has come.
     pub(super) fn send_due(&mut self, now: SimTime) {
-        while let Some((due, reply)) = self.replies.pop_front_if(|(due, _)| *due <= now) {
+        while let Some((_, reply)) = self.replies.pop_front_if(|(due, _)| *due <= now) {
             let command = match self.settings.reply_command {
                 ReplyCommand::Same => reply.command(),
                 ReplyCommand::HighBit => reply.command() | 0x80,
             };
             let frame = codec::encode(command, &reply.parameters());
             self.output.push_back(frame.clone());
-            self.event(due, R150Event::Reply { reply, frame });
+            // One that waited behind a slower one is late.
+            self.event(now, R150Event::Reply { reply, frame });
         }
     }
 }

@@ -73,6 +73,22 @@ fn slow_firmware_answers_later() {
 }
 
 #[test]
+fn what_waits_behind_a_slow_reply_is_sent_with_it() {
+    let mut rig = r150();
+    let slow = inject(&mut rig, "kind = \"slow-replies\"\nby = \"100ms\"");
+    assert_eq!(ask(&mut rig, Request::Heartbeat), NOTHING);
+    rig.clear(slow);
+    assert_eq!(ask(&mut rig, Request::Version), NOTHING);
+    let sent = run(&mut rig, MAIN, MS(80));
+    assert_eq!((sent[3], sent[7 + 3]), (0x07, 0xF0));
+    let replies = std::iter::from_fn(|| rig.poll_event());
+    let replies = replies.filter(|event| event.kind.code() == "reply");
+    let at: Vec<SimTime> = replies.map(|event| event.at).collect();
+    assert_eq!(at.len(), 2);
+    assert_eq!(at[0], at[1]);
+}
+
+#[test]
 fn stuck_status_hides_a_trip_that_really_happened() {
     let mut rig = r150();
     power(&mut rig, 0b11_1111);

@@ -211,3 +211,22 @@ fn armed_again_a_fault_draws_other_numbers_and_the_bounds_hold() {
     assert_eq!(rig.inject(0, "many", &flips), Err(FaultError::TooMany));
     assert_eq!(ask(&mut rig, Request::Heartbeat).len(), 7);
 }
+
+#[test]
+fn a_client_that_does_not_read_loses_whole_packets_whatever_is_broken() {
+    let mut rig = car(false);
+    inject(
+        &mut rig,
+        "kind = \"bit-flips\"\nprobability = 0\nlink = \"main\"",
+    );
+    rig.advance(SimTime::from_secs(100)).unwrap();
+    let mut unread = Vec::new();
+    rig.client_reads(MAIN, &mut unread);
+    assert!(unread.len() > 12_000, "{} bytes", unread.len());
+    assert_eq!(unread.len() % 39, 0, "{} bytes", unread.len());
+    assert!(unread.chunks(39).all(|packet| packet.starts_with(&[0, 39])));
+    let dropped = std::iter::from_fn(|| rig.poll_event())
+        .filter(|event| event.kind.code() == "line_full")
+        .count();
+    assert!(dropped > 0, "and it is told so");
+}

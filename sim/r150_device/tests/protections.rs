@@ -188,6 +188,22 @@ fn with_retry_a_trip_tries_again_by_itself() {
 }
 
 #[test]
+fn a_retry_that_heat_has_held_back_comes_when_it_has_cooled_and_not_before() {
+    let mut bench = tripped(|s| {
+        s.protection.overcurrent_recovery = OvercurrentRecovery::Retry;
+        s.heartbeat_timeout = Duration::from_secs(60);
+    });
+    bench.read(|r| r.temperature = [90.0, 25.0]);
+    bench.after(Duration::from_secs(20));
+    bench.codes();
+    bench.read(|r| r.temperature = [60.0, 25.0]);
+    bench.after(Duration::ZERO);
+    let told = std::iter::from_fn(|| bench.device.poll_event());
+    let told: Vec<SimTime> = told.map(|(at, _)| at).collect();
+    assert_eq!(told, [bench.now; 2], "the trip and the heat");
+}
+
+#[test]
 fn over_temperature_sets_above_85_and_clears_below_75() {
     let mut bench = idle(|_| {});
     bench.read(|r| r.temperature = [85.0, 25.0]);
