@@ -178,6 +178,8 @@ impl PtyPort {
     ///
     /// When the system refuses.
     pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
+        self.look_before_writing()
+            .map_err(|kind| self.error("write to", kind))?;
         if !self.attached || self.leaving.is_some() {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
             return Ok(Written {
@@ -225,15 +227,14 @@ impl PtyPort {
         if !self.attached {
             return self.arrival();
         }
-        if self.leaving.is_none()
-            && let Some(departure) = self.look()?
-        {
-            self.leave(departure)?;
-        }
         if self.leaving.is_some() {
             return self.last_words(buf);
         }
         if !self.stash.is_empty() || buf.is_empty() {
+            if let Some(departure) = self.look()? {
+                self.leave(departure)?;
+                return self.last_words(buf);
+            }
             return Ok(self.stashed(buf));
         }
         let writes = self.registration.as_ref().map_or(0, Registration::writes);
@@ -255,7 +256,12 @@ impl PtyPort {
                 if let Some(registration) = &self.registration {
                     registration.all_read(writes);
                 }
-                Ok(Event::Idle)
+                // One that has left may have made room for the next.
+                let Some(departure) = self.look()? else {
+                    return Ok(Event::Idle);
+                };
+                self.leave(departure)?;
+                self.last_words(buf)
             }
             Ok(_) | Err(Errno::IO) => {
                 self.vacate()?;
@@ -293,6 +299,19 @@ impl PtyPort {
             registration.take_closed();
         }
         Ok(departure)
+    }
+
+    /// What is meant for one client must not go to the next, who may have come by now. Just after
+    /// bytes have been read it is known who is there.
+    fn look_before_writing(&mut self) -> Result<(), PortErrorKind> {
+        if !self.attached || self.leaving.is_some() || self.fresh_line.is_some() {
+            return Ok(());
+        }
+        if let Some(departure) = self.look()? {
+            self.leave(departure)?;
+            self.mark_ready();
+        }
+        Ok(())
     }
 
     /// Takes note that the client has left. What it sent comes out of the

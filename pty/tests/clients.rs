@@ -137,8 +137,9 @@ fn replies_to_one_client_never_reach_the_next() {
         let written = bench.port.write(&vec![b'x'; size]).unwrap();
         assert!(written.accepted > 0);
         drop(client);
-        // Written to nobody, but before the hang-up was seen.
-        let _ = bench.port.write(b"late").unwrap();
+        // Nobody is there, although that has not been reported yet.
+        let written = bench.port.write(b"late").unwrap();
+        assert_eq!((written.accepted, written.dropped), (0, 4));
         bench.expect(Event::Detached);
         let written = bench.port.write(b"nobody there").unwrap();
         assert_eq!((written.accepted, written.dropped), (0, 12));
@@ -150,7 +151,26 @@ fn replies_to_one_client_never_reach_the_next() {
         drop(next);
         bench.expect(Event::Detached);
     }
-    assert_eq!(bench.port.counters().dropped_detached_bytes, 4 * 12);
+    assert_eq!(bench.port.counters().dropped_detached_bytes, 4 * (4 + 12));
+}
+
+#[test]
+fn a_reply_that_comes_after_its_client_does_not_go_to_the_one_after_it() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    first.send(b"request");
+    assert_eq!(bench.expect_bytes(7), b"request");
+    bench.expect_quiet();
+    drop(first);
+    let second = bench.client();
+    let written = bench.port.write(b"reply").unwrap();
+    assert_eq!((written.accepted, written.dropped), (0, 5));
+    bench.expect(Event::Detached);
+    bench.expect(Event::Attached);
+    assert_eq!(second.try_receive(), b"");
+    assert_eq!(bench.port.write(b"fresh").unwrap().accepted, 5);
+    assert_eq!(second.receive(5), b"fresh");
 }
 
 #[test]
