@@ -61,7 +61,6 @@ struct Node {
     departed: Option<Departure>,
     /// Somebody came after that one, and has left as well.
     departed_next: Option<Departure>,
-    paused: bool,
     /// The next opening is our own.
     visiting: bool,
 }
@@ -190,8 +189,8 @@ impl State {
         if events.contains(ReadFlags::MODIFY) {
             node.writes += 1;
         }
-        // Bytes alone are no news from a port whose caller has no room.
-        if !node.paused || events != ReadFlags::MODIFY {
+        // Bytes alone are no news yet: they take a while to the master, which then stands for them.
+        if events != ReadFlags::MODIFY {
             self.ready.push(node.token);
         }
     }
@@ -246,7 +245,6 @@ impl Registration {
             return Ok(());
         }
         self.paused = paused;
-        self.with_node(|node| node.paused = paused);
         self.mark_ready();
         self.update(fd)
     }
@@ -279,7 +277,6 @@ impl Registration {
             read_writes: 0,
             departed: None,
             departed_next: None,
-            paused: self.paused,
             visiting: false,
         };
         self.hub.lock().nodes.insert(wd, node);

@@ -42,8 +42,9 @@
 //!   that the bytes of both lie mixed in the kernel, all are the former's.
 //! - Nobody else's file is replaced or removed; [`PtyPort::open_at`] says
 //!   which link counts as our own.
-//! - Waiting costs nothing while nobody is attached.
+//! - Waiting costs nothing while nobody is attached, nor while clients take their time.
 
+mod busy_poll;
 mod error;
 mod hub;
 mod line;

@@ -3,12 +3,13 @@
 use std::mem::MaybeUninit;
 use std::num::NonZeroU64;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::event::{Timespec, epoll};
 use rustix::fd::AsFd;
 use rustix::io::Errno;
 
+use crate::busy_poll::BusyPoll;
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{Hub, INOTIFY, Registration, SIGNALS};
 use crate::port::Port;
@@ -26,6 +27,7 @@ pub struct Waiter {
     hub: Arc<Hub>,
     signals: Option<Signals>,
     wake: Wake,
+    busy_poll: BusyPoll,
 }
 
 /// Why [`Waiter::wait`] returned. Neither a port nor a signal means that the
@@ -61,7 +63,17 @@ impl Waiter {
             hub: Hub::new().map_err(waiting)?,
             signals: None,
             wake: Wake::default(),
+            busy_poll: BusyPoll::default(),
         })
+    }
+
+    /// Has a wait look for news busily for as long as this before it sleeps, if the wait before it
+    /// had news as soon. A client that asks again as soon as it is answered then need not wait
+    /// until this process has woken up. With zero, which is the default, every wait sleeps.
+    ///
+    /// It takes a processor of its own to be of use.
+    pub fn set_busy_poll(&mut self, longest: Duration) {
+        self.busy_poll = BusyPoll::new(longest);
     }
 
     /// Makes sure that the few descriptors can be opened that ports need for a moment when clients
@@ -146,8 +158,49 @@ impl Waiter {
         } else {
             timeout
         };
+        self.take_news(timeout)?;
+        self.hub.take_ready(&mut self.wake.ready);
+        self.wake.ready.sort_unstable();
+        self.wake.ready.dedup();
+        Ok(&self.wake)
+    }
+
+    /// Takes what there is within `timeout`, looking or asleep.
+    fn take_news(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
+        let begun = Instant::now();
+        let busy = self.busy_poll.span();
+        loop {
+            let elapsed = begun.elapsed();
+            let left = timeout.map(|timeout| timeout.saturating_sub(elapsed));
+            if elapsed < busy {
+                self.take_events(Some(Duration::ZERO))?;
+            } else {
+                self.take_events(left)?;
+            }
+            let news = self.has_news();
+            if news || left == Some(Duration::ZERO) {
+                self.busy_poll.note(news.then(|| begun.elapsed()));
+                return Ok(());
+            }
+        }
+    }
+
+    fn has_news(&self) -> bool {
+        !self.wake.ready.is_empty() || self.wake.signal.is_some() || self.hub.has_ready()
+    }
+
+    /// Takes what the system reports within `timeout`, which may be no news.
+    fn take_events(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
+        // A wait too long for the system's clock is one without an end.
+        let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
         let mut space = [MaybeUninit::uninit(); EVENTS];
-        for event in self.wait_epoll(&mut space, timeout)? {
+        let events = match epoll::wait(self.hub.epoll(), &mut space, timeout.as_ref()) {
+            Ok((events, _)) => events,
+            // A handler ran. Its pipe is readable by now, and the next wait returns at once.
+            Err(Errno::INTR) => return Ok(()),
+            Err(errno) => return Err(waiting(PortErrorKind::call("epoll_pwait2")(errno))),
+        };
+        for event in &*events {
             match event.data.u64() {
                 INOTIFY => {
                     self.hub
@@ -162,26 +215,7 @@ impl Waiter {
                 token => self.wake.ready.extend(usize::try_from(token)),
             }
         }
-        self.hub.take_ready(&mut self.wake.ready);
-        self.wake.ready.sort_unstable();
-        self.wake.ready.dedup();
-        Ok(&self.wake)
-    }
-
-    fn wait_epoll<'a>(
-        &self,
-        space: &'a mut [MaybeUninit<epoll::Event>],
-        timeout: Option<Duration>,
-    ) -> Result<&'a [epoll::Event], PortError> {
-        // A wait too long for the system's clock is one without an end.
-        let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
-        match epoll::wait(self.hub.epoll(), space, timeout.as_ref()) {
-            Ok((events, _)) => Ok(events),
-            // A handler ran. Its pipe is readable by now, and the next wait
-            // returns at once.
-            Err(Errno::INTR) => Ok(&[]),
-            Err(errno) => Err(waiting(PortErrorKind::call("epoll_pwait2")(errno))),
-        }
+        Ok(())
     }
 }
 

@@ -138,3 +138,51 @@ fn something_else_to_read_ends_a_wait_and_so_does_its_end() {
     drop(theirs);
     assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
 }
+
+#[test]
+fn looking_busily_finds_what_sleeping_finds() {
+    const REQUESTS: usize = 2000;
+    let mut waiter = Waiter::new().unwrap();
+    waiter.set_busy_poll(Duration::from_micros(50));
+    let mut port = Port::from(PtyPort::open_unlinked(115_200).unwrap());
+    waiter.add(0, &mut port).unwrap();
+    let client = Client::open(port.path());
+    // The waiter looks busily while the client asks in quick succession, and sleeps through its
+    // pauses.
+    let asking = std::thread::spawn(move || {
+        for request in 0..REQUESTS {
+            client.send(&[7]);
+            while client.try_receive().is_empty() {
+                std::thread::yield_now();
+            }
+            if request % 500 == 0 {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+    });
+    let start = Instant::now();
+    let mut buf = [0; 16];
+    loop {
+        assert!(start.elapsed() < PATIENCE, "the client is kept waiting");
+        if waiter.wait(Some(PATIENCE)).unwrap().ready().is_empty() {
+            continue;
+        }
+        match port.read(&mut buf).unwrap() {
+            Event::Data(n) => assert_eq!(port.write(&buf[..n]).unwrap().accepted, n),
+            Event::Detached => break,
+            Event::Attached | Event::Idle => {}
+        }
+    }
+    asking.join().unwrap();
+    assert_eq!(port.counters().sent_bytes, REQUESTS as u64);
+    // Nobody is there any more: a wait with an end comes to it.
+    while !waiter
+        .wait(Some(Duration::from_millis(1)))
+        .unwrap()
+        .ready()
+        .is_empty()
+    {
+        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
+        assert!(start.elapsed() < PATIENCE, "the waiter spins");
+    }
+}
