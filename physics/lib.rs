@@ -39,6 +39,7 @@ mod pose;
 pub mod r150;
 mod rest;
 pub mod traction;
+mod vehicle_body;
 pub mod world;
 
 pub use mecanum::{

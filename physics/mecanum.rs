@@ -43,10 +43,17 @@ pub use signals::{
     WHEELS, Wheel, Wiring,
 };
 
-use crate::pose::{BodyMotion, Pose};
+use crate::pose::Pose;
+use crate::vehicle_body::{Bounds, VehicleBody};
 use crate::world::{BodyId, BodyShape, World};
 use drive::Drive;
 use sensors::Sensors;
+
+const BOUNDS: Bounds = Bounds {
+    payload: 100.0,
+    push: 1e4,
+    bump: 1e3,
+};
 
 /// One car.
 ///
@@ -58,7 +65,7 @@ use sensors::Sensors;
 pub struct MecanumPlant {
     settings: MecanumPlantSettings,
     wiring: Wiring,
-    body: BodyId,
+    body: VehicleBody,
     commands: MecanumCommands,
     supplied: bool,
     wheel_faults: [WheelFaults; WHEELS],
@@ -69,17 +76,8 @@ pub struct MecanumPlant {
     directed_encoders: bool,
     /// What the ports' counters show besides their wheel's pulses.
     pulse_offset: [u32; PORTS],
-    /// kg, without what the faults add.
-    payload: f64,
-    /// Ahead, left, counter-clockwise; N and N·m.
-    push: [f64; 3],
     drive: Drive,
     sensors: Sensors,
-    motion: BodyMotion,
-    distance: f64,
-    /// For how long it has been slow enough to stand, s.
-    settled: f64,
-    resting: bool,
 }
 
 impl MecanumPlant {
@@ -108,29 +106,25 @@ impl MecanumPlant {
             inertia: drive.inertia,
         };
         let body = world.add_body(name, shape, pose);
-        let motion = world.motion(body);
+        let own = &settings.body;
+        let carried = (own.length, own.payload);
+        let body = VehicleBody::new(world, body, carried, &settings.rest, BOUNDS);
         let mut sensors = Sensors::new(settings);
-        sensors.look(world, body, &motion);
+        sensors.look(world, body.id(), body.motion());
         let wiring = settings.plugs.wiring(Wiring::default());
         Self {
             wiring,
             plain_wiring: wiring,
             directed_encoders: false,
             pulse_offset: [0; PORTS],
-            payload: settings.body.payload,
             settings: settings.clone(),
             body,
             commands: MecanumCommands::default(),
             supplied: true,
             wheel_faults: [WheelFaults::default(); WHEELS],
             faults: MecanumFaults::default(),
-            push: [0.0; 3],
             drive,
             sensors,
-            motion,
-            distance: 0.0,
-            settled: 0.0,
-            resting: false,
         }
     }
 
@@ -164,11 +158,8 @@ impl MecanumPlant {
 
     /// Applies the forces of one step. Call before every [`World::step`].
     pub fn before_step(&mut self, world: &mut World) {
-        if self.resting {
-            if world.is_still(self.body) {
-                return;
-            }
-            self.wake();
+        if self.body.rests_before(world) {
+            return;
         }
         drive::step(self, world);
     }
@@ -176,25 +167,19 @@ impl MecanumPlant {
     /// Takes over what the step did. Call after every [`World::step`].
     pub fn after_step(&mut self, world: &mut World) {
         let step = world.step_length();
-        if self.resting {
-            if world.rests_on(self.body, self.settings.rest.speed) {
-                self.motion = world.motion(self.body);
-                self.rest(step);
-                // Others may be moving around it.
-                self.sensors.follow(step, world, self.body, &self.motion);
-                return;
-            }
-            // Something ran into it during this step.
-            self.wake();
+        if self.body.rests_after(world) {
+            self.rest(step);
+            // Others may be moving around it.
+            self.sensors
+                .follow(step, world, self.body.id(), self.body.motion());
+            return;
         }
         let seconds = step.as_secs_f64();
-        self.motion = world.motion(self.body);
-        let velocity = self.motion.body_velocity();
-        let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
-        self.distance += speed.sqrt() * seconds;
+        let velocity = self.body.follow(world, seconds);
         self.drive.follow(velocity, seconds, &self.wheel_faults);
         self.settle(world, seconds);
-        self.sensors.follow(step, world, self.body, &self.motion);
+        self.sensors
+            .follow(step, world, self.body.id(), self.body.motion());
     }
 
     /// Lets time pass while the car [rests](Self::at_rest) and the world is not stepped. Nothing
@@ -207,19 +192,18 @@ impl MecanumPlant {
     /// of the world.
     #[must_use]
     pub fn at_rest(&self) -> bool {
-        self.resting
+        self.body.is_resting()
     }
 
     /// Looks again whether the car can stand and what its sensors see, after a change around it such
     /// as another ground or a new obstacle.
     pub fn wake(&mut self) {
-        self.resting = false;
-        self.settled = 0.0;
+        self.body.wake();
     }
 
     /// Its body in the world, for contact queries.
     #[must_use]
     pub fn body(&self) -> BodyId {
-        self.body
+        self.body.id()
     }
 }

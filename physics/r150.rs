@@ -29,13 +29,19 @@ pub use signals::{
     Sides,
 };
 
-use crate::pose::{BodyMotion, Pose};
+use crate::pose::Pose;
 pub use crate::rest::RestSettings;
+use crate::vehicle_body::{Bounds, VehicleBody};
 use crate::world::{BodyId, BodyShape, World};
 use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};
 use slow::SlowStates;
 
+const BOUNDS: Bounds = Bounds {
+    payload: 1000.0,
+    push: 1e5,
+    bump: 1e4,
+};
 /// What a supply keeps however much it lacks, V; divisions stay bounded by it.
 const LOWEST_SUPPLY: f64 = 1.0;
 
@@ -48,7 +54,7 @@ const LOWEST_SUPPLY: f64 = 1.0;
 #[derive(Debug, Clone)]
 pub struct R150Plant {
     settings: R150PlantSettings,
-    body: BodyId,
+    body: VehicleBody,
     commands: R150Commands,
     loads: [Load; RAILS],
     pwm_sources: [PwmSource; 4],
@@ -56,21 +62,12 @@ pub struct R150Plant {
     pwm_in: [PwmReading; 4],
     side_faults: Sides<SideFaults>,
     faults: R150Faults,
-    /// kg, without what the faults add.
-    payload: f64,
     power_module_fault: bool,
-    /// Ahead, left, counter-clockwise; N and N·m.
-    push: [f64; 3],
     drive: Drive,
     slow: SlowStates,
     flow: Flow,
-    motion: BodyMotion,
-    distance: f64,
     /// What a stuck encoder repeats, rpm.
     encoder_rpm: [f64; 2],
-    /// For how long it has been slow enough to stand, s.
-    settled: f64,
-    resting: bool,
 }
 
 impl R150Plant {
@@ -96,6 +93,9 @@ impl R150Plant {
             inertia: drive.inertia,
         };
         let body = world.add_body(name, shape, pose);
+        let own = &settings.body;
+        let carried = (own.length, own.payload);
+        let body = VehicleBody::new(world, body, carried, &settings.rest, BOUNDS);
         let mut plant = Self {
             settings: settings.clone(),
             body,
@@ -105,17 +105,11 @@ impl R150Plant {
             pwm_in: [PwmReading::default(); 4],
             side_faults: Sides::default(),
             faults: R150Faults::default(),
-            payload: settings.body.payload,
             power_module_fault: false,
-            push: [0.0; 3],
             drive,
             slow: SlowStates::new(settings),
             flow: Flow::default(),
-            motion: world.motion(body),
-            distance: 0.0,
             encoder_rpm: [0.0; 2],
-            settled: 0.0,
-            resting: false,
         };
         plant.solve_network();
         plant
@@ -149,31 +143,20 @@ impl R150Plant {
 
     /// Applies the forces of one step. Call before every [`World::step`].
     pub fn before_step(&mut self, world: &mut World) {
-        if self.resting {
-            if world.is_still(self.body) {
-                return;
-            }
-            self.wake();
+        if self.body.rests_before(world) {
+            return;
         }
         drive::step(self, world);
     }
 
     /// Takes over what the step did and advances the electrics. Call after every [`World::step`].
     pub fn after_step(&mut self, world: &mut World) {
-        if self.resting {
-            if world.rests_on(self.body, self.settings.rest.speed) {
-                self.motion = world.motion(self.body);
-                self.rest(world.step_length());
-                return;
-            }
-            // Something ran into it during this step.
-            self.wake();
+        if self.body.rests_after(world) {
+            self.rest(world.step_length());
+            return;
         }
         let seconds = world.step_length().as_secs_f64();
-        self.motion = world.motion(self.body);
-        let velocity = self.motion.body_velocity();
-        let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
-        self.distance += speed.sqrt() * seconds;
+        let velocity = self.body.follow(world, seconds);
         self.drive
             .traction
             .follow(velocity, self.drive.wheel_speed, seconds);
@@ -196,19 +179,18 @@ impl R150Plant {
     /// of the world.
     #[must_use]
     pub fn at_rest(&self) -> bool {
-        self.resting
+        self.body.is_resting()
     }
 
     /// Looks again whether the vehicle can stand, after a change around it such as another ground.
     pub fn wake(&mut self) {
-        self.resting = false;
-        self.settled = 0.0;
+        self.body.wake();
     }
 
     /// Its body in the world, for contact queries.
     #[must_use]
     pub fn body(&self) -> BodyId {
-        self.body
+        self.body.id()
     }
 
     fn motor_port(&self, side: Side) -> MotorPort {

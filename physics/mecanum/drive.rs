@@ -189,7 +189,7 @@ impl MecanumPlant {
 /// Computes the forces of one step and gives the body the velocity they lead to.
 pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
-    let motion = world.motion(plant.body);
+    let motion = world.motion(plant.body.id());
     let ground = world.ground_at(motion.x, motion.y);
     let gravity = world.gravity();
     let orders = Wheel::ALL.map(|wheel| plant.order(wheel));
@@ -242,5 +242,5 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
         drive.motor_torque[index] = grip.gain * (grip.speed - drive.wheel_speed[index]);
     }
     let [ahead, left, yaw_rate] = chassis.velocity;
-    world.set_velocity(plant.body, motion.to_world([ahead, left]), yaw_rate);
+    world.set_velocity(plant.body.id(), motion.to_world([ahead, left]), yaw_rate);
 }

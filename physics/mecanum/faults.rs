@@ -1,9 +1,10 @@
 //! What an operator, a scenario or bad luck does to the car.
 
-use super::MecanumPlant;
 use super::encoder::Encoder;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
+use super::{BOUNDS, MecanumPlant};
 use crate::pose::Pose;
+use crate::vehicle_body::{number, within};
 use crate::world::World;
 
 /// What is wrong with one wheel.
@@ -90,8 +91,8 @@ impl MecanumFaults {
             friction: self
                 .friction
                 .map(|friction| number(friction).clamp(0.0, 10.0)),
-            payload: number(self.payload).clamp(0.0, 100.0),
-            push: self.push.map(|part| number(part).clamp(-1e4, 1e4)),
+            payload: number(self.payload).clamp(0.0, BOUNDS.payload),
+            push: self.push.map(|part| within(part, BOUNDS.push)),
             ultrasonic: self.ultrasonic.map(|sensor| match sensor {
                 Ultrasonic::Ghost(distance) => {
                     Ultrasonic::Ghost(number(distance).clamp(0.0, hearing))
@@ -162,52 +163,36 @@ impl MecanumPlant {
 
     /// Puts a payload on the deck, kg, within 0–100.
     pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.payload = number(payload).clamp(0.0, 100.0);
+        self.body.set_payload(payload);
         self.follow_payload(world);
-        self.wake();
     }
 
     fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.payload + self.faults.payload;
+        let payload = self.body.payload() + self.faults.payload;
         self.drive.set_payload(&self.settings, payload);
-        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
+        world.set_mass(self.body.id(), self.drive.mass, self.drive.inertia);
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is
     /// held within ±10 kN.
     pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.push = [ahead, left, turn].map(|part| number(part).clamp(-1e4, 1e4));
-        self.wake();
+        self.body.set_push([ahead, left, turn]);
     }
 
     /// Bumps once: ahead and to the left in N·s, counter-clockwise in N·m·s. Each is held within
     /// ±1 kN·s.
     pub fn bump(&mut self, world: &mut World, ahead: f64, left: f64, turn: f64) {
-        let [ahead, left, turn] = [ahead, left, turn].map(|part| number(part).clamp(-1e3, 1e3));
-        let motion = world.motion(self.body);
-        let [x, y] = motion.to_world([ahead / self.drive.mass, left / self.drive.mass]);
-        world.set_velocity(
-            self.body,
-            [motion.vx + x, motion.vy + y],
-            motion.yaw_rate + turn / self.drive.inertia,
-        );
-        self.wake();
+        let (mass, inertia) = (self.drive.mass, self.drive.inertia);
+        self.body.bump(world, [ahead, left, turn], mass, inertia);
     }
 
     /// Lifts the car and sets it down elsewhere, standing.
     pub fn place(&mut self, world: &mut World, pose: Pose) {
-        world.place(self.body, pose);
-        self.motion = world.motion(self.body);
+        self.body.place(world, pose);
         self.drive.traction.relax();
         for wheel in Wheel::ALL {
             self.drive.stop(wheel);
         }
-        self.sensors.look(world, self.body, &self.motion);
-        self.wake();
+        self.sensors.look(world, self.body.id(), self.body.motion());
     }
-}
-
-/// Callers check what they are given; this is the last line that keeps a NaN out of the state.
-fn number(value: f64) -> f64 {
-    if value.is_nan() { 0.0 } else { value }
 }

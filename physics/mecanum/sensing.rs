@@ -81,18 +81,18 @@ impl MecanumPlant {
     /// How things really are.
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
-        let [forward_speed, leftward_speed, yaw_rate] = self.motion.body_velocity();
+        let [forward_speed, leftward_speed, yaw_rate] = self.body.motion().body_velocity();
         MecanumTruth {
-            pose: self.motion.pose(),
+            pose: self.body.motion().pose(),
             forward_speed,
             leftward_speed,
             yaw_rate,
-            distance: self.distance,
+            distance: self.body.distance(),
             wheel_speed: self.drive.wheel_speed,
             wheel_angle: self.drive.wheel_angle,
             motor_torque: self.drive.motor_torque,
             mass: self.drive.mass,
-            at_rest: self.resting,
+            at_rest: self.body.is_resting(),
         }
     }
 }

@@ -161,7 +161,7 @@ impl Drive {
 /// Computes the tyre forces of one step and gives the body the velocity they lead to.
 pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
-    let motion = world.motion(plant.body);
+    let motion = world.motion(plant.body.id());
     let ground = world.ground_at(motion.x, motion.y);
     let gravity = world.gravity();
 
@@ -206,5 +206,5 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
         .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
     plant.drive.wheel_speed = wheels.map(|wheel| wheel.speed);
     let [ahead, left, yaw_rate] = chassis.velocity;
-    world.set_velocity(plant.body, motion.to_world([ahead, left]), yaw_rate);
+    world.set_velocity(plant.body.id(), motion.to_world([ahead, left]), yaw_rate);
 }

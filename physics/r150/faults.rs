@@ -1,9 +1,10 @@
 //! What an operator, a scenario or bad luck does to the vehicle.
 
-use super::R150Plant;
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
+use super::{BOUNDS, R150Plant};
 use crate::pose::Pose;
+use crate::vehicle_body::{number, within};
 use crate::world::World;
 
 /// What a wheel encoder does.
@@ -71,7 +72,7 @@ impl R150Faults {
     /// Holds everything in the ranges of the methods that set the same.
     fn within_limits(&self) -> Self {
         Self {
-            loads: self.loads.map(|load| load.map(within)),
+            loads: self.loads.map(|load| load.map(bounded)),
             supply_drop: number(self.supply_drop).clamp(0.0, 1000.0),
             supply_resistance: number(self.supply_resistance).clamp(0.0, 10.0),
             missing_charge: number(self.missing_charge).clamp(0.0, 1.0),
@@ -79,14 +80,14 @@ impl R150Faults {
                 .temperature
                 .map(|celsius| celsius.map(|celsius| number(celsius).clamp(-200.0, 1000.0))),
             encoder_error: Sides {
-                right: number(self.encoder_error.right).clamp(-1e5, 1e5),
-                left: number(self.encoder_error.left).clamp(-1e5, 1e5),
+                right: within(self.encoder_error.right, 1e5),
+                left: within(self.encoder_error.left, 1e5),
             },
             friction: self
                 .friction
                 .map(|friction| number(friction).clamp(0.0, 10.0)),
-            payload: number(self.payload).clamp(0.0, 1000.0),
-            push: self.push.map(|part| number(part).clamp(-1e5, 1e5)),
+            payload: number(self.payload).clamp(0.0, BOUNDS.payload),
+            push: self.push.map(|part| within(part, BOUNDS.push)),
             ..*self
         }
     }
@@ -134,7 +135,7 @@ impl R150Plant {
 
     /// Wires a load to a rail. Power is held within 0–100 kW, resistance above 1 mΩ.
     pub fn set_load(&mut self, rail: Rail, load: Load) {
-        self.loads[rail.index()] = within(load);
+        self.loads[rail.index()] = bounded(load);
         self.solve_network();
     }
 
@@ -146,48 +147,37 @@ impl R150Plant {
 
     /// Puts a payload on the deck, kg, within 0–1000.
     pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.payload = number(payload).clamp(0.0, 1000.0);
+        self.body.set_payload(payload);
         self.follow_payload(world);
-        self.wake();
     }
 
     fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.payload + self.faults.payload;
+        let payload = self.body.payload() + self.faults.payload;
         self.drive.set_payload(&self.settings, payload);
-        world.set_mass(self.body, self.drive.mass, self.drive.inertia);
+        world.set_mass(self.body.id(), self.drive.mass, self.drive.inertia);
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is
     /// held within ±100 kN.
     pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.push = [ahead, left, turn].map(|part| number(part).clamp(-1e5, 1e5));
-        self.wake();
+        self.body.set_push([ahead, left, turn]);
     }
 
     /// Bumps once: ahead and to the left in N·s, counter-clockwise in N·m·s. Each is held within
     /// ±10 kN·s.
     pub fn bump(&mut self, world: &mut World, ahead: f64, left: f64, turn: f64) {
-        let [ahead, left, turn] = [ahead, left, turn].map(|part| number(part).clamp(-1e4, 1e4));
-        let motion = world.motion(self.body);
-        let [x, y] = motion.to_world([ahead / self.drive.mass, left / self.drive.mass]);
-        world.set_velocity(
-            self.body,
-            [motion.vx + x, motion.vy + y],
-            motion.yaw_rate + turn / self.drive.inertia,
-        );
-        self.wake();
+        let (mass, inertia) = (self.drive.mass, self.drive.inertia);
+        self.body.bump(world, [ahead, left, turn], mass, inertia);
     }
 
     /// Lifts the vehicle and sets it down elsewhere, standing.
     pub fn place(&mut self, world: &mut World, pose: Pose) {
-        world.place(self.body, pose);
-        self.motion = world.motion(self.body);
+        self.body.place(world, pose);
         self.drive.traction.relax();
         for side in Side::BOTH {
             self.drive.stop(side);
         }
         self.solve_network();
-        self.wake();
     }
 
     /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.
@@ -253,13 +243,13 @@ impl R150Plant {
 
     /// Changes the temperature around the vehicle, °C, within ±200.
     pub fn set_ambient(&mut self, celsius: f64) {
-        self.slow.ambient = number(celsius).clamp(-200.0, 200.0);
+        self.slow.ambient = within(celsius, 200.0);
     }
 
     /// Heats or cools a 12 V converter pair (0 is A+B, 1 is C+D) at once, °C, within ±200.
     pub fn set_temperature(&mut self, pair: usize, celsius: f64) {
         if let Some(temperature) = self.slow.temperature.get_mut(pair) {
-            *temperature = number(celsius).clamp(-200.0, 200.0);
+            *temperature = within(celsius, 200.0);
         }
     }
 
@@ -269,15 +259,10 @@ impl R150Plant {
     }
 }
 
-fn within(load: Load) -> Load {
+fn bounded(load: Load) -> Load {
     match load {
         Load::Power(power) => Load::Power(number(power).clamp(0.0, 1e5)),
         Load::Resistance(resistance) => Load::Resistance(number(resistance).clamp(1e-3, 1e9)),
         other => other,
     }
-}
-
-/// Callers check what they are given; this is the last line that keeps a NaN out of the state.
-fn number(value: f64) -> f64 {
-    if value.is_nan() { 0.0 } else { value }
 }

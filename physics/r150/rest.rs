@@ -33,29 +33,12 @@ impl R150Plant {
 
     /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
     pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
-        let limit = self.settings.rest.speed;
-        let half_length = self.settings.body.length / 2.0;
-        let [ahead, left, yaw_rate] = self.motion.body_velocity();
         let radius = self.settings.tyre.wheel_radius;
-        let slow = ahead.abs() <= limit
-            && left.abs() <= limit
-            && yaw_rate.abs() * half_length <= limit
-            && self
-                .drive
-                .wheel_speed
-                .iter()
-                .all(|speed| speed.abs() * radius <= limit);
-        if !slow || self.is_driven() {
-            self.settled = 0.0;
+        let tyre_speeds = self.drive.wheel_speed.map(|speed| speed * radius);
+        let could_stand = self.body.is_slow(tyre_speeds) && !self.is_driven();
+        if !self.body.settle(world, seconds, could_stand) {
             return;
         }
-        self.settled += seconds;
-        if self.settled < self.settings.rest.settle_time.as_secs_f64() {
-            return;
-        }
-        self.resting = true;
-        world.set_velocity(self.body, [0.0; 2], 0.0);
-        self.motion = world.motion(self.body);
         self.drive.wheel_speed = [0.0; 2];
         self.note_encoders();
         self.solve_network();
@@ -73,6 +56,7 @@ impl R150Plant {
 
     /// Ahead, left, counter-clockwise; N and N·m.
     pub(super) fn total_push(&self) -> [f64; 3] {
-        std::array::from_fn(|part| self.push[part] + self.faults.push[part])
+        let push = self.body.push();
+        std::array::from_fn(|part| push[part] + self.faults.push[part])
     }
 }

@@ -30,13 +30,13 @@ impl R150Plant {
     /// How things really are.
     #[must_use]
     pub fn truth(&self) -> R150Truth {
-        let [forward_speed, leftward_speed, yaw_rate] = self.motion.body_velocity();
+        let [forward_speed, leftward_speed, yaw_rate] = self.body.motion().body_velocity();
         R150Truth {
-            pose: self.motion.pose(),
+            pose: self.body.motion().pose(),
             forward_speed,
             leftward_speed,
             yaw_rate,
-            distance: self.distance,
+            distance: self.body.distance(),
             wheel_speed: self.drive.wheel_speed.into(),
             motor_current: self.flow.motor_current.into(),
             motor_supply_current: self.flow.motor_supply.into(),
@@ -45,7 +45,7 @@ impl R150Plant {
             soc: self.slow.battery.soc(),
             charge_drawn: self.slow.battery.drawn(),
             mass: self.drive.mass,
-            at_rest: self.resting,
+            at_rest: self.body.is_resting(),
         }
     }
 

@@ -1,0 +1,192 @@
+//! What every vehicle is as a body: where it is, what it carries, what pushes it, whether it stands.
+
+use crate::pose::{BodyMotion, Pose};
+use crate::rest::RestSettings;
+use crate::world::{BodyId, World};
+
+/// The most that may be done to a vehicle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    /// kg.
+    pub(crate) payload: f64,
+    /// N and N·m.
+    pub(crate) push: f64,
+    /// N·s and N·m·s.
+    pub(crate) bump: f64,
+}
+
+/// The body of a vehicle.
+#[derive(Debug, Clone)]
+pub(crate) struct VehicleBody {
+    id: BodyId,
+    bounds: Bounds,
+    rest: RestSettings,
+    /// From its middle to its front, m.
+    half_length: f64,
+    motion: BodyMotion,
+    /// m.
+    distance: f64,
+    /// kg, without what faults add.
+    payload: f64,
+    /// Ahead, left, counter-clockwise; N and N·m; without what faults add.
+    push: [f64; 3],
+    /// For how long it has been slow enough to stand, s.
+    settled: f64,
+    resting: bool,
+}
+
+impl VehicleBody {
+    /// Of a body that stands; `length` in m, `payload` in kg.
+    pub(crate) fn new(
+        world: &World,
+        id: BodyId,
+        (length, payload): (f64, f64),
+        rest: &RestSettings,
+        bounds: Bounds,
+    ) -> Self {
+        Self {
+            id,
+            bounds,
+            rest: rest.clone(),
+            half_length: length / 2.0,
+            motion: world.motion(id),
+            distance: 0.0,
+            payload,
+            push: [0.0; 3],
+            settled: 0.0,
+            resting: false,
+        }
+    }
+
+    pub(crate) fn id(&self) -> BodyId {
+        self.id
+    }
+
+    /// Where it was and how it moved at the end of the last step.
+    pub(crate) fn motion(&self) -> &BodyMotion {
+        &self.motion
+    }
+
+    /// How far it has driven, m.
+    pub(crate) fn distance(&self) -> f64 {
+        self.distance
+    }
+
+    pub(crate) fn is_resting(&self) -> bool {
+        self.resting
+    }
+
+    /// What it carries, kg.
+    pub(crate) fn payload(&self) -> f64 {
+        self.payload
+    }
+
+    /// Puts a payload on the deck, kg. The plant changes the body's mass.
+    pub(crate) fn set_payload(&mut self, payload: f64) {
+        self.payload = number(payload).clamp(0.0, self.bounds.payload);
+        self.wake();
+    }
+
+    /// What pushes it, ahead, left, counter-clockwise; N and N·m.
+    pub(crate) fn push(&self) -> [f64; 3] {
+        self.push
+    }
+
+    /// Pushes steadily until changed.
+    pub(crate) fn set_push(&mut self, push: [f64; 3]) {
+        self.push = push.map(|part| within(part, self.bounds.push));
+        self.wake();
+    }
+
+    /// Bumps once: ahead, left, counter-clockwise; N·s and N·m·s. `mass` and `inertia` are its own,
+    /// kg and kg·m².
+    pub(crate) fn bump(&mut self, world: &mut World, bump: [f64; 3], mass: f64, inertia: f64) {
+        let [ahead, left, turn] = bump.map(|part| within(part, self.bounds.bump));
+        let motion = world.motion(self.id);
+        let [x, y] = motion.to_world([ahead / mass, left / mass]);
+        let velocity = [motion.vx + x, motion.vy + y];
+        world.set_velocity(self.id, velocity, motion.yaw_rate + turn / inertia);
+        self.wake();
+    }
+
+    /// Lifts it and sets it down elsewhere, standing. The plant stops the wheels.
+    pub(crate) fn place(&mut self, world: &mut World, pose: Pose) {
+        world.place(self.id, pose);
+        self.motion = world.motion(self.id);
+        self.wake();
+    }
+
+    /// Looks again whether it can stand.
+    pub(crate) fn wake(&mut self) {
+        self.resting = false;
+        self.settled = 0.0;
+    }
+
+    /// Whether it goes on resting in the step that comes; woken if something has moved it.
+    pub(crate) fn rests_before(&mut self, world: &World) -> bool {
+        if self.resting && !world.is_still(self.id) {
+            self.wake();
+        }
+        self.resting
+    }
+
+    /// Whether it goes on resting after a step; woken if something ran into it.
+    pub(crate) fn rests_after(&mut self, world: &mut World) -> bool {
+        if !self.resting {
+            return false;
+        }
+        if world.rests_on(self.id, self.rest.speed) {
+            self.motion = world.motion(self.id);
+        } else {
+            self.wake();
+        }
+        self.resting
+    }
+
+    /// Takes over what a step of so many seconds did; gives its velocity ahead and to the left in
+    /// m/s, and its yaw rate in rad/s.
+    pub(crate) fn follow(&mut self, world: &World, seconds: f64) -> [f64; 3] {
+        self.motion = world.motion(self.id);
+        let velocity = self.motion.body_velocity();
+        let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
+        self.distance += speed.sqrt() * seconds;
+        velocity
+    }
+
+    /// Whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
+    pub(crate) fn is_slow(&self, tyre_speeds: impl IntoIterator<Item = f64>) -> bool {
+        let limit = self.rest.speed;
+        let [ahead, left, yaw_rate] = self.motion.body_velocity();
+        ahead.abs() <= limit
+            && left.abs() <= limit
+            && yaw_rate.abs() * self.half_length <= limit
+            && tyre_speeds.into_iter().all(|speed| speed.abs() <= limit)
+    }
+
+    /// Counts for how long it `could_stand`, being slow and driven by nothing; brings it to a full stop
+    /// when that has been long enough, and says so.
+    pub(crate) fn settle(&mut self, world: &mut World, seconds: f64, could_stand: bool) -> bool {
+        if !could_stand {
+            self.settled = 0.0;
+            return false;
+        }
+        self.settled += seconds;
+        if self.settled < self.rest.settle_time.as_secs_f64() {
+            return false;
+        }
+        self.resting = true;
+        world.set_velocity(self.id, [0.0; 2], 0.0);
+        self.motion = world.motion(self.id);
+        true
+    }
+}
+
+/// Callers check what they are given; this is the last line that keeps a NaN out of the state.
+pub(crate) fn number(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value }
+}
+
+/// A number of either sign that is held within bounds.
+pub(crate) fn within(value: f64, most: f64) -> f64 {
+    number(value).clamp(-most, most)
+}
