@@ -46,6 +46,8 @@ struct State {
     nodes: BTreeMap<i32, Node>,
     /// Tokens with news that no descriptor stands for.
     ready: Vec<usize>,
+    /// Watches of nodes with new reports of writing, each once.
+    written: Vec<i32>,
 }
 
 /// What is known about who has a watched node open.
@@ -61,6 +63,9 @@ struct Node {
     departed: Option<Departure>,
     /// Somebody came after that one, and has left as well.
     departed_next: Option<Departure>,
+    /// Among those with new reports of writing.
+    written: bool,
+    paused: bool,
     /// The next opening is our own.
     visiting: bool,
 }
@@ -101,6 +106,15 @@ impl Hub {
     /// Takes the tokens that have news without a readable descriptor.
     pub(crate) fn take_ready(&self, into: &mut Vec<usize>) {
         into.append(&mut self.lock().ready);
+    }
+
+    /// Makes news of those reports of writing of which not all bytes have been read yet.
+    ///
+    /// Bytes take a while from where they are written to where they are read. Whoever looks all the
+    /// time waits for the bytes; whoever is about to sleep has to read them now, or would not know
+    /// later that there are none.
+    pub(crate) fn heed_writing(&self) {
+        self.lock().take_written();
     }
 
     pub(crate) fn has_ready(&self) -> bool {
@@ -188,10 +202,25 @@ impl State {
         }
         if events.contains(ReadFlags::MODIFY) {
             node.writes += 1;
+            if !std::mem::replace(&mut node.written, true) {
+                self.written.push(wd);
+            }
         }
-        // Bytes alone are no news yet: they take a while to the master, which then stands for them.
         if events != ReadFlags::MODIFY {
             self.ready.push(node.token);
+        }
+    }
+
+    fn take_written(&mut self) {
+        for wd in self.written.drain(..) {
+            let Some(node) = self.nodes.get_mut(&wd) else {
+                continue;
+            };
+            node.written = false;
+            // Bytes are no news from a port whose caller has no room.
+            if node.writes > node.read_writes && !node.paused {
+                self.ready.push(node.token);
+            }
         }
     }
 }
@@ -227,6 +256,11 @@ impl Registration {
         }
     }
 
+    /// Everything that there is to report has been.
+    pub(crate) fn unmark_ready(&self) {
+        self.hub.lock().ready.retain(|token| *token != self.token);
+    }
+
     /// Takes note of everything that inotify has to report by now.
     pub(crate) fn look(&self) -> Result<(), PortErrorKind> {
         self.hub.drain().map_err(PortErrorKind::call("read"))
@@ -245,6 +279,7 @@ impl Registration {
             return Ok(());
         }
         self.paused = paused;
+        self.with_node(|node| node.paused = paused);
         self.mark_ready();
         self.update(fd)
     }
@@ -277,6 +312,8 @@ impl Registration {
             read_writes: 0,
             departed: None,
             departed_next: None,
+            written: false,
+            paused: self.paused,
             visiting: false,
         };
         self.hub.lock().nodes.insert(wd, node);

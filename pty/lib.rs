@@ -42,7 +42,8 @@
 //!   that the bytes of both lie mixed in the kernel, all are the former's.
 //! - Nobody else's file is replaced or removed; [`PtyPort::open_at`] says
 //!   which link counts as our own.
-//! - Waiting costs nothing while nobody is attached, nor while clients take their time.
+//! - Waiting costs nothing while nobody is attached, and unless [`Waiter::set_busy_poll`] asks for
+//!   it, nothing while nobody sends.
 
 mod busy_poll;
 mod error;

@@ -91,7 +91,8 @@ impl Port {
         }
     }
 
-    /// Sends what fits without blocking, and drops and counts the rest.
+    /// Sends what fits without blocking, and drops and counts the rest; all of it if the client has
+    /// left, although that may not have been reported yet.
     ///
     /// # Errors
     ///

@@ -237,38 +237,52 @@ impl PtyPort {
             }
             return Ok(self.stashed(buf));
         }
-        let writes = self.registration.as_ref().map_or(0, Registration::writes);
-        match retry_on_intr(|| rustix::io::read(&self.pair, &mut *buf)) {
-            Ok(n) if n > 0 => {
-                // Whose they are is known only now: a client that left before
-                // they were read has been reported to us by this time.
-                if let Some(departure) = self.look()? {
-                    self.stash.push(&buf[..n]);
-                    self.leave(departure)?;
-                    return self.last_words(buf);
+        // Twice, since writing may be reported while the first read finds nothing.
+        for _ in 0..2 {
+            let writes = self.writes();
+            match retry_on_intr(|| rustix::io::read(&self.pair, &mut *buf)) {
+                Ok(n) if n > 0 => {
+                    // Whose they are is known only now: a client that left before
+                    // they were read has been reported to us by this time.
+                    if let Some(departure) = self.look()? {
+                        self.stash.push(&buf[..n]);
+                        self.leave(departure)?;
+                        return self.last_words(buf);
+                    }
+                    self.fresh_line = Some(self.line()?);
+                    self.last_line = self.fresh_line;
+                    self.counters.received(n);
+                    self.mark_ready();
+                    return Ok(Event::Data(n));
                 }
-                self.fresh_line = Some(self.line()?);
-                self.last_line = self.fresh_line;
-                self.counters.received(n);
-                Ok(Event::Data(n))
-            }
-            Err(Errno::AGAIN) => {
-                if let Some(registration) = &self.registration {
-                    registration.all_read(writes);
+                Err(Errno::AGAIN) => {
+                    if let Some(registration) = &self.registration {
+                        registration.all_read(writes);
+                    }
+                    // This and no hang-up, if the next one has the node open already.
+                    if let Some(departure) = self.look()? {
+                        self.leave(departure)?;
+                        return self.last_words(buf);
+                    }
+                    if self.writes() == writes {
+                        break;
+                    }
                 }
-                // One that has left may have made room for the next.
-                let Some(departure) = self.look()? else {
-                    return Ok(Event::Idle);
-                };
-                self.leave(departure)?;
-                self.last_words(buf)
+                Ok(_) | Err(Errno::IO) => {
+                    self.vacate()?;
+                    return Ok(self.detach());
+                }
+                Err(errno) => return Err(PortErrorKind::call("read")(errno)),
             }
-            Ok(_) | Err(Errno::IO) => {
-                self.vacate()?;
-                Ok(self.detach())
-            }
-            Err(errno) => Err(PortErrorKind::call("read")(errno)),
         }
+        if let Some(registration) = &self.registration {
+            registration.unmark_ready();
+        }
+        Ok(Event::Idle)
+    }
+
+    fn writes(&self) -> u64 {
+        self.registration.as_ref().map_or(0, Registration::writes)
     }
 
     /// Reports a client that has come.
@@ -284,6 +298,9 @@ impl PtyPort {
         self.last_line = None;
         self.counters.attached += 1;
         self.poll_input(true)?;
+        if !self.stash.is_empty() {
+            self.mark_ready();
+        }
         Ok(Event::Attached)
     }
 
@@ -301,13 +318,12 @@ impl PtyPort {
         Ok(departure)
     }
 
-    /// What is meant for one client must not go to the next, who may have come by now. Just after
-    /// bytes have been read it is known who is there.
+    /// What is meant for one client must not go to the next, who may have come by now.
     fn look_before_writing(&mut self) -> Result<(), PortErrorKind> {
-        if !self.attached || self.leaving.is_some() || self.fresh_line.is_some() {
-            return Ok(());
-        }
-        if let Some(departure) = self.look()? {
+        if self.attached
+            && self.leaving.is_none()
+            && let Some(departure) = self.look()?
+        {
             self.leave(departure)?;
             self.mark_ready();
         }

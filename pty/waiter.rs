@@ -31,7 +31,7 @@ pub struct Waiter {
 }
 
 /// Why [`Waiter::wait`] returned. Neither a port nor a signal means that the
-/// time is up, or now and then nothing at all.
+/// time is up.
 #[derive(Debug, Default)]
 pub struct Wake {
     signal: Option<TerminationSignal>,
@@ -69,9 +69,10 @@ impl Waiter {
 
     /// Has a wait look for news busily for as long as this before it sleeps, if the wait before it
     /// had news as soon. A client that asks again as soon as it is answered then need not wait
-    /// until this process has woken up. With zero, which is the default, every wait sleeps.
+    /// until this process has woken up; one that then takes its time has cost so much processor
+    /// time for nothing. With zero, which is the default, every wait sleeps.
     ///
-    /// It takes a processor of its own to be of use.
+    /// It is of use only where the client has another processor.
     pub fn set_busy_poll(&mut self, longest: Duration) {
         self.busy_poll = BusyPoll::new(longest);
     }
@@ -153,11 +154,6 @@ impl Waiter {
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<&Wake, PortError> {
         self.wake.ready.clear();
         self.wake.signal = None;
-        let timeout = if self.hub.has_ready() {
-            Some(Duration::ZERO)
-        } else {
-            timeout
-        };
         self.take_news(timeout)?;
         self.hub.take_ready(&mut self.wake.ready);
         self.wake.ready.sort_unstable();
@@ -172,11 +168,12 @@ impl Waiter {
         loop {
             let elapsed = begun.elapsed();
             let left = timeout.map(|timeout| timeout.saturating_sub(elapsed));
-            if elapsed < busy {
-                self.take_events(Some(Duration::ZERO))?;
-            } else {
-                self.take_events(left)?;
+            let looks = elapsed < busy;
+            if !looks {
+                self.hub.heed_writing();
             }
+            let sleeps = !looks && !self.hub.has_ready();
+            self.take_events(if sleeps { left } else { Some(Duration::ZERO) })?;
             let news = self.has_news();
             if news || left == Some(Duration::ZERO) {
                 self.busy_poll.note(news.then(|| begun.elapsed()));

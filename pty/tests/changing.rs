@@ -72,6 +72,26 @@ fn the_first_words_of_one_client_are_not_the_last_one_s() {
 }
 
 #[test]
+fn the_first_words_of_one_who_stays_are_not_forgotten() {
+    let mut bench = Bench::unlinked();
+    let mut former = bench.client();
+    bench.expect(Event::Attached);
+    for _ in 0..50 {
+        former.send(b"read");
+        assert_eq!(bench.expect_bytes(4), b"read");
+        bench.expect_quiet();
+        drop(former);
+        let next = bench.client();
+        next.send(b"hello");
+        bench.expect(Event::Detached);
+        bench.expect(Event::Attached);
+        // Nothing but these bytes is left to wake anybody.
+        assert_eq!(bench.expect_bytes(5), b"hello");
+        former = next;
+    }
+}
+
+#[test]
 fn bytes_that_lie_mixed_are_the_former_client_s() {
     let mut bench = Bench::unlinked();
     let first = bench.client();

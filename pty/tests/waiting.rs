@@ -5,6 +5,7 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Client, PATIENCE};
+use rustix::time::{ClockId, clock_gettime};
 use sim_pty::{Event, Port, PtyPort, Waiter, sharpen_timers};
 
 #[test]
@@ -51,6 +52,18 @@ fn of_many_ports_those_with_news_are_named() {
     }
     for (token, bytes) in received.iter().enumerate() {
         assert_eq!(*bytes, token.to_le_bytes());
+    }
+
+    // Each is named until it has nothing more to tell.
+    loop {
+        let ready = waiter.wait(Some(Duration::ZERO)).unwrap().ready().to_vec();
+        if ready.is_empty() {
+            break;
+        }
+        assert!(start.elapsed() < PATIENCE, "the waiter spins");
+        for token in ready {
+            assert_eq!(ports[token].read(&mut [0; 3]).unwrap(), Event::Idle);
+        }
     }
 
     // Only the one that hangs up is named now.
@@ -175,14 +188,33 @@ fn looking_busily_finds_what_sleeping_finds() {
     }
     asking.join().unwrap();
     assert_eq!(port.counters().sent_bytes, REQUESTS as u64);
-    // Nobody is there any more: a wait with an end comes to it.
-    while !waiter
-        .wait(Some(Duration::from_millis(1)))
-        .unwrap()
-        .ready()
-        .is_empty()
-    {
-        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
-        assert!(start.elapsed() < PATIENCE, "the waiter spins");
+}
+
+#[test]
+fn looking_busily_comes_to_an_end() {
+    let longest = Duration::from_millis(1);
+    let mut waiter = Waiter::new().unwrap();
+    waiter.set_busy_poll(longest);
+    let mut port = Port::from(PtyPort::open_unlinked(115_200).unwrap());
+    waiter.add(0, &mut port).unwrap();
+    let client = Client::open(port.path());
+    // News at once, so that the wait for more begins busily.
+    client.send(&[7]);
+    let mut buf = [0; 16];
+    let start = Instant::now();
+    while !matches!(port.read(&mut buf).unwrap(), Event::Data(1)) {
+        assert!(start.elapsed() < PATIENCE, "the byte never comes");
+        let _ = waiter.wait(Some(PATIENCE)).unwrap();
     }
+    while port.read(&mut buf).unwrap() != Event::Idle {}
+    let now = || Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap();
+    let before = now();
+    let asked = Duration::from_millis(500);
+    while !waiter.wait(Some(asked)).unwrap().ready().is_empty() {
+        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
+    }
+    // Waking now and then for nothing would be allowed; looking all the time would take it all.
+    let looked = now() - before;
+    assert!(looked < asked / 5, "looked for {looked:?} of {asked:?}");
+    drop(client);
 }
