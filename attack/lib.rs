@@ -12,6 +12,7 @@
 //! | [`setting`] | any setting with any value that it takes | – |
 //! | [`session`] | a sequence of operations on devices in a world, with any settings | finite physics, time forward, bounded output, right frames |
 //! | [`text`] | settings, world, rig and scenario files | refused in words, or built and run for a while |
+//! | [`document`] | scenario, rig and world files made of choices | refused in words, or played to their end, the same again |
 //! | [`trace`] | recordings of live runs, whole and damaged | the same again, or refused in words |
 
 #![expect(
@@ -20,6 +21,7 @@
     reason = "a broken promise is told by panicking, to proptest and to libFuzzer alike"
 )]
 
+pub mod document;
 pub mod fault;
 pub mod operation;
 pub mod session;

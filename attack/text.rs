@@ -24,7 +24,9 @@ const MOST_TIME: Duration = Duration::from_millis(200);
 /// A refusal must say something, and not everything.
 pub(crate) fn is_told(error: &str) {
     assert!(!error.is_empty(), "an error without words");
-    assert!(error.len() < 20_000, "an error of {} bytes", error.len());
+    let begins: String = error.chars().take(300).collect();
+    let length = error.len();
+    assert!(length < 20_000, "an error of {length} bytes: {begins}");
 }
 
 /// A settings file: both devices are driven with it for some steps of the physics.

@@ -25,7 +25,7 @@ use serde::Deserialize;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::settings::SimSettings;
 use sim_physics::Pose;
-use sim_settings::{Angle, Length, Origin, SettingsError, Source, apply_table};
+use sim_settings::{Angle, Length, Origin, SettingsError, Source, apply_table, shorten};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -126,7 +126,8 @@ impl RigPlan {
         base: &SimSettings,
         file: RigText,
     ) -> Result<Self, RigFileError> {
-        let wrong = |origin: Origin, why: String| RigFileError(vec![format!("{origin}: {why}")]);
+        let wrong =
+            |origin: Origin, why: String| RigFileError(vec![format!("{origin}: {}", shorten(why))]);
         let at = |span: std::ops::Range<usize>, why: String| wrong(source.place(span.start), why);
         if *file.schema.get_ref() != 1 {
             return Err(at(

@@ -36,7 +36,7 @@ use std::time::Duration;
 use sim_core::SimTime;
 use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
-use sim_settings::Source;
+use sim_settings::{Source, shorten};
 
 pub use document::Only;
 
@@ -191,8 +191,10 @@ impl Scenario {
             .filter(|(name, _)| !known.contains(&name.as_str()))
             .map(|(name, place)| {
                 let hint = crate::suggest::or_allowed(name, &known);
-                format!("{place}: no obstacle is named `{name}`; {hint}")
+                let why = format!("no obstacle is named `{name}`; {hint}");
+                format!("{place}: {}", shorten(why))
             })
+            .take(problems::MOST_ERRORS)
             .collect();
         if unknown.is_empty() {
             Ok(())

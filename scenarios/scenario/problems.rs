@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use sim_settings::Source;
+use sim_settings::{Source, shorten};
 
 use crate::rig_file::RigFileError;
 
 /// The most errors that one file reports.
-const MOST_ERRORS: usize = 20;
+pub(super) const MOST_ERRORS: usize = 20;
 
 /// What is wrong so far.
 pub(super) struct Problems<'t> {
@@ -28,8 +28,10 @@ impl<'t> Problems<'t> {
         if self.lines.len() < MOST_ERRORS {
             let place = self.source.place(at.start);
             let key = self.source.key_at(at.start);
-            let key = key.map(|key| format!("`{key}`: ")).unwrap_or_default();
-            self.lines.push(format!("{place}: {key}{why}"));
+            let key = key.map(|key| format!("`{}`: ", shorten(key)));
+            let why = shorten(why.to_owned());
+            let line = format!("{place}: {}{why}", key.unwrap_or_default());
+            self.lines.push(line);
         }
     }
 

@@ -1,0 +1,373 @@
+//! Whole documents: scenario, rig and world files made of choices.
+//!
+//! Their vocabulary is that of the schemas, so a key that is added is written from then on. What a
+//! schema does not say is said here: which keys exclude each other, what names there are, what only
+//! one kind of device has. Most documents are sound and are played; in the others a value is one that
+//! nobody means, a key is missing or is there for nothing.
+
+mod choices;
+mod condition;
+pub mod play;
+mod steps;
+
+use std::sync::LazyLock;
+
+use serde_json::Value as Json;
+use sim_physics::WorldMap;
+use sim_scenarios::{Kind, RigPlan, Scenario};
+use toml::{Table, Value};
+
+use crate::setting::SettingChoice;
+use choices::Choices;
+
+/// The text of a scenario file.
+#[must_use]
+pub fn scenario(choices: &[u8]) -> String {
+    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&Scenario::json_schema()));
+    let mut writer = Writer::new(choices, &SCHEMA);
+    let devices = writer.devices(3);
+    let mut document = Table::new();
+    document.insert("device".to_owned(), devices);
+    writer.begin(&mut document);
+    document.insert("limit".to_owned(), writer.limit());
+    if writer.choices.once_in(2) {
+        let settings = writer.settings("");
+        document.insert("settings".to_owned(), settings);
+    }
+    writer.steps(&mut document);
+    text(&document)
+}
+
+/// The text of a rig file.
+#[must_use]
+pub fn rig(choices: &[u8]) -> String {
+    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&RigPlan::json_schema()));
+    let mut writer = Writer::new(choices, &SCHEMA);
+    let mut document = Table::new();
+    document.insert("device".to_owned(), writer.devices(6));
+    writer.begin(&mut document);
+    text(&document)
+}
+
+/// The text of a world file.
+#[must_use]
+pub fn world(choices: &[u8]) -> String {
+    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&WorldMap::json_schema()));
+    let mut writer = Writer::new(choices, &SCHEMA);
+    match writer.object(&SCHEMA, &[]) {
+        Value::Table(document) => text(&document),
+        other => other.to_string(),
+    }
+}
+
+fn parse(schema: &str) -> Json {
+    serde_json::from_str(schema).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn text(document: &Table) -> String {
+    toml::to_string(document).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Numbers in places where any number may be.
+const SIZES: &[&str] = &["1", "0", "0.5", "2", "5", "12", "40", "0.01", "100"];
+/// Times in scenarios that last a second or so.
+const TIMES: &[&str] = &[
+    "100 ms",
+    "0 s",
+    "20 ms",
+    "250 ms",
+    "5 ms",
+    "137 ms",
+    "0.4 s",
+    "600 ms",
+    "1 us",
+    "86.806 us",
+];
+/// Bytes, among them what looks like frames of each link.
+const BYTES: &[&str] = &[
+    "AA 55 00 07 C7 84",
+    "AA",
+    "AA 55 FF 12",
+    "00 09 01 01 00 64 00 64 00",
+    "58 35 0A",
+];
+
+/// Writes a document.
+struct Writer<'b> {
+    choices: Choices<'b>,
+    schema: &'static Json,
+    devices: Vec<(String, Kind)>,
+    /// The device that is spoken of.
+    kind: Option<Kind>,
+    names: usize,
+}
+
+impl<'b> Writer<'b> {
+    fn new(choices: &'b [u8], schema: &'static Json) -> Self {
+        Self {
+            choices: Choices::new(choices),
+            schema,
+            devices: Vec::new(),
+            kind: None,
+            names: 0,
+        }
+    }
+
+    /// What every file begins with.
+    fn begin(&mut self, document: &mut Table) {
+        let texts = [("title", "t"), ("good_client", "g")];
+        let has = |key: &str| self.schema["properties"].get(key).is_some();
+        for (key, text) in texts.into_iter().filter(|(key, _)| has(key)) {
+            document.insert(key.to_owned(), Value::from(text));
+        }
+        let schema = self.value(&self.schema["properties"]["schema"], "schema");
+        document.insert("schema".to_owned(), schema);
+    }
+
+    fn limit(&mut self) -> Value {
+        if self.choices.is_odd() {
+            return self.odd();
+        }
+        let limits = ["800 ms", "1 s", "1500 ms", "2.5 s"];
+        Value::from(limits[self.choices.below(limits.len())])
+    }
+
+    /// One device or a few, well apart most of the time.
+    fn devices(&mut self, most: usize) -> Value {
+        let schema = &self.schema["$defs"]["DeviceText"];
+        let mut written = Vec::new();
+        for number in 0..=self.choices.below(most) {
+            let kind = if self.choices.once_in(2) {
+                Kind::Mecanum
+            } else {
+                Kind::R150
+            };
+            let foreign: &[&str] = match kind {
+                Kind::R150 => &["ros", "ros_port"],
+                Kind::Mecanum => &["start"],
+            };
+            self.kind = Some(kind);
+            let left_out = [foreign, &["kind", "name", "pose", "settings"]].concat();
+            let mut device = match self.object(schema, &left_out) {
+                Value::Table(device) => device,
+                _ => Table::new(),
+            };
+            let word = match kind {
+                Kind::R150 => "r150",
+                Kind::Mecanum => "mecanum",
+            };
+            let name = format!("v{number}{}", ["", "-a"][self.choices.below(2)]);
+            let kind_word = if self.choices.is_odd() {
+                self.odd()
+            } else {
+                Value::from(word)
+            };
+            device.insert("kind".to_owned(), kind_word);
+            device.insert("name".to_owned(), Value::from(name.as_str()));
+            // The wheels of two that stand in each other push without end.
+            let apart = if self.choices.once_in(16) {
+                0
+            } else {
+                3 * number
+            };
+            let pose = Table::from_iter([("x".to_owned(), Value::from(format!("{apart} m")))]);
+            device.insert("pose".to_owned(), Value::Table(pose));
+            if self.choices.once_in(3) {
+                let settings = self.settings(&format!("{word}."));
+                device.insert("settings".to_owned(), settings);
+            }
+            self.devices.push((name, kind));
+            written.push(Value::Table(device));
+        }
+        if self.choices.is_odd() {
+            written.extend(written.first().cloned());
+        }
+        Value::Array(written)
+    }
+
+    /// Settings, or those of one device without what stands `before` them.
+    fn settings(&mut self, before: &str) -> Value {
+        let mut settings = Table::new();
+        for _ in 0..=self.choices.below(3) {
+            let which = u16::from_le_bytes([self.choices.byte(), self.choices.byte()]);
+            let (key, literal) = SettingChoice::new(which, self.choices.byte()).pair();
+            let Some(key) = key.strip_prefix(before) else {
+                continue;
+            };
+            let read: Result<Table, _> = format!("x = {literal}").parse();
+            let value = read.ok().and_then(|mut read| read.remove("x"));
+            let value = if self.choices.is_odd() {
+                Some(self.odd())
+            } else {
+                value
+            };
+            let mut group = &mut settings;
+            let mut parts = key.split('.').peekable();
+            while let (Some(part), Some(value)) = (parts.next(), &value) {
+                if parts.peek().is_none() {
+                    group.insert(part.to_owned(), value.clone());
+                    break;
+                }
+                let inner = group
+                    .entry(part)
+                    .or_insert_with(|| Value::Table(Table::new()));
+                match inner {
+                    Value::Table(inner) => group = inner,
+                    _ => break,
+                }
+            }
+        }
+        Value::Table(settings)
+    }
+
+    /// A value that this schema allows, as far as it says.
+    fn value(&mut self, schema: &Json, key: &str) -> Value {
+        if self.choices.is_odd() {
+            return self.odd();
+        }
+        if let Some(reference) = schema["$ref"].as_str() {
+            let name = reference.rsplit('/').next().unwrap_or_default();
+            return self.defined(name, key);
+        }
+        if let Some(one) = schema.get("const").and_then(Json::as_str) {
+            return Value::from(one);
+        }
+        for alternatives in ["oneOf", "anyOf"] {
+            if let Some(all) = schema[alternatives].as_array() {
+                let all: Vec<&Json> = all.iter().filter(|one| self.is_for_it(one)).collect();
+                return match self.choices.pick(&all) {
+                    Some(one) => self.value(one, key),
+                    None => self.odd(),
+                };
+            }
+        }
+        let kind = schema["type"]
+            .as_str()
+            .or_else(|| schema["type"][0].as_str());
+        match kind {
+            Some("object") => self.object(schema, &[]),
+            Some("array") => {
+                let least = schema["minItems"].as_u64().unwrap_or(0);
+                let most = schema["maxItems"].as_u64().unwrap_or(least + 3);
+                let more = self
+                    .choices
+                    .below(usize::try_from(most - least).unwrap_or(0) + 1);
+                let count = usize::try_from(least).unwrap_or(0) + more;
+                Value::Array(
+                    (0..count)
+                        .map(|_| self.value(&schema["items"], key))
+                        .collect(),
+                )
+            }
+            Some("boolean") => Value::from(self.choices.once_in(2)),
+            Some("integer") => self.integer(schema),
+            Some("number") => self.number(schema),
+            Some("string") => Value::from(self.string(schema, key)),
+            _ => self.odd(),
+        }
+    }
+
+    /// What one kind of device has only is described so.
+    fn is_for_it(&self, schema: &Json) -> bool {
+        let about = schema["description"].as_str().unwrap_or_default();
+        let foreign = match self.kind {
+            Some(Kind::R150) => about.starts_with("Mecanum car"),
+            Some(Kind::Mecanum) => about.starts_with("R150"),
+            None => false,
+        };
+        !foreign && schema["type"].as_str() != Some("null")
+    }
+
+    /// A table with what must be in it and some of what may.
+    fn object(&mut self, schema: &Json, left_out: &[&str]) -> Value {
+        let mut table = Table::new();
+        let required: Vec<&str> = schema["required"]
+            .as_array()
+            .map(|keys| keys.iter().filter_map(Json::as_str).collect())
+            .unwrap_or_default();
+        for (key, own) in schema["properties"].as_object().into_iter().flatten() {
+            let must = required.contains(&key.as_str());
+            let is_there = if must {
+                !self.choices.is_odd()
+            } else {
+                self.choices.once_in(3)
+            };
+            if is_there && !left_out.contains(&key.as_str()) && self.is_for_it(own) {
+                let value = self.value(own, key);
+                table.insert(key.clone(), value);
+            }
+        }
+        if self.choices.is_odd() {
+            let value = self.odd();
+            table.insert("what_is_this".to_owned(), value);
+        }
+        Value::Table(table)
+    }
+
+    fn integer(&mut self, schema: &Json) -> Value {
+        let low = schema["minimum"].as_i64().unwrap_or(-500);
+        let high = schema["maximum"].as_i64().unwrap_or(1000).max(low);
+        let numbers = [low, high, low + 1, 0, 1, 2, 5, 300].map(|number| number.clamp(low, high));
+        Value::from(numbers[self.choices.below(numbers.len())])
+    }
+
+    fn number(&mut self, schema: &Json) -> Value {
+        let low = schema["minimum"].as_f64().unwrap_or(0.0);
+        let high = schema["maximum"].as_f64().unwrap_or(2.0);
+        let numbers = [0.5, low, high, 0.0, 1.0, -1.0, 3.0, 0.01, 2.5, -2.0];
+        Value::from(numbers[self.choices.below(numbers.len())].clamp(low, high))
+    }
+
+    fn string(&mut self, schema: &Json, key: &str) -> String {
+        let example = schema["examples"][0].as_str().unwrap_or_default();
+        match key {
+            "that" | "when" => condition::condition(&mut self.choices, &self.devices),
+            "press" => {
+                let keys = match self.kind {
+                    Some(Kind::Mecanum) => ["forward", "strafe-left", "turn-right", "left-front"],
+                    _ => ["forward", "backward", "left", "right"],
+                };
+                keys[self.choices.below(4)].to_owned()
+            }
+            "bytes" => BYTES[self.choices.below(BYTES.len())].to_owned(),
+            "line" => ["X10", "Y-5", "Z99999", "B1", "Q"][self.choices.below(5)].to_owned(),
+            "remove" | "obstacle" => format!("o{}", self.choices.below(4)),
+            "port" | "ros_port" | "name" => {
+                self.names += 1;
+                format!("o{}", self.names)
+            }
+            _ if example == "250ms" => TIMES[self.choices.below(TIMES.len())].to_owned(),
+            _ if example.contains(' ')
+                && schema["pattern"].as_str().is_some_and(|p| p.contains("eE")) =>
+            {
+                let (_, unit) = example.split_once(' ').unwrap_or_default();
+                format!("{} {unit}", SIZES[self.choices.below(SIZES.len())])
+            }
+            _ if !example.is_empty() => example.to_owned(),
+            _ => "x".to_owned(),
+        }
+    }
+
+    /// A value that nobody means.
+    fn odd(&mut self) -> Value {
+        let date = || "1979-05-27".parse().map(Value::Datetime);
+        match self.choices.below(16) {
+            0 => Value::from(""),
+            1 => Value::from("x".repeat(100_000)),
+            2 => Value::from(-1),
+            3 => Value::from(i64::MAX),
+            4 => Value::from(i64::MIN),
+            5 => Value::from(f64::NAN),
+            6 => Value::from(f64::INFINITY),
+            7 => Value::from(1e308),
+            8 => Value::from(true),
+            9 => Value::Array(Vec::new()),
+            10 => Value::Table(Table::new()),
+            11 => Value::from("1e400 m"),
+            12 => Value::from("-5 s"),
+            13 => Value::from("\u{0}\u{1F600}"),
+            14 => Value::Array(vec![Value::from(0); 1000]),
+            _ => date().unwrap_or(Value::from(0)),
+        }
+    }
+}

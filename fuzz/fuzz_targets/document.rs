@@ -1,0 +1,7 @@
+//! Scenario, rig and world files made of choices: refused in words, or played to their end.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use sim_attack::document::play;
+
+fuzz_target!(|choices: &[u8]| play::any(choices));
