@@ -106,6 +106,16 @@ fn a_place_where_no_trace_can_be_written_is_an_error() {
     let idle = folder.path().join("idle.toml");
     let args = ["run", idle.to_str().unwrap(), "--output", "/proc/traces"];
     run(&args).expect_refusal(2, &["cannot make the folder /proc/traces"]);
+    // A folder that is there, and in which nobody can make a file.
+    let args = ["run", idle.to_str().unwrap(), "--output", "/sys/kernel"];
+    run(&args).expect_refusal(2, &["cannot write into the folder /sys/kernel"]);
+    let report = [
+        "run",
+        idle.to_str().unwrap(),
+        "--junit",
+        "/sys/kernel/report.xml",
+    ];
+    run(&report).expect_refusal(2, &["cannot write /sys/kernel/report.xml"]);
 }
 
 #[test]

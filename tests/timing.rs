@@ -142,9 +142,10 @@ fn a_busy_machine_is_not_blamed_on_the_client() {
         }
     };
     send_for(Duration::from_secs(1));
-    // What a machine does that has no time for the simulator.
+    // What a machine does that has no time for the simulator, for longer than any timeout of the
+    // module: the heartbeat's is 3 s.
     sim.signal(Signal::STOP);
-    send_for(Duration::from_millis(900));
+    send_for(Duration::from_millis(3500));
     sim.signal(Signal::CONT);
     send_for(Duration::from_secs(1));
 
@@ -153,7 +154,7 @@ fn a_busy_machine_is_not_blamed_on_the_client() {
     let finished = sim.stop().expect_clean();
     let summary = finished.summary();
     let events = summary["events"].as_array().unwrap();
-    for code in ["watchdog_fired", "over_rate"] {
+    for code in ["watchdog_fired", "over_rate", "heartbeat_lost"] {
         assert!(with_code(events, code).is_empty(), "{events:?}");
     }
     let late = &with_code(events, "simulator_late")[0];
