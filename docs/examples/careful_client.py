@@ -72,12 +72,14 @@ class Link:
             if frame:
                 yield frame
                 continue
-            if time.monotonic() >= until:
-                return
+            # What has come while a busy machine had no time for this program counts as well.
+            late = time.monotonic() >= until
             new = self.port.read(4096)
             if new:
                 self.buffer += new
                 self.touched = time.monotonic()
+            elif late:
+                return
             else:
                 time.sleep(0.002)
 
