@@ -15,7 +15,7 @@ world 4000 10000 ../worlds
 rig 4000 10000 ../worlds
 scenario 4000 5000 ../scenarios/r150 ../scenarios/mecanum
 trace 8000 5000
-document 800 3000
+document 800 600
 TABLE
 }
 
