@@ -188,17 +188,20 @@ fn growth(options: &Options, table: &Table) {
         let (own, bare) = (many.over(&one), bare_many.over(&bare_one));
         table.ratio(&what, &own, &bare, times, Aim::AtMost(1.0));
     }
-    let further = |many: &Figures, few: &Figures, between: f64| {
-        let pairs = many.0.iter().zip(&few.0);
+    // What a further vehicle costs among many, beside what it costs among few.
+    let further = |one: &Figures, ten: &Figures, hundred: &Figures| {
+        let rounds = one.0.iter().zip(&ten.0).zip(&hundred.0);
         Figures(
-            pairs
-                .map(|(many, few)| (many - few) / between / span)
+            rounds
+                .map(|((one, ten), hundred)| (hundred - ten) / 90.0 / ((ten - one) / 9.0))
                 .collect(),
         )
     };
-    let (early, late) = (further(&ten, &one, 9.0), further(&hundred, &ten, 90.0));
-    let what = "a further vehicle per simulated second, up to the 100th beside up to the 10th";
-    table.ratio(what, &late, &early, micros, Aim::AtMost(1.0));
+    let own = further(&one, &ten, &hundred);
+    let bare = further(&bare_one, &bare_ten, &bare_hundred);
+    let what = "a further vehicle up to the 100th costs so many times as much as up to the 10th";
+    let times = |times: f64| format!("{times:.2} ×");
+    table.ratio(what, &own, &bare, times, Aim::AtMost(1.0));
 }
 
 fn idle(options: &Options, table: &Table) {
