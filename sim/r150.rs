@@ -155,6 +155,11 @@ impl Unit for R150 {
                 break;
             }
             self.plant.set_commands(&commands);
+            // What the module has drawn is gone with it, so that the supply may be back at once. It
+            // would come and go for ever; so it stays off until somebody looks again.
+            if !self.device.has_supply() {
+                break;
+            }
         }
     }
 

@@ -259,6 +259,12 @@ impl R150Device {
         self.motors.set_point()
     }
 
+    /// Whether the module had a supply when it was last measured.
+    #[must_use]
+    pub(crate) fn has_supply(&self) -> bool {
+        self.measured.module_powered
+    }
+
     /// The bits of `powerStatus`: rails that are on.
     #[must_use]
     pub fn power_status(&self) -> u8 {

@@ -1,6 +1,7 @@
 //! Hardware of the R150, and people.
 
 use super::*;
+use crate::r150_device::vehicle::{Action, Key};
 
 const AB: u32 = 1;
 
@@ -74,6 +75,29 @@ fn the_supply_sags_and_the_module_gives_up() {
     let (during, after) = seen_status("kind = \"supply-sag\"\nby = \"15 V\"");
     assert_eq!((during.sys_status, during.power_status), (1 << 6, 0));
     assert_eq!(after.sys_status, 0);
+}
+
+#[test]
+fn a_supply_that_breaks_down_under_the_load_comes_and_goes_with_the_steps_and_no_faster() {
+    let mut rig = r150();
+    rig.detach(MAIN, SimTime::ZERO).unwrap();
+    inject(
+        &mut rig,
+        "kind = \"supply-sag\"\nby = \"12 V\"\nresistance = \"10 ohm\"",
+    );
+    // The key is held down however often the module starts anew.
+    rig.with_r150(0, |r150, _, now| {
+        r150.operate(now, Action::Press(Key::Forward))
+    });
+    let steps = 200;
+    rig.advance(SimTime::ZERO + rig.world().step_length() * steps)
+        .unwrap();
+    let events: Vec<Event> = std::iter::from_fn(|| rig.poll_event()).collect();
+    let count = |code| events.iter().filter(|e| e.kind.code() == code).count();
+    let most = usize::try_from(steps).unwrap() + 2;
+    for code in ["power_lost", "started"] {
+        assert!((2..=most).contains(&count(code)), "{} {code}", count(code));
+    }
 }
 
 #[test]
