@@ -1,7 +1,7 @@
 //! Bytes for the decoders.
 //!
 //! Each decoder is compared with a second reading of the same stream that shares no code with it
-//! ([`reading`]), by every rule that its settings have. The firmware gets the stream whole and in
+//! (`reading`), by every rule that its settings have. The firmware gets the stream whole and in
 //! pieces, and must do the same.
 
 mod decode;
@@ -36,7 +36,7 @@ pub use reading::{frames_cover, sends_well};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Stream<'b> {
     /// Which rules the decoder goes by, a bit for each, in the order of [`r150`], [`mecanum`] and
-    /// [`ascii`].
+    /// [`ascii()`].
     pub rules: u8,
     /// The firmware gets it too; the decoder alone is played ten times as fast.
     pub firmware: bool,
