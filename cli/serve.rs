@@ -31,11 +31,12 @@ use crate::slowness::Slowness;
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
 /// is worth, since a client cannot tell.
 const SHORTEST_SLEEP: Duration = Duration::from_micros(100);
-/// How long to look for the next request of a client that asks as soon as it is answered. To a client
-/// in C, 15 µs were as good as 50 (`cargo bench --bench served -- latency` compares). Longer costs more
-/// when the system holds the bytes back for as long as we look, which it now and then does on a machine
-/// with few processors.
-const BUSY_POLL: Duration = Duration::from_micros(20);
+/// How long to look for the next request of a client that asks as soon as it is answered. A client in
+/// Python comes back after some 50 µs, and on a virtual machine waking a processor up can take 30 µs at
+/// either end (`cargo bench --bench served -- latency` compares). Looks that are too short are worse than
+/// none. Longer ones delay a client by as much when the system has it run on this processor, which it now
+/// and then does where there are few.
+const BUSY_POLL: Duration = Duration::from_micros(100);
 /// How late the system may run the simulator before simulated time stands still. Schedulers of
 /// desktops are late by a few milliseconds now and then, and protocols with deadlines of half a
 /// second do not mind.
