@@ -7,6 +7,10 @@ use std::time::Duration;
 /// It does if the wait before had news so soon that looking would have found them. So a client that
 /// asks as soon as it is answered is not kept waiting while the system wakes this process up, which
 /// takes longer than answering; and clients that take their time cost no more than one vain look.
+///
+/// After a look in vain the next quick wait sleeps, and no more than that one: two processes that
+/// wake each other up tend to be put on one processor, and only if one stays awake does the system
+/// move the other away.
 #[derive(Debug, Default)]
 pub(crate) struct BusyPoll {
     longest: Duration,
