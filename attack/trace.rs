@@ -1,5 +1,7 @@
 //! Traces: recordings of live runs, whole and damaged, and any text: replayed, or refused in words.
 
+use std::time::Duration;
+
 use sim_core::SimTime;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::settings::SimSettings;
@@ -7,7 +9,7 @@ use sim_scenarios::trace::{Record, Replay, ReplayError};
 use sim_scenarios::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
-use crate::operation::{Operation, Wait};
+use crate::operation::{Operation, Wait, burst_until};
 use crate::text::{MOST_DRIVEN, goes_on, is_told};
 
 /// Most simulated time of a replay, ns; what comes later is left out.
@@ -94,7 +96,7 @@ impl Recording {
                         Wait::UntilDue(_) => Wait::Milliseconds(50),
                         wait => *wait,
                     };
-                    now += wait.span(std::time::Duration::ZERO);
+                    now += wait.span(Duration::ZERO);
                     run.advance(now)
                 }
                 Operation::Attach { port } | Operation::Detach { port } => {
@@ -129,6 +131,11 @@ impl Recording {
                         attached[index] = true;
                         run.attach(ports[index], now)
                     }
+                }
+                Operation::HeldUp(millis) => {
+                    let by = Duration::from_millis((*millis).into());
+                    run.simulator_late(by, burst_until(run.rig().now(), *millis));
+                    Ok(())
                 }
                 _ => Ok(()),
             };

@@ -9,8 +9,7 @@ use sim_core::event::Event;
 const RHYTHM: Duration = Duration::from_millis(100);
 
 /// What a client does in steady time can look like this when a busy machine delivers it at once.
-const TIMING: [&str; 8] = [
-    "over_rate",
+const TIMING: [&str; 7] = [
     "watchdog_fired",
     "heartbeat_lost",
     "link_timeout",
@@ -29,10 +28,11 @@ pub(crate) struct Fairness {
 
 impl Fairness {
     /// The simulator was late at `now` by so much simulated time. What the clients sent meanwhile
-    /// arrives in one burst now, which takes less time than the sending did.
-    pub(crate) fn late(&mut self, now: SimTime, by: Duration) {
+    /// arrives in one burst now, which takes less time than the sending did; says until when.
+    pub(crate) fn late(&mut self, now: SimTime, by: Duration) -> SimTime {
         let until = now + by + RHYTHM;
         self.excused_until = self.excused_until.max(Some(until));
+        until
     }
 
     /// Whether an event looks like the client's fault but may well be the machine's.

@@ -10,7 +10,7 @@
 //! missing. So simulated time stands still from the last time the simulator ran; the clients'
 //! bytes come next, and are dated then. A client sees what it would see of a device that was slow
 //! to answer, every notice of it is a `simulator_late`, and what a client does in rhythm but
-//! arrives in a burst is not counted as its fault.
+//! arrives in a burst is neither left unanswered for coming too soon nor counted as its fault.
 //!
 //! In the same way simulated time stands still when there is more to compute than there is time.
 
@@ -247,11 +247,12 @@ impl<S: Simulation> Server<S> {
         }
         let now = self.simulation.rig().now();
         self.clock.set_back(now);
-        self.fairness
+        let burst_until = self
+            .fairness
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .late(now, self.clock.simulated(by));
-        self.simulation.simulator_late(by);
+        self.simulation.simulator_late(by, burst_until);
     }
 
     /// Advances the rig to the present, or as far as it comes before ports and signals are due

@@ -9,6 +9,7 @@
 //! | `header` | the first line: everything that a second run needs |
 //! | `attach`, `detach` | a client opened or closed a port |
 //! | `line` | a client set its end of a line |
+//! | `late` | the machine held the simulator up for `by` ns; until `burst_until` no command counts as too soon |
 //! | `in` | a client sent bytes, all at `t` |
 //! | `host` | the scripted client sent bytes |
 //! | `out` | bytes of the device arrived at the client: the first at `t`, each further one `dt` later |
@@ -22,6 +23,7 @@ mod record;
 mod replay;
 
 use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::event::{Event, Level};
@@ -112,6 +114,14 @@ impl Recorder {
             baud: line.baud,
             stop_bits: line.stop_bits,
             raw: line.raw,
+        });
+    }
+
+    pub(crate) fn late(&mut self, at: SimTime, by: Duration, burst_until: SimTime) {
+        self.write(&Record::Late {
+            t: at.as_nanos(),
+            by: u64::try_from(by.as_nanos()).unwrap_or(u64::MAX),
+            burst_until: burst_until.as_nanos(),
         });
     }
 

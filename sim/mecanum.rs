@@ -113,6 +113,10 @@ impl Unit for Mecanum {
         self.device.next_deadline()
     }
 
+    fn expect_burst(&mut self, _until: SimTime) {
+        // The board has no rule for how closely packets may follow one another.
+    }
+
     fn has_news(&self) -> bool {
         self.device.has_news()
     }

@@ -143,6 +143,10 @@ impl Unit for R150 {
         self.device.next_deadline()
     }
 
+    fn expect_burst(&mut self, until: SimTime) {
+        self.device.expect_burst(until);
+    }
+
     fn has_news(&self) -> bool {
         self.device.has_news()
     }

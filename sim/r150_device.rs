@@ -129,6 +129,12 @@ impl R150Device {
         }
     }
 
+    /// The machine held the simulator up, so that until then commands come closer together than the
+    /// client sent them. None of them counts as too soon.
+    pub fn expect_burst(&mut self, until: SimTime) {
+        self.motors.expect_burst(until);
+    }
+
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
@@ -360,7 +366,7 @@ impl R150Device {
         self.decoder.clear();
         self.control.restart(&self.settings);
         self.protection = Protection::new(self.settings.protection.clone());
-        self.motors = Motors::default();
+        self.motors.restart();
         self.replies.clear();
     }
 

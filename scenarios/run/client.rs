@@ -93,9 +93,16 @@ impl Run {
         self.rig.client_lost(port, bytes);
     }
 
-    /// As [`sim_core::rig::Rig::simulator_late`].
-    pub fn simulator_late(&mut self, by: Duration) {
-        self.rig.simulator_late(by);
+    /// As [`sim_core::rig::Rig::simulator_late`], at the present time; after the end of the run that
+    /// is no part of it.
+    pub fn simulator_late(&mut self, by: Duration, burst_until: SimTime) {
+        if self.outcome.is_some() {
+            return;
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.late(self.rig.now(), by, burst_until);
+        }
+        self.rig.simulator_late(by, burst_until);
     }
 
     /// As [`sim_core::rig::Rig::simulator_too_slow`].

@@ -30,6 +30,11 @@ pub enum Record {
         stop_bits: u8,
         raw: bool,
     },
+    Late {
+        t: u64,
+        by: u64,
+        burst_until: u64,
+    },
     In {
         t: u64,
         port: PortRecord,

@@ -191,6 +191,12 @@ impl Replay {
                 let port = self.port(port.into())?;
                 self.run.set_client_line(port, line);
             }
+            Record::Late { t, by, burst_until } => {
+                let at = self.client_acts(t)?;
+                self.run.advance(at)?;
+                let (by, burst_until) = (Duration::from_nanos(by), SimTime::from_nanos(burst_until));
+                self.run.simulator_late(by, burst_until);
+            }
             Record::Out { t, dt, port, bytes } => {
                 let port = self.port(port.into())?;
                 if bytes.0.len() > MOST_BYTES {

@@ -26,6 +26,8 @@ pub struct Motors {
     answer_due: Option<SimTime>,
     /// A watchdog that is out of order has missed its time.
     missed: bool,
+    /// Until then commands that come too soon were sent in time.
+    burst_until: Option<SimTime>,
 }
 
 /// Largest motor PWM.
@@ -50,7 +52,8 @@ impl Motors {
         let too_soon = self
             .last_answer
             .map(|last| now.since(last))
-            .filter(|since| *since < settings.motor_reply_interval);
+            .filter(|since| *since < settings.motor_reply_interval)
+            .filter(|_| self.burst_until.is_none_or(|until| now > until));
         if too_soon.is_some() && settings.over_rate == OverRate::Ignore {
             return (Answer::Never, too_soon);
         }
@@ -79,6 +82,19 @@ impl Motors {
             }
         };
         (answer, too_soon)
+    }
+
+    /// Until then no command comes too soon, see [`super::R150Device::expect_burst`].
+    pub fn expect_burst(&mut self, until: SimTime) {
+        self.burst_until = self.burst_until.max(Some(until));
+    }
+
+    /// Forgets everything that was commanded.
+    pub fn restart(&mut self) {
+        *self = Self {
+            burst_until: self.burst_until,
+            ..Self::default()
+        };
     }
 
     /// When the watchdog fires unless a command comes.

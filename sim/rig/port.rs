@@ -58,9 +58,13 @@ impl Rig {
         self.line_event(port, event);
     }
 
-    /// The system did not run the simulator for so long; told on every device.
-    pub fn simulator_late(&mut self, by: Duration) {
+    /// The system did not run the simulator for so long; told on every device. Until `burst_until`
+    /// what clients send may come closer together than they sent it, and none of it counts as too soon.
+    pub fn simulator_late(&mut self, by: Duration, burst_until: SimTime) {
         self.tell_all(LineEvent::SimulatorLate { by });
+        for slot in &mut self.slots {
+            slot.vehicle.unit_mut().expect_burst(burst_until);
+        }
     }
 
     /// The machine is too slow for the speed that was asked for; told on every device.

@@ -121,6 +121,52 @@ fn a_flipped_byte_a_lost_line_and_another_seed_are_found() {
 }
 
 #[test]
+fn a_run_that_the_machine_held_up_is_the_same_again() {
+    let options = RunOptions {
+        live: true,
+        trace: true,
+        ..RunOptions::scripted(1)
+    };
+    let mut run = Run::new(scenario(&text(R150, "2s", "")), None, options).unwrap();
+    run.attach(PORT, SimTime::from_millis(1)).unwrap();
+    let drive = Request::SetMotors { right: 9, left: 9 }.encode();
+    // Every second one is too soon, but for those that come while the burst lasts.
+    let (held_up, burst_until) = (SimTime::from_millis(500), SimTime::from_millis(900));
+    for at in (40..1500).step_by(40).map(SimTime::from_millis) {
+        if at == held_up + Duration::from_millis(20) {
+            run.simulator_late(Duration::from_millis(300), burst_until);
+        }
+        run.client_sends(PORT, at, &drive).unwrap();
+    }
+    run.advance(SimTime::MAX).unwrap();
+    let after_the_end = run.rig().now();
+    run.simulator_late(Duration::from_millis(300), after_the_end);
+    let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();
+    replay(&lines).unwrap();
+    let times = |code: &str| -> Vec<u64> {
+        let records = lines.iter().map(|line| serde_json::from_str(line).unwrap());
+        let times = records.filter_map(|record| match record {
+            Record::Event { t, code: found, .. } if found == code => Some(t),
+            _ => None,
+        });
+        times.collect()
+    };
+    let too_soon = times("over_rate");
+    let [before, after] = [held_up, burst_until].map(SimTime::as_nanos);
+    assert!(too_soon.iter().all(|t| *t < before || *t > after));
+    assert!(too_soon.iter().any(|t| *t < before) && too_soon.iter().any(|t| *t > after));
+    let late: Vec<_> = lines.iter().filter(|l| l.contains("\"late\"")).collect();
+    assert_eq!(late.len(), 1, "{late:?}");
+    // Without that line the second run leaves more commands unanswered.
+    let without: Vec<String> = lines
+        .iter()
+        .filter(|line| !line.contains("\"late\""))
+        .cloned()
+        .collect();
+    assert!(matches!(replay(&without), Err(ReplayError::Differs(_))));
+}
+
+#[test]
 fn what_no_recording_has_is_refused_in_words() {
     let text = text(R150, "2s", "");
     let version = Request::Version.encode();

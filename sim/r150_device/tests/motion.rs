@@ -103,6 +103,27 @@ fn a_command_sooner_than_50_ms_is_silent_but_counts() {
 }
 
 #[test]
+fn in_a_burst_that_the_simulator_caused_no_command_comes_too_soon() {
+    for over_rate in [OverRate::Silent, OverRate::Ignore, OverRate::Delay] {
+        let mut bench = Bench::with(|s| s.over_rate = over_rate);
+        assert!(bench.drive(100, 100).is_some());
+        let until = bench.now + INTERVAL / 2;
+        bench.device.expect_burst(until);
+        // An earlier end shortens nothing.
+        bench.device.expect_burst(until - QUANTUM);
+        bench.after(QUANTUM);
+        assert!(bench.drive(200, 200).is_some(), "{over_rate:?}");
+        bench.until(until);
+        assert!(bench.drive(300, 300).is_some(), "{over_rate:?}");
+        assert_eq!(bench.duty(), [0.3, 0.3]);
+        assert_eq!(bench.codes(), [""; 0]);
+        bench.after(QUANTUM);
+        assert_eq!(bench.drive(400, 400), None, "{over_rate:?}");
+        assert_eq!(bench.codes(), ["over_rate"]);
+    }
+}
+
+#[test]
 fn other_commands_have_no_rate_limit() {
     let mut bench = Bench::new();
     for _ in 0..100 {
