@@ -169,8 +169,8 @@ fn all_match(shown: &[&str], printed: &[&str]) -> bool {
     }
 }
 
-/// A real client meets a busy machine now and then: simulated time stands still for a moment, and
-/// what it sends seems to come too soon. Three times in a row that does not happen by chance.
+/// A real client meets a busy machine now and then, on which neither it nor the bytes on their way
+/// to it may get any time for a second. Three times in a row that does not happen by chance.
 const LIVE_TRIES: usize = 3;
 
 fn run_blocks(document: &str, info: &str, folder: &Path, tries: usize) {
