@@ -52,6 +52,8 @@ pub struct Protection {
     fault: bool,
     /// Since when the supply has been too low, and how low it is.
     low: Option<(SimTime, f64)>,
+    /// What [`Self::deadline`] says. It is asked far more often than anything changes.
+    deadline: Option<SimTime>,
 }
 
 impl Protection {
@@ -63,6 +65,7 @@ impl Protection {
             groups: [GroupState::default(); 4],
             fault: false,
             low: None,
+            deadline: None,
         }
     }
 
@@ -108,6 +111,7 @@ impl Protection {
                 state.withhold(now);
             }
         }
+        self.find_deadline();
     }
 
     /// Takes what was measured at `now`; `requested` is what the outputs should be.
@@ -144,15 +148,13 @@ impl Protection {
                 event(R150Event::Cooled(group));
             }
         }
+        self.find_deadline();
     }
 
     /// The next time at which something happens by itself.
     #[must_use]
     pub fn deadline(&self) -> Option<SimTime> {
-        let groups = self
-            .iter()
-            .map(|(group, state)| self.group_deadline(group, state));
-        groups.fold(self.supply_deadline(), earlier)
+        self.deadline
     }
 
     /// Does what is due at `now`; `requested` is what the outputs should be.
@@ -190,6 +192,15 @@ impl Protection {
             }
             event(R150Event::Tripped(group, Cause::Overcurrent, action));
         }
+        self.find_deadline();
+    }
+
+    /// To be called after every change.
+    fn find_deadline(&mut self) {
+        let groups = self
+            .iter()
+            .map(|(group, state)| self.group_deadline(group, state));
+        self.deadline = groups.fold(self.supply_deadline(), earlier);
     }
 
     fn iter(&self) -> impl Iterator<Item = (Group, &GroupState)> {
