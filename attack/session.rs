@@ -222,8 +222,7 @@ impl Player {
             }
             Operation::HeldUp(millis) => {
                 let by = Duration::from_millis((*millis).into());
-                self.rig
-                    .simulator_late(by, burst_until(self.now, *millis));
+                self.rig.simulator_late(by, burst_until(self.now, *millis));
             }
         }
     }
