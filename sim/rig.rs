@@ -6,31 +6,31 @@
 //! were added; then the physics takes the step that ends there.
 
 mod agenda;
+mod events;
 mod faults;
 mod port;
+mod service;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use sim_physics::{PhysicsError, Pose, World, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
-use crate::event::{Event, EventKind};
+use crate::event::Event;
 use crate::fault::Faults;
-use crate::line::{LineEvent, SerialLine, Wire};
+use crate::line::{SerialLine, Wire};
 use crate::mecanum::Mecanum;
 use crate::r150::R150;
 use crate::r150_device::vehicle::Start;
 use crate::settings::{MecanumSettings, R150Settings};
 use crate::unit::Unit;
 use agenda::Agenda;
+use events::Events;
 pub use port::PortId;
 
 /// How often slow states (charge, temperatures) advance while nothing moves.
 const REST_TICK: Duration = Duration::from_millis(100);
-/// Most events kept for whoever takes them; the oldest go first, and are counted.
-const MOST_EVENTS: usize = 1 << 16;
-
 /// Rounds without time passing after which the rig gives up; an honest instant takes a few for
 /// each byte that arrives in it.
 const MOST_ROUNDS: u32 = 100_000;
@@ -104,8 +104,7 @@ pub struct Rig {
     /// When the physics next takes a step or, at rest, a tick.
     physics_due: SimTime,
     resting: bool,
-    events: VecDeque<Event>,
-    events_lost: u64,
+    events: Events,
     /// How often each fault has acted, by handle.
     fault_hits: Vec<u64>,
     /// How often faults have been armed under each name.
@@ -126,8 +125,7 @@ impl Rig {
             now: SimTime::ZERO,
             physics_due,
             resting: false,
-            events: VecDeque::new(),
-            events_lost: 0,
+            events: Events::default(),
             fault_hits: Vec::new(),
             fault_names: BTreeMap::new(),
         }
@@ -343,142 +341,13 @@ impl Rig {
 
     /// Takes the next event.
     pub fn poll_event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+        self.events.take()
     }
 
     /// How many events were lost because nobody took them.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
-        self.events_lost
-    }
-
-    /// Does what is due for a device at the present time: arrivals, then deadlines.
-    fn serve(&mut self, device: usize) {
-        let now = self.now;
-        let slot = &mut self.slots[device];
-        let unit = slot.vehicle.unit_mut();
-        for (link, line) in slot.lines.iter_mut().enumerate() {
-            let Some(faults) = &mut slot.faults else {
-                while let Some(byte) = line.take_for_device(now) {
-                    unit.receive(now, link, &[byte]);
-                }
-                continue;
-            };
-            faults.pump(now, link, line);
-            while let Some(byte) = faults.take_for_device(now, link) {
-                unit.receive(now, link, &[byte]);
-            }
-        }
-        let due = unit.next_deadline().is_some_and(|due| due <= now);
-        if due {
-            unit.advance(now);
-        }
-        // Most bytes do no more than to lengthen a frame.
-        if due || unit.has_news() {
-            self.settle(device);
-        }
-        self.follow_up(device);
-    }
-
-    /// Follows up whatever has happened to a device at the present time.
-    fn after_change(&mut self, device: usize) {
-        self.settle(device);
-        self.follow_up(device);
-    }
-
-    /// Lets firmware and hardware of a device answer to one another.
-    fn settle(&mut self, device: usize) {
-        self.rest_to_grid(device);
-        let now = self.now;
-        if let Some(slot) = self.slots.get_mut(device) {
-            let unit = slot.vehicle.unit_mut();
-            unit.settle(now);
-            if unit.next_deadline().is_some_and(|due| due <= now) {
-                // What the firmware answers to a measurement at once, such as a trip without delay.
-                unit.advance(now);
-                unit.settle(now);
-            }
-        }
-    }
-
-    /// Takes what a device has to say, and notes when it next has something to do.
-    fn follow_up(&mut self, device: usize) {
-        let now = self.now;
-        let Some(slot) = self.slots.get_mut(device) else {
-            return;
-        };
-        let unit = slot.vehicle.unit_mut();
-        for (link, line) in slot.lines.iter_mut().enumerate() {
-            if line.take_former_done(now) {
-                unit.client_left(now, link);
-                if let Some(faults) = &mut slot.faults {
-                    faults.forget_late(link);
-                }
-            }
-        }
-        let mut send = |line: &mut SerialLine, link: usize, bytes: &[u8], has_room: bool| {
-            let event = if has_room {
-                line.device_sends(now, bytes)
-            } else {
-                let bytes = bytes.len();
-                Some(LineEvent::ReplyDropped { bytes })
-            };
-            if let Some(event) = event {
-                let kind = EventKind::Line { link, event };
-                keep(
-                    &mut self.events,
-                    &mut self.events_lost,
-                    Event {
-                        at: now,
-                        device,
-                        kind,
-                    },
-                );
-            }
-        };
-        while let Some((link, bytes)) = unit.poll_output() {
-            let line = &mut slot.lines[link];
-            let Some(faults) = &mut slot.faults else {
-                send(line, link, &bytes, true);
-                continue;
-            };
-            for frame in faults.send(now, link, bytes) {
-                faults.before_sending(now, link, frame.len(), line);
-                send(line, link, &frame, faults.has_room(link));
-            }
-        }
-        if let Some(faults) = &mut slot.faults {
-            while let Some((link, frame)) = faults.take_due(now) {
-                let line = &mut slot.lines[link];
-                faults.before_sending(now, link, frame.len(), line);
-                send(line, link, &frame, faults.has_room(link));
-            }
-        }
-        while let Some((at, kind)) = unit.poll_event() {
-            keep(
-                &mut self.events,
-                &mut self.events_lost,
-                Event { at, device, kind },
-            );
-        }
-        let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
-        let mut next = arrivals.chain(unit.next_deadline()).min();
-        if let Some(faults) = &slot.faults {
-            // Faults of the wire act on bytes to the client when they arrive, too.
-            let lines = slot.lines.iter().filter(|_| faults.act_on_wire());
-            let to_client = lines.filter_map(SerialLine::next_for_client);
-            next = to_client.chain(faults.next()).chain(next).min();
-        }
-        self.agenda.set(device, next.unwrap_or(SimTime::MAX));
-        if self.resting && !unit.at_rest() {
-            self.resting = false;
-            self.physics_due = self
-                .physics_due
-                .min(now.next_multiple(self.world.step_length()));
-        }
-        if self.slots[device].faults.is_some() {
-            self.watch_faults(device);
-        }
+        self.events.lost()
     }
 
     /// While nothing moves, a device's slow states lag behind; this brings them to where the next
@@ -537,29 +406,6 @@ impl Rig {
         }
         Ok(())
     }
-
-    fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
-        if let Some(event) = event {
-            let kind = EventKind::Line {
-                link: port.link,
-                event,
-            };
-            let event = Event {
-                at: self.now,
-                device: port.device,
-                kind,
-            };
-            keep(&mut self.events, &mut self.events_lost, event);
-        }
-    }
-}
-
-fn keep(events: &mut VecDeque<Event>, lost: &mut u64, event: Event) {
-    if events.len() >= MOST_EVENTS {
-        events.pop_front();
-        *lost += 1;
-    }
-    events.push_back(event);
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! What goes wrong in a rig, on purpose.
 
-use super::{PortId, Rig, Slot, Vehicle, keep};
+use super::{PortId, Rig, Slot, Vehicle};
 use crate::device_kind::DeviceKind;
 use crate::event::{Event, EventKind};
 use crate::fault::{
@@ -160,7 +160,7 @@ impl Rig {
                 let name = name.to_owned();
                 let kind = EventKind::Fault { name, id, phase };
                 let event = Event { at, device, kind };
-                keep(&mut self.events, &mut self.events_lost, event);
+                self.events.keep(event);
             }
         });
     }
@@ -172,7 +172,7 @@ impl Rig {
             device,
             kind: EventKind::Fault { name, id, phase },
         };
-        keep(&mut self.events, &mut self.events_lost, event);
+        self.events.keep(event);
     }
 }
 

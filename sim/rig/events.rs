@@ -1,0 +1,36 @@
+//! The events of a rig, until somebody takes them.
+
+use std::collections::VecDeque;
+
+use crate::event::Event;
+
+/// Most events kept; the oldest go first, and are counted.
+const MOST: usize = 1 << 16;
+
+/// Events in the order in which they happened.
+#[derive(Debug, Default)]
+pub(super) struct Events {
+    kept: VecDeque<Event>,
+    lost: u64,
+}
+
+impl Events {
+    /// Keeps it for whoever takes events.
+    pub(super) fn keep(&mut self, event: Event) {
+        if self.kept.len() >= MOST {
+            self.kept.pop_front();
+            self.lost += 1;
+        }
+        self.kept.push_back(event);
+    }
+
+    /// Takes the next one.
+    pub(super) fn take(&mut self) -> Option<Event> {
+        self.kept.pop_front()
+    }
+
+    /// How many were lost because nobody took them.
+    pub(super) fn lost(&self) -> u64 {
+        self.lost
+    }
+}

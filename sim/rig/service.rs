@@ -1,0 +1,169 @@
+//! What one device does at one instant: it takes what has arrived, serves its deadlines, and what it
+//! has to say goes onto its lines.
+
+use sim_settings::SimTime;
+
+use super::events::Events;
+use super::{PortId, Rig, Slot};
+use crate::event::{Event, EventKind};
+use crate::fault::Faults;
+use crate::line::{LineEvent, SerialLine};
+use crate::unit::Unit;
+
+impl Rig {
+    /// Does what is due for a device at the present time: arrivals, then deadlines.
+    pub(super) fn serve(&mut self, device: usize) {
+        let now = self.now;
+        let slot = &mut self.slots[device];
+        let unit = slot.vehicle.unit_mut();
+        receive(now, unit, &mut slot.lines, slot.faults.as_deref_mut());
+        let due = unit.next_deadline().is_some_and(|due| due <= now);
+        if due {
+            unit.advance(now);
+        }
+        // Most bytes do no more than to lengthen a frame.
+        if due || unit.has_news() {
+            self.settle(device);
+        }
+        self.follow_up(device);
+    }
+
+    /// Follows up whatever has happened to a device at the present time.
+    pub(super) fn after_change(&mut self, device: usize) {
+        self.settle(device);
+        self.follow_up(device);
+    }
+
+    /// Lets firmware and hardware of a device answer to one another.
+    fn settle(&mut self, device: usize) {
+        self.rest_to_grid(device);
+        let now = self.now;
+        if let Some(slot) = self.slots.get_mut(device) {
+            let unit = slot.vehicle.unit_mut();
+            unit.settle(now);
+            if unit.next_deadline().is_some_and(|due| due <= now) {
+                // What the firmware answers to a measurement at once, such as a trip without delay.
+                unit.advance(now);
+                unit.settle(now);
+            }
+        }
+    }
+
+    /// Takes what a device has to say, and notes when it next has something to do.
+    fn follow_up(&mut self, device: usize) {
+        let Some(slot) = self.slots.get_mut(device) else {
+            return;
+        };
+        let now = self.now;
+        say_farewell(now, slot);
+        send(now, device, slot, &mut self.events);
+        let unit = slot.vehicle.unit_mut();
+        while let Some((at, kind)) = unit.poll_event() {
+            self.events.keep(Event { at, device, kind });
+        }
+        self.agenda.set(device, next(slot));
+        if self.resting && !slot.vehicle.unit().at_rest() {
+            self.resting = false;
+            self.physics_due = self
+                .physics_due
+                .min(now.next_multiple(self.world.step_length()));
+        }
+        if slot.faults.is_some() {
+            self.watch_faults(device);
+        }
+    }
+
+    /// Something happened on a line, if anything did.
+    pub(super) fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
+        if let Some(event) = event {
+            self.events.keep(of_line(self.now, port, event));
+        }
+    }
+}
+
+fn of_line(at: SimTime, PortId { device, link }: PortId, event: LineEvent) -> Event {
+    let kind = EventKind::Line { link, event };
+    Event { at, device, kind }
+}
+
+/// Hands a device the bytes that have arrived.
+fn receive(
+    now: SimTime,
+    unit: &mut dyn Unit,
+    lines: &mut [SerialLine],
+    mut faults: Option<&mut Faults>,
+) {
+    for (link, line) in lines.iter_mut().enumerate() {
+        let Some(faults) = &mut faults else {
+            while let Some(byte) = line.take_for_device(now) {
+                unit.receive(now, link, &[byte]);
+            }
+            continue;
+        };
+        faults.pump(now, link, line);
+        while let Some(byte) = faults.take_for_device(now, link) {
+            unit.receive(now, link, &[byte]);
+        }
+    }
+}
+
+/// Replies to a client that has left are nobody's once its last byte has arrived.
+fn say_farewell(now: SimTime, slot: &mut Slot) {
+    for (link, line) in slot.lines.iter_mut().enumerate() {
+        if line.take_former_done(now) {
+            slot.vehicle.unit_mut().client_left(now, link);
+            if let Some(faults) = &mut slot.faults {
+                faults.forget_late(link);
+            }
+        }
+    }
+}
+
+/// Puts what a device has to say onto its lines, or what faults make of it.
+fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
+    let mut put = |line: &mut SerialLine, link: usize, bytes: &[u8], has_room: bool| {
+        let event = if has_room {
+            line.device_sends(now, bytes)
+        } else {
+            let bytes = bytes.len();
+            Some(LineEvent::ReplyDropped { bytes })
+        };
+        if let Some(event) = event {
+            events.keep(of_line(now, PortId { device, link }, event));
+        }
+    };
+    let unit = slot.vehicle.unit_mut();
+    let Some(faults) = &mut slot.faults else {
+        while let Some((link, bytes)) = unit.poll_output() {
+            put(&mut slot.lines[link], link, &bytes, true);
+        }
+        return;
+    };
+    let mut put = |faults: &mut Faults, link: usize, frame: &[u8]| {
+        let line = &mut slot.lines[link];
+        faults.before_sending(now, link, frame.len(), line);
+        put(line, link, frame, faults.has_room(link));
+    };
+    while let Some((link, bytes)) = unit.poll_output() {
+        for frame in faults.send(now, link, bytes) {
+            put(faults, link, &frame);
+        }
+    }
+    while let Some((link, frame)) = faults.take_due(now) {
+        put(faults, link, &frame);
+    }
+}
+
+/// When a device next has something to do.
+fn next(slot: &Slot) -> SimTime {
+    let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
+    let own = arrivals.chain(slot.vehicle.unit().next_deadline()).min();
+    let Some(faults) = &slot.faults else {
+        return own.unwrap_or(SimTime::MAX);
+    };
+    // Faults of the wire act on bytes to the client when they arrive, too.
+    let lines = slot.lines.iter().filter(|_| faults.act_on_wire());
+    let to_client = lines.filter_map(SerialLine::next_for_client);
+    let all = to_client.chain(faults.next()).chain(own);
+    all.min().unwrap_or(SimTime::MAX)
+}
