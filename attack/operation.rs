@@ -12,7 +12,6 @@ use sim_core::r150_device::codec::encode;
 use sim_core::r150_device::command;
 use sim_core::r150_device::control::Outputs;
 use sim_core::r150_device::vehicle::{self, Key};
-use sim_settings::SimTime;
 
 use crate::fault::FaultChoice;
 
@@ -99,14 +98,13 @@ pub enum Operation {
     },
     /// The ground becomes slippery, or less so, in percent.
     Ground(u8),
-    /// The machine holds the simulator up, ms.
-    HeldUp(u16),
-}
-
-/// Until when a burst follows after the simulator was held up for so many milliseconds: the time of
-/// the simulation stands still meanwhile.
-pub(crate) fn burst_until(now: SimTime, held_up: u16) -> SimTime {
-    now + Duration::from_millis(held_up.into()) + Duration::from_millis(100)
+    /// The machine that runs the simulator is late.
+    Late {
+        /// By how much, ms.
+        by: u8,
+        /// How much longer commands may come too soon by that, ms.
+        rest: u8,
+    },
 }
 
 /// How much time passes.

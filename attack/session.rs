@@ -22,7 +22,7 @@ use sim_core::rig::Rig;
 use sim_physics::r150::{Load, Rail};
 use sim_physics::{Ground, Pose};
 
-use crate::operation::{Hands, Message, Operation, Wait, burst_until, car_key, r150_button};
+use crate::operation::{Hands, Message, Operation, Wait, car_key, r150_button};
 use crate::setting::{self, SettingChoice};
 pub use promises::truth;
 use promises::{Client, ExpectDue as _};
@@ -220,9 +220,10 @@ impl Player {
                 let ground = Ground::new(f64::from(percent % 201) / 100.0, 0.0, 0.0);
                 self.rig.with_world(|world| world.set_ground(ground));
             }
-            Operation::HeldUp(millis) => {
-                let by = Duration::from_millis((*millis).into());
-                self.rig.simulator_late(by, burst_until(self.now, *millis));
+            Operation::Late { by, rest } => {
+                let [by, rest] = [by, rest].map(|span| Duration::from_millis((*span).into()));
+                self.rig.simulator_late(by);
+                self.rig.expect_burst(by, self.now + rest);
             }
         }
     }

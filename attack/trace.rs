@@ -9,7 +9,7 @@ use sim_scenarios::trace::{Record, Replay, ReplayError};
 use sim_scenarios::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
-use crate::operation::{Operation, Wait, burst_until};
+use crate::operation::{Operation, Wait};
 use crate::text::{MOST_DRIVEN, goes_on, is_told};
 
 /// Most simulated time of a replay, ns; what comes later is left out.
@@ -132,9 +132,9 @@ impl Recording {
                         run.attach(ports[index], now)
                     }
                 }
-                Operation::HeldUp(millis) => {
-                    let by = Duration::from_millis((*millis).into());
-                    run.simulator_late(by, burst_until(run.rig().now(), *millis));
+                Operation::Late { by, rest } => {
+                    let [by, rest] = [by, rest].map(|span| Duration::from_millis((*span).into()));
+                    run.expect_burst(by, run.rig().now() + rest);
                     Ok(())
                 }
                 _ => Ok(()),
@@ -198,6 +198,7 @@ const STRANGE: &[&str] = &[
     r#"{"kind":"in","t":5,"port":[18446744073709551615,1],"bytes":""}"#,
     r#"{"kind":"out","t":18446744073709551615,"dt":18446744073709551615,"port":[0,0],"bytes":"AAAA"}"#,
     r#"{"kind":"line","t":0,"port":[1,0],"baud":0,"stop_bits":255,"raw":false}"#,
+    r#"{"kind":"late","t":0,"by":18446744073709551615,"until":18446744073709551615}"#,
     r#"{"kind":"end","t":0,"passed":true,"dropped":0}"#,
     r#"{"kind":"end","t":3,"passed":true,"dropped":9}"#,
     r#"{"kind":"nothing that anybody knows"}"#,
@@ -325,6 +326,7 @@ fn until(line: &str) -> u64 {
             Record::Attach { t, .. }
             | Record::Detach { t, .. }
             | Record::Line { t, .. }
+            | Record::Late { t, .. }
             | Record::In { t, .. }
             | Record::End { t, .. },
         ) => t,

@@ -19,6 +19,12 @@ const TIMING: [&str; 7] = [
     "overrun",
 ];
 
+/// Until when what clients send may come in a burst, after the simulator was late at `now` by so much
+/// simulated time.
+pub(crate) fn burst_end(now: SimTime, by: Duration) -> SimTime {
+    now + by + RHYTHM
+}
+
 /// Knows when the simulator was late.
 #[derive(Default)]
 pub(crate) struct Fairness {
@@ -28,11 +34,9 @@ pub(crate) struct Fairness {
 
 impl Fairness {
     /// The simulator was late at `now` by so much simulated time. What the clients sent meanwhile
-    /// arrives in one burst now, which takes less time than the sending did; says until when.
-    pub(crate) fn late(&mut self, now: SimTime, by: Duration) -> SimTime {
-        let until = now + by + RHYTHM;
-        self.excused_until = self.excused_until.max(Some(until));
-        until
+    /// arrives in one burst now, which takes less time than the sending did.
+    pub(crate) fn late(&mut self, now: SimTime, by: Duration) {
+        self.excused_until = self.excused_until.max(Some(burst_end(now, by)));
     }
 
     /// Whether an event looks like the client's fault but may well be the machine's.

@@ -10,7 +10,10 @@
 //! missing. So simulated time stands still from the last time the simulator ran; the clients'
 //! bytes come next, and are dated then. A client sees what it would see of a device that was slow
 //! to answer, every notice of it is a `simulator_late`, and what a client does in rhythm but
-//! arrives in a burst is neither left unanswered for coming too soon nor counted as its fault.
+//! arrives in a burst is not counted as its fault.
+//!
+//! When the simulator was late by less, what it reads is dated when it reads it, and what comes on time
+//! after it seems to come too soon. Commands are allowed to, by as much as the simulator was late.
 //!
 //! In the same way simulated time stands still when there is more to compute than there is time.
 
@@ -23,7 +26,7 @@ use sim_core::rig::PortId;
 use sim_pty::{Counters, Event, Port, Waiter};
 
 use crate::clock::Clock;
-use crate::fairness::Fairness;
+use crate::fairness::{Fairness, burst_end};
 use crate::served::Served;
 use crate::simulation::Simulation;
 use crate::slowness::Slowness;
@@ -38,9 +41,10 @@ const SHORTEST_SLEEP: Duration = Duration::from_micros(100);
 /// and then does where there are few.
 const BUSY_POLL: Duration = Duration::from_micros(100);
 /// How late the system may run the simulator before simulated time stands still. Schedulers of
-/// desktops are late by a few milliseconds now and then, and protocols with deadlines of half a
-/// second do not mind.
+/// desktops are late by a few milliseconds now and then, and deadlines of half a second do not mind.
 const MOST_LATE: Duration = Duration::from_millis(20);
+/// From which lateness on what clients send is allowed to come closer together by as much.
+const LITTLE_LATE: Duration = Duration::from_millis(1);
 /// How long to compute before looking at signals and ports again.
 const BUDGET: Duration = Duration::from_millis(10);
 /// How much simulated time to compute before looking at the clock again.
@@ -172,6 +176,8 @@ impl<S: Simulation> Server<S> {
             } else if late > MOST_LATE {
                 // Not in its sleep but at its work, which may have been too much.
                 self.fell_behind(late);
+            } else if late > LITTLE_LATE {
+                self.expect_burst(late);
             }
             self.advance()?;
             self.follow_cables()?;
@@ -247,12 +253,21 @@ impl<S: Simulation> Server<S> {
         }
         let now = self.simulation.rig().now();
         self.clock.set_back(now);
-        let burst_until = self
-            .fairness
+        self.fairness
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .late(now, self.clock.simulated(by));
-        self.simulation.simulator_late(by, burst_until);
+        self.simulation.simulator_late(by);
+        self.expect_burst(by);
+    }
+
+    /// What clients send next may come closer together than they sent it, by as much real time.
+    fn expect_burst(&mut self, by: Duration) {
+        if !self.waiting {
+            let by = self.clock.simulated(by);
+            let until = burst_end(self.now(), by);
+            self.simulation.expect_burst(by, until);
+        }
     }
 
     /// Advances the rig to the present, or as far as it comes before ports and signals are due
@@ -280,20 +295,27 @@ impl<S: Simulation> Server<S> {
         if self.slowness.note() {
             self.simulation.simulator_too_slow();
         }
-        if by > MOST_LATE && !self.slowness.is_told() {
+        if by > MOST_LATE && !self.slowness.is_slow() {
             self.was_held_up(by);
         } else {
             self.clock.set_back(self.now());
+            self.expect_burst(by);
         }
     }
 
     /// The time of what has just been read: now, unless the simulator was held up so that it may
-    /// have come long before; the next round finds that out too. A machine that is too slow has
-    /// no time to advance for each read.
-    fn present(&self) -> SimTime {
-        let is_behind = || self.clock.since(self.now()) > MOST_LATE;
-        if self.waiting || self.slowness.is_told() || is_behind() {
+    /// have come long before. A machine that is too slow has no time to advance for each read.
+    fn present(&mut self) -> SimTime {
+        let behind = self.clock.since(self.now());
+        if self.waiting || self.slowness.is_slow() {
             return self.now();
+        }
+        if behind > MOST_LATE {
+            self.was_held_up(behind);
+            return self.now();
+        }
+        if behind > LITTLE_LATE {
+            self.expect_burst(behind);
         }
         self.clock.now()
     }
@@ -320,9 +342,13 @@ impl<S: Simulation> Server<S> {
                 }
                 Event::Attached => {
                     self.begin();
-                    self.simulation.attach(id, self.present())?;
+                    let now = self.present();
+                    self.simulation.attach(id, now)?;
                 }
-                Event::Detached => self.simulation.detach(id, self.present())?,
+                Event::Detached => {
+                    let now = self.present();
+                    self.simulation.detach(id, now)?;
+                }
                 Event::Data(count) => {
                     set_line(&mut self.simulation, id, port)?;
                     let now = self.present();

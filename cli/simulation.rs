@@ -33,8 +33,10 @@ pub(crate) trait Simulation {
     fn room(&self, port: PortId) -> usize;
     /// The client did not read, and lost these.
     fn client_lost(&mut self, port: PortId, bytes: u64);
-    /// The machine held the simulator up; what clients send comes in a burst until then.
-    fn simulator_late(&mut self, by: Duration, burst_until: SimTime);
+    /// The machine held the simulator up for so much real time.
+    fn simulator_late(&mut self, by: Duration);
+    /// The machine was late by `by`; until then what clients send may come too soon by as much.
+    fn expect_burst(&mut self, by: Duration, until: SimTime);
     /// The machine is too slow for what it is to compute.
     fn simulator_too_slow(&mut self);
     /// What has happened.
@@ -96,8 +98,12 @@ macro_rules! simulation {
                 self.client_lost(port, bytes);
             }
 
-            fn simulator_late(&mut self, by: Duration, burst_until: SimTime) {
-                self.simulator_late(by, burst_until);
+            fn simulator_late(&mut self, by: Duration) {
+                self.simulator_late(by);
+            }
+
+            fn expect_burst(&mut self, by: Duration, until: SimTime) {
+                self.expect_burst(by, until);
             }
 
             fn simulator_too_slow(&mut self) {

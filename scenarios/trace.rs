@@ -9,7 +9,7 @@
 //! | `header` | the first line: everything that a second run needs |
 //! | `attach`, `detach` | a client opened or closed a port |
 //! | `line` | a client set its end of a line |
-//! | `late` | the machine held the simulator up for `by` ns; until `burst_until` no command counts as too soon |
+//! | `late` | the simulator was late: until `until` commands may come up to `by` ns too soon |
 //! | `in` | a client sent bytes, all at `t` |
 //! | `host` | the scripted client sent bytes |
 //! | `out` | bytes of the device arrived at the client: the first at `t`, each further one `dt` later |
@@ -117,11 +117,11 @@ impl Recorder {
         });
     }
 
-    pub(crate) fn late(&mut self, at: SimTime, by: Duration, burst_until: SimTime) {
+    pub(crate) fn late(&mut self, at: SimTime, by: Duration, until: SimTime) {
         self.write(&Record::Late {
             t: at.as_nanos(),
             by: u64::try_from(by.as_nanos()).unwrap_or(u64::MAX),
-            burst_until: burst_until.as_nanos(),
+            until: until.as_nanos(),
         });
     }
 

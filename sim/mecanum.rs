@@ -113,7 +113,7 @@ impl Unit for Mecanum {
         self.device.next_deadline()
     }
 
-    fn expect_burst(&mut self, _until: SimTime) {
+    fn expect_burst(&mut self, _by: Duration, _until: SimTime) {
         // The board has no rule for how closely packets may follow one another.
     }
 

@@ -143,8 +143,8 @@ impl Unit for R150 {
         self.device.next_deadline()
     }
 
-    fn expect_burst(&mut self, until: SimTime) {
-        self.device.expect_burst(until);
+    fn expect_burst(&mut self, by: Duration, until: SimTime) {
+        self.device.expect_burst(by, until);
     }
 
     fn has_news(&self) -> bool {

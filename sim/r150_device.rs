@@ -13,6 +13,7 @@
 //!
 //! Bytes that arrive exactly at a deadline come before it.
 
+mod bursts;
 pub mod codec;
 pub mod command;
 pub mod control;
@@ -30,6 +31,7 @@ pub mod vehicle;
 mod tests;
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use sim_physics::r150::{R150Commands, R150Measurements, Sides};
 use sim_settings::SimTime;
@@ -129,10 +131,11 @@ impl R150Device {
         }
     }
 
-    /// The machine held the simulator up, so that until then commands come closer together than the
-    /// client sent them. None of them counts as too soon.
-    pub fn expect_burst(&mut self, until: SimTime) {
-        self.motors.expect_burst(until);
+    /// The machine that runs the simulator was late by `by`, so that up to and including `until`
+    /// commands may come closer together by as much than the client sent them. Those do not count as
+    /// too soon.
+    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
+        self.motors.expect_burst(by, until);
     }
 
     /// Takes what the sensors read at `now`.

@@ -21,9 +21,9 @@ pub(crate) trait Unit {
     /// When the firmware next does something by itself.
     fn next_deadline(&self) -> Option<SimTime>;
 
-    /// The machine held the simulator up: until then what clients send may come closer together than
-    /// they sent it.
-    fn expect_burst(&mut self, until: SimTime);
+    /// The machine was late by `by`: until then what clients send may come closer together by as
+    /// much than they sent it.
+    fn expect_burst(&mut self, by: Duration, until: SimTime);
 
     /// Whether output or events wait to be taken. Whatever bytes do to a device is told by one, but
     /// for the place within a frame that they bring it to.

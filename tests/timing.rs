@@ -169,6 +169,34 @@ fn a_busy_machine_is_not_blamed_on_the_client() {
 }
 
 #[test]
+fn commands_that_a_busy_machine_delivers_unevenly_are_all_answered() {
+    const COMMANDS: u32 = 40;
+    let sim = Sim::start(&["--log-format", "json"]);
+    let mut client = sim.client();
+    // 60 ms apart, and every other one is read 15 ms late: too little for time to stand still, but
+    // the next comes 45 ms later. However busy the machine is, none of them was sent too soon.
+    for command in 0..COMMANDS {
+        let hold = command.is_multiple_of(2);
+        if hold {
+            sim.signal(Signal::STOP);
+        }
+        client.send(&motors(300, 300));
+        std::thread::sleep(Duration::from_millis(15));
+        if hold {
+            sim.signal(Signal::CONT);
+        }
+        std::thread::sleep(Duration::from_millis(45));
+    }
+    for reply in 0..COMMANDS {
+        let answer = client.skip_to(0x12, PATIENCE);
+        assert!(answer.is_some(), "{reply} of {COMMANDS} answered");
+    }
+    let finished = sim.stop().expect_clean();
+    let events = finished.summary()["events"].as_array().unwrap().clone();
+    assert!(with_code(&events, "over_rate").is_empty(), "{events:?}");
+}
+
+#[test]
 fn a_machine_that_is_too_slow_is_told_so_and_obeys() {
     // Twelve million steps of a vehicle for each second of real time: no machine does that, even if
     // all but one stand and cost little.

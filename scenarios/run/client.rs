@@ -93,16 +93,21 @@ impl Run {
         self.rig.client_lost(port, bytes);
     }
 
-    /// As [`sim_core::rig::Rig::simulator_late`], at the present time; after the end of the run that
-    /// is no part of it.
-    pub fn simulator_late(&mut self, by: Duration, burst_until: SimTime) {
+    /// As [`sim_core::rig::Rig::simulator_late`].
+    pub fn simulator_late(&mut self, by: Duration) {
+        self.rig.simulator_late(by);
+    }
+
+    /// As [`sim_core::rig::Rig::expect_burst`], at the present time; after the end of the run that is
+    /// no part of it.
+    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         if self.outcome.is_some() {
             return;
         }
         if let Some(recorder) = &mut self.recorder {
-            recorder.late(self.rig.now(), by, burst_until);
+            recorder.late(self.rig.now(), by, until);
         }
-        self.rig.simulator_late(by, burst_until);
+        self.rig.expect_burst(by, until);
     }
 
     /// As [`sim_core::rig::Rig::simulator_too_slow`].

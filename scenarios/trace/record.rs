@@ -33,7 +33,7 @@ pub enum Record {
     Late {
         t: u64,
         by: u64,
-        burst_until: u64,
+        until: u64,
     },
     In {
         t: u64,

@@ -191,11 +191,11 @@ impl Replay {
                 let port = self.port(port.into())?;
                 self.run.set_client_line(port, line);
             }
-            Record::Late { t, by, burst_until } => {
+            Record::Late { t, by, until } => {
                 let at = self.client_acts(t)?;
                 self.run.advance(at)?;
-                let (by, burst_until) = (Duration::from_nanos(by), SimTime::from_nanos(burst_until));
-                self.run.simulator_late(by, burst_until);
+                self.run
+                    .expect_burst(Duration::from_nanos(by), SimTime::from_nanos(until));
             }
             Record::Out { t, dt, port, bytes } => {
                 let port = self.port(port.into())?;

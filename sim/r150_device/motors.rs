@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use sim_settings::SimTime;
 
+use super::bursts::Bursts;
 use super::settings::{OverRate, R150FirmwareSettings};
 
 /// Whether a motor command is answered.
@@ -26,8 +27,7 @@ pub struct Motors {
     answer_due: Option<SimTime>,
     /// A watchdog that is out of order has missed its time.
     missed: bool,
-    /// Until then commands that come too soon were sent in time.
-    burst_until: Option<SimTime>,
+    bursts: Bursts,
 }
 
 /// Largest motor PWM.
@@ -52,8 +52,7 @@ impl Motors {
         let too_soon = self
             .last_answer
             .map(|last| now.since(last))
-            .filter(|since| *since < settings.motor_reply_interval)
-            .filter(|_| self.burst_until.is_none_or(|until| now > until));
+            .filter(|since| *since + self.bursts.allowance(now) < settings.motor_reply_interval);
         if too_soon.is_some() && settings.over_rate == OverRate::Ignore {
             return (Answer::Never, too_soon);
         }
@@ -65,7 +64,8 @@ impl Motors {
         }
         if too_soon.is_none() {
             self.last_answer = Some(now);
-            self.answer_due = None;
+            // In a burst the command before may still be owed its answer.
+            self.answer_due = self.answer_due.filter(|due| *due > now);
             return (Answer::Now, None);
         }
         let answer = match settings.over_rate {
@@ -84,15 +84,15 @@ impl Motors {
         (answer, too_soon)
     }
 
-    /// Until then no command comes too soon, see [`super::R150Device::expect_burst`].
-    pub fn expect_burst(&mut self, until: SimTime) {
-        self.burst_until = self.burst_until.max(Some(until));
+    /// See [`super::R150Device::expect_burst`].
+    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
+        self.bursts.expect(by, until);
     }
 
     /// Forgets everything that was commanded.
     pub fn restart(&mut self) {
         *self = Self {
-            burst_until: self.burst_until,
+            bursts: std::mem::take(&mut self.bursts),
             ..Self::default()
         };
     }

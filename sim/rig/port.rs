@@ -58,12 +58,17 @@ impl Rig {
         self.line_event(port, event);
     }
 
-    /// The system did not run the simulator for so long; told on every device. Until `burst_until`
-    /// what clients send may come closer together than they sent it, and none of it counts as too soon.
-    pub fn simulator_late(&mut self, by: Duration, burst_until: SimTime) {
+    /// The system did not run the simulator for so long in real time; told on every device.
+    pub fn simulator_late(&mut self, by: Duration) {
         self.tell_all(LineEvent::SimulatorLate { by });
+    }
+
+    /// The simulator was late by `by` of simulated time, so that up to and including `until` what
+    /// clients send may come closer together by as much than they sent it. That does not count as too
+    /// soon.
+    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         for slot in &mut self.slots {
-            slot.vehicle.unit_mut().expect_burst(burst_until);
+            slot.vehicle.unit_mut().expect_burst(by, until);
         }
     }
 

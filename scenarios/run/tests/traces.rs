@@ -134,13 +134,13 @@ fn a_run_that_the_machine_held_up_is_the_same_again() {
     let (held_up, burst_until) = (SimTime::from_millis(500), SimTime::from_millis(900));
     for at in (40..1500).step_by(40).map(SimTime::from_millis) {
         if at == held_up + Duration::from_millis(20) {
-            run.simulator_late(Duration::from_millis(300), burst_until);
+            run.expect_burst(Duration::from_millis(300), burst_until);
         }
         run.client_sends(PORT, at, &drive).unwrap();
     }
     run.advance(SimTime::MAX).unwrap();
     let after_the_end = run.rig().now();
-    run.simulator_late(Duration::from_millis(300), after_the_end);
+    run.expect_burst(Duration::from_millis(300), after_the_end);
     let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();
     replay(&lines).unwrap();
     let times = |code: &str| -> Vec<u64> {

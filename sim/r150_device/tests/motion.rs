@@ -103,24 +103,44 @@ fn a_command_sooner_than_50_ms_is_silent_but_counts() {
 }
 
 #[test]
-fn in_a_burst_that_the_simulator_caused_no_command_comes_too_soon() {
+fn a_command_may_come_too_soon_by_as_much_as_the_machine_was_late() {
     for over_rate in [OverRate::Silent, OverRate::Ignore, OverRate::Delay] {
         let mut bench = Bench::with(|s| s.over_rate = over_rate);
         assert!(bench.drive(100, 100).is_some());
-        let until = bench.now + INTERVAL / 2;
-        bench.device.expect_burst(until);
-        // An earlier end shortens nothing.
-        bench.device.expect_burst(until - QUANTUM);
-        bench.after(QUANTUM);
-        assert!(bench.drive(200, 200).is_some(), "{over_rate:?}");
+        let late = Duration::from_millis(15);
+        let until = bench.now + INTERVAL - late;
+        bench.device.expect_burst(late, until);
         bench.until(until);
-        assert!(bench.drive(300, 300).is_some(), "{over_rate:?}");
-        assert_eq!(bench.duty(), [0.3, 0.3]);
+        assert!(bench.drive(200, 200).is_some(), "{over_rate:?}");
         assert_eq!(bench.codes(), [""; 0]);
-        bench.after(QUANTUM);
-        assert_eq!(bench.drive(400, 400), None, "{over_rate:?}");
+        // The next is no longer in that time.
+        bench.after(INTERVAL - late);
+        assert_eq!(bench.drive(300, 300), None, "{over_rate:?}");
+        assert_eq!(bench.codes(), ["over_rate"]);
+
+        let mut bench = Bench::with(|s| s.over_rate = over_rate);
+        assert!(bench.drive(100, 100).is_some());
+        bench.device.expect_burst(late, bench.now + INTERVAL);
+        bench.after(INTERVAL - late - QUANTUM);
+        assert_eq!(bench.drive(200, 200), None, "{over_rate:?}");
         assert_eq!(bench.codes(), ["over_rate"]);
     }
+}
+
+#[test]
+fn a_delayed_answer_comes_although_a_burst_follows() {
+    let mut bench = Bench::with(|s| s.over_rate = OverRate::Delay);
+    assert!(bench.drive(100, 100).is_some());
+    bench.after(QUANTUM);
+    assert_eq!(bench.drive(200, 200), None);
+    bench
+        .device
+        .expect_burst(INTERVAL, bench.now + INTERVAL * 2);
+    assert!(bench.drive(300, 300).is_some());
+    bench.after(INTERVAL - QUANTUM * 2);
+    assert_eq!(bench.reply(), None);
+    bench.after(QUANTUM);
+    assert!(bench.reply().is_some());
 }
 
 #[test]
