@@ -25,6 +25,8 @@ use harness::{Sim, command};
 
 /// Cycles without the variable.
 const FEW: u64 = 150;
+/// How many cycles pass from one word of progress to the next.
+const TOLD_EVERY: u64 = 500;
 /// Before memory is first looked at, so that caches and buffers have their size.
 const WARM_UP: u64 = 50;
 /// Memory may differ by this; a leak of 1 kB a cycle shows within the documented campaign.
@@ -92,7 +94,7 @@ fn abuse(port: &Path, cycle: u64) {
                 "a good client is answered, whoever was there before",
                 || {
                     client.send(&frame(0x07, &[]));
-                    reply = client.skip_to(0x07, Duration::from_millis(200));
+                    reply = client.skip_to(0x07, Duration::from_millis(50));
                     reply.is_some()
                 },
             );
@@ -175,7 +177,16 @@ fn bad_clients_leave_nothing_behind_and_disturb_nobody() {
         }
         let before = Resources::of(sim.pid());
         let worse = scope.spawn(|| (0..cycles).for_each(|cycle| abuse(&ports[2], cycle + 2)));
-        (0..cycles).for_each(|cycle| abuse(&ports[1], cycle));
+        for cycle in 0..cycles {
+            if cycle > 0 && cycle % TOLD_EVERY == 0 {
+                let seconds = begun.elapsed().as_secs_f64();
+                let _ = writeln!(
+                    std::io::stdout(),
+                    "{cycle} of {cycles} cycles in {seconds:.0} s"
+                );
+            }
+            abuse(&ports[1], cycle);
+        }
         worse.join().unwrap();
         drop(stopping);
         good.join().unwrap();
