@@ -363,6 +363,12 @@ impl Registration {
         });
     }
 
+    /// Whether somebody has opened the node after the last one who was told of as having closed it,
+    /// and may have closed it as well.
+    pub(crate) fn has_successor(&self) -> bool {
+        self.with_node(|node| node.openers > 0 || node.departed.is_some())
+    }
+
     /// Whether somebody closed the node since the last call.
     pub(crate) fn take_closed(&self) -> bool {
         self.with_node(|node| std::mem::take(&mut node.closed))

@@ -34,6 +34,9 @@ pub struct PtyPort {
     /// first ones of the client that is there.
     stash: Stash,
     successor: bool,
+    /// The last client has closed the node as far as reports tell, but the system has not hung it up
+    /// yet, which it does a moment later. Nobody else is there.
+    closing: bool,
     /// The client's settings when it last sent something.
     last_line: Option<LineSettings>,
     /// The same until the port is next read, for a caller who asks for them
@@ -98,6 +101,7 @@ impl PtyPort {
             leaving: None,
             stash: Stash::default(),
             successor: false,
+            closing: false,
             last_line: None,
             fresh_line: None,
             counters: Counters::default(),
@@ -211,7 +215,7 @@ impl PtyPort {
         let hung_up = self.pair.is_hung_up();
         let hung_up =
             hung_up.map_err(|errno| self.error("watch", PortErrorKind::call("poll")(errno)))?;
-        registration.set_openers(u32::from(!hung_up));
+        registration.set_openers(u32::from(!hung_up && !self.closing));
         self.registration = Some(registration);
         Ok(())
     }
@@ -287,6 +291,9 @@ impl PtyPort {
 
     /// Reports a client that has come.
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
+        if self.closing && !self.has_closed()? {
+            return Ok(Event::Idle);
+        }
         let closed = self.registration.as_ref().map(Registration::take_closed);
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
@@ -353,11 +360,35 @@ impl PtyPort {
         });
         let foreign = !unread && !self.stash.is_empty();
         if foreign || self.has_client()? {
-            self.successor = true;
+            self.successor = foreign || self.has_successor();
+            self.closing = !self.successor;
             self.flush_output()
         } else {
             self.vacate()
         }
+    }
+
+    fn has_successor(&self) -> bool {
+        let registration = self.registration.as_ref();
+        registration.is_some_and(Registration::has_successor)
+    }
+
+    /// Whether it is clear by now that a client that was closing is gone: the node is hung up, or
+    /// the next one has opened it.
+    fn has_closed(&mut self) -> Result<bool, PortErrorKind> {
+        if self.has_successor() {
+            self.successor = true;
+        } else if self
+            .pair
+            .is_hung_up()
+            .map_err(PortErrorKind::call("poll"))?
+        {
+            self.vacate()?;
+        } else {
+            return Ok(false);
+        }
+        self.closing = false;
+        Ok(true)
     }
 
     /// Takes back what was not read, while somebody may have the node open.

@@ -264,3 +264,40 @@ fn a_client_may_flush_what_it_has_not_read() {
     let _ = bench.port.write(b"new").unwrap();
     assert_eq!(client.receive(3), b"new");
 }
+
+/// Closing is reported a moment before the system hangs the node up, and whoever looks in between
+/// finds it open.
+#[test]
+fn a_client_that_is_about_to_be_gone_is_not_taken_for_the_next() {
+    const ROUNDS: u64 = 20_000;
+    let mut bench = Bench::unlinked();
+    let path = bench.port.path().to_owned();
+    let (go, told_to) = std::sync::mpsc::sync_channel(0);
+    let (gone, is_gone) = std::sync::mpsc::channel();
+    let clients = std::thread::spawn(move || {
+        while told_to.recv() == Ok(()) {
+            drop(Client::open(&path));
+            gone.send(()).unwrap();
+        }
+    });
+    let mut buf = [0; 64];
+    for round in 1..=ROUNDS {
+        go.send(()).unwrap();
+        let start = Instant::now();
+        let mut closed = false;
+        // All the time, so as to look at every moment sooner or later.
+        loop {
+            let is_idle = bench.port.read(&mut buf).unwrap() == Event::Idle;
+            if is_idle && closed && !bench.port.is_attached() {
+                break;
+            }
+            closed = closed || is_gone.try_recv().is_ok();
+            assert!(start.elapsed() < common::PATIENCE, "nobody left");
+            // Nothing else takes note of who comes and goes while nobody is there.
+            bench.waiter.wait(Some(Duration::ZERO)).unwrap();
+        }
+        assert_eq!(bench.pty().counters().attached, round);
+    }
+    drop(go);
+    clients.join().unwrap();
+}
