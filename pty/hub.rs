@@ -363,10 +363,9 @@ impl Registration {
         });
     }
 
-    /// Whether somebody has opened the node after the last one who was told of as having closed it,
-    /// and may have closed it as well.
-    pub(crate) fn has_successor(&self) -> bool {
-        self.with_node(|node| node.openers > 0 || node.departed.is_some())
+    /// Whether somebody is reported to have the node open.
+    pub(crate) fn has_openers(&self) -> bool {
+        self.with_node(|node| node.openers > 0)
     }
 
     /// Whether somebody closed the node since the last call.

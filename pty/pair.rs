@@ -17,6 +17,7 @@
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -92,13 +93,24 @@ impl Pair {
         Ok(self.poll_flags()?.contains(PollFlags::HUP))
     }
 
+    /// Whether there is anything to read.
+    pub(crate) fn has_bytes(&self) -> Result<bool, Errno> {
+        Ok(self.poll_flags()?.contains(PollFlags::IN))
+    }
+
+    /// Waits so long until nobody has the node open.
+    pub(crate) fn await_hang_up(&self, longest: Duration) -> Result<(), Errno> {
+        self.poll(PollFlags::empty(), longest).map(drop)
+    }
+
     fn poll_flags(&self) -> Result<PollFlags, Errno> {
-        let mut fds = [PollFd::new(&self.master, PollFlags::IN)];
-        let now = Timespec {
-            tv_sec: 0,
-            tv_nsec: 0,
-        };
-        retry_on_intr(|| poll(&mut fds, Some(&now)))?;
+        self.poll(PollFlags::IN, Duration::ZERO)
+    }
+
+    fn poll(&self, wanted: PollFlags, longest: Duration) -> Result<PollFlags, Errno> {
+        let mut fds = [PollFd::new(&self.master, wanted)];
+        let longest = Timespec::try_from(longest).ok();
+        retry_on_intr(|| poll(&mut fds, longest.as_ref()))?;
         Ok(fds[0].revents())
     }
 

@@ -6,6 +6,7 @@
 //! tells the client's speed without a control byte in front of every read.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use rustix::io::{Errno, retry_on_intr};
 
@@ -16,6 +17,12 @@ use crate::link::Link;
 use crate::pair::{Access, Pair};
 use crate::port::{Counters, Event, Written};
 use crate::stash::Stash;
+
+/// How long the system may take from reporting that a client closes to hanging up. It is some
+/// microseconds, unless the client has to wait for a processor in between.
+const LONGEST_CLOSING: Duration = Duration::from_millis(5);
+/// From one look at who has come meanwhile to the next.
+const SHORT_WAIT: Duration = Duration::from_micros(200);
 
 /// A pseudo-terminal, with or without a link to it at a path of the user's
 /// choice.
@@ -34,9 +41,6 @@ pub struct PtyPort {
     /// first ones of the client that is there.
     stash: Stash,
     successor: bool,
-    /// The last client has closed the node as far as reports tell, but the system has not hung it up
-    /// yet, which it does a moment later. Nobody else is there.
-    closing: bool,
     /// The client's settings when it last sent something.
     last_line: Option<LineSettings>,
     /// The same until the port is next read, for a caller who asks for them
@@ -101,7 +105,6 @@ impl PtyPort {
             leaving: None,
             stash: Stash::default(),
             successor: false,
-            closing: false,
             last_line: None,
             fresh_line: None,
             counters: Counters::default(),
@@ -215,7 +218,7 @@ impl PtyPort {
         let hung_up = self.pair.is_hung_up();
         let hung_up =
             hung_up.map_err(|errno| self.error("watch", PortErrorKind::call("poll")(errno)))?;
-        registration.set_openers(u32::from(!hung_up && !self.closing));
+        registration.set_openers(u32::from(!hung_up));
         self.registration = Some(registration);
         Ok(())
     }
@@ -291,9 +294,6 @@ impl PtyPort {
 
     /// Reports a client that has come.
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
-        if self.closing && !self.has_closed()? {
-            return Ok(Event::Idle);
-        }
         let closed = self.registration.as_ref().map(Registration::take_closed);
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
@@ -359,36 +359,36 @@ impl PtyPort {
             last_words: unread,
         });
         let foreign = !unread && !self.stash.is_empty();
-        if foreign || self.has_client()? {
-            self.successor = foreign || self.has_successor();
-            self.closing = !self.successor;
+        if foreign || (self.has_client()? && !self.hangs_up_now()?) {
+            self.successor = true;
             self.flush_output()
         } else {
             self.vacate()
         }
     }
 
-    fn has_successor(&self) -> bool {
-        let registration = self.registration.as_ref();
-        registration.is_some_and(Registration::has_successor)
-    }
-
-    /// Whether it is clear by now that a client that was closing is gone: the node is hung up, or
-    /// the next one has opened it.
-    fn has_closed(&mut self) -> Result<bool, PortErrorKind> {
-        if self.has_successor() {
-            self.successor = true;
-        } else if self
-            .pair
-            .is_hung_up()
-            .map_err(PortErrorKind::call("poll"))?
-        {
-            self.vacate()?;
-        } else {
+    /// Waits for a moment until the system hangs up what it has reported closed, which it does a little
+    /// later; says whether it did, and nobody else is there.
+    fn hangs_up_now(&self) -> Result<bool, PortErrorKind> {
+        let Some(registration) = &self.registration else {
             return Ok(false);
+        };
+        let begun = Instant::now();
+        loop {
+            registration.look()?;
+            if registration.has_openers() || self.pair.has_bytes().map_err(poll)? {
+                return Ok(false);
+            }
+            if self.pair.is_hung_up().map_err(poll)? {
+                return Ok(true);
+            }
+            if begun.elapsed() > LONGEST_CLOSING {
+                // Somebody is there of whom there was no report: two openings in a row are one.
+                registration.set_openers(1);
+                return Ok(false);
+            }
+            self.pair.await_hang_up(SHORT_WAIT).map_err(poll)?;
         }
-        self.closing = false;
-        Ok(true)
     }
 
     /// Takes back what was not read, while somebody may have the node open.
@@ -503,6 +503,10 @@ impl PtyPort {
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {
         PortError::new(action, PathBuf::from(self.path()), kind)
     }
+}
+
+fn poll(errno: Errno) -> PortErrorKind {
+    PortErrorKind::call("poll")(errno)
 }
 
 /// Writes until everything is accepted or the buffer is full.

@@ -301,3 +301,32 @@ fn a_client_that_is_about_to_be_gone_is_not_taken_for_the_next() {
     drop(go);
     clients.join().unwrap();
 }
+
+/// Two openings in a row are reported as one, so that it seems nobody is left when one of two leaves.
+#[test]
+fn a_client_that_opened_together_with_another_is_still_served_when_that_one_leaves() {
+    let mut bench = Bench::unlinked();
+    let (listener, talker) = (bench.client(), bench.client());
+    bench.expect(Event::Attached);
+    drop(bench.client());
+    drop(talker);
+    // Whether one of them counts as the next client or not, somebody is there in the end.
+    let mut buf = [0; 64];
+    while bench
+        .waiter
+        .wait(Some(Duration::from_millis(20)))
+        .unwrap()
+        .ready()
+        == [7]
+    {
+        let _ = bench.port.read(&mut buf).unwrap();
+    }
+    assert!(bench.port.is_attached());
+    assert_eq!(bench.port.write(b"reply").unwrap().accepted, 5);
+    assert_eq!(listener.receive(5), b"reply");
+    listener.send(b"request");
+    assert_eq!(bench.expect_bytes(7), b"request");
+    drop(listener);
+    bench.expect(Event::Detached);
+    bench.expect_quiet();
+}
