@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, value_parser};
 use sim_core::line::Wire;
 use sim_core::r150_device::vehicle::Start;
-use sim_scenarios::Kind;
+use sim_runner::Kind;
 use sim_settings::Span;
 
 use crate::exit::Exit;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use clap::ValueEnum;
 use sim_core::fault::{FaultInfo, ParameterInfo, catalogue};
-use sim_scenarios::condition::names;
+use sim_runner::condition::names;
 
 use crate::args::Device;
 use crate::exit::{Exit, Failure};

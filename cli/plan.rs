@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use sim_physics::{Pose, WorldMap};
-use sim_scenarios::{DevicePlan, RigPlan};
+use sim_runner::{DevicePlan, RigPlan};
 use sim_settings::Source;
 
 use crate::args::{Device, ServeArgs};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use sim_core::rig::PortId;
 use sim_pty::{Port, PtyPort, SerialPort};
-use sim_scenarios::RigPlan;
+use sim_runner::RigPlan;
 
 use crate::exit::Failure;
 use crate::served::Served;

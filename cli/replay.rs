@@ -5,7 +5,7 @@ use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use sim_scenarios::trace::{Replay, ReplayError};
+use sim_runner::trace::{Replay, ReplayError};
 
 use crate::exit::{Exit, Failure};
 use crate::print::print;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::settings::SimSettings;
-use sim_scenarios::scenario::is_scenario_file;
-use sim_scenarios::{Run, RunOptions, Scenario};
+use sim_runner::scenario::is_scenario_file;
+use sim_runner::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
 use crate::config;

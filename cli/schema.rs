@@ -5,7 +5,7 @@ use std::io::Write as _;
 use anyhow::anyhow;
 use clap::ValueEnum;
 use sim_physics::WorldMap;
-use sim_scenarios::{RigPlan, Scenario};
+use sim_runner::{RigPlan, Scenario};
 
 use crate::exit::{Exit, Failure};
 

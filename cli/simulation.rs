@@ -7,7 +7,7 @@ use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_core::line::ClientLine;
 use sim_core::rig::{PortId, Rig};
-use sim_scenarios::Run;
+use sim_runner::Run;
 
 /// Advanced by the clock, and told what clients do.
 pub(crate) trait Simulation {

@@ -10,7 +10,7 @@ use sim_core::event::Event;
 use sim_core::report::Report;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
-use sim_scenarios::{DevicePlan, RigPlan, RunOptions};
+use sim_runner::{DevicePlan, RigPlan, RunOptions};
 use sim_settings::show_duration;
 
 use crate::args::{LogFormat, ServeArgs};

@@ -34,6 +34,8 @@
 //! every platform with IEEE 754 arithmetic: rapier is built with `enhanced-determinism`, and the
 //! transcendental functions here come from `libm`, never from the platform.
 
+#![warn(clippy::disallowed_methods, clippy::disallowed_types)]
+
 pub mod mecanum;
 mod pose;
 pub mod r150;

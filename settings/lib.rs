@@ -7,6 +7,8 @@
 //! A setting is either *documented* (the manual says so) or *assumed* (we decided); [`Basis`]
 //! carries which, and where it comes from, so that the two are never mixed up.
 
+#![warn(clippy::disallowed_methods, clippy::disallowed_types)]
+
 mod choice;
 mod document;
 mod error;

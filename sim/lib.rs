@@ -17,6 +17,8 @@
 //! | [`event`], [`report`] | what is told to whoever watches |
 //! | [`settings`] | every setting of a run, in one tree |
 
+#![warn(clippy::disallowed_methods, clippy::disallowed_types)]
+
 pub mod defects;
 pub mod device_kind;
 pub mod event;

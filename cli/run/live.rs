@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use sim_pty::Waiter;
-use sim_scenarios::Run;
+use sim_runner::Run;
 use sim_settings::show_duration;
 
 use crate::client::Client;

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_attack::session::{Devices, Session, play};
+use sim_testkit::session::{Devices, Session, play};
 
 fuzz_target!(|session: Session| {
     let mut session = session;

@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_attack::text;
+use sim_testkit::text;
 
 fuzz_target!(|text: &str| text::world(text));

@@ -19,7 +19,7 @@ use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::rig::PortId;
-use sim_scenarios::{Kind, Outcome, Run, RunOptions};
+use sim_runner::{Kind, Outcome, Run, RunOptions};
 
 use common::Loaded;
 use drive_clients::{Client, car, r150};

@@ -1,7 +1,7 @@
 //! Any sequence of operations on any devices keeps the promises, and is the same again.
 
 use proptest::prelude::*;
-use sim_attack::session::{Session, play};
+use sim_testkit::session::{Session, play};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(600))]

@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 use serde_json::Value as Json;
 use sim_physics::WorldMap;
-use sim_scenarios::{Kind, RigPlan, Scenario};
+use sim_runner::{Kind, RigPlan, Scenario};
 use toml::{Table, Value};
 
 use crate::setting::SettingChoice;

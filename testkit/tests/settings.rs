@@ -4,11 +4,11 @@
 use std::time::Duration;
 
 use proptest::prelude::*;
-use sim_attack::setting::{bounds, entries, extremes, line, literals};
-use sim_attack::text::{self, Drive};
 use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::load_toml;
+use sim_testkit::setting::{bounds, entries, extremes, line, literals};
+use sim_testkit::text::{self, Drive};
 
 /// Numbers that no setting means. Some are in a range all the same.
 const ABSURD: &[&str] = &[

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use sim_core::settings::SimSettings;
-use sim_scenarios::trace::{Record, Replay};
-use sim_scenarios::{Run, RunError, RunOptions, Scenario};
+use sim_runner::trace::{Record, Replay};
+use sim_runner::{Run, RunError, RunOptions, Scenario};
 use sim_settings::Source;
 
 use crate::session::truth;

@@ -13,8 +13,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use sim_scenarios::trace::Replay;
-use sim_scenarios::{Outcome, RunOptions};
+use sim_runner::trace::Replay;
+use sim_runner::{Outcome, RunOptions};
 
 use common::Loaded;
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 use sim_core::SimTime;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::settings::SimSettings;
-use sim_scenarios::trace::{Record, Replay, ReplayError};
-use sim_scenarios::{Run, RunOptions, Scenario};
+use sim_runner::trace::{Record, Replay, ReplayError};
+use sim_runner::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
 use crate::operation::{Operation, Wait};

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sim_core::settings::SimSettings;
-use sim_scenarios::scenario::is_scenario_file;
-use sim_scenarios::{Run, RunOptions, Scenario};
+use sim_runner::scenario::is_scenario_file;
+use sim_runner::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
 /// The folders of the library, one for each kind of device.
@@ -24,11 +24,13 @@ pub struct Loaded {
     world: Option<(String, String)>,
 }
 
-/// The scenario files of this crate, in the order of their names.
+/// The shipped scenario files, in the order of their names.
 pub fn files() -> Vec<PathBuf> {
     let mut files = Vec::new();
     for folder in FOLDERS {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../scenarios")
+            .join(folder);
         for entry in fs::read_dir(folder).unwrap() {
             files.push(entry.unwrap().path());
         }

@@ -8,13 +8,13 @@
 use std::collections::BTreeMap;
 
 use proptest::prelude::*;
-use sim_attack::document::play::{self, Became};
-use sim_attack::document::{rig, scenario, world};
 use sim_core::noise::Noise;
 use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
-use sim_scenarios::{RigPlan, Scenario};
+use sim_runner::{RigPlan, Scenario};
 use sim_settings::Source;
+use sim_testkit::document::play::{self, Became};
+use sim_testkit::document::{rig, scenario, world};
 
 fn choices() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(any::<u8>(), 0..500)

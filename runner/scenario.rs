@@ -53,15 +53,15 @@ use crate::rig_file::{RigFileError, RigPlan};
 /// Most steps, and most conditions over time, of a file.
 pub const MOST_STEPS: usize = 1000;
 
-/// Whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml`, is not
-/// hidden, and is not a file that Rust's tools know by its name. What is in it does not count, so
-/// that a scenario with a mistake in it is never passed over in silence.
+/// Whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml` and is
+/// not hidden. What is in it does not count, so that a scenario with a mistake in it is never passed
+/// over in silence.
 #[must_use]
 pub fn is_scenario_file(path: &Path) -> bool {
-    const OF_TOOLS: [&str; 3] = ["Cargo.toml", "clippy.toml", "rustfmt.toml"];
-    let name = path.file_name().and_then(std::ffi::OsStr::to_str);
-    let toml = path.extension().is_some_and(|ending| ending == "toml");
-    toml && name.is_none_or(|name| !name.starts_with('.') && !OF_TOOLS.contains(&name))
+    let hidden = path
+        .file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    path.extension().is_some_and(|ending| ending == "toml") && !hidden
 }
 
 /// A scenario that makes sense.

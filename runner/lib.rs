@@ -2,6 +2,8 @@
 //!
 //! Pure: text goes in, plans come out; whoever calls reads the files.
 
+#![warn(clippy::disallowed_methods, clippy::disallowed_types)]
+
 mod assemble;
 pub mod condition;
 mod fault;

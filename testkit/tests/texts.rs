@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use sim_attack::text;
+use sim_testkit::text;
 
 /// Numbers in the place of others.
 const NUMBERS: &[&str] = &[
@@ -205,7 +205,7 @@ fn monsters_are_refused_by_every_reader() {
         ("world", text::world),
         ("rig", text::rig),
         ("scenario", text::scenario),
-        ("trace", sim_attack::trace::play),
+        ("trace", sim_testkit::trace::play),
     ];
     for (what, monster) in monsters() {
         for (reader, read) in readers {
@@ -249,7 +249,7 @@ fn conditions_without_bottom_are_refused() {
 fn traces_without_bottom_are_refused() {
     for deep in [100, 1000, 100_000] {
         for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
-            sim_attack::trace::play(
+            sim_testkit::trace::play(
                 &[open.repeat(deep), "1".to_owned(), close.repeat(deep)].concat(),
             );
         }

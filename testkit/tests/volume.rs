@@ -2,7 +2,7 @@
 //! times as many inputs a second. They are ignored unless asked for:
 //!
 //! ```sh
-//! SIM_ATTACK_MILLIONS=100 cargo test --release -p sim-attack --test volume -- --ignored --nocapture
+//! SIM_TESTKIT_MILLIONS=100 cargo test --release -p sim-testkit --test volume -- --ignored --nocapture
 //! ```
 
 #![expect(
@@ -12,13 +12,13 @@
 )]
 
 use arbitrary::{Arbitrary as _, Unstructured};
-use sim_attack::session::{Session, play};
-use sim_attack::stream::{Stream, ascii, mecanum, r150};
 use sim_core::noise::Noise;
+use sim_testkit::session::{Session, play};
+use sim_testkit::stream::{Stream, ascii, mecanum, r150};
 
 /// How many inputs of each decoder, and ten times how many operations.
 fn inputs() -> u64 {
-    let millions = std::env::var("SIM_ATTACK_MILLIONS").unwrap_or_else(|_| "1".to_owned());
+    let millions = std::env::var("SIM_TESTKIT_MILLIONS").unwrap_or_else(|_| "1".to_owned());
     1_000_000 * millions.parse::<u64>().unwrap()
 }
 

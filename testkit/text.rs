@@ -11,7 +11,7 @@ use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{PortId, Rig, RigError, RigSettings};
 use sim_core::settings::SimSettings;
 use sim_physics::{Pose, WorldMap};
-use sim_scenarios::{RigPlan, Run, RunError, RunOptions, Scenario};
+use sim_runner::{RigPlan, Run, RunError, RunOptions, Scenario};
 use sim_settings::{Source, load_toml};
 
 use crate::session::truth;

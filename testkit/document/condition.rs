@@ -1,7 +1,7 @@
 //! Conditions of the names, operators and functions that there are.
 
-use sim_scenarios::Kind;
-use sim_scenarios::condition::{Unit, names};
+use sim_runner::Kind;
+use sim_runner::condition::{Unit, names};
 
 use super::choices::Choices;
 

@@ -1,7 +1,7 @@
 //! What happens in a scenario, and what its schema does not say of it.
 
 use sim_core::device_kind::DeviceKind;
-use sim_scenarios::Kind;
+use sim_runner::Kind;
 use toml::{Table, Value};
 
 use super::{Writer, condition};

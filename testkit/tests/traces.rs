@@ -2,7 +2,7 @@
 //! is any text.
 
 use proptest::prelude::*;
-use sim_attack::trace::{Damage, Recording, play, recorded};
+use sim_testkit::trace::{Damage, Recording, play, recorded};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(150))]
