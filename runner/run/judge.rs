@@ -177,9 +177,7 @@ impl Run {
             .get(event.device)
             .is_some_and(|until| event.at <= *until);
         let own = disturbed && event.kind.which().blame() == Blame::ClientUnlessDisturbed;
-        // Asked in any case, for it may count.
-        let by_others = self.excuse.as_mut().is_some_and(|excuse| excuse(event));
-        own || by_others
+        own || self.lateness.excuses(event)
     }
 
     pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {

@@ -31,14 +31,14 @@ fn live(text: &str, wire: Wire, sent: &[(u64, Vec<u8>)]) -> Vec<String> {
     };
     let mut run = Run::new(scenario(text), None, options).unwrap();
     run.attach(PORT, SimTime::from_millis(1)).unwrap();
-    run.set_client_line(PORT, ClientLine::at(115_200));
+    run.set_line(PORT, ClientLine::at(115_200));
     let mut got = Vec::new();
     for (at, bytes) in sent {
         let at = SimTime::from_nanos(*at);
         run.advance(at - Duration::from_nanos(777)).unwrap();
-        run.client_reads(PORT, &mut got);
+        run.read(PORT, &mut got);
         run.advance(at).unwrap();
-        run.client_sends(PORT, at, bytes).unwrap();
+        run.send(PORT, at, bytes).unwrap();
     }
     run.detach(PORT, run.rig().now()).unwrap();
     run.advance(SimTime::MAX).unwrap();
@@ -136,7 +136,7 @@ fn a_run_that_the_machine_held_up_is_the_same_again() {
         if at == held_up + Duration::from_millis(20) {
             run.expect_burst(Duration::from_millis(300), burst_until);
         }
-        run.client_sends(PORT, at, &drive).unwrap();
+        run.send(PORT, at, &drive).unwrap();
     }
     run.advance(SimTime::MAX).unwrap();
     let after_the_end = run.rig().now();
@@ -218,9 +218,9 @@ fn what_comes_after_the_end_of_a_run_is_no_part_of_it() {
     let mut run = Run::new(scenario(&text(R150, "1s", "")), None, options).unwrap();
     run.advance(SimTime::from_secs(2)).unwrap();
     let late = SimTime::from_secs(3);
-    run.set_client_line(PORT, ClientLine::at(9600));
+    run.set_line(PORT, ClientLine::at(9600));
     run.attach(PORT, late).unwrap();
-    run.client_sends(PORT, late, &[0xAA]).unwrap();
+    run.send(PORT, late, &[0xAA]).unwrap();
     run.detach(PORT, late).unwrap();
     run.advance(late).unwrap();
     let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();

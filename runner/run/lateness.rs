@@ -9,52 +9,46 @@ use sim_core::event::Event;
 const RHYTHM: Duration = Duration::from_millis(100);
 
 /// What a client does in steady time can look like this when a busy machine delivers it at once.
-const TIMING: [&str; 7] = [
+const TIMING: [&str; 6] = [
     "watchdog_fired",
     "heartbeat_lost",
     "link_timeout",
     "queue_full",
     "line_full",
-    "reply_dropped",
     "overrun",
 ];
 
 /// Until when what clients send may come in a burst, after the simulator was late at `now` by so much
 /// simulated time.
-pub fn burst_end(now: SimTime, by: Duration) -> SimTime {
+pub(super) fn burst_end(now: SimTime, by: Duration) -> SimTime {
     now + by + RHYTHM
 }
 
-/// Knows when the simulator was late.
-#[derive(Default)]
-pub struct Fairness {
+/// When the simulator was held up, and what was excused for it.
+#[derive(Debug, Default)]
+pub(super) struct Lateness {
     excused_until: Option<SimTime>,
     excused: u64,
 }
 
-impl Fairness {
-    /// The simulator was late at `now` by so much simulated time. What the clients sent meanwhile
+impl Lateness {
+    /// The simulator was held up at `now` for so much simulated time. What the clients sent meanwhile
     /// arrives in one burst now, which takes less time than the sending did.
-    pub fn late(&mut self, now: SimTime, by: Duration) {
+    pub(super) fn note(&mut self, now: SimTime, by: Duration) {
         self.excused_until = self.excused_until.max(Some(burst_end(now, by)));
     }
 
-    /// Whether an event looks like the client's fault but may well be the machine's.
-    pub fn would_excuse(&self, event: &Event) -> bool {
-        event.kind.is_client_fault()
-            && self.excused_until.is_some_and(|until| event.at <= until)
-            && TIMING.contains(&event.kind.code())
-    }
-
-    /// The same, and counts it.
-    pub fn excuses(&mut self, event: &Event) -> bool {
-        let excused = self.would_excuse(event);
+    /// Whether an event looks like the client's fault but may well be the machine's; counts those.
+    pub(super) fn excuses(&mut self, event: &Event) -> bool {
+        let excused = self.excused_until.is_some_and(|until| event.at <= until)
+            && event.kind.is_client_fault()
+            && TIMING.contains(&event.kind.code());
         self.excused += u64::from(excused);
         excused
     }
 
     /// How many events were excused.
-    pub fn excused(&self) -> u64 {
+    pub(super) fn excused(&self) -> u64 {
         self.excused
     }
 }
