@@ -332,7 +332,7 @@ fn golden_drive() {
     let expected = (
         1476,
         "1.386 -0.891 1.583".to_owned(),
-        12_690_853_660_350_358_311,
+        4_186_593_905_171_003_440,
     );
     assert_eq!(
         seen, expected,
