@@ -16,15 +16,15 @@ use sim_settings::show_duration;
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::fairness::Fairness;
 use crate::log::{DeviceName, Log, LogOptions};
 use crate::plan::{Plan, plan};
-use crate::ports::{Elsewhere, ShownPort, open_all};
 use crate::ready_file::ReadyFile;
 use crate::run;
-use crate::serve::{Begin, Ended, Server};
-use crate::simulation::Simulation;
 use crate::summary::{self, DeviceSummary, RunSummary};
+use sim_embed::fairness::Fairness;
+use sim_embed::ports::{Elsewhere, ShownPort, open_all};
+use sim_embed::serve::{Begin, Ended, Server};
+use sim_embed::simulation::Simulation;
 
 /// Serves until a signal ends it, or the scenario.
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
@@ -98,7 +98,8 @@ impl<S: Simulation> Session<S> {
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
-        let ports = open_all(&plan.rig, &plan.folder, serial, &Elsewhere::Unlinked)?;
+        let ports = open_all(&plan.rig, &plan.folder, serial, &Elsewhere::Unlinked)
+            .map_err(Failure::system)?;
         waiter.check_headroom().map_err(Failure::system)?;
         let options = LogOptions {
             format: args.log_format,

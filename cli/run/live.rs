@@ -14,12 +14,12 @@ use sim_settings::show_duration;
 
 use crate::client::Client;
 use crate::exit::Failure;
-use crate::fairness::Fairness;
-use crate::ports::{Elsewhere, ShownPort, open_all};
-use crate::serve::{Begin, Ended, Server};
-use crate::served::Served;
-use crate::simulation::Simulation as _;
 use crate::supervise::ClientEnd;
+use sim_embed::fairness::Fairness;
+use sim_embed::ports::{Elsewhere, ShownPort, open_all};
+use sim_embed::serve::{Begin, Ended, Server};
+use sim_embed::served::Served;
+use sim_embed::simulation::Simulation as _;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
@@ -63,7 +63,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         .map_err(Failure::system)?;
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
-    let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere)?;
+    let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere).map_err(Failure::system)?;
     let environment = environment(job, &ports)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path)

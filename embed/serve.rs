@@ -56,7 +56,7 @@ const RESUME_ROOM: usize = 1024;
 
 /// When simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Begin {
+pub enum Begin {
     /// At once.
     Now,
     /// When a client first opens a port: whatever is planned waits for clients that are slow to
@@ -66,7 +66,7 @@ pub(crate) enum Begin {
 
 /// Why the loop came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Ended {
+pub enum Ended {
     /// A signal asked for it.
     Signal,
     /// Nothing happens any more in the simulation.
@@ -78,7 +78,7 @@ pub(crate) enum Ended {
 }
 
 /// Devices and the ports on which they are served.
-pub(crate) struct Server<S> {
+pub struct Server<S> {
     simulation: S,
     ports: Vec<Served>,
     waiter: Waiter,
@@ -96,7 +96,7 @@ pub(crate) struct Server<S> {
 impl<S: Simulation> Server<S> {
     /// Simulated time runs `speed` times as fast as real time; `fairness` is told when the machine
     /// was late.
-    pub(crate) fn new(
+    pub fn new(
         simulation: S,
         mut ports: Vec<Served>,
         mut waiter: Waiter,
@@ -127,39 +127,41 @@ impl<S: Simulation> Server<S> {
         })
     }
 
-    pub(crate) fn simulation(&self) -> &S {
+    /// What is driven, to look at.
+    pub fn simulation(&self) -> &S {
         &self.simulation
     }
 
-    pub(crate) fn simulation_mut(&mut self) -> &mut S {
+    /// The same, to change.
+    pub fn simulation_mut(&mut self) -> &mut S {
         &mut self.simulation
     }
 
     /// Ends the loop when `source` can be read or has come to its end.
-    pub(crate) fn watch(&mut self, source: impl std::os::fd::AsFd) -> anyhow::Result<()> {
+    pub fn watch(&mut self, source: impl std::os::fd::AsFd) -> anyhow::Result<()> {
         Ok(self.waiter.watch(self.watched(), source)?)
     }
 
     /// Ends the loop after so much real time.
-    pub(crate) fn stop_after(&mut self, allowed: Duration) {
+    pub fn stop_after(&mut self, allowed: Duration) {
         self.until = Instant::now().checked_add(allowed);
     }
 
     /// Closes the ports, and gives their totals by the device they belonged to.
-    pub(crate) fn close_ports(&mut self) -> Vec<(PortId, Counters)> {
+    pub fn close_ports(&mut self) -> Vec<(PortId, Counters)> {
         let ports = self.ports.drain(..);
         ports.map(|s| (s.id, s.counters())).collect()
     }
 
     /// Waits so long for a further signal, once the ports are closed.
-    pub(crate) fn is_interrupted(&mut self, within: Duration) -> bool {
+    pub fn is_interrupted(&mut self, within: Duration) -> bool {
         let wake = self.waiter.wait(Some(within));
         // Without a way to wait there is none to be interrupted either; the end comes anyway.
         wake.is_ok_and(|wake| wake.signal().is_some())
     }
 
     /// Serves to the end. `look` is called once a round and takes what there is to be told.
-    pub(crate) fn run(&mut self, mut look: impl FnMut(&mut S)) -> anyhow::Result<Ended> {
+    pub fn run(&mut self, mut look: impl FnMut(&mut S)) -> anyhow::Result<Ended> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut awake_at = Instant::now();
         loop {
@@ -214,13 +216,13 @@ impl<S: Simulation> Server<S> {
     }
 
     /// Whether simulated time has begun.
-    pub(crate) fn has_begun(&self) -> bool {
+    pub fn has_begun(&self) -> bool {
         !self.waiting
     }
 
     /// Takes what clients that have left had still sent, as far as the lines have room for it; says
     /// whether all of them are found to have left. Nobody reads any replies.
-    pub(crate) fn take_the_rest(&mut self) -> anyhow::Result<bool> {
+    pub fn take_the_rest(&mut self) -> anyhow::Result<bool> {
         for token in 0..self.ports.len() {
             self.receive(token)?;
         }

@@ -21,13 +21,13 @@ const TIMING: [&str; 7] = [
 
 /// Until when what clients send may come in a burst, after the simulator was late at `now` by so much
 /// simulated time.
-pub(crate) fn burst_end(now: SimTime, by: Duration) -> SimTime {
+pub fn burst_end(now: SimTime, by: Duration) -> SimTime {
     now + by + RHYTHM
 }
 
 /// Knows when the simulator was late.
 #[derive(Default)]
-pub(crate) struct Fairness {
+pub struct Fairness {
     excused_until: Option<SimTime>,
     excused: u64,
 }
@@ -35,26 +35,26 @@ pub(crate) struct Fairness {
 impl Fairness {
     /// The simulator was late at `now` by so much simulated time. What the clients sent meanwhile
     /// arrives in one burst now, which takes less time than the sending did.
-    pub(crate) fn late(&mut self, now: SimTime, by: Duration) {
+    pub fn late(&mut self, now: SimTime, by: Duration) {
         self.excused_until = self.excused_until.max(Some(burst_end(now, by)));
     }
 
     /// Whether an event looks like the client's fault but may well be the machine's.
-    pub(crate) fn would_excuse(&self, event: &Event) -> bool {
-        event.kind.is_client_fault()
+    pub fn would_excuse(&self, event: &Event) -> bool {
+        event.kind.blames_client()
             && self.excused_until.is_some_and(|until| event.at <= until)
-            && TIMING.contains(&event.kind.code())
+            && TIMING.contains(&event.kind.code().as_str())
     }
 
     /// The same, and counts it.
-    pub(crate) fn excuses(&mut self, event: &Event) -> bool {
+    pub fn excuses(&mut self, event: &Event) -> bool {
         let excused = self.would_excuse(event);
         self.excused += u64::from(excused);
         excused
     }
 
     /// How many events were excused.
-    pub(crate) fn excused(&self) -> u64 {
+    pub fn excused(&self) -> u64 {
         self.excused
     }
 }

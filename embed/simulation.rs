@@ -10,7 +10,7 @@ use sim_core::rig::{PortId, Rig};
 use sim_runner::Run;
 
 /// Advanced by the clock, and told what clients do.
-pub(crate) trait Simulation {
+pub trait Simulation {
     /// The devices and their world.
     fn rig(&self) -> &Rig;
     /// Goes on to `to`.
