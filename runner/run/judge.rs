@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::{Blame, Event, Role};
+use sim_core::event::{Event, Role};
 use sim_settings::show_duration;
 
 use super::agenda::Item;
@@ -176,8 +176,8 @@ impl Run {
             .excused_until
             .get(event.device)
             .is_some_and(|until| event.at <= *until);
-        let own = disturbed && event.kind.which().blame() == Blame::ClientUnlessDisturbed;
-        own || self.lateness.excuses(event)
+        let blame = event.kind.code().blame();
+        disturbed && blame.spares_disturbed() || self.lateness.excuses(event)
     }
 
     pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {

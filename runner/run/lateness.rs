@@ -8,16 +8,6 @@ use sim_core::event::Event;
 /// Whoever sends at a steady rate is back in its rhythm after two rounds at the R150's 20 Hz.
 const RHYTHM: Duration = Duration::from_millis(100);
 
-/// What a client does in steady time can look like this when a busy machine delivers it at once.
-const TIMING: [&str; 6] = [
-    "watchdog_fired",
-    "heartbeat_lost",
-    "link_timeout",
-    "queue_full",
-    "line_full",
-    "overrun",
-];
-
 /// Until when what clients send may come in a burst, after the simulator was late at `now` by so much
 /// simulated time.
 pub(super) fn burst_end(now: SimTime, by: Duration) -> SimTime {
@@ -41,8 +31,8 @@ impl Lateness {
     /// Whether an event looks like the client's fault but may well be the machine's; counts those.
     pub(super) fn excuses(&mut self, event: &Event) -> bool {
         let excused = self.excused_until.is_some_and(|until| event.at <= until)
-            && event.kind.is_client_fault()
-            && TIMING.contains(&event.kind.code());
+            && event.kind.blames_client()
+            && event.kind.code().blame().spares_late();
         self.excused += u64::from(excused);
         excused
     }
