@@ -47,7 +47,8 @@ fn live_run(text: &str, wire: Wire, trace: bool, sent: &[(u64, Vec<u8>)]) -> (Ru
         run.advance(at).unwrap();
         run.send(PORT, at, bytes).unwrap();
     }
-    run.advance(run.rig().now() + Duration::from_millis(20)).unwrap();
+    run.advance(run.rig().now() + Duration::from_millis(20))
+        .unwrap();
     run.read(PORT, &mut got);
     run.detach(PORT, run.rig().now()).unwrap();
     run.advance(SimTime::MAX).unwrap();
