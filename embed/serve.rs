@@ -282,7 +282,7 @@ impl<S: Simulation> Server<S> {
         let begun = Instant::now();
         while self.now() < to && !self.simulation.is_over() {
             let slice = to.min(self.now() + SLICE);
-            self.simulation.advance(slice)?;
+            while self.simulation.step(slice)? && begun.elapsed() <= BUDGET {}
             if begun.elapsed() > BUDGET && self.now() < to {
                 self.fell_behind(self.clock.since(self.now()));
                 return Ok(());
@@ -305,21 +305,22 @@ impl<S: Simulation> Server<S> {
         }
     }
 
-    /// The time of what has just been read: now, unless the simulator was held up so that it may
-    /// have come long before. A machine that is too slow has no time to advance for each read.
-    fn present(&mut self) -> SimTime {
+    /// Advances to the time of what has just been read, and says when that is: now, unless the
+    /// simulator was held up so that it may have come long before. A machine that is too slow has no
+    /// time to advance for each read.
+    fn catch_up(&mut self) -> anyhow::Result<SimTime> {
         let behind = self.clock.since(self.now());
-        if self.waiting || self.slowness.is_slow() {
-            return self.now();
+        if !self.waiting && !self.slowness.is_slow() {
+            if behind > MOST_LATE {
+                self.was_held_up(behind);
+            } else {
+                if behind > LITTLE_LATE {
+                    self.expect_burst(behind);
+                }
+                self.advance()?;
+            }
         }
-        if behind > MOST_LATE {
-            self.was_held_up(behind);
-            return self.now();
-        }
-        if behind > LITTLE_LATE {
-            self.expect_burst(behind);
-        }
-        self.clock.now()
+        Ok(self.now())
     }
 
     /// Takes what a port has to tell.
@@ -344,16 +345,16 @@ impl<S: Simulation> Server<S> {
                 }
                 Event::Attached => {
                     self.begin();
-                    let now = self.present();
+                    let now = self.catch_up()?;
                     self.simulation.attach(id, now)?;
                 }
                 Event::Detached => {
-                    let now = self.present();
+                    let now = self.catch_up()?;
                     self.simulation.detach(id, now)?;
                 }
                 Event::Data(count) => {
                     set_line(&mut self.simulation, id, port)?;
-                    let now = self.present();
+                    let now = self.catch_up()?;
                     self.simulation
                         .client_sends(id, now, &self.buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.

@@ -13,8 +13,9 @@ use sim_runner::Run;
 pub trait Simulation {
     /// The devices and their world.
     fn rig(&self) -> &Rig;
-    /// Goes on to `to`.
-    fn advance(&mut self, to: SimTime) -> anyhow::Result<()>;
+    /// Goes on towards `to`, by no more than can be done before somebody looks at a clock; says
+    /// whether more happens until then.
+    fn step(&mut self, to: SimTime) -> anyhow::Result<bool>;
     /// When something next happens by itself.
     fn next_deadline(&self) -> Option<SimTime>;
     /// Nothing happens any more.
@@ -47,7 +48,7 @@ const BROKEN: &str = "the simulation cannot go on";
 
 /// Both have these methods of their own, under the same names.
 macro_rules! simulation {
-    ($type:ty, rig: $rig:expr, is_over: $is_over:expr) => {
+    ($type:ty, rig: $rig:expr, is_over: $is_over:expr, step: $step:expr) => {
         impl Simulation for $type {
             fn rig(&self) -> &Rig {
                 $rig(self)
@@ -57,8 +58,8 @@ macro_rules! simulation {
                 $is_over(self)
             }
 
-            fn advance(&mut self, to: SimTime) -> anyhow::Result<()> {
-                self.advance(to).context(BROKEN)
+            fn step(&mut self, to: SimTime) -> anyhow::Result<bool> {
+                $step(self, to).context(BROKEN)
             }
 
             fn next_deadline(&self) -> Option<SimTime> {
@@ -117,5 +118,15 @@ macro_rules! simulation {
     };
 }
 
-simulation!(Rig, rig: |rig| rig, is_over: |_| false);
-simulation!(Run, rig: Run::rig, is_over: |run: &Run| run.finished().is_some());
+simulation!(
+    Rig,
+    rig: |rig| rig,
+    is_over: |_| false,
+    step: |rig: &mut Rig, to| rig.advance(to).map(|()| false)
+);
+simulation!(
+    Run,
+    rig: Run::rig,
+    is_over: |run: &Run| run.finished().is_some(),
+    step: Run::step
+);

@@ -225,19 +225,31 @@ impl Run {
     /// # Errors
     /// When the simulation or the scenario cannot go on.
     pub fn advance(&mut self, to: SimTime) -> Result<(), RunError> {
-        let to = to.min(self.limit);
-        while self.outcome.is_none() {
-            let next = self.next_instant();
-            if next > to {
-                self.rig.advance(to)?;
-                break;
-            }
-            self.instant(next, |_| {})?;
-            if next >= self.limit {
-                self.finish();
-            }
-        }
+        while self.step(to)? {}
         Ok(())
+    }
+
+    /// Goes on by one instant, but not beyond `to`; says whether more happens until then. A file may
+    /// ask for a thousand million instants a second, so this is for whoever has to look at a clock in
+    /// between.
+    ///
+    /// # Errors
+    /// When the simulation or the scenario cannot go on.
+    pub fn step(&mut self, to: SimTime) -> Result<bool, RunError> {
+        if self.outcome.is_some() {
+            return Ok(false);
+        }
+        let to = to.min(self.limit);
+        let next = self.next_instant();
+        if next > to {
+            self.rig.advance(to)?;
+            return Ok(false);
+        }
+        self.instant(next, |_| {})?;
+        if next >= self.limit {
+            self.finish();
+        }
+        Ok(self.outcome.is_none())
     }
 
     /// When something next happens by itself; `None` when the run is over.
