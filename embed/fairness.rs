@@ -41,9 +41,9 @@ impl Fairness {
 
     /// Whether an event looks like the client's fault but may well be the machine's.
     pub fn would_excuse(&self, event: &Event) -> bool {
-        event.kind.is_client_fault()
+        event.kind.blames_client()
             && self.excused_until.is_some_and(|until| event.at <= until)
-            && TIMING.contains(&event.kind.code())
+            && TIMING.contains(&event.kind.code().as_str())
     }
 
     /// The same, and counts it.

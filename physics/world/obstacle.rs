@@ -5,8 +5,8 @@ use super::map::MOST_PARTS;
 use super::scan::Solid;
 use crate::pose::Pose;
 
-/// The plane ends here, m: far enough out, and near enough for the rounding of rapier's `f32`.
-pub const EDGE_M: f64 = 1000.0;
+/// The plane ends here, m.
+pub const EDGE_M: f64 = 10_000.0;
 
 /// Something that stands on the plane. Vehicles do not move it; whoever owns the world may, if it
 /// has a name.

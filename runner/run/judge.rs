@@ -176,7 +176,7 @@ impl Run {
             .excused_until
             .get(event.device)
             .is_some_and(|until| event.at <= *until);
-        let own = disturbed && event.kind.which().blame() == Blame::ClientUnlessDisturbed;
+        let own = disturbed && event.kind.code().blame() == Blame::ClientUnlessDisturbed;
         // Asked in any case, for it may count.
         let by_others = self.excuse.as_mut().is_some_and(|excuse| excuse(event));
         own || by_others

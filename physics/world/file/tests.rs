@@ -83,7 +83,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
                 "test.toml:4:13",
                 "`wall.thickness`",
                 "\"0.5 m\"",
-                "0.001 to 1000 m",
+                "0.001 to 10000 m",
             ],
         ),
         (
@@ -100,7 +100,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
         ),
         (
             "[[circle]]\nat_m = [0, 1e9]\nradius = \"3 mm\"",
-            &["test.toml:3:", "`circle.at_m`", "-1000 to 1000"],
+            &["test.toml:3:", "`circle.at_m`", "-10000 to 10000"],
         ),
         (
             "[[circle]]\nat_m = [0, 1, 2]\nradius = \"3 mm\"",
