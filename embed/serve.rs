@@ -291,7 +291,7 @@ impl Server {
         let begun = Instant::now();
         while self.now() < to && self.run.finished().is_none() {
             let slice = to.min(self.now() + SLICE);
-            self.run.advance(slice)?;
+            while self.run.step(slice)? && begun.elapsed() <= BUDGET {}
             if begun.elapsed() > BUDGET && self.now() < to {
                 self.fell_behind(self.clock.since(self.now()));
                 return Ok(());
@@ -314,21 +314,22 @@ impl Server {
         }
     }
 
-    /// The time of what has just been read: now, unless the simulator was held up so that it may
-    /// have come long before. A machine that is too slow has no time to advance for each read.
-    fn present(&mut self) -> SimTime {
+    /// Advances to the time of what has just been read, and says when that is: now, unless the
+    /// simulator was held up so that it may have come long before. A machine that is too slow has no
+    /// time to advance for each read.
+    fn catch_up(&mut self) -> Result<SimTime, ServeError> {
         let behind = self.clock.since(self.now());
-        if self.waiting || self.slowness.is_slow() {
-            return self.now();
+        if !self.waiting && !self.slowness.is_slow() {
+            if behind > MOST_LATE {
+                self.was_held_up(behind);
+            } else {
+                if behind > LITTLE_LATE {
+                    self.was_late(behind);
+                }
+                self.advance()?;
+            }
         }
-        if behind > MOST_LATE {
-            self.was_held_up(behind);
-            return self.now();
-        }
-        if behind > LITTLE_LATE {
-            self.was_late(behind);
-        }
-        self.clock.now()
+        Ok(self.now())
     }
 
     /// Takes what a port has to tell.
@@ -353,16 +354,16 @@ impl Server {
                 }
                 Event::Attached => {
                     self.begin();
-                    let now = self.present();
+                    let now = self.catch_up()?;
                     self.run.attach(id, now)?;
                 }
                 Event::Detached => {
-                    let now = self.present();
+                    let now = self.catch_up()?;
                     self.run.detach(id, now)?;
                 }
                 Event::Data(count) => {
                     set_line(&mut self.run, id, port)?;
-                    let now = self.present();
+                    let now = self.catch_up()?;
                     self.run.send(id, now, &self.buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
                     self.deliver(token)?;

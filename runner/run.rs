@@ -245,22 +245,34 @@ impl Run {
     /// # Errors
     /// When the simulation or the scenario cannot go on.
     pub fn advance(&mut self, to: SimTime) -> Result<(), RunError> {
+        while self.step(to)? {}
+        Ok(())
+    }
+
+    /// Goes on by one instant, but not beyond `to`; says whether more happens until then. A file may
+    /// ask for a thousand million instants a second, so this is for whoever has to look at a clock in
+    /// between.
+    ///
+    /// # Errors
+    /// When the simulation or the scenario cannot go on.
+    pub fn step(&mut self, to: SimTime) -> Result<bool, RunError> {
+        if self.outcome.is_some() {
+            return Ok(false);
+        }
         let to = to.min(self.limit);
-        while self.outcome.is_none() {
-            let next = self.next_instant();
-            let before = (next - NANOSECOND).min(to);
-            if next > self.rig.now() && self.rig.advance_to_event(before)? {
-                self.follow_up(self.rig.now())?;
-            } else if next > to {
-                break;
-            } else {
-                self.instant(next, |_| {})?;
-                if next >= self.limit {
-                    self.finish();
-                }
+        let next = self.next_instant();
+        let before = (next - NANOSECOND).min(to);
+        if next > self.rig.now() && self.rig.advance_to_event(before)? {
+            self.follow_up(self.rig.now())?;
+        } else if next > to {
+            return Ok(false);
+        } else {
+            self.instant(next, |_| {})?;
+            if next >= self.limit {
+                self.finish();
             }
         }
-        Ok(())
+        Ok(self.outcome.is_none())
     }
 
     /// When something next happens by itself; `None` when the run is over.

@@ -21,7 +21,7 @@ use sim_embed::served::Served;
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
 
-/// Simulated time between looks for signals, once the client has ended.
+/// Simulated time between looks at the ports, once the client has ended.
 const SLICE: Duration = Duration::from_millis(500);
 
 /// The same while bytes of the client are still to be taken: as many as arrive in this have room
@@ -172,18 +172,23 @@ impl LivePlay {
     fn play_the_rest(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<bool> {
         let mut gone = false;
         while self.server.run().finished().is_none() {
-            if stop.load(Ordering::Relaxed) {
-                return Ok(false);
-            }
-            if self.begun.elapsed() > job.allowed {
-                self.fail(over_time(job.allowed));
-                return Ok(true);
-            }
             gone = gone || self.server.take_the_rest()?;
-            let run = self.server.run_mut();
-            let slice = if gone { SLICE } else { SHORT_SLICE };
-            run.advance(run.rig().now() + slice)?;
-            take(run, &mut self.trace);
+            let to = self.server.run().rig().now() + if gone { SLICE } else { SHORT_SLICE };
+            loop {
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(false);
+                }
+                if self.begun.elapsed() > job.allowed {
+                    self.fail(over_time(job.allowed));
+                    return Ok(true);
+                }
+                let run = self.server.run_mut();
+                let more = run.step(to)?;
+                take(run, &mut self.trace);
+                if !more {
+                    break;
+                }
+            }
         }
         Ok(true)
     }
