@@ -149,18 +149,24 @@ impl Run {
         }
     }
 
-    fn situation(&self) -> Situation<'_> {
+    pub(super) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
             seen: &self.seen,
         }
     }
 
-    fn holds(&self, condition: &Condition) -> Result<bool, String> {
+    /// Whether a condition holds now.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub fn holds(&self, condition: &Condition) -> Result<bool, String> {
         condition.holds(self.situation())
     }
 
-    fn explain(&self, condition: &Condition) -> String {
+    /// The values of the names in a condition now.
+    #[must_use]
+    pub fn explain(&self, condition: &Condition) -> String {
         condition.explain(self.situation())
     }
 
