@@ -3,24 +3,17 @@
 
 mod args;
 mod client;
-mod clock;
 mod config;
 mod exit;
-mod fairness;
 mod lists;
 mod log;
 mod plan;
-mod ports;
 mod print;
 mod ready_file;
 mod replay;
 mod run;
 mod scenario_files;
 mod schema;
-mod serve;
-mod served;
-mod simulation;
-mod slowness;
 mod start;
 mod summary;
 mod supervise;

@@ -9,7 +9,7 @@ use sim_settings::{SimTime, choices};
 
 use crate::uart;
 
-pub use event::LineEvent;
+pub use event::{LineEvent, OnLine};
 
 use direction::{Direction, matches};
 

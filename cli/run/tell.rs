@@ -8,8 +8,8 @@ use sim_runner::Outcome;
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
-use crate::ports;
 use crate::scenario_files::Loaded;
+use sim_embed::ports;
 
 use super::job::{Job, JobResult, Played};
 

@@ -7,11 +7,11 @@ use sim_core::rig::PortId;
 use sim_pty::{Port, PtyPort, SerialPort};
 use sim_runner::RigPlan;
 
-use crate::exit::Failure;
 use crate::served::Served;
+use sim_pty::PortError;
 
 /// Where ports go that have been given no path.
-pub(crate) enum Elsewhere<'a> {
+pub enum Elsewhere<'a> {
     /// Wherever the system puts them.
     Unlinked,
     /// Into this folder, under the name of the device.
@@ -20,12 +20,15 @@ pub(crate) enum Elsewhere<'a> {
 
 /// Opens every port of the plan; relative paths are relative to `folder`. The first device's first
 /// link is served on the real port `serial`, if one is named.
-pub(crate) fn open_all(
+///
+/// # Errors
+/// When a port cannot be made or opened.
+pub fn open_all(
     plan: &RigPlan,
     folder: &Path,
     serial: Option<&Path>,
     elsewhere: &Elsewhere<'_>,
-) -> Result<Vec<Served>, Failure> {
+) -> Result<Vec<Served>, PortError> {
     let mut ports = Vec::new();
     for (device, planned) in plan.devices.iter().enumerate() {
         for link in planned.links() {
@@ -35,7 +38,7 @@ pub(crate) fn open_all(
             };
             let served = match (serial, &link.path, elsewhere) {
                 (Some(serial), ..) if device == 0 && link.index == 0 => {
-                    SerialPort::open(serial, link.baud)
+                    SerialPort::open(serial, link.baud, link.stop_bits)
                         .map(|port| Served::new(id, Port::from(port)))
                 }
                 (_, Some(path), _) => Served::at(id, &folder.join(path), link.baud),
@@ -50,25 +53,31 @@ pub(crate) fn open_all(
                     PtyPort::open_unlinked(link.baud).map(|port| Served::new(id, Port::from(port)))
                 }
             };
-            ports.push(served.map_err(Failure::system)?);
+            ports.push(served?);
         }
     }
     Ok(ports)
 }
 
 /// A port as the user is told of it.
-pub(crate) struct ShownPort {
-    pub(crate) device: String,
-    pub(crate) link: &'static str,
+pub struct ShownPort {
+    /// Name of the device.
+    pub device: String,
+    /// Name of the link.
+    pub link: &'static str,
     /// Index of the link on the device.
-    pub(crate) index: usize,
-    pub(crate) path: PathBuf,
-    pub(crate) baud: u32,
-    pub(crate) stop_bits: u32,
+    pub index: usize,
+    /// Where a client opens it.
+    pub path: PathBuf,
+    /// Speed of the device's end.
+    pub baud: u32,
+    /// Stop bits of the device's end.
+    pub stop_bits: u32,
 }
 
 impl ShownPort {
-    pub(crate) fn new(served: &Served, plan: &RigPlan) -> Self {
+    /// A port of the plan as it is served.
+    pub fn new(served: &Served, plan: &RigPlan) -> Self {
         let device = &plan.devices[served.id.device];
         let link = device
             .links()
@@ -86,7 +95,8 @@ impl ShownPort {
         }
     }
 
-    pub(crate) fn json(&self) -> Value {
+    /// The same as JSON.
+    pub fn json(&self) -> Value {
         json!({
             "device": self.device,
             "link": self.link,
@@ -97,14 +107,14 @@ impl ShownPort {
     }
 
     /// The variable of a client's environment that holds the path.
-    pub(crate) fn variable(&self) -> String {
+    pub fn variable(&self) -> String {
         variable(&self.device, self.index, self.link)
     }
 }
 
 /// The variable of a client's environment that holds the path of a device's link: `SIM_R150_PORT`,
 /// and `SIM_CAR_ROS_PORT` for the second link of the device `car`.
-pub(crate) fn variable(device: &str, index: usize, link: &str) -> String {
+pub fn variable(device: &str, index: usize, link: &str) -> String {
     let mut name = format!("SIM_{device}");
     if index > 0 {
         name += &format!("_{link}");

@@ -6,23 +6,24 @@ use sim_core::rig::PortId;
 use sim_pty::{Counters, Port, PortError, PtyPort, Waiter};
 
 /// A port and whose it is.
-pub(crate) struct Served {
-    pub(crate) id: PortId,
+pub struct Served {
+    /// Device and link.
+    pub id: PortId,
     /// Where a client opens it.
-    pub(crate) path: PathBuf,
+    pub path: PathBuf,
     /// `None` while the cable is pulled.
-    pub(crate) port: Option<Port>,
+    pub port: Option<Port>,
     /// A pseudo-terminal that can be made again; a cable in a real serial port stays in.
     baud: Option<u32>,
     /// Totals of the times before the cable was pulled.
     before: Counters,
     /// Its line is full, and it is not read.
-    pub(crate) paused: bool,
+    pub paused: bool,
 }
 
 impl Served {
     /// Serves on a pseudo-terminal at `path`.
-    pub(crate) fn at(id: PortId, path: &Path, baud: u32) -> Result<Self, PortError> {
+    pub fn at(id: PortId, path: &Path, baud: u32) -> Result<Self, PortError> {
         let port = PtyPort::open_at(path, baud)?;
         Ok(Self {
             baud: Some(baud),
@@ -31,7 +32,7 @@ impl Served {
     }
 
     /// Serves on a port that stays.
-    pub(crate) fn new(id: PortId, port: Port) -> Self {
+    pub fn new(id: PortId, port: Port) -> Self {
         Self {
             id,
             path: port.path().to_owned(),
@@ -43,7 +44,7 @@ impl Served {
     }
 
     /// Closes the port, as when its cable is pulled; says whether a client had it open.
-    pub(crate) fn hang_up(&mut self) -> bool {
+    pub fn hang_up(&mut self) -> bool {
         let Some(port) = self.port.take_if(|_| self.baud.is_some()) else {
             return false;
         };
@@ -53,7 +54,7 @@ impl Served {
     }
 
     /// Makes the port again.
-    pub(crate) fn reopen(&mut self, waiter: &mut Waiter, token: usize) -> Result<(), PortError> {
+    pub fn reopen(&mut self, waiter: &mut Waiter, token: usize) -> Result<(), PortError> {
         if let (None, Some(baud)) = (&self.port, self.baud) {
             let mut port = Port::from(PtyPort::open_at(&self.path, baud)?);
             waiter.add(token, &mut port)?;
@@ -63,7 +64,7 @@ impl Served {
     }
 
     /// Totals since the beginning.
-    pub(crate) fn counters(&self) -> Counters {
+    pub fn counters(&self) -> Counters {
         match &self.port {
             Some(port) => sum(self.before, port.counters()),
             None => self.before,
