@@ -19,7 +19,7 @@ use rapier2d::prelude as rapier;
 pub use area::{Band, Disc, Rectangle};
 pub use file::WorldFileError;
 pub use ground::Ground;
-pub use map::{Area, FrictionPatch, Slope, Strip, WorldMap};
+pub use map::{Area, FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};
 pub use obstacle::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Obstacles};
 pub use scan::{Cone, Tag};
 pub use settings::WorldSettings;

@@ -1,6 +1,7 @@
 //! What stands on the plane and is no vehicle: walls, boxes, posts.
 
 use super::area::{Band, Disc, Rectangle, from};
+use super::map::MOST_PARTS;
 use super::scan::Solid;
 use crate::pose::Pose;
 
@@ -44,6 +45,12 @@ pub enum ObstacleError {
         /// The name.
         name: String,
     },
+    /// The world is full.
+    #[error(
+        "more than {MOST_PARTS} things in the world: boxes, posts, areas, tags, and pieces of walls \
+         and strips"
+    )]
+    TooMany,
     /// Nobody has this name.
     #[error("no obstacle is named `{name}`; {}", known(names))]
     Unknown {
