@@ -16,7 +16,7 @@ use sim_settings::show_duration;
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::log::{DeviceName, Log, LogOptions};
+use crate::log::{DeviceName, Log, LogOptions, Words};
 use crate::plan::{Plan, plan};
 use crate::ready_file::ReadyFile;
 use crate::run;
@@ -106,13 +106,7 @@ impl<S: Simulation> Session<S> {
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let devices = plan.rig.devices.iter();
-        let names: Vec<DeviceName> = devices
-            .map(|device| DeviceName {
-                name: device.name.clone(),
-                links: device.links().iter().map(|link| link.name).collect(),
-            })
-            .collect();
+        let Words(names) = Words::new(&plan.rig);
         let log = Log::start(options, names.clone())
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;

@@ -276,6 +276,12 @@ impl Run {
         &self.scenario
     }
 
+    /// How it is run.
+    #[must_use]
+    pub fn options(&self) -> RunOptions {
+        self.options
+    }
+
     /// What came of it; `None` while it goes on.
     #[must_use]
     pub fn finished(&self) -> Option<&Outcome> {
