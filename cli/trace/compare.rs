@@ -44,10 +44,9 @@ pub(super) fn compare(args: &TraceArgs, paths: [&PathBuf; 2]) -> Result<Exit, Fa
         let [(player_a, begun_a, a), (player_b, begun_b, b)] = players;
         let parted = match (begun_a.recv(), begun_b.recv()) {
             (Ok(begun_a), Ok(begun_b)) => {
-                let mut text = begun_a.differences(&begun_b);
+                let begun = begun_a.differences(&begun_b);
                 let within = args.within.map_or(Duration::ZERO, |within| within.0);
-                text.extend(parting(&a, &b, within, paths));
-                Some(text)
+                Some((begun, parting(&a, &b, within, paths)))
             }
             _ => None,
         };
@@ -62,12 +61,14 @@ pub(super) fn compare(args: &TraceArgs, paths: [&PathBuf; 2]) -> Result<Exit, Fa
                 return Ok(exit);
             }
         }
-        let text = parted.unwrap_or_default();
-        if text.is_empty() {
-            return print("the same from the beginning to the end");
+        let (mut text, parting) = parted.unwrap_or_default();
+        let same = parting.is_empty();
+        if same {
+            text.push("the same happens from the beginning to the end".to_owned());
         }
+        text.extend(parting);
         print(&text.join("\n"))?;
-        Ok(Exit::Failed)
+        Ok(if same { Exit::Clean } else { Exit::Failed })
     })
 }
 
@@ -79,13 +80,13 @@ struct Begun {
 impl Begun {
     fn new(run: &Run) -> Self {
         let scenario = run.scenario();
-        let client = match run.options().live {
+        let client = match run.is_live() {
             true => "a real client",
             false => "the scripted client",
         };
         Self {
             parts: [
-                ("seed", run.options().seed.to_string()),
+                ("seed", run.seed().to_string()),
                 ("title", scenario.title.clone()),
                 ("client", client.to_owned()),
                 ("text of the scenario", scenario.text.clone()),

@@ -40,8 +40,8 @@ impl Printer {
         };
         if args.log_format == LogFormat::Text {
             let scenario = run.scenario();
-            let (title, file, seed) = (&scenario.title, &scenario.file, run.options().seed);
-            let client = match run.options().live {
+            let (title, file, seed) = (&scenario.title, &scenario.file, run.seed());
+            let client = match run.is_live() {
                 true => "a real client",
                 false => "the scripted client",
             };

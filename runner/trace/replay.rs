@@ -199,7 +199,7 @@ impl<'o> Replay<'o> {
             Record::In { t, port, bytes } => {
                 let at = self.client_acts(t)?;
                 let port = self.port(port.into())?;
-                self.run.client_sends(port, at, &bytes.0)?;
+                self.run.send(port, at, &bytes.0)?;
             }
             Record::Line {
                 t,
@@ -216,7 +216,7 @@ impl<'o> Replay<'o> {
                     raw,
                 };
                 let port = self.port(port.into())?;
-                self.run.set_client_line(port, line);
+                self.run.set_line(port, line);
             }
             Record::Late { t, by, until } => {
                 let at = self.client_acts(t)?;
