@@ -54,3 +54,8 @@ pub use error::Error;
 pub use port::ClientPort;
 pub use simulation::{Device, Simulation, Step};
 pub use spawn::Spawned;
+
+/// The examples of the guide are tests, too.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/rust.md")]
+struct Guide;

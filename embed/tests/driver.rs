@@ -20,14 +20,18 @@ trait Driver {
     fn version(&mut self) -> io::Result<[u8; 4]>;
 }
 
-/// The first version: a reply is the next fourteen bytes.
-struct Hopeful(Box<dyn SerialPort>);
+/// The first version: it collects bytes, and the next fourteen are a reply.
+struct Hopeful(Box<dyn SerialPort>, Vec<u8>);
 
 impl Driver for Hopeful {
     fn version(&mut self) -> io::Result<[u8; 4]> {
         self.0.write_all(&VERSION)?;
-        let mut reply = [0; REPLY];
-        self.0.read_exact(&mut reply)?;
+        while self.1.len() < REPLY {
+            let mut some = [0; 64];
+            let count = self.0.read(&mut some)?;
+            self.1.extend(&some[..count]);
+        }
+        let reply: Vec<u8> = self.1.drain(..REPLY).collect();
         Ok([reply[8], reply[9], reply[10], reply[11]])
     }
 }
@@ -76,11 +80,9 @@ fn hundred_versions(
 
 #[test]
 fn the_hopeful_driver_takes_the_end_of_one_reply_for_the_beginning_of_the_next() {
-    let wrong = hundred_versions(|port| Box::new(Hopeful(port)));
-    assert!(
-        wrong.iter().any(Result::is_ok),
-        "versions that are none: {wrong:?}"
-    );
+    let wrong = hundred_versions(|port| Box::new(Hopeful(port, Vec::new())));
+    let versions: Vec<[u8; 4]> = wrong.into_iter().flatten().collect();
+    assert!(!versions.is_empty());
 }
 
 #[test]

@@ -1,7 +1,5 @@
 //! Simulations in simulated time, and served.
 
-#![expect(clippy::unwrap_used, reason = "a test")]
-
 use std::io::{Read, Write};
 use std::time::Duration;
 
