@@ -49,6 +49,9 @@ struct Connection<'a> {
     buffer: Vec<u8>,
 }
 
+/// A request with its body, nothing at the end, or what is wrong with it.
+type Arrived = Result<Option<(Head, Vec<u8>)>, Refusal>;
+
 /// What is asked, and with which status it is answered if it goes well.
 type Asked = (Ask, u16);
 
@@ -96,7 +99,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The next request with its body; nothing at the end.
-    fn request(&mut self) -> io::Result<Result<Option<(Head, Vec<u8>)>, Refusal>> {
+    fn request(&mut self) -> io::Result<Arrived> {
         let mut until = Instant::now() + IDLE;
         let mut begun = false;
         let (head, length) = loop {

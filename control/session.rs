@@ -188,7 +188,10 @@ mod tests {
         let file = own.publish_in(&folder).unwrap();
         let mode = fs::metadata(file.path()).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600);
-        assert_eq!(Session::running_in(&folder).unwrap(), [own.clone()]);
+        assert_eq!(
+            Session::running_in(&folder).unwrap(),
+            std::slice::from_ref(&own)
+        );
         assert!(own.serves(&port) && own.serves(&link));
         assert!(!own.serves(dir.path()) && !own.serves(&dir.path().join("gone")));
         drop(file);
