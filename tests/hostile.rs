@@ -10,9 +10,11 @@ mod harness;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::process::Signal;
 
+use harness::wire::frame;
 use harness::{Sim, command};
 
 /// A scenario of an hour with these steps.
@@ -86,4 +88,37 @@ fn the_time_allowed_and_signals_hold_in_files_that_have_something_every_nanoseco
         assert!(ended.out.contains("1 broken off"), "{}", ended.out);
         fs::remove_dir_all(folder.join("out")).unwrap();
     }
+}
+
+#[test]
+fn what_comes_all_at_once_is_counted_to_the_last() {
+    const REQUESTS: u64 = 3000;
+    let sim = Sim::start(&["--wire", "instant", "--log-format", "json"]);
+    let mut client = sim.client();
+    let request = frame(0x07, &[]);
+    let mut sent = 0;
+    let mut received = Vec::new();
+    let all = request.repeat(usize::try_from(REQUESTS).unwrap());
+    harness::until("all has been sent", || {
+        sent += client.send_some(&all[sent..]);
+        received.extend(client.read_for(Duration::from_millis(1)));
+        sent == all.len()
+    });
+    // The rest is on its way; a busy machine may take a while to bring it.
+    received.extend(client.read_for(Duration::from_secs(2)));
+    drop(client);
+    sim.wait_event("client_detached");
+    let finished = sim.stop();
+    let summary = finished.expect_clean().summary();
+    assert_eq!(summary["requests"].as_u64(), Some(REQUESTS), "{summary}");
+    assert_eq!(summary["replies"].as_u64(), Some(REQUESTS), "{summary}");
+    let lost = |code: &str| {
+        let events = harness::with_code(summary["events"].as_array().unwrap(), code);
+        events
+            .iter()
+            .filter_map(|event| event["lost_bytes"].as_u64())
+            .sum::<u64>()
+    };
+    let told = received.len() as u64 + lost("line_full") + lost("overrun");
+    assert_eq!(told, REQUESTS * 7, "{summary}");
 }
