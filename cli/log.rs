@@ -14,6 +14,8 @@ use sim_core::SimTime;
 use sim_core::event::{Event, Hex, Level, Role};
 
 use crate::args::LogFormat;
+use crate::print::complain;
+use crate::visible;
 
 /// Most lines that wait to be printed; further ones are dropped and counted.
 const MOST_LINES: usize = 1 << 14;
@@ -147,8 +149,7 @@ impl Log {
             None if !printed => "whoever reads it is too slow".to_owned(),
             None => return,
         };
-        // Nothing is left to do if standard error is closed, too.
-        let _ = writeln!(anstream::stderr(), "some output was not printed: {why}");
+        complain(&format!("some output was not printed: {why}"));
     }
 
     /// Waits until all is printed, up to a point; says whether it was.
@@ -217,7 +218,7 @@ impl Printer {
         }
         let mut printed = self.tell_dropped(&mut out);
         if let Ok(last) = self.last.try_recv() {
-            printed = printed.and_then(|()| writeln!(out, "{last}"));
+            printed = printed.and_then(|()| writeln!(out, "{}", visible::lines(&last)));
         }
         self.note(printed.and_then(|()| out.flush()));
     }
@@ -234,7 +235,7 @@ impl Printer {
 
     fn print(&mut self, out: &mut impl Write, line: Line) -> io::Result<()> {
         let event = match line {
-            Line::Text(text) => return writeln!(out, "{text}"),
+            Line::Text(text) => return writeln!(out, "{}", visible::lines(&text)),
             Line::Event(event) => event,
         };
         let Some(repeats) = self.due(&event) else {
@@ -300,7 +301,8 @@ impl Printer {
         let time = event.at;
         writeln!(
             out,
-            "{time:>12} {name} {style}{mark} {text}{style:#}{code}{bytes}{repeats}"
+            "{time:>12} {name} {style}{mark} {}{style:#}{code}{bytes}{repeats}",
+            visible::line(&text)
         )
     }
 
@@ -331,7 +333,7 @@ impl Printer {
             "text": kind.to_string(),
             "bytes": kind.bytes().map(|bytes| Hex(&bytes).to_string()),
         });
-        writeln!(out, "{line}")
+        writeln!(out, "{}", visible::json(&line))
     }
 
     fn tell_dropped(&mut self, out: &mut impl Write) -> io::Result<()> {

@@ -12,6 +12,7 @@ use crate::args::{Device, ServeArgs};
 use crate::config;
 use crate::exit::Failure;
 use crate::scenario_files::{self, Loaded};
+use crate::visible;
 
 /// A plan, what is in its world, and the folder that its paths are relative to.
 pub(crate) struct Plan {
@@ -39,7 +40,7 @@ pub(crate) fn plan(args: &ServeArgs) -> Result<Plan, Failure> {
     let map = match world {
         Some(path) => {
             let text = config::read(&path, "world file")?;
-            WorldMap::from_toml(&text, &path.display().to_string()).map_err(Failure::usage)?
+            WorldMap::from_toml(&text, &visible::name(path)).map_err(Failure::usage)?
         }
         None => WorldMap::default(),
     };
@@ -69,7 +70,7 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
     // A flag is relative to where it was typed, a file's path to the file.
     let here = |path: &PathBuf| {
         std::path::absolute(path)
-            .with_context(|| format!("cannot tell where {} is", path.display()))
+            .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
             .map_err(Failure::system)
     };
     if let Some(pty) = &args.pty {
@@ -94,7 +95,7 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
 fn from_file(file: &Path, args: &ServeArgs) -> Result<(RigPlan, PathBuf), Failure> {
     let base = config::load_file(&args.settings)?;
     let text = config::read(file, "rig file")?;
-    let shown = file.display().to_string();
+    let shown = visible::name(file);
     let source = Source {
         file: &shown,
         text: &text,

@@ -1,17 +1,23 @@
-//! Printing to standard output.
+//! Printing to standard output and standard error.
 
 use std::io::{ErrorKind, Write as _};
 
 use anyhow::anyhow;
 
 use crate::exit::{Exit, Failure};
+use crate::visible;
 
-/// Prints a line; nobody reading any more is no failure.
+/// Prints a line, or several; nobody reading any more is no failure.
 pub(crate) fn print(text: &str) -> Result<Exit, Failure> {
-    match writeln!(anstream::stdout(), "{text}") {
+    match writeln!(anstream::stdout(), "{}", visible::lines(text)) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Failure::system(anyhow!(error).context("cannot print")))
         }
         _ => Ok(Exit::Clean),
     }
+}
+
+/// Prints a line to standard error; nothing is left to do if that is closed.
+pub(crate) fn complain(text: &str) {
+    let _ = writeln!(anstream::stderr(), "{}", visible::lines(text));
 }

@@ -9,13 +9,14 @@ use sim_runner::trace::{Replay, ReplayError};
 
 use crate::exit::{Exit, Failure};
 use crate::print::print;
+use crate::visible;
 
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
 
 /// Plays the trace in simulated time and compares.
 pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
-    let shown = path.display();
+    let shown = visible::name(path);
     let file = fs::File::open(path)
         .with_context(|| format!("cannot read the trace {shown}"))
         .map_err(Failure::usage)?;

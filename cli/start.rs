@@ -21,6 +21,7 @@ use crate::plan::{Plan, plan};
 use crate::ready_file::ReadyFile;
 use crate::run;
 use crate::summary::{self, DeviceSummary, RunSummary};
+use crate::visible;
 use sim_embed::fairness::Fairness;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
@@ -59,7 +60,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     let reports: Vec<Report> = outcome.devices.iter().map(|d| d.report.clone()).collect();
     let verdict = match args.log_format {
         LogFormat::Text => run::verdict_text(&outcome),
-        LogFormat::Json => run::verdict_json(&outcome).to_string(),
+        LogFormat::Json => visible::json(&run::verdict_json(&outcome)),
     };
     session.finish(&reports, Some(verdict));
     Ok(if broken_off {
@@ -138,7 +139,7 @@ impl<S: Simulation> Session<S> {
             .map_err(Failure::usage)?;
         log.text(match log.format() {
             LogFormat::Text => "ready".to_owned(),
-            LogFormat::Json => ready.to_string(),
+            LogFormat::Json => visible::json(&ready),
         });
         Ok(Self {
             server,
@@ -203,7 +204,7 @@ impl<S: Simulation> Session<S> {
             };
             match self.log.format() {
                 LogFormat::Text => summary::text(&run, &devices),
-                LogFormat::Json => summary::json(&run, &devices).to_string(),
+                LogFormat::Json => visible::json(&summary::json(&run, &devices)),
             }
         });
         let last: Vec<String> = summary.into_iter().chain(verdict).collect();
@@ -257,7 +258,7 @@ fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed:
                         "\n  {} ({} link) on {} at {} baud 8N{}{}",
                         port.device,
                         port.link,
-                        port.path.display(),
+                        visible::name(&port.path),
                         port.baud,
                         port.stop_bits,
                         start.as_deref().unwrap_or_default(),
@@ -269,15 +270,15 @@ fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed:
                 text += &format!(
                     "\n  scenario {}: {}\n  a good client: {}\n  time begins when a client opens a \
                      port, and ends after {}",
-                    loaded.path.display(),
-                    loaded.scenario.title,
-                    loaded.scenario.good_client,
+                    visible::name(&loaded.path),
+                    visible::line(&loaded.scenario.title),
+                    visible::line(&loaded.scenario.good_client),
                     show_duration(loaded.scenario.limit),
                 );
             }
             text
         }
-        LogFormat::Json => json!({
+        LogFormat::Json => visible::json(&json!({
             "code": "start",
             "version": version,
             "ports": ports.iter().map(ShownPort::json).collect::<Vec<_>>(),
@@ -286,9 +287,8 @@ fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed:
             "speed": args.speed,
             "seed": seed,
             "changed": changed,
-            "scenario": scenario.map(|loaded| &loaded.path),
-        })
-        .to_string(),
+            "scenario": scenario.map(|loaded| visible::path_value(&loaded.path)),
+        })),
     };
     log.text(text);
 }

@@ -30,6 +30,27 @@ pub fn burst_end(now: SimTime, by: Duration) -> SimTime {
 pub struct Fairness {
     excused_until: Option<SimTime>,
     excused: u64,
+    held_up: HeldUp,
+}
+
+/// Real time for which simulated time stood still since the machine did not let the simulator run, or
+/// was too slow for it. A client's own clock went on meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct HeldUp {
+    /// How often that was.
+    pub times: u64,
+    /// For how long in all.
+    pub total: Duration,
+    /// For how long at the longest.
+    pub longest: Duration,
+}
+
+impl HeldUp {
+    fn note(&mut self, by: Duration) {
+        self.times += 1;
+        self.total = self.total.saturating_add(by);
+        self.longest = self.longest.max(by);
+    }
 }
 
 impl Fairness {
@@ -37,6 +58,16 @@ impl Fairness {
     /// arrives in one burst now, which takes less time than the sending did.
     pub fn late(&mut self, now: SimTime, by: Duration) {
         self.excused_until = self.excused_until.max(Some(burst_end(now, by)));
+    }
+
+    /// Simulated time stood still for so much real time.
+    pub fn held_up_by(&mut self, by: Duration) {
+        self.held_up.note(by);
+    }
+
+    /// For how long simulated time stood still so far.
+    pub fn held_up(&self) -> HeldUp {
+        self.held_up
     }
 
     /// Whether an event looks like the client's fault but may well be the machine's.

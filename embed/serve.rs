@@ -255,10 +255,11 @@ impl<S: Simulation> Server<S> {
         }
         let now = self.simulation.rig().now();
         self.clock.set_back(now);
-        self.fairness
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .late(now, self.clock.simulated(by));
+        let simulated = self.clock.simulated(by);
+        let mut fairness = self.fairness.lock().unwrap_or_else(PoisonError::into_inner);
+        fairness.late(now, simulated);
+        fairness.held_up_by(by);
+        drop(fairness);
         self.simulation.simulator_late(by);
         self.expect_burst(by);
     }
@@ -301,6 +302,10 @@ impl<S: Simulation> Server<S> {
             self.was_held_up(by);
         } else {
             self.clock.set_back(self.now());
+            self.fairness
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .held_up_by(by);
             self.expect_burst(by);
         }
     }
