@@ -4,7 +4,6 @@ use std::ffi::OsString;
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -16,11 +15,9 @@ use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::visible;
-use sim_embed::fairness::Fairness;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 use sim_embed::served::Served;
-use sim_embed::simulation::Simulation as _;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
@@ -50,13 +47,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     if stop.load(Ordering::Relaxed) {
         return Ok(JobResult::BrokenOff);
     }
-    let (mut run, trace) = job.begin()?;
-    let fairness = Arc::new(Mutex::new(Fairness::default()));
-    let shared = Arc::clone(&fairness);
-    run.excuse_with(Box::new(move |event| {
-        let mut fairness = shared.lock().unwrap_or_else(PoisonError::into_inner);
-        fairness.excuses(event)
-    }));
+    let (run, trace) = job.begin()?;
     let links = tempfile::Builder::new()
         .prefix("sim-")
         .tempdir()
@@ -76,8 +67,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     });
     let log = log.transpose().map_err(Failure::system)?;
     let when = (Begin::WithClient, job.speed);
-    let shared = Arc::clone(&fairness);
-    let mut server = Server::new(run, ports, waiter, when, shared).map_err(Failure::system)?;
+    let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
     let client =
         Client::start(job.client, &environment, links.path(), log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
@@ -98,14 +88,11 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         )));
     }
     // The trace has its end in any case, so that it can be played again.
-    let outcome = play.server.simulation_mut().end().clone();
-    take(play.server.simulation_mut(), &mut play.trace);
+    let outcome = play.server.run_mut().end().clone();
+    take(play.server.run_mut(), &mut play.trace);
     play.trace.map_or(Ok(()), TraceFile::finish)?;
     let passed = outcome.passed;
-    let held_up = fairness
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .held_up();
+    let held_up = play.server.held_up();
     Ok(match played {
         None => JobResult::BrokenOff,
         Some(client) => JobResult::Played(Box::new(Played {
@@ -147,7 +134,7 @@ fn absolute(path: &Path) -> Result<OsString, Failure> {
 }
 
 struct LivePlay {
-    server: Server<Run>,
+    server: Server,
     client: Client,
     trace: Option<TraceFile>,
     begun: Instant,
@@ -158,7 +145,7 @@ impl LivePlay {
     /// ended then.
     fn play(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
         let trace = &mut self.trace;
-        let ended = self.server.run(|run| take(run, trace))?;
+        let ended = self.server.serve(|run| take(run, trace))?;
         let stopped = ended != Ended::Watched;
         let end = if stopped {
             self.client.stop()?
@@ -193,9 +180,9 @@ impl LivePlay {
     /// the scenario shows what becomes of the vehicle. `false` if a signal came first.
     fn play_the_rest(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<bool> {
         let mut gone = false;
-        while !self.server.simulation().is_over() {
+        while self.server.run().finished().is_none() {
             gone = gone || self.server.take_the_rest()?;
-            let to = self.server.simulation().rig().now() + if gone { SLICE } else { SHORT_SLICE };
+            let to = self.server.run().rig().now() + if gone { SLICE } else { SHORT_SLICE };
             loop {
                 if stop.load(Ordering::Relaxed) {
                     return Ok(false);
@@ -204,7 +191,7 @@ impl LivePlay {
                     self.fail(over_time(job.allowed));
                     return Ok(true);
                 }
-                let run = self.server.simulation_mut();
+                let run = self.server.run_mut();
                 let more = run.step(to)?;
                 take(run, &mut self.trace);
                 if !more {
@@ -221,7 +208,7 @@ impl LivePlay {
     }
 
     fn fail(&mut self, what: String) {
-        self.server.simulation_mut().fail(what);
+        self.server.run_mut().fail(what);
     }
 }
 

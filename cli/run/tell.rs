@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 use sim_core::event::Hex;
-use sim_embed::fairness::HeldUp;
+use sim_embed::serve::HeldUp;
 use sim_runner::Outcome;
 use sim_settings::show_duration;
 

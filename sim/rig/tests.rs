@@ -7,10 +7,24 @@ use proptest::prelude::*;
 use sim_physics::r150::Load;
 
 use super::*;
-use crate::line::ClientLine;
+use crate::line::{ClientLine, LineEvent};
 use crate::r150_device::command::Request;
 
 const PORT: PortId = PortId { device: 0, link: 0 };
+
+impl Rig {
+    /// The client sends at `now`, before any deadline of that instant.
+    pub(crate) fn client_sends(
+        &mut self,
+        port: PortId,
+        now: SimTime,
+        bytes: &[u8],
+    ) -> Result<(), RigError> {
+        self.approach(now)?;
+        self.client_puts(port, bytes);
+        self.advance(now)
+    }
+}
 
 fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {
     let world = WorldSettings::default();
@@ -278,7 +292,7 @@ fn a_port_that_does_not_exist_does_nothing() {
     rig.set_client_line(nowhere, ClientLine::at(9600));
     rig.client_sends(nowhere, SimTime::from_millis(1), &[1, 2, 3])
         .unwrap();
-    rig.client_lost(nowhere, 1);
+    rig.tell(nowhere, LineEvent::Overrun { bytes: 1 });
     assert_eq!(rig.room(nowhere), 0);
     assert!(rig.with_r150(3, |_, _, _| ()).is_none());
 }
