@@ -10,6 +10,7 @@ mod log;
 mod plan;
 mod print;
 mod ready_file;
+mod recording;
 mod replay;
 mod run;
 mod scenario_files;
@@ -17,6 +18,7 @@ mod schema;
 mod start;
 mod summary;
 mod supervise;
+mod trace;
 mod visible;
 mod whole_file;
 
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
             Some(Command::Run(args)) => run::run(args),
             Some(Command::Check { files }) => run::check(files),
             Some(Command::Replay { trace }) => replay::replay(trace),
+            Some(Command::Trace(args)) => trace::trace(args),
             Some(Command::Supervise { client, folder }) => {
                 supervise::supervise(client, folder.as_deref())
             }

@@ -9,7 +9,12 @@ use crate::visible;
 
 /// Prints a line, or several; nobody reading any more is no failure.
 pub(crate) fn print(text: &str) -> Result<Exit, Failure> {
-    match writeln!(anstream::stdout(), "{}", visible::lines(text)) {
+    written(writeln!(anstream::stdout(), "{}", visible::lines(text)))
+}
+
+/// What becomes of it when something could not be printed; nobody reading any more is no failure.
+pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
+    match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Failure::system(anyhow!(error).context("cannot print")))
         }

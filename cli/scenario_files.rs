@@ -37,7 +37,7 @@ impl Loaded {
     ) -> Result<Self, Failure> {
         let read = |path: &Path| {
             let text = config::read(path, "world file")?;
-            Ok((path.display().to_string(), text))
+            Ok((visible::name(path), text))
         };
         Ok(Self {
             path,

@@ -13,7 +13,7 @@ use sim_settings::show_duration;
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::log::{DeviceName, Log, LogOptions};
+use crate::log::{DeviceName, Log, LogOptions, Words};
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run;
@@ -88,13 +88,7 @@ impl Session {
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let devices = plan.devices.iter();
-        let names: Vec<DeviceName> = devices
-            .map(|device| DeviceName {
-                name: device.name.clone(),
-                links: device.links().iter().map(|link| link.name).collect(),
-            })
-            .collect();
+        let Words(names) = Words::new(plan);
         let log = Log::start(options, names.clone())
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
