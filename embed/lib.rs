@@ -39,7 +39,7 @@
 //! The modules [`serve`], [`served`] and [`ports`] are what the `sim` command serves real ports with.
 
 mod builder;
-mod clock;
+pub mod clock;
 mod error;
 mod port;
 pub mod ports;
