@@ -345,5 +345,5 @@ fn what_would_be_played_is_shown_without_playing() {
     let none = folder.sim(&["run", "--filter", "fly", "."]);
     none.expect_refusal(2, &["`fly`", "nothing to run"]);
     let speed = folder.sim(&["run", "--speed", "2", "."]);
-    speed.expect_refusal(2, &["--speed is for runs with a client"]);
+    speed.expect_refusal(2, &["--speed is for a client with --time real"]);
 }

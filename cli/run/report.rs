@@ -20,6 +20,7 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
     report["scenario"] = json!(job.loaded.path);
     report["version"] = json!(env!("CARGO_PKG_VERSION"));
     report["took_s"] = json!(played.took.as_secs_f64());
+    report["time"] = json!(job.time_word());
     report["command"] = json!(job.command());
     report["trace"] = json!(job.file("trace.jsonl"));
     report["client"] = client(job, played);
@@ -56,5 +57,7 @@ fn client(job: &Job<'_>, played: &Played) -> Value {
         "signal": signal,
         "stopped": client.stopped,
         "output": job.file("client.log"),
+        "outside": client.outside,
+        "refused": client.refused,
     })
 }
