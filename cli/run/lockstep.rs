@@ -14,6 +14,7 @@ use sim_lockstep::{
     Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World,
 };
 use sim_runner::Run;
+use sim_settings::show_duration;
 
 use crate::client::Output;
 use crate::exit::Failure;
@@ -263,7 +264,8 @@ impl Stage {
                 self.run.fail(format!("{why}; {doing}"));
             }
             Reason::Deadlock(waits) if self.begun_at.is_none() => self.run.fail(format!(
-                "the client waited for what never comes, without having opened a port: {waits}"
+                "the client has opened no port within {} of its own time: {waits}",
+                show_duration(job.allowed)
             )),
             Reason::Deadlock(waits) => self
                 .run
