@@ -32,7 +32,11 @@ impl Folder {
         let mut name = std::hash::DefaultHasher::new();
         name.write(job.name().as_bytes());
         name.write_u64(job.seed);
-        let name = format!("{}-{:08x}", job.loaded.stem(), name.finish() & 0xFFFF_FFFF);
+        let name = format!(
+            "{}-{:08x}",
+            job.loaded.stem().to_string_lossy(),
+            name.finish() & 0xFFFF_FFFF
+        );
         for number in 1..=MOST {
             let name = match number {
                 1 => name.clone(),

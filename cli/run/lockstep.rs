@@ -91,6 +91,9 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
             refused: ending.refused.into_iter().collect(),
         }),
         took: begun.elapsed(),
+        // The machine has no part in it.
+        held_up: None,
+        is_spoilt: false,
     })))
 }
 
