@@ -31,7 +31,7 @@ pub(crate) fn check(settings: &SimSettings) -> Result<(), Failure> {
 
 /// Reads the settings file, if one is named.
 pub(crate) fn load_file(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = SimSettings::default();
+    let mut settings = SimSettings::new(sim_core::SHIPPED);
     if let Some(path) = &args.config {
         let text = read(path, "settings file")?;
         load_toml(&text, &path.display().to_string(), &mut settings).map_err(|errors| {

@@ -105,7 +105,7 @@ pub(crate) fn load_all(files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
     let mut errors = Vec::new();
     let mut loaded = Vec::new();
     for path in files {
-        match load(path, &SimSettings::default()) {
+        match load(path, &SimSettings::new(sim_core::SHIPPED)) {
             Ok(one) => loaded.push(one),
             Err(failure) => errors.push(format!("{:#}", failure.error)),
         }

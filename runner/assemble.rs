@@ -85,11 +85,11 @@ impl RigPlan {
             match device.kind {
                 Kind::R150 => {
                     let settings = &device.settings.r150;
-                    rig.add_r150(&device.name, settings, device.start, device.pose);
+                    sim_core::r150::add(&mut rig, &device.name, settings, device.start, device.pose);
                 }
                 Kind::Mecanum => {
                     let settings = &device.settings.mecanum;
-                    rig.add_mecanum(&device.name, settings, device.ros, device.pose);
+                    sim_core::mecanum::add(&mut rig, &device.name, settings, device.ros, device.pose);
                 }
             }
         }

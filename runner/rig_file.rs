@@ -374,7 +374,7 @@ mod tests {
             file: "my-rig.toml",
             text,
         };
-        RigPlan::parse(source, &SimSettings::default()).map_err(|error| error.to_string())
+        RigPlan::parse(source, &SimSettings::new(sim_core::SHIPPED)).map_err(|error| error.to_string())
     }
 
     #[test]

@@ -199,10 +199,10 @@ impl Player {
                 let device = self.device(*device);
                 let action = r150_button(*button);
                 self.rig
-                    .with_r150(device, |r150, _, now| r150.operate(now, action));
+                    .with_device(device, |r150: &mut R150, _, now| r150.operate(now, action));
                 let action = car_key(*button);
                 self.rig
-                    .with_mecanum(device, |car, _, now| car.operate(now, action));
+                    .with_device(device, |car: &mut Mecanum, _, now| car.operate(now, action));
             }
             Operation::Handle { device, how } => {
                 let device = self.device(*device);
@@ -331,7 +331,7 @@ impl Player {
             y: f64::from(y) / 10.0,
             heading: f64::from(heading) / 100.0,
         };
-        self.rig.with_r150(device, |r150, world, _| match how {
+        self.rig.with_device(device, |r150: &mut R150, world, _| match how {
             Hands::Push(push) => {
                 let [ahead, left, turn] = scale(push, 3.0);
                 r150.set_push(ahead, left, turn);
@@ -344,7 +344,7 @@ impl Player {
             }
             Hands::Bump(_) | Hands::Supply(_) => {}
         });
-        self.rig.with_mecanum(device, |car, world, _| {
+        self.rig.with_device(device, |car: &mut Mecanum, world, _| {
             let plant = car.plant_mut();
             match how {
                 Hands::Push(push) => {

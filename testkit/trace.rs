@@ -72,7 +72,7 @@ impl Recording {
             file: "recorded.toml",
             text: SCENARIO,
         };
-        let scenario = Scenario::parse(source, &SimSettings::default());
+        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED));
         let scenario = scenario.unwrap_or_else(|error| panic!("{error}"));
         let options = RunOptions {
             seed: self.seed,
@@ -315,7 +315,7 @@ fn is_large(header: &str) -> bool {
         file: "recorded.toml",
         text: &header.scenario,
     };
-    Scenario::parse(source, &SimSettings::default())
+    Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
         .is_ok_and(|scenario| scenario.rig.devices.len() > MOST_DRIVEN)
 }
 

@@ -33,12 +33,12 @@ impl Run {
         match action {
             OperatorAction::R150(action, end) => {
                 self.rig
-                    .with_r150(device, |r150, _, now| r150.operate(now, *action));
+                    .with_device(device, |r150: &mut R150, _, now| r150.operate(now, *action));
                 end.map(Undo::R150)
             }
             OperatorAction::Mecanum(action, end) => {
                 self.rig
-                    .with_mecanum(device, |car, _, now| car.operate(now, *action));
+                    .with_device(device, |car: &mut Mecanum, _, now| car.operate(now, *action));
                 end.map(Undo::Mecanum)
             }
             OperatorAction::Push(push) => {
@@ -50,10 +50,10 @@ impl Run {
                 Some(Undo::Payload)
             }
             OperatorAction::Place(pose) => {
-                self.rig.with_r150(device, |r150, world, _| {
+                self.rig.with_device(device, |r150: &mut R150, world, _| {
                     r150.place(world, *pose);
                 });
-                self.rig.with_mecanum(device, |car, world, _| {
+                self.rig.with_device(device, |car: &mut Mecanum, world, _| {
                     car.plant_mut().place(world, *pose);
                 });
                 None
@@ -62,19 +62,19 @@ impl Run {
     }
 
     fn push(&mut self, device: usize, [ahead, left, turn]: [f64; 3]) {
-        self.rig.with_r150(device, |r150, _, _| {
+        self.rig.with_device(device, |r150: &mut R150, _, _| {
             r150.set_push(ahead, left, turn);
         });
-        self.rig.with_mecanum(device, |car, _, _| {
+        self.rig.with_device(device, |car: &mut Mecanum, _, _| {
             car.plant_mut().set_push(ahead, left, turn);
         });
     }
 
     fn payload(&mut self, device: usize, mass: f64) {
-        self.rig.with_r150(device, |r150, world, _| {
+        self.rig.with_device(device, |r150: &mut R150, world, _| {
             r150.set_payload(world, mass);
         });
-        self.rig.with_mecanum(device, |car, world, _| {
+        self.rig.with_device(device, |car: &mut Mecanum, world, _| {
             car.plant_mut().set_payload(world, mass);
         });
     }
@@ -138,11 +138,11 @@ impl Run {
     /// Wires a load; gives what was there before.
     fn load(&mut self, device: usize, rail: Rail, load: Load) -> Option<Load> {
         self.rig
-            .with_r150(device, |r150, _, _| r150.set_load(rail, load))
+            .with_device(device, |r150: &mut R150, _, _| r150.set_load(rail, load))
     }
 
     fn pwm(&mut self, device: usize, input: usize, source: PwmSource) {
-        self.rig.with_r150(device, |r150, _, _| {
+        self.rig.with_device(device, |r150: &mut R150, _, _| {
             r150.set_pwm_source(input, source);
         });
     }
@@ -154,11 +154,11 @@ impl Run {
             Undo::Fault(number) => self.clear_fault(index, number),
             Undo::R150(action) => {
                 self.rig
-                    .with_r150(device, |r150, _, now| r150.operate(now, action));
+                    .with_device(device, |r150: &mut R150, _, now| r150.operate(now, action));
             }
             Undo::Mecanum(action) => {
                 self.rig
-                    .with_mecanum(device, |car, _, now| car.operate(now, action));
+                    .with_device(device, |car: &mut Mecanum, _, now| car.operate(now, action));
             }
             Undo::Push => self.push(device, [0.0; 3]),
             Undo::Payload => self.payload(device, 0.0),

@@ -5,7 +5,7 @@ fn parse(text: &str) -> Result<Scenario, String> {
         file: "s.toml",
         text,
     };
-    Scenario::parse(source, &SimSettings::default()).map_err(|error| error.to_string())
+    Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)).map_err(|error| error.to_string())
 }
 
 /// Four lines, so that what follows begins at line 5.
@@ -326,7 +326,7 @@ fn a_fault_that_is_added_does_not_rename_another() {
             file: "s.toml",
             text: &text,
         };
-        let scenario = Scenario::parse(source, &SimSettings::default()).unwrap();
+        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)).unwrap();
         scenario.steps.into_iter().map(|step| step.name).collect()
     };
     assert_eq!(named(flips), ["bit-flips"]);

@@ -318,7 +318,7 @@ impl Replay {
 }
 
 fn start(header: &Header) -> Result<Run, String> {
-    let mut base = SimSettings::default();
+    let mut base = SimSettings::new(sim_core::SHIPPED);
     load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
         shorten(errors.join("; "))

@@ -30,11 +30,10 @@ use super::parameters::{
     Probability, RailName, WrongLength,
 };
 use super::{FaultInfo, FaultLevel, ParameterInfo};
-use crate::device_kind::DeviceKind;
 
-const BOTH: &[DeviceKind] = &DeviceKind::ALL;
-const R150: &[DeviceKind] = &[DeviceKind::R150];
-const CAR: &[DeviceKind] = &[DeviceKind::Mecanum];
+const BOTH: &[&str] = &["r150", "mecanum"];
+const R150: &[&str] = &["r150"];
+const CAR: &[&str] = &["mecanum"];
 
 /// Declares the type [`Fault`] and its catalogue. A parameter without `#[serde(…)]` must be given.
 macro_rules! faults {

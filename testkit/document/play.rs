@@ -40,7 +40,7 @@ pub fn scenario(choices: &[u8]) -> Became {
         file: "scenario.toml",
         text: &text,
     };
-    let scenario = match Scenario::parse(source, &SimSettings::default()) {
+    let scenario = match Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)) {
         Ok(scenario) => Arc::new(scenario),
         Err(error) => {
             text::is_told(&error.to_string());

@@ -24,7 +24,7 @@ impl Player {
             let distance = self.rig.distance_m(device);
             assert!(distance >= self.distance[device], "{distance} m");
             self.distance[device] = distance;
-            if let Some(r150) = self.rig.r150(device) {
+            if let Some(r150) = self.rig.device::<R150>(device) {
                 let soc = r150.truth().soc;
                 assert!((0.0..=1.0).contains(&soc), "charge of {soc}");
             }
@@ -181,7 +181,7 @@ impl ExpectDue for Option<SimTime> {
 #[must_use]
 pub fn truth(rig: &Rig, device: usize) -> [f64; 18] {
     let mut numbers = [0.0; 18];
-    if let Some(r150) = rig.r150(device) {
+    if let Some(r150) = rig.device::<R150>(device) {
         let t = r150.truth();
         numbers = [
             t.pose.x,
@@ -204,7 +204,7 @@ pub fn truth(rig: &Rig, device: usize) -> [f64; 18] {
             t.mass,
         ];
     }
-    if let Some(car) = rig.mecanum(device) {
+    if let Some(car) = rig.device::<Mecanum>(device) {
         let t = car.truth();
         let body = [
             t.pose.x,

@@ -71,7 +71,7 @@ impl Setup {
             } else {
                 Start::Ready
             };
-            let device = rig.add_r150("r150", settings, start, Pose::default());
+            let device = sim_core::r150::add(&mut rig, "r150", settings, start, Pose::default());
             serve(device, 0, settings.firmware.baud, Says::Replies);
         }
         if self.devices != Devices::R150 {
@@ -85,7 +85,7 @@ impl Setup {
                 x: 1.2,
                 ..Pose::default()
             };
-            let device = rig.add_mecanum("car", &settings, self.ros, pose);
+            let device = sim_core::mecanum::add(&mut rig, "car", &settings, self.ros, pose);
             let firmware = &settings.firmware;
             let reports = |link, period| Says::Reports {
                 link,

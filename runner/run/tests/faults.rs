@@ -100,7 +100,7 @@ fn a_fault_that_the_device_cannot_have_is_refused_with_its_line() {
             file: "s.toml",
             text: &text,
         };
-        Scenario::parse(source, &SimSettings::default())
+        Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
             .unwrap_err()
             .to_string()
     };

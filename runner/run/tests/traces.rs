@@ -254,7 +254,7 @@ fn base_settings_travel_in_the_header() {
         "2s",
         "[[step]]\nat = \"1s\"\nhost = { send = \"version\" }\n",
     );
-    let mut base = SimSettings::default();
+    let mut base = SimSettings::new(sim_core::SHIPPED);
     sim_settings::load_toml(
         "r150.software_version = \"9.8.7.6\"\nr150.reply_delay = \"3ms\"",
         "flags",
