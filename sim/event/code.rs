@@ -11,6 +11,31 @@ pub enum Blame {
     Client,
     /// The client, unless something disturbed its line: then it may be what that looks like.
     ClientUnlessDisturbed,
+    /// The client, unless the simulator was late: what a client does in steady time can look like this
+    /// when a busy machine delivers it at once.
+    ClientUnlessLate,
+    /// The client, unless either was so.
+    ClientUnlessDisturbedOrLate,
+}
+
+impl Blame {
+    /// Whether nobody is to blame while something disturbs the line.
+    #[must_use]
+    pub const fn spares_disturbed(self) -> bool {
+        matches!(
+            self,
+            Self::ClientUnlessDisturbed | Self::ClientUnlessDisturbedOrLate
+        )
+    }
+
+    /// Whether nobody is to blame when the simulator was late.
+    #[must_use]
+    pub const fn spares_late(self) -> bool {
+        matches!(
+            self,
+            Self::ClientUnlessLate | Self::ClientUnlessDisturbedOrLate
+        )
+    }
 }
 
 /// Name of an event. What means the same has the same name on every device and line.
@@ -107,9 +132,9 @@ codes! {
     /// The machine is too slow.
     SIMULATOR_TOO_SLOW = "simulator_too_slow", Nobody;
     /// The client does not read.
-    OVERRUN = "overrun", Client;
+    OVERRUN = "overrun", ClientUnlessLate;
     /// The line was too full for a reply.
-    LINE_FULL = "line_full", Client;
+    LINE_FULL = "line_full", ClientUnlessLate;
     /// Bytes outside of any frame or packet.
     NOISE = "noise", ClientUnlessDisturbed;
     /// Somebody pressed a button or key.

@@ -33,7 +33,7 @@ crate::codes! {
     /// The control type is unknown.
     BAD_CONTROL_TYPE = "bad_control_type", ClientUnlessDisturbed;
     /// A motion was refused because too many wait.
-    QUEUE_FULL = "queue_full", Client;
+    QUEUE_FULL = "queue_full", ClientUnlessLate;
     /// A motion was ignored because the remote control drives.
     IGNORED_IN_REMOTE = "ignored_in_remote", Client;
     /// A motion was ignored because the other link drives.
@@ -43,7 +43,7 @@ crate::codes! {
     /// A motion came to its end.
     MOTION_DONE = "motion_done", Nobody;
     /// The link timed out.
-    LINK_TIMEOUT = "link_timeout", ClientUnlessDisturbed;
+    LINK_TIMEOUT = "link_timeout", ClientUnlessDisturbedOrLate;
     /// Motions were discarded.
     MOTIONS_DISCARDED = "motions_discarded", Nobody;
     /// Who drives has changed.

@@ -36,11 +36,11 @@ crate::codes! {
     /// A motor command does not move the vehicle.
     NOT_DRIVING = "not_driving", Nobody;
     /// The motor watchdog stopped the motors; held against the client if the vehicle was driving.
-    WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbed;
+    WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbedOrLate;
     /// The client took control.
     CONTROL_TAKEN = "control_taken", Nobody;
     /// The heartbeat stopped.
-    HEARTBEAT_LOST = "heartbeat_lost", ClientUnlessDisturbed;
+    HEARTBEAT_LOST = "heartbeat_lost", ClientUnlessDisturbedOrLate;
     /// A protection switched outputs off for their current.
     OVERCURRENT = "overcurrent", Nobody;
     /// A protection switched outputs off for their temperature.

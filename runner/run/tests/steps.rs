@@ -348,3 +348,21 @@ fn a_repeated_step_is_done_when_its_time_is_over() {
          [[step]]\nafter = \"b\"\nexpect = { that = \"t == 0.4\" }\n",
     ));
 }
+
+#[test]
+fn whoever_drives_a_run_may_stop_after_any_instant() {
+    let dense = "[[step]]\nat = \"1ms\"\nevery = \"1ns\"\nhost = { send = \"heartbeat\" }\n";
+    let options = RunOptions::scripted(1);
+    let mut run = Run::new(scenario(&text(R150, "1s", dense)), None, options).unwrap();
+    run.advance(SimTime::from_millis(1)).unwrap();
+    for _ in 0..100 {
+        let before = run.rig().now();
+        assert!(run.step(SimTime::MAX).unwrap());
+        assert_eq!(run.rig().now(), before + NANOSECOND);
+    }
+    let here = run.rig().now();
+    assert!(
+        !run.step(here).unwrap(),
+        "nothing is left until the present"
+    );
+}
