@@ -5,6 +5,7 @@ use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 use sim_runner::trace::{Replay, ReplayError};
 
 use crate::exit::{Exit, Failure};
@@ -14,7 +15,7 @@ use crate::print::print;
 const MOST_LINE: u64 = 16 << 20;
 
 /// Plays the trace in simulated time and compares.
-pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
+pub(crate) fn replay(devices: Devices, path: &Path) -> Result<Exit, Failure> {
     let shown = path.display();
     let file = fs::File::open(path)
         .with_context(|| format!("cannot read the trace {shown}"))
@@ -44,7 +45,7 @@ pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
         }
         let line = line.trim_end_matches(['\r', '\n']);
         let outcome = match &mut replay {
-            None => Replay::begin(line).map(|begun| replay = Some(begun)),
+            None => Replay::begin(devices, line).map(|begun| replay = Some(begun)),
             Some(replay) => replay.line(line),
         };
         if let Err(error) = outcome {

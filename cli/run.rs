@@ -15,6 +15,7 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 
 use crate::args::RunArgs;
 use crate::exit::{Exit, Failure};
@@ -27,8 +28,8 @@ use job::{Job, JobResult};
 pub(crate) use tell::{verdict_json, verdict_text};
 
 /// The `run` subcommand.
-pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    let mut loaded = load_all(&find(&args.files, args.filter.as_deref())?)?;
+pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
+    let mut loaded = load_all(devices, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
         loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
     }
@@ -81,8 +82,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
-pub(crate) fn check(files: &[PathBuf]) -> Result<Exit, Failure> {
-    let loaded = load_all(&find(files, None)?)?;
+pub(crate) fn check(devices: Devices, files: &[PathBuf]) -> Result<Exit, Failure> {
+    let loaded = load_all(devices, &find(files, None)?)?;
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),

@@ -191,7 +191,7 @@ pub struct Motion {
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
 /// `settle`, and takes all output and events.
-pub trait Device: Any + Send {
+pub trait Device: Any + Send + Sync {
     /// Takes bytes whose last has arrived on `link` at `now`.
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
 

@@ -108,19 +108,17 @@ impl R150 {
     /// A vehicle that has just been switched on.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let &Setup { name, seed, .. } = setup;
-        let settings = setup.settings::<R150Settings>().cloned().unwrap_or_default();
+        let settings = setup
+            .settings::<R150Settings>()
+            .cloned()
+            .unwrap_or_default();
         let start = match setup.start {
             0 => Start::Ready,
             _ => Start::Locked,
         };
         let plant = R150Plant::with_name(name, &settings.plant, world, setup.pose);
         let noise = Noise::new(seed, &format!("{name}.measurement_noise"));
-        let device = R150Device::new(
-            settings.firmware,
-            start,
-            plant.measurements(),
-            noise,
-        );
+        let device = R150Device::new(settings.firmware, start, plant.measurements(), noise);
         let mut vehicle = Self {
             device,
             plant,

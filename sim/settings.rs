@@ -108,7 +108,7 @@ mod tests {
         let text = sim_settings::show_toml(&tree);
         sim_settings::load_toml(&text, "defaults", &mut tree).unwrap();
         assert_eq!(tree, SimSettings::new(crate::SHIPPED));
-        tree.visit( &mut |entry| {
+        tree.visit(&mut |entry| {
             assert!(seen.insert(entry.key.clone()), "{} twice", entry.key);
             assert!(!entry.basis.source().is_empty());
         });
@@ -145,7 +145,11 @@ mod tests {
     #[test]
     fn thresholds_in_the_wrong_order_are_refused_by_name() {
         let mut tree = SimSettings::new(crate::SHIPPED);
-        tree.of_mut::<R150Settings>().unwrap().firmware.protection.undervoltage_clear = 0.0;
+        tree.of_mut::<R150Settings>()
+            .unwrap()
+            .firmware
+            .protection
+            .undervoltage_clear = 0.0;
         let wrong = tree.check().unwrap_err();
         assert_eq!(
             wrong,

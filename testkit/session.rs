@@ -18,6 +18,8 @@ use std::time::Duration;
 use sim_core::SimTime;
 use sim_core::fault::{FaultHandle, FaultLevel};
 use sim_core::line::{ClientLine, LineEvent};
+use sim_core::mecanum::Mecanum;
+use sim_core::r150::R150;
 use sim_core::rig::Rig;
 use sim_physics::r150::{Load, Rail};
 use sim_physics::{Ground, Pose};
@@ -332,35 +334,30 @@ impl Player {
             y: f64::from(y) / 10.0,
             heading: f64::from(heading) / 100.0,
         };
-        self.rig.with_device(device, |r150: &mut R150, world, _| match how {
+        let rig = &mut self.rig;
+        let done = match how {
             Hands::Push(push) => {
-                let [ahead, left, turn] = scale(push, 3.0);
-                r150.set_push(ahead, left, turn);
+                rig.with_any_device(device, |own, _, _| own.set_push(scale(push, 3.0)))
             }
-            Hands::Payload(mass) => r150.set_payload(world, mass.into()),
-            Hands::Place(pose) => r150.place(world, place(pose)),
-            Hands::Load { rail, watts } => {
+            Hands::Payload(mass) => {
+                rig.with_any_device(device, |own, world, _| own.set_payload(world, mass.into()))
+            }
+            Hands::Place(pose) => {
+                rig.with_any_device(device, |own, world, _| own.place(world, place(pose)))
+            }
+            Hands::Load { rail, watts } => rig.with_device(device, |r150: &mut R150, _, _| {
                 let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
                 r150.set_load(rail, Load::Power(watts.into()));
-            }
-            Hands::Bump(_) | Hands::Supply(_) => {}
-        });
-        self.rig.with_device(device, |car: &mut Mecanum, world, _| {
-            let plant = car.plant_mut();
-            match how {
-                Hands::Push(push) => {
-                    let [ahead, left, turn] = scale(push, 3.0);
-                    plant.set_push(ahead, left, turn);
-                }
-                Hands::Bump(bump) => {
-                    let [ahead, left, turn] = bump.map(f64::from);
-                    plant.bump(world, ahead, left, turn);
-                }
-                Hands::Payload(mass) => plant.set_payload(world, mass.into()),
-                Hands::Place(pose) => plant.place(world, place(pose)),
-                Hands::Supply(on) => plant.set_supply(on),
-                Hands::Load { .. } => {}
-            }
-        });
+            }),
+            Hands::Bump(bump) => rig.with_device(device, |car: &mut Mecanum, world, _| {
+                let [ahead, left, turn] = bump.map(f64::from);
+                car.plant_mut().bump(world, ahead, left, turn);
+            }),
+            Hands::Supply(on) => rig.with_device(device, |car: &mut Mecanum, _, _| {
+                car.plant_mut().set_supply(on);
+            }),
+        };
+        // Some are for one kind of device only.
+        let _ = done;
     }
 }

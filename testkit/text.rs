@@ -70,10 +70,11 @@ pub fn rig(text: &str) {
 /// A scenario file: it is played for a while.
 pub fn scenario(text: &str) {
     let file = "scenario.toml";
-    let scenario = match Scenario::parse(Source { file, text }, &SimSettings::new(sim_core::SHIPPED)) {
-        Ok(scenario) => scenario,
-        Err(error) => return is_told(&error.to_string()),
-    };
+    let scenario =
+        match Scenario::parse(Source { file, text }, &SimSettings::new(sim_core::SHIPPED)) {
+            Ok(scenario) => scenario,
+            Err(error) => return is_told(&error.to_string()),
+        };
     if scenario.rig.devices.len() > MOST_DRIVEN {
         return;
     }
@@ -123,12 +124,24 @@ pub fn drive(settings: &SimSettings, map: WorldMap, how_long: Drive) {
         wire: Wire::Paced,
         seed: 1,
     });
-    sim_core::r150::add(&mut rig, "r150", &settings.r150, Start::Ready, Pose::default());
+    sim_core::r150::add(
+        &mut rig,
+        "r150",
+        &settings.of().cloned().unwrap_or_default(),
+        Start::Ready,
+        Pose::default(),
+    );
     let beside = Pose {
         y: 1.5,
         ..Pose::default()
     };
-    sim_core::mecanum::add(&mut rig, "car", &settings.mecanum, true, beside);
+    sim_core::mecanum::add(
+        &mut rig,
+        "car",
+        &settings.of().cloned().unwrap_or_default(),
+        true,
+        beside,
+    );
     drive_rig(rig, how_long);
 }
 
@@ -153,7 +166,7 @@ fn drive_rig(mut rig: Rig, how_long: Drive) {
         if round % 10 == 0 {
             for device in 0..rig.devices() {
                 let port = PortId { device, link: 0 };
-                let request = if rig.device::<R150>(device).is_some() {
+                let request = if rig.device::<sim_core::r150::R150>(device).is_some() {
                     let (right, left) = (1000, if round % 20 == 0 { 1000 } else { -600 });
                     Request::SetMotors { right, left }.encode()
                 } else {

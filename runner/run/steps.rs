@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use sim_core::SimTime;
+use sim_core::fault::{Fault, FaultHandle};
 use sim_core::noise::Noise;
 
 use super::agenda::Item;
 use super::effects::Undo;
 use super::judge::Expected;
 use super::{MOST_ROUNDS, Run};
-use crate::fault::{self, Fault, FaultHandle};
 use crate::scenario::{Action, Only, Scenario, Step, Trigger};
 
 /// How far a step has come.
@@ -158,7 +158,7 @@ impl Run {
                 }
                 None
             }
-            Action::Operator(action) => self.operate(step.device, action),
+            Action::Operator(action) => self.operate(step.device, action.as_ref()),
             Action::World(action) => self.change_world(index, step.device, action, now),
             Action::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
@@ -187,7 +187,7 @@ impl Run {
                 state.injected = number;
                 state.faults.insert(number, handle);
                 self.hang_up(step.device, now);
-                if fault::disturbs_requests(fault) {
+                if fault.disturbs_requests() {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
                 Some(Undo::Fault(number))
@@ -222,7 +222,7 @@ impl Run {
         steps
             .filter(|(step, state)| step.device == device && !state.faults.is_empty())
             .any(
-                |(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_requests(f)),
+                |(step, _)| matches!(&step.action, Action::Fault(fault) if fault.disturbs_requests()),
             )
     }
 

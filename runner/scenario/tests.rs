@@ -32,7 +32,8 @@ fn a_full_scenario_is_read() {
     assert_eq!(scenario.wall_limit, Some(Duration::from_secs(60)));
     let timeout = scenario.rig.devices[0]
         .settings
-        .r150
+        .of::<sim_core::r150::R150Settings>()
+        .unwrap()
         .firmware
         .heartbeat_timeout;
     assert_eq!(timeout.as_secs(), 2);
@@ -91,7 +92,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}host = {{ link = \"ros\", bytes = \"AA\" }}"),
-            "no ROS link",
+            "no link `ros`",
         ),
         (
             &format!("{step}host = {{ send = {{ motion = {{ moving_idx = 0, s = 1, v = 1 }} }} }}"),
@@ -199,7 +200,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}operator = {{ press = \"up\" }}"),
-            "no key `up`",
+            "unknown variant `up`",
         ),
         (
             &format!("{step}operator = \"locked\""),
@@ -309,7 +310,7 @@ fn several_errors_are_told_at_once() {
 
 #[test]
 fn the_schema_is_the_published_one() {
-    let schema = Scenario::json_schema();
+    let schema = Scenario::json_schema(sim_core::SHIPPED);
     assert!(
         schema == include_str!("../../scenarios/scenario.schema.json"),
         "scenarios/scenario.schema.json is to read:\n{schema}"

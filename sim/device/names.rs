@@ -69,7 +69,9 @@ impl<'a> View<'a> {
     /// Path driven since motion was last asked for, m; 0 before.
     #[must_use]
     pub fn travel_since_motion_m(&self) -> f64 {
-        self.observed.last_motion.map_or(0.0, |(_, from)| self.motion().distance - from)
+        self.observed
+            .last_motion
+            .map_or(0.0, |(_, from)| self.motion().distance - from)
     }
 
     fn motion(&self) -> Motion {
@@ -102,7 +104,13 @@ pub static MOTION: &[NameInfo] = &[
 ];
 
 /// The length of the velocity; a square root is the same on every machine.
-fn length(Motion { forward_speed, leftward_speed, .. }: Motion) -> f64 {
+fn length(
+    Motion {
+        forward_speed,
+        leftward_speed,
+        ..
+    }: Motion,
+) -> f64 {
     (forward_speed * forward_speed + leftward_speed * leftward_speed).sqrt()
 }
 
@@ -182,11 +190,7 @@ impl NameInfo {
 
     /// How many events of a code there were; `name` is `count.` and the code, or near it.
     #[must_use]
-    pub const fn count(
-        name: &'static str,
-        code: &'static str,
-        meaning: &'static str,
-    ) -> Self {
+    pub const fn count(name: &'static str, code: &'static str, meaning: &'static str) -> Self {
         Self {
             name,
             unit: Unit::Number(""),

@@ -10,7 +10,7 @@ use crate::event::{Event, EventKind, Role};
 use crate::report::Report;
 
 /// Takes note of a device's events, for the names of its own.
-pub trait Observer: Any + Send {
+pub trait Observer: Any + Send + Sync {
     /// Something happened at `at`; says whether motion was asked for.
     fn note(&mut self, at: SimTime, event: &dyn EventKind) -> bool;
 }

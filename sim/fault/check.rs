@@ -1,7 +1,7 @@
 //! What a fault is about.
 
 use super::Fault;
-use super::parameters::{LinkName, Motors};
+use super::parameters::{Direction, LinkName, Motors};
 
 impl Fault {
     /// Whether its parameters make sense on any device.
@@ -92,6 +92,30 @@ impl Fault {
             | Self::BrakeStuckOn { motors }
             | Self::BrakeStuckOpen { motors } => Some(*motors),
             _ => None,
+        }
+    }
+
+    /// Whether a device may get other bytes than its client has sent, or miss some. What that looks
+    /// like is not held against the client.
+    #[must_use]
+    pub fn disturbs_requests(&self) -> bool {
+        let reaches_device = |direction: &Direction| *direction != Direction::ToClient;
+        match self {
+            Self::BitFlips { direction, .. }
+            | Self::DroppedBytes { direction, .. }
+            | Self::DuplicatedBytes { direction, .. }
+            | Self::InsertedBytes { direction, .. }
+            | Self::Burst { direction, .. }
+            | Self::Delay { direction, .. }
+            | Self::Fragmentation { direction, .. }
+            | Self::Stall { direction, .. }
+            | Self::Mute { direction, .. }
+            | Self::IdleNoise { direction, .. } => reaches_device(direction),
+            Self::WrongBaud { .. }
+            | Self::CablePulled { .. }
+            | Self::Reset { .. }
+            | Self::Hang { .. } => true,
+            _ => false,
         }
     }
 }

@@ -19,15 +19,15 @@ use sim_settings::SimTime;
 use super::*;
 use crate::event::Event;
 use crate::line::Wire;
+use crate::mecanum::{Mecanum, MecanumSettings};
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
+use crate::r150::{R150, R150Settings};
 use crate::r150_device::command::Request;
 use crate::r150_device::reply::{Reply, SystemInfo};
 use crate::r150_device::vehicle::Start;
 use crate::r150_device::{codec, settings};
 use crate::rig::{PortId, Rig, RigSettings};
-use crate::mecanum::{Mecanum, MecanumSettings};
-use crate::r150::{R150, R150Settings};
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
 const ROS: PortId = PortId { device: 0, link: 1 };

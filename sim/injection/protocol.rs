@@ -151,7 +151,13 @@ impl FrameFault {
         if let Effect::Previous(previous) = &mut self.effect {
             let before = previous.replace(frame.clone());
             if let (true, Some(before)) = (happens, before) {
-                tally.hit(|| format!("{} in place of {}", framing.name(&before), framing.name(&frame)));
+                tally.hit(|| {
+                    format!(
+                        "{} in place of {}",
+                        framing.name(&before),
+                        framing.name(&frame)
+                    )
+                });
                 frames.push((at, before));
             } else {
                 frames.push((at, frame));

@@ -65,8 +65,7 @@ fn echo<const AT: usize>(view: &View<'_>) -> f64 {
 }
 
 fn told(view: &View<'_>, get: impl FnOnce(&Status) -> f64) -> f64 {
-    noted(view).status
-        .map_or(0.0, |(_, status)| get(&status))
+    noted(view).status.map_or(0.0, |(_, status)| get(&status))
 }
 
 const LF: usize = Wheel::LeftFront.index();

@@ -114,7 +114,9 @@ impl R150 {
         match heir {
             Some(heir) if heir.undo.is_empty() => heir.undo = undo,
             Some(_) => {}
-            None => undo.into_iter().for_each(|action| self.operate(now, action)),
+            None => undo
+                .into_iter()
+                .for_each(|action| self.operate(now, action)),
         }
     }
 
@@ -221,7 +223,10 @@ impl Layer {
         let Some(motors) = fault.motors() else {
             return;
         };
-        for side in Side::BOTH.into_iter().filter(|side| has_side(motors, *side)) {
+        for side in Side::BOTH
+            .into_iter()
+            .filter(|side| has_side(motors, *side))
+        {
             let own = &mut self.sides[side];
             match fault {
                 Fault::Blocked { .. } => own.blocked = true,

@@ -153,10 +153,9 @@ fn fields(reply: &Reply) -> Fields {
             ("power_status", info.power_status.into()),
             ("pwm_status", info.pwm_status.into()),
         ],
-        Reply::Version { hardware, software } => vec![
-            ("hardware", hardware.into()),
-            ("software", software.into()),
-        ],
+        Reply::Version { hardware, software } => {
+            vec![("hardware", hardware.into()), ("software", software.into())]
+        }
         Reply::Motors {
             right_rpm,
             left_rpm,

@@ -31,7 +31,10 @@ impl DeviceSettings for R150Settings {
             ],
             [
                 ("protection.undervoltage", protection.undervoltage),
-                ("protection.undervoltage_clear", protection.undervoltage_clear),
+                (
+                    "protection.undervoltage_clear",
+                    protection.undervoltage_clear,
+                ),
             ],
             [
                 ("pwm.input_frequency_min", pwm.input_frequency_min),

@@ -1,9 +1,7 @@
 //! What goes wrong in a rig, on purpose.
 
 use super::{PortId, Rig, Slot};
-use crate::fault::{
-    Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, MOST_ARMED, MOST_EVER,
-};
+use crate::fault::{Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, MOST_ARMED, MOST_EVER};
 use crate::injection::Injection;
 use crate::line::SerialLine;
 use crate::noise::Noise;

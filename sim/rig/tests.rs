@@ -7,11 +7,11 @@ use proptest::prelude::*;
 use sim_physics::r150::Load;
 
 use super::*;
-use sim_physics::Pose;
-use crate::r150::{R150, R150Settings};
-use crate::r150_device::vehicle::Start;
 use crate::line::{ClientLine, LineEvent};
+use crate::r150::{R150, R150Settings};
 use crate::r150_device::command::Request;
+use crate::r150_device::vehicle::Start;
+use sim_physics::Pose;
 
 const PORT: PortId = PortId { device: 0, link: 0 };
 
@@ -77,7 +77,10 @@ fn transcript(seed: u64, inputs: &[(SimTime, Vec<u8>)], ask_often: bool) -> Stri
     let events: Vec<String> = std::iter::from_fn(|| rig.poll_event())
         .map(|event| format!("{} {}", event.at, event.kind))
         .collect();
-    format!("{bytes:?}\n{events:#?}\n{:?}", rig.device::<R150>(0).unwrap().truth())
+    format!(
+        "{bytes:?}\n{events:#?}\n{:?}",
+        rig.device::<R150>(0).unwrap().truth()
+    )
 }
 
 fn inputs() -> impl Strategy<Value = Vec<(SimTime, Vec<u8>)>> {

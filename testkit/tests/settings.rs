@@ -72,7 +72,8 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
             }
             for not_finite in ["nan", "inf", "1e308", "1e400"] {
                 assert!(
-                    !literal.contains(not_finite) || settings == SimSettings::new(sim_core::SHIPPED),
+                    !literal.contains(not_finite)
+                        || settings == SimSettings::new(sim_core::SHIPPED),
                     "{text} is taken"
                 );
             }

@@ -106,8 +106,16 @@ fn a_device_refuses_what_it_cannot_have_in_a_sentence() {
     };
     let (r150, car) = (&R150_SPEC, &MECANUM_SPEC);
     refused("kind = \"bad-crc\"", car, "no checksum");
-    refused("kind = \"strip-lost\"", r150, "an R150 cannot have `strip-lost`");
-    refused("kind = \"mute\"\nlink = \"ros\"", r150, "an R150 has no ros link");
+    refused(
+        "kind = \"strip-lost\"",
+        r150,
+        "an R150 cannot have `strip-lost`",
+    );
+    refused(
+        "kind = \"mute\"\nlink = \"ros\"",
+        r150,
+        "an R150 has no ros link",
+    );
     refused("kind = \"bad-crc\"\ncommand = 0x13", r150, "0x13");
     refused("kind = \"late-reply\"\ncommand = 1", car, "type 0");
     refused(
@@ -137,7 +145,13 @@ fn a_rig_refuses_what_this_device_cannot_have() {
     assert!(refused.to_string().contains("not configured"), "{refused}");
     assert_eq!(rig.inject(7, "a", &ros), Err(FaultError::NoDevice(7)));
     let mut plain = super::rig(WorldMap::default(), 1);
-    crate::mecanum::add(&mut plain, "car", &MecanumSettings::default(), false, Pose::default());
+    crate::mecanum::add(
+        &mut plain,
+        "car",
+        &MecanumSettings::default(),
+        false,
+        Pose::default(),
+    );
     let refused = plain.inject(0, "a", &sample("watchdog-off")).unwrap_err();
     assert!(refused.to_string().contains("link_timeout"), "{refused}");
     let refused = rig.inject(0, "a", &sample("locked")).unwrap_err();

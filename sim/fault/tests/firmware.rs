@@ -39,7 +39,10 @@ fn a_hung_module_drives_on_and_catches_up() {
     let cleared = rig.now();
     rig.clear(handle);
     rig.advance(cleared).unwrap();
-    assert_eq!(rig.device::<R150>(0).unwrap().device().motor_set_point(), [0; 2]);
+    assert_eq!(
+        rig.device::<R150>(0).unwrap().device().motor_set_point(),
+        [0; 2]
+    );
     let fired = std::iter::from_fn(|| rig.poll_event())
         .find(|event| event.kind.code().as_str() == "watchdog_fired");
     assert_eq!(fired.unwrap().at, cleared);

@@ -346,7 +346,12 @@ fn operators_undo_what_the_settings_let_their_buttons_do() {
         let left = vehicle.obstacles(false);
         assert_eq!(left, [], "{fault}");
         // Nothing drives of itself.
-        let duty = rig.device::<R150>(0).unwrap().device().commands().motor_duty;
+        let duty = rig
+            .device::<R150>(0)
+            .unwrap()
+            .device()
+            .commands()
+            .motor_duty;
         assert_eq!([duty.right, duty.left], [0.0, 0.0], "{fault}");
     }
 }

@@ -7,10 +7,10 @@ use sim_physics::r150::Load;
 use sim_physics::world::Obstacle;
 
 use super::*;
+use crate::mecanum::{Mecanum, MecanumSettings};
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
 use crate::mecanum_device::settings::{IdleWheels, PulseDirection};
-use crate::mecanum::{Mecanum, MecanumSettings};
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
 const ROS: PortId = PortId { device: 0, link: 1 };
@@ -193,7 +193,11 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     assert!(truth.pose.x < 0.45, "{truth:?}");
     assert!(odometry > truth.pose.x + 0.1, "{odometry} {truth:?}");
     assert_eq!(seen.last().unwrap().infra, 1);
-    assert!(rig.world().collisions(rig.device::<Mecanum>(0).unwrap().body()) > 0);
+    assert!(
+        rig.world()
+            .collisions(rig.device::<Mecanum>(0).unwrap().body())
+            > 0
+    );
 }
 
 #[test]
@@ -237,9 +241,12 @@ fn a_car_that_is_pushed_back_knows_it_only_by_counters_with_a_direction() {
             settings.firmware.idle_wheels = IdleWheels::Release;
             settings.firmware.wiring = plugs;
         });
-        rig.with_device(0, |car: &mut Mecanum, _, _| car.plant_mut().set_push(-30.0, 0.0, 0.0));
+        rig.with_device(0, |car: &mut Mecanum, _, _| {
+            car.plant_mut().set_push(-30.0, 0.0, 0.0)
+        });
         let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
-        let truth = rig.device::<Mecanum>(0).unwrap().truth().pose.x / (std::f64::consts::TAU * 0.05);
+        let truth =
+            rig.device::<Mecanum>(0).unwrap().truth().pose.x / (std::f64::consts::TAU * 0.05);
         assert!(truth < -1.0, "{truth}");
         let believed = f64::from(seen.last().unwrap().axis_x) / 10.0;
         let counted = direction == PulseDirection::Counted;
@@ -272,7 +279,13 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         x: 1.2,
         ..Pose::default()
     };
-    crate::r150::add(&mut rig, "r150", &R150Settings::default(), Start::Ready, pose);
+    crate::r150::add(
+        &mut rig,
+        "r150",
+        &R150Settings::default(),
+        Start::Ready,
+        pose,
+    );
     rig.with_device(1, |r150: &mut R150, _, _| {
         r150.set_load(sim_physics::r150::Rail::V48, Load::Open);
     });
