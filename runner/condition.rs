@@ -12,6 +12,7 @@
 //! function or a type.
 
 mod check;
+mod probe;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -25,6 +26,8 @@ use cel::{Context, Env, ExecutionError, Value};
 use sim_core::device::names::{Getter, Reading};
 use sim_core::device::{DeviceSpec, Observed, View};
 use sim_core::rig::Rig;
+
+pub use probe::{Probe, ProbeValue};
 
 pub(crate) use check::identifier;
 

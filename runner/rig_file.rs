@@ -90,7 +90,10 @@ impl RigPlan {
     #[must_use]
     pub fn json_schema(devices: Devices) -> String {
         schema::compose::<RigText>(devices, |devices, generator| {
-            vec![("DeviceText", device_schema(devices, generator))]
+            vec![
+                ("DeviceText", device_schema(devices, generator)),
+                ("SettingsText", settings_schema(devices)),
+            ]
         })
     }
 
@@ -221,7 +224,7 @@ pub(crate) struct RigText {
     pub(crate) seed: Option<u64>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default, rename = "settings")]
-    #[schemars(schema_with = "any_table")]
+    #[schemars(with = "SettingsText")]
     pub(crate) _settings: toml::Table,
     /// The devices.
     #[serde(default)]
@@ -406,8 +409,22 @@ pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -
         }
     }
     schema::add_properties(&mut table, more);
+    let own = devices.iter().map(|device| {
+        let settings = (device.settings)();
+        sim_settings::schema_of(&settings).to_value()
+    });
+    table["properties"]["settings"]["anyOf"] = own.collect();
     table
 }
+
+/// The schema of all settings.
+pub(crate) fn settings_schema(devices: Devices) -> Value {
+    sim_settings::schema_of(&SimSettings::new(devices)).to_value()
+}
+
+/// Settings of all devices and of the world.
+#[derive(JsonSchema)]
+pub(crate) struct SettingsText {}
 
 pub(crate) fn any_table(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     schemars::json_schema!({"type": "object"})

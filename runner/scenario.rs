@@ -48,7 +48,7 @@ pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
 use crate::condition::Condition;
-use crate::rig_file::{RigFileError, RigPlan, device_schema};
+use crate::rig_file::{RigFileError, RigPlan, device_schema, settings_schema};
 use crate::schema;
 
 /// Most steps, and most conditions over time, of a file.
@@ -245,6 +245,7 @@ impl Scenario {
             ));
             vec![
                 ("DeviceText", device),
+                ("SettingsText", settings_schema(devices)),
                 (
                     "CommandText",
                     schema::one_of(

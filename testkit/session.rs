@@ -349,13 +349,6 @@ impl Player {
                 let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
                 r150.set_load(rail, Load::Power(watts.into()));
             }),
-            Hands::Bump(bump) => rig.with_device(device, |car: &mut Mecanum, world, _| {
-                let [ahead, left, turn] = bump.map(f64::from);
-                car.plant_mut().bump(world, ahead, left, turn);
-            }),
-            Hands::Supply(on) => rig.with_device(device, |car: &mut Mecanum, _, _| {
-                car.plant_mut().set_supply(on);
-            }),
         };
         // Some are for one kind of device only.
         let _ = done;

@@ -96,7 +96,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}host = {{ send = {{ motion = {{ moving_idx = 0, s = 1, v = 1 }} }} }}"),
-            "an R150 has no such command",
+            "unknown variant `motion`, expected one of `power_control`",
         ),
         (
             &format!("{step}host = {{ send = {{ power_control = {{ on = [\"49v\"] }} }} }}"),
@@ -281,7 +281,7 @@ fn what_the_whole_file_lacks_is_told() {
         ),
         (
             format!("{HEAD}{CAR}[[step]]\nat = \"1s\"\noperator = \"unlock\"\n"),
-            "a mecanum car has press",
+            "a mecanum car has no `unlock`",
         ),
         (
             format!("{HEAD}client_report = {{ allowed = [\"over_rat\"] }}\n{CAR}"),

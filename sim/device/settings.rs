@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::fmt;
 
-use sim_settings::Settings;
+use sim_settings::{Entry, Problem, Root, Settings, Value};
 
 use crate::event::Same;
 
@@ -59,6 +59,16 @@ impl Clone for Box<dyn DeviceSettings> {
 impl PartialEq for dyn DeviceSettings {
     fn eq(&self, other: &Self) -> bool {
         self.is_same(other)
+    }
+}
+
+impl Root for Box<dyn DeviceSettings> {
+    fn visit(&self, visit: &mut dyn FnMut(Entry)) {
+        Settings::visit(&**self, "", visit);
+    }
+
+    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem> {
+        Settings::assign(&mut **self, key, value)
     }
 }
 
