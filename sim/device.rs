@@ -7,6 +7,7 @@
 //! program hands in.
 
 mod action;
+mod framing;
 pub mod host;
 pub mod names;
 mod observed;
@@ -17,7 +18,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{BodyId, BodyMotion, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -26,6 +27,8 @@ use crate::fault::{Fault, FaultHandle, FaultInfo};
 use crate::noise::Noise;
 
 pub use action::{Action, Actions, HANDS, Hands, Performed, Place, Push, Undo, actions};
+pub(crate) use framing::with_first;
+pub use framing::{Framing, TextLines};
 pub use host::HostSpec;
 pub use names::{NameInfo, View};
 pub use observed::{Observed, Observer};
@@ -62,6 +65,9 @@ pub struct DeviceSpec {
     pub operator: Option<Actions>,
     /// What can be changed around it, beside what can be changed in any world.
     pub surroundings: Option<Actions>,
+    /// The faults of its own that it can have, by their ids; those that every device can have are
+    /// not among them.
+    pub faults: &'static [&'static str],
     /// Whether it can have this fault with these parameters; says in a sentence why not.
     pub check_fault: fn(&Fault) -> Result<(), String>,
 }
@@ -107,7 +113,7 @@ impl DeviceSpec {
     /// Whether it can have this fault at all.
     #[must_use]
     pub fn has_fault(&self, info: &FaultInfo) -> bool {
-        info.devices.contains(&self.id)
+        info.everywhere || self.faults.contains(&info.id)
     }
 }
 
@@ -134,6 +140,18 @@ pub struct LinkSpec {
     pub name: &'static str,
     /// If it is there only when it is asked for: what it costs, for help.
     pub optional: Option<&'static str>,
+}
+
+impl LinkSpec {
+    /// A link that is always there.
+    #[must_use]
+    pub const fn always(id: &'static str, name: &'static str) -> Self {
+        Self {
+            id,
+            name,
+            optional: None,
+        }
+    }
 }
 
 /// A state in which a device can begin.
@@ -187,6 +205,22 @@ pub struct Motion {
     pub mass: f64,
 }
 
+impl Motion {
+    /// Of a body that has driven so far, m, and is so heavy, kg.
+    #[must_use]
+    pub fn of(motion: &BodyMotion, distance: f64, mass: f64) -> Self {
+        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
+        Self {
+            pose: motion.pose(),
+            forward_speed,
+            leftward_speed,
+            yaw_rate,
+            distance,
+            mass,
+        }
+    }
+}
+
 /// Firmware and hardware of one device, tied together.
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
@@ -234,8 +268,9 @@ pub trait Device: Any + Send + Sync {
     /// Looks again whether it can stand, after something around it has changed.
     fn wake(&mut self);
 
-    /// Lets time pass for its slow states up to `now`, while nothing in the world moves.
-    fn rest_until(&mut self, now: SimTime);
+    /// Lets time pass for its slow states up to `now`, while nothing in the world moves. Of no concern
+    /// to a device without any.
+    fn rest_until(&mut self, _now: SimTime) {}
 
     /// Applies its forces for a step.
     fn before_step(&mut self, world: &mut World);
@@ -252,40 +287,53 @@ pub trait Device: Any + Send + Sync {
     /// Lifts the vehicle and sets it down elsewhere, standing.
     fn place(&mut self, world: &mut World, pose: Pose);
 
-    /// Replaces all that is wrong with the firmware.
-    fn set_defects(&mut self, now: SimTime, defects: Defects);
+    /// Replaces all that is wrong with the firmware. This and what follows is only called if the row
+    /// has faults of the firmware.
+    fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
 
     /// How often what is wrong with the firmware has shown.
-    fn defect_counts(&self) -> &DefectCounts;
+    fn defect_counts(&self) -> DefectCounts {
+        DefectCounts::default()
+    }
 
     /// Whether the firmware has a watchdog that could fail; says in a sentence why not.
-    fn check_watchdog(&self) -> Result<(), String>;
+    fn check_watchdog(&self) -> Result<(), String> {
+        Ok(())
+    }
 
     /// The firmware restarts, and is up after `boot`; says whether it ran.
-    fn reset(&mut self, now: SimTime, boot: Duration) -> bool;
+    fn reset(&mut self, _now: SimTime, _boot: Duration) -> bool {
+        false
+    }
 
     /// What a link carries, for faults that spoil it.
     fn framing(&self, link: usize) -> &'static dyn Framing;
 
     /// A fault of its hardware, its sensors or its operators begins; says whether it has already
-    /// acted.
-    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool;
+    /// acted. This and what follows is only called if the row has such faults.
+    fn arm(&mut self, _now: SimTime, _handle: FaultHandle, _fault: &Fault, _noise: Noise) -> bool {
+        false
+    }
 
     /// That fault ends.
-    fn disarm(&mut self, now: SimTime, handle: FaultHandle);
+    fn disarm(&mut self, _now: SimTime, _handle: FaultHandle) {}
 
     /// Brings the hardware into the state that all such faults together make.
-    fn apply_faults(&mut self, world: &mut World);
+    fn apply_faults(&mut self, _world: &mut World) {}
 
     /// So many seconds have passed for the hardware: interference goes on. Tells what it has acted
     /// on.
-    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String));
+    fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(FaultHandle, String)) {}
 
     /// Whether such a fault has an effect now.
-    fn acts(&self, handle: FaultHandle) -> bool;
+    fn acts(&self, _handle: FaultHandle) -> bool {
+        false
+    }
 
     /// What it acts on now, in words.
-    fn acted_on(&self, handle: FaultHandle) -> String;
+    fn acted_on(&self, _handle: FaultHandle) -> String {
+        String::new()
+    }
 }
 
 impl dyn Device {
@@ -299,25 +347,4 @@ impl dyn Device {
     pub fn get_mut<T: Device>(&mut self) -> Option<&mut T> {
         (self as &mut dyn Any).downcast_mut()
     }
-}
-
-/// What a link carries, as far as faults of the protocol spoil it.
-pub trait Framing: Sync {
-    /// Whether a frame is one of this command or type.
-    fn is_command(&self, frame: &[u8], command: u8) -> bool;
-
-    /// A frame in words, for events.
-    fn name(&self, frame: &[u8]) -> String;
-
-    /// Another command or type: this one, or one that differs by a bit.
-    fn with_command(&self, frame: Vec<u8>, with: Option<u8>) -> Vec<u8>;
-
-    /// So many bytes more or fewer, and all else as it should be then.
-    fn with_length(&self, frame: Vec<u8>, by: i8) -> Vec<u8>;
-
-    /// Where a frame says how long it is, if it does.
-    fn length_at(&self) -> Option<usize>;
-
-    /// Something well-formed that the device might send.
-    fn unasked(&self) -> Vec<u8>;
 }

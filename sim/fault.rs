@@ -83,8 +83,8 @@ pub struct FaultInfo {
     pub id: &'static str,
     /// Where it acts.
     pub level: FaultLevel,
-    /// Devices that can have it.
-    pub devices: &'static [&'static str],
+    /// Whether every device can have it, since it is none of the device's own.
+    pub everywhere: bool,
     /// What it takes.
     pub parameters: &'static [ParameterInfo],
     /// What a client notices of it.

@@ -109,7 +109,7 @@ impl Injection {
             }
             FaultLevel::Firmware => {
                 let acted = matches!(fault, Fault::Reset { boot } if device.reset(now, boot.0));
-                let shown = firmware::count(device.defect_counts(), fault);
+                let shown = firmware::count(&device.defect_counts(), fault);
                 (Work::Firmware(shown.map_or(0, |(count, _)| count)), acted)
             }
             FaultLevel::Electrical
@@ -180,7 +180,7 @@ impl Injection {
             match &mut armed.work {
                 Work::Wire(_) | Work::Frames(_) => {}
                 Work::Firmware(counted) => {
-                    let shown = firmware::count(device.defect_counts(), &armed.fault);
+                    let shown = firmware::count(&device.defect_counts(), &armed.fault);
                     if let Some((count, what)) = shown {
                         let more = count.saturating_sub(*counted);
                         armed.tally.hit_times(more, || what.to_owned());

@@ -18,7 +18,7 @@ use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::MOTION;
-use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup};
+use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, TextLines};
 use crate::event::EventKind;
 use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
@@ -33,11 +33,7 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     title: "a mecanum car",
     about: "Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty",
     links: &[
-        LinkSpec {
-            id: "main",
-            name: "main",
-            optional: None,
-        },
+        LinkSpec::always("main", "main"),
         LinkSpec {
             id: "ros",
             name: "ROS",
@@ -53,6 +49,34 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     host: host::HOST,
     operator: Some(actions::OPERATOR),
     surroundings: None,
+    faults: &[
+        "reset",
+        "hang",
+        "slow-replies",
+        "stuck-status",
+        "frozen-sensors",
+        "watchdog-off",
+        "supply-lost",
+        "blocked",
+        "dragging",
+        "free-wheeling",
+        "encoder-lost",
+        "encoder-stuck",
+        "encoder-noisy",
+        "wired-backwards",
+        "ports-swapped",
+        "ice",
+        "payload",
+        "push",
+        "brake-stuck-on",
+        "brake-stuck-open",
+        "ultrasonic-missing",
+        "ultrasonic-stuck",
+        "ultrasonic-ghost",
+        "tag-misread",
+        "strip-lost",
+        "infrared-stuck",
+    ],
     check_fault: faults::check,
 };
 
@@ -237,8 +261,8 @@ impl Device for Mecanum {
         self.device.set_defects(now, defects);
     }
 
-    fn defect_counts(&self) -> &DefectCounts {
-        self.device.defect_counts()
+    fn defect_counts(&self) -> DefectCounts {
+        *self.device.defect_counts()
     }
 
     fn check_watchdog(&self) -> Result<(), String> {
@@ -256,7 +280,10 @@ impl Device for Mecanum {
     fn framing(&self, link: usize) -> &'static dyn Framing {
         match link {
             0 => &framing::Packets,
-            _ => &framing::Lines,
+            _ => &TextLines {
+                name: "a report line",
+                unasked: b"V0 S0 \n",
+            },
         }
     }
 

@@ -32,11 +32,7 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
     id: "r150",
     title: "an R150",
     about: "XAG R150 unmanned ground vehicle, through its RS-232 IO module",
-    links: &[LinkSpec {
-        id: "main",
-        name: "RS-232",
-        optional: None,
-    }],
+    links: &[LinkSpec::always("main", "RS-232")],
     starts: &[
         StartSpec {
             id: "ready",
@@ -55,6 +51,42 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
     host: host::HOST,
     operator: Some(actions::OPERATOR),
     surroundings: Some(actions::SURROUNDINGS),
+    faults: &[
+        "bad-crc",
+        "reset",
+        "hang",
+        "slow-replies",
+        "stuck-status",
+        "frozen-sensors",
+        "watchdog-off",
+        "rail-load",
+        "rail-short",
+        "rail-open",
+        "supply-sag",
+        "over-temperature",
+        "power-module-fault",
+        "battery-empty",
+        "charge-drop",
+        "fuse-blown",
+        "blocked",
+        "dragging",
+        "free-wheeling",
+        "encoder-lost",
+        "encoder-stuck",
+        "encoder-noisy",
+        "wired-backwards",
+        "sides-swapped",
+        "ice",
+        "payload",
+        "push",
+        "brake-stuck-on",
+        "brake-stuck-open",
+        "emergency-stop",
+        "remote-control-takes-over",
+        "locked",
+        "parked",
+        "app-takes-control",
+    ],
     check_fault: faults::check,
 };
 
@@ -279,12 +311,8 @@ impl Device for R150 {
         self.device.set_defects(now, defects);
     }
 
-    fn defect_counts(&self) -> &DefectCounts {
-        self.device.defect_counts()
-    }
-
-    fn check_watchdog(&self) -> Result<(), String> {
-        Ok(())
+    fn defect_counts(&self) -> DefectCounts {
+        *self.device.defect_counts()
     }
 
     fn reset(&mut self, now: SimTime, boot: Duration) -> bool {

@@ -315,7 +315,7 @@ fn words(schema: &Value, found: &mut BTreeSet<String>) {
                     ("enum", Value::Array(all)) => {
                         found.extend(all.iter().filter_map(Value::as_str).map(str::to_owned));
                     }
-                    ("Fault", _) => {}
+                    ("Fault" | "SettingsText", _) => {}
                     _ => words(value, found),
                 }
             }

@@ -15,6 +15,13 @@ pub trait Observer: Any + Send + Sync {
     fn note(&mut self, at: SimTime, event: &dyn EventKind) -> bool;
 }
 
+/// For a device that has no such names.
+impl Observer for () {
+    fn note(&mut self, _at: SimTime, _event: &dyn EventKind) -> bool {
+        false
+    }
+}
+
 /// What has been observed of one device since the start.
 pub struct Observed {
     report: Report,

@@ -16,13 +16,23 @@ pub struct LineSettings {
     pub stop_bits: u8,
 }
 
+impl LineSettings {
+    /// At this speed with one stop bit.
+    #[must_use]
+    pub const fn at(baud: u32) -> Self {
+        Self { baud, stop_bits: 1 }
+    }
+}
+
 /// The settings of one device, all in one tree.
 pub trait DeviceSettings: Settings + Copied + Same + Any + fmt::Debug + Send + Sync {
     /// The device's end of a link.
     fn line(&self, link: usize) -> LineSettings;
 
     /// Pairs of settings of which the first must not be above the second: name and value of each.
-    fn ordered(&self) -> Vec<[(&'static str, f64); 2]>;
+    fn ordered(&self) -> Vec<[(&'static str, f64); 2]> {
+        Vec::new()
+    }
 }
 
 impl dyn DeviceSettings {

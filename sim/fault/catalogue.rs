@@ -31,15 +31,11 @@ use super::parameters::{
 };
 use super::{FaultInfo, FaultLevel, ParameterInfo};
 
-const BOTH: &[&str] = &["r150", "mecanum"];
-const R150: &[&str] = &["r150"];
-const CAR: &[&str] = &["mecanum"];
-
 /// Declares the type [`Fault`] and its catalogue. A parameter without `#[serde(…)]` must be given.
 macro_rules! faults {
     ({} $(
         $(#[doc = $summary:literal])+
-        $variant:ident = $id:literal, $level:ident, $devices:ident,
+        $variant:ident = $id:literal, $level:ident, $everywhere:literal,
         sees $sees:literal, counts $counts:literal,
         { $(
             $(#[doc = $about:literal])+
@@ -79,7 +75,7 @@ macro_rules! faults {
         const CATALOGUE: &[FaultInfo] = &[$( FaultInfo {
             id: $id,
             level: FaultLevel::$level,
-            devices: $devices,
+            everywhere: $everywhere,
             parameters: &[$( ParameterInfo {
                 name: stringify!($field),
                 description: concat!($($about),+).trim_ascii_start(),

@@ -1,6 +1,6 @@
 //! Packets and lines of a mecanum car, as far as faults spoil them.
 
-use crate::device::Framing;
+use crate::device::{Framing, with_first};
 use crate::fault::resized;
 use crate::mecanum_device::packet::Status;
 
@@ -39,40 +39,4 @@ impl Framing for Packets {
     fn unasked(&self) -> Vec<u8> {
         Status::default().encode()
     }
-}
-
-/// Text up to a line feed.
-pub(super) struct Lines;
-
-impl Framing for Lines {
-    fn is_command(&self, _frame: &[u8], _command: u8) -> bool {
-        false
-    }
-
-    fn name(&self, _frame: &[u8]) -> String {
-        "a report line".to_owned()
-    }
-
-    fn with_command(&self, frame: Vec<u8>, with: Option<u8>) -> Vec<u8> {
-        with_first(frame, with)
-    }
-
-    fn with_length(&self, frame: Vec<u8>, by: i8) -> Vec<u8> {
-        resized(frame, by, 1)
-    }
-
-    fn length_at(&self) -> Option<usize> {
-        None
-    }
-
-    fn unasked(&self) -> Vec<u8> {
-        b"V0 S0 \n".to_vec()
-    }
-}
-
-fn with_first(mut frame: Vec<u8>, with: Option<u8>) -> Vec<u8> {
-    if let Some(first) = frame.first_mut() {
-        *first = with.unwrap_or(*first ^ 1);
-    }
-    frame
 }

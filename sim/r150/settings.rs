@@ -12,10 +12,7 @@ crate::device_settings! {
 
 impl DeviceSettings for R150Settings {
     fn line(&self, _link: usize) -> LineSettings {
-        LineSettings {
-            baud: self.firmware.baud,
-            stop_bits: 1,
-        }
+        LineSettings::at(self.firmware.baud)
     }
 
     fn ordered(&self) -> Vec<[(&'static str, f64); 2]> {

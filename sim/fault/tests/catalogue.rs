@@ -49,7 +49,7 @@ fn every_variant_and_parameter_is_in_the_catalogue() {
         for text in [info.summary, info.client_sees, info.counts] {
             assert!(text.ends_with('.') && text.len() > 10, "{kind}: {text}");
         }
-        assert!(!info.devices.is_empty());
+        assert!(crate::SHIPPED.iter().any(|device| device.has_fault(info)));
     }
     let levels: Vec<FaultLevel> = catalogue().iter().map(|info| info.level).collect();
     assert!(levels.is_sorted());

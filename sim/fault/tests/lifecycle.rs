@@ -46,7 +46,7 @@ fn is_sound(rig: &mut Rig) {
 #[test]
 fn on_the_r150() {
     for info in catalogue() {
-        if !info.devices.contains(&"r150") {
+        if !crate::r150::R150_SPEC.has_fault(info) {
             continue;
         }
         let mut rig = r150();
@@ -108,7 +108,7 @@ fn on_the_r150() {
 #[test]
 fn on_the_car() {
     for info in catalogue() {
-        if !info.devices.contains(&"mecanum") {
+        if !crate::mecanum::MECANUM_SPEC.has_fault(info) {
             continue;
         }
         let mut rig = car(false);
