@@ -17,6 +17,11 @@ impl<'t> Tables<'t> {
             .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))
     }
 
+    /// All of it.
+    pub(crate) fn root(&self) -> &DeTable<'t> {
+        self.0.get_ref()
+    }
+
     /// The table with this name.
     pub(crate) fn table(&self, name: &str) -> Option<&DeTable<'t>> {
         table(self.0.get_ref(), name)
