@@ -4,10 +4,13 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, value_parser};
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::{
+    Arg, ArgAction, ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand,
+    ValueEnum, value_parser,
+};
+use sim_core::device::{DeviceSpec, Devices, LinkSpec};
 use sim_core::line::Wire;
-use sim_core::r150_device::vehicle::Start;
-use sim_runner::Kind;
 use sim_settings::Span;
 
 use crate::exit::Exit;
@@ -82,6 +85,73 @@ pub(crate) struct Cli {
     pub(crate) serve: ServeArgs,
 }
 
+impl Cli {
+    /// Reads the program's arguments; ends the program if they are wrong, or ask for help.
+    pub(crate) fn read(devices: Devices) -> Self {
+        let matches = command(devices).get_matches();
+        let mut cli = Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+        cli.serve.link_ptys = link_ptys(devices, &matches);
+        cli
+    }
+}
+
+/// The command line with what the devices add to it.
+fn command(devices: Devices) -> clap::Command {
+    let kinds = || {
+        let all = devices.iter();
+        let value = |device: &&DeviceSpec| PossibleValue::new(device.id).help(device.about);
+        PossibleValuesParser::new(all.map(value).collect::<Vec<_>>())
+    };
+    let usual = devices.first().map_or("", |device| device.id);
+    let starts = devices.iter().flat_map(|device| device.starts);
+    let starts = starts.map(|start| PossibleValue::new(start.id).help(start.about));
+    let starts = PossibleValuesParser::new(starts.collect::<Vec<_>>());
+    let device = |arg: Arg| {
+        arg.value_parser(kinds())
+            .default_value(usual)
+            .required(false)
+    };
+    let mut command = Cli::command()
+        .mut_arg("device", device)
+        .mut_arg("start", |arg| arg.value_parser(starts))
+        .mut_subcommand("faults", |sub| {
+            sub.mut_arg("device", |arg| arg.value_parser(kinds()))
+        })
+        .mut_subcommand("names", |sub| sub.mut_arg("device", device));
+    for (spec, link) in optional_links(devices) {
+        let costs = link.optional.unwrap_or_default();
+        let help = format!(
+            "Serve the {} link of {} too, on a second pseudo-terminal; {costs}",
+            link.name, spec.title
+        );
+        command = command.arg(
+            Arg::new(link.id)
+                .long(format!("{}-pty", link.id))
+                .value_name("PATH")
+                .value_parser(value_parser!(PathBuf))
+                .conflicts_with("rig")
+                .help(help),
+        );
+    }
+    command
+}
+
+fn optional_links(
+    devices: Devices,
+) -> impl Iterator<Item = (&'static DeviceSpec, &'static LinkSpec)> {
+    let links = |device: &'static DeviceSpec| device.links.iter().map(move |link| (device, link));
+    let all = devices.iter().copied().flat_map(links);
+    all.filter(|(_, link)| link.optional.is_some())
+}
+
+fn link_ptys(devices: Devices, matches: &ArgMatches) -> Vec<(&'static str, PathBuf)> {
+    let path = |(_, link): (_, &'static LinkSpec)| {
+        let path = matches.try_get_one::<PathBuf>(link.id).ok().flatten();
+        Some((link.id, path?.clone()))
+    };
+    optional_links(devices).filter_map(path).collect()
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Print the effective settings as TOML, each with its meaning, its allowed values, and
@@ -119,8 +189,8 @@ pub(crate) enum Command {
     /// List the faults that a scenario can inject, with what the client sees of them.
     Faults {
         /// Only those that this device can have.
-        #[arg(long, value_enum)]
-        device: Option<Device>,
+        #[arg(long)]
+        device: Option<String>,
         /// How to print them.
         #[arg(long, value_enum, default_value_t = ListFormat::Text)]
         format: ListFormat,
@@ -128,8 +198,8 @@ pub(crate) enum Command {
     /// List the names that a scenario's conditions can use, with unit and meaning.
     Names {
         /// Of which device.
-        #[arg(long, value_enum, default_value_t = Device::R150)]
-        device: Device,
+        #[arg(long)]
+        device: String,
     },
     /// Print the JSON Schema of world, rig or scenario files; many editors complete and check with
     /// it.
@@ -268,15 +338,14 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "DEVICE")]
     pub(crate) serial: Option<PathBuf>,
     /// Serve all devices of a rig file, in one world; --pty is the short form for one.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "serial", "ros_pty", "device", "start"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "serial", "device", "start"])]
     pub(crate) rig: Option<PathBuf>,
     /// What to be.
-    #[arg(long, value_enum, default_value_t = Device::R150)]
-    pub(crate) device: Device,
-    /// Serve the mecanum car's ROS link too, on a second pseudo-terminal; this takes the UART of
-    /// its magnetic sensor.
-    #[arg(long, value_name = "PATH")]
-    pub(crate) ros_pty: Option<PathBuf>,
+    #[arg(long)]
+    pub(crate) device: String,
+    /// Paths of the links that are there only when they are asked for, by their ids.
+    #[arg(skip)]
+    pub(crate) link_ptys: Vec<(&'static str, PathBuf)>,
     /// Build the world from a file; `worlds/` has some.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
@@ -284,9 +353,9 @@ pub(crate) struct ServeArgs {
     /// judge the outcome. The file names the devices; --pty is where the first is served.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
     pub(crate) scenario: Option<PathBuf>,
-    /// In which state an R150 begins.
-    #[arg(long, value_enum, default_value_t = StartArg::Ready)]
-    pub(crate) start: StartArg,
+    /// In which state it begins, if it has a choice [default: the first].
+    #[arg(long)]
+    pub(crate) start: Option<String>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     /// Whether bytes take as long on the line as they do on a cable [default: paced on a
@@ -311,40 +380,6 @@ pub(crate) struct ServeArgs {
     /// How to print what happens.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Device {
-    /// XAG R150 unmanned ground vehicle, through its RS-232 IO module.
-    R150,
-    /// Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty.
-    Mecanum,
-}
-
-impl Device {
-    pub(crate) fn kind(self) -> Kind {
-        match self {
-            Self::R150 => Kind::R150,
-            Self::Mecanum => Kind::Mecanum,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum StartArg {
-    /// Unlocked, brake released, autonomous: the first motor command moves it.
-    Ready,
-    /// Locked, parked, in remote mode, as the hardware starts.
-    Locked,
-}
-
-impl From<StartArg> for Start {
-    fn from(start: StartArg) -> Self {
-        match start {
-            StartArg::Ready => Self::Ready,
-            StartArg::Locked => Self::Locked,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -18,6 +18,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 
 use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
@@ -33,8 +34,8 @@ use pool::Audience;
 pub(crate) use tell::{verdict_json, verdict_text};
 
 /// The `run` subcommand.
-pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    let mut loaded = load_all(&find(&args.files, args.filter.as_deref())?)?;
+pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
+    let mut loaded = load_all(devices, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
         loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
     }
@@ -126,8 +127,8 @@ impl Audience for Told<'_> {
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
-pub(crate) fn check(files: &[PathBuf]) -> Result<Exit, Failure> {
-    let loaded = load_all(&find(files, None)?)?;
+pub(crate) fn check(devices: Devices, files: &[PathBuf]) -> Result<Exit, Failure> {
+    let loaded = load_all(devices, &find(files, None)?)?;
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),

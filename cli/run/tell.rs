@@ -48,7 +48,7 @@ pub(crate) fn planned(job: &Job<'_>) -> String {
         job.time_word()
     );
     for device in &scenario.rig.devices {
-        let _ = write!(text, "\n  device {} ({})", device.name, device.kind.word());
+        let _ = write!(text, "\n  device {} ({})", device.name, device.device.id);
         if job.is_live() {
             let variables: Vec<String> = device
                 .links()
