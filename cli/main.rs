@@ -32,6 +32,7 @@ use exit::{Exit, Failure};
 
 fn main() -> ExitCode {
     guarded(|| {
+        sim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::parse();
         match &cli.command {
             Some(Command::Config(settings)) => config::print(settings),

@@ -18,6 +18,11 @@ pub enum Elsewhere<'a> {
     In(&'a Path),
 }
 
+/// A pseudo-terminal has two ends, a directory and a lock.
+const DESCRIPTORS_OF_A_PORT: u64 = 4;
+/// More than a program needs beside its ports: several runs at a time have ports of their own.
+const OTHER_DESCRIPTORS: u64 = 512;
+
 /// Opens every port of the plan; relative paths are relative to `folder`. The first device's first
 /// link is served on the real port `serial`, if one is named.
 ///
@@ -29,6 +34,8 @@ pub fn open_all(
     serial: Option<&Path>,
     elsewhere: &Elsewhere<'_>,
 ) -> Result<Vec<Served>, PortError> {
+    let links: usize = plan.devices.iter().map(|device| device.links().len()).sum();
+    sim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links as u64);
     let mut ports = Vec::new();
     for (device, planned) in plan.devices.iter().enumerate() {
         for link in planned.links() {

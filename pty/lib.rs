@@ -48,6 +48,7 @@
 mod busy_poll;
 mod error;
 mod hub;
+mod limits;
 mod line;
 mod link;
 mod lock;
@@ -60,6 +61,7 @@ mod stash;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
+pub use limits::{survive_full_files, want_descriptors};
 pub use line::{LineSettings, Parity};
 pub use port::{Counters, Event, Port, Written};
 pub use pty_port::PtyPort;
