@@ -46,7 +46,9 @@ Examples:
   sim run scenarios
       Every scenario with its scripted client, as fast as the machine goes.
   sim run --tag drive scenarios/r150 -- python3 my_client.py
-      Your client instead, in real time. It opens the port named by $SIM_R150_PORT.
+      Your client instead, in the simulator's time. It opens the port named by $SIM_R150_PORT.
+  sim run --time real scenarios/r150 -- python3 my_client.py
+      The same by the wall clock: 20 simulated seconds take 20 seconds.
   sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
       A client that takes the port as an argument.
   sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
@@ -157,8 +159,8 @@ pub(crate) enum Command {
     ///
     /// The output is a valid --config file. Save it, change what you like, delete the rest.
     Config(SettingsArgs),
-    /// Play scenario files and say pass or fail: in simulated time with their scripted client, or in
-    /// real time against yours.
+    /// Play scenario files and say pass or fail, in simulated time: with their scripted client, or with
+    /// yours.
     Run(RunArgs),
     /// Read scenario files and say what is wrong with them, without playing them.
     Check {
@@ -219,7 +221,7 @@ pub(crate) struct RunArgs {
     /// in SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
-    /// How many scenarios to play at a time [default: one for each core, but 1 with a client].
+    /// How many scenarios to play at a time [default: one for each core, but 1 with a client in real time].
     #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) jobs: Option<u32>,
     /// Seed of everything random, instead of the file's or a random one.
@@ -243,8 +245,21 @@ pub(crate) struct RunArgs {
     /// Write a trace, a report as JSON, and the client's output of each into this folder.
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// Simulated seconds for each second of real time, 0.01 to 100; only with a client, for
-    /// without one there is no real time [default: 1].
+    /// Whose time a client has: the simulator's, in which nothing is ever late and the same seed gives
+    /// the same bytes, or the wall clock's.
+    #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
+    pub(crate) time: TimeArg,
+    /// Where what a client reads as random comes from, with --time lockstep.
+    #[arg(long, value_enum, default_value_t = RandomArg::Seed)]
+    pub(crate) random: RandomArg,
+    /// The date on which a client begins, in UTC, with --time lockstep.
+    #[arg(long, value_name = "DATE", default_value = "2025-01-01 00:00:00", value_parser = date)]
+    pub(crate) date: Duration,
+    /// Play each two times and show the first difference, with --time lockstep.
+    #[arg(long)]
+    pub(crate) twice: bool,
+    /// Simulated seconds for each second of real time, 0.01 to 100; only with --time real
+    /// [default: 1].
     #[arg(long, value_name = "X", value_parser = speed)]
     pub(crate) speed: Option<f64>,
     /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
@@ -401,6 +416,40 @@ pub(crate) enum LogFormat {
     Text,
     /// One JSON object a line.
     Json,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TimeArg {
+    /// Simulated time, which stands still while the client computes and jumps while it waits.
+    Lockstep,
+    /// Real time, by the system's clocks.
+    Real,
+}
+
+impl TimeArg {
+    /// As it is written.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Real => "real",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RandomArg {
+    /// The run's seed.
+    Seed,
+    /// The system.
+    Real,
+}
+
+/// A date, as the time since 1970.
+fn date(text: &str) -> Result<Duration, String> {
+    humantime::parse_rfc3339_weak(text)
+        .ok()
+        .and_then(|date| date.duration_since(std::time::UNIX_EPOCH).ok())
+        .ok_or_else(|| "wanted: a date since 1970, as in \"2025-01-31 12:00:00\"".to_owned())
 }
 
 fn some_time(text: &str) -> Result<Span, String> {

@@ -1,13 +1,16 @@
 //! The `run` and `check` subcommands: scenarios, played and judged.
 
+mod folder;
 mod job;
 mod junit;
 mod live;
+mod lockstep;
 mod pool;
 mod report;
 mod scripted;
 mod tell;
 mod trace_file;
+mod twice;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,7 +20,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow};
 use sim_core::device::Devices;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 use crate::scenario_files::{Loaded, find, load_all};
@@ -46,12 +49,7 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         let text: Vec<String> = loaded.iter().map(tell::listed).collect();
         return print(&text.join("\n"));
     }
-    if args.client.is_empty() && args.speed.is_some() {
-        return Err(Failure::usage(anyhow!(
-            "--speed is for runs with a client; without one there is no real time, and a scenario \
-             takes as long as the machine needs"
-        )));
-    }
+    check_time(args)?;
     if args.output.is_some() {
         refuse_shared_files(&loaded)?;
     }
@@ -81,6 +79,24 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     audience.junit.map_or(Ok(()), Junit::finish)?;
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
+}
+
+/// Refuses flags that the time of the run has no use for.
+fn check_time(args: &RunArgs) -> Result<(), Failure> {
+    let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
+    let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
+    if args.speed.is_some() && !is_real {
+        return Err(Failure::usage(anyhow!(
+            "--speed is for a client with --time real; in simulated time a scenario takes as long as \
+             the machine needs"
+        )));
+    }
+    if args.twice && !is_lockstep {
+        return Err(Failure::usage(anyhow!(
+            "--twice is for a client with --time lockstep, whose runs are the same each time"
+        )));
+    }
+    Ok(())
 }
 
 /// Prints results, and keeps them for the JUnit file.
