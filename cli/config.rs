@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use rustix::event::{PollFd, PollFlags, Timespec};
+use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
 use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_toml};
 
@@ -21,8 +22,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Reads the settings that the flags name: the file, then single ones.
-pub(crate) fn load(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = load_file(args)?;
+pub(crate) fn load(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = load_file(devices, args)?;
     apply_flags(args, &mut settings)?;
     check(&settings)?;
     Ok(settings)
@@ -36,8 +37,8 @@ pub(crate) fn check(settings: &SimSettings) -> Result<(), Failure> {
 }
 
 /// Reads the settings file, if one is named.
-pub(crate) fn load_file(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = SimSettings::default();
+pub(crate) fn load_file(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = SimSettings::new(devices);
     if let Some(path) = &args.config {
         let text = read(path, "settings file")?;
         load_toml(&text, &visible::name(path), &mut settings).map_err(|errors| {
@@ -126,8 +127,8 @@ pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
 }
 
 /// The `config` subcommand.
-pub(crate) fn print(args: &SettingsArgs) -> Result<Exit, Failure> {
-    let settings = load(args)?;
+pub(crate) fn print(devices: Devices, args: &SettingsArgs) -> Result<Exit, Failure> {
+    let settings = load(devices, args)?;
     let text = format!(
         "# Settings of sim. \"documented\" is what the device's manual says; \"assumed\" is our\n\
          # decision where the manual is silent: check it against your hardware before you rely\n\
