@@ -12,6 +12,7 @@ mod print;
 mod ready_file;
 mod recording;
 mod replay;
+mod report;
 mod run;
 mod scenario_files;
 mod schema;

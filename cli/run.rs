@@ -19,12 +19,13 @@ use anyhow::{Context as _, anyhow};
 use crate::args::RunArgs;
 use crate::exit::{Exit, Failure};
 use crate::print::print;
+use crate::report::Report;
 use crate::scenario_files::{Loaded, find, load_all};
 use crate::start::random_seed;
 use crate::supervise::adopt_orphans;
 
-use job::{Job, JobResult};
-pub(crate) use tell::{verdict_json, verdict_text};
+pub(crate) use job::{Job, JobResult, Played as PlayedCase};
+pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 
 /// The `run` subcommand.
 pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
@@ -48,11 +49,11 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
              takes as long as the machine needs"
         )));
     }
-    if args.output.is_some() {
+    if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
     }
     let base = random_seed();
-    let jobs: Vec<Job> = loaded
+    let mut jobs: Vec<Job> = loaded
         .iter()
         .flat_map(|one| (0..args.repeat).map(move |repeat| Job::new(args, one, repeat, base)))
         .collect();
@@ -61,6 +62,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     prepare(args)?;
+    let report = args.report.as_deref().map(Report::begin).transpose()?;
+    for job in &mut jobs {
+        job.report = report.as_ref();
+    }
     adopt_orphans().map_err(Failure::system)?;
     let progress = progress(jobs.len());
     let results = pool::play_all(args, &jobs, |job, result| {
@@ -75,6 +80,9 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
     // Also when the run was broken off.
     if let Some(path) = &args.junit {
         junit::write(path, &jobs, &results)?;
+    }
+    if let Some(report) = &report {
+        report.write(&jobs, &results)?;
     }
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
@@ -95,8 +103,8 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
     for one in loaded {
         if let Some(other) = stems.insert(one.stem(), &one.path) {
             return Err(Failure::usage(anyhow!(
-                "{} and {} would write the same files into the folder of --output; rename one, or \
-                 run them apart",
+                "{} and {} would write the same files for --output or --report; rename one, or run them \
+                 apart",
                 other.display(),
                 one.path.display()
             )));

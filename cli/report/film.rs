@@ -25,6 +25,9 @@ const MOST_HITS: usize = 100;
 /// Most features of the world that are shown.
 const MOST_FEATURES: usize = 2000;
 
+/// Names of where a vehicle is.
+const PLACE: [&str; 3] = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
+
 /// How much of a run is wanted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
@@ -91,19 +94,18 @@ impl Film {
     pub(super) fn new(run: &Run, wanted: Wanted) -> Self {
         let world = run.rig().world();
         let devices = &run.scenario().rig.devices;
-        let way = |plan: &sim_runner::DevicePlan| {
+        let way = |(device, plan): (usize, &sim_runner::DevicePlan)| {
             let mut bodies = world.bodies();
             let body = bodies.find(|(name, _)| *name == plan.name);
-            let name = sim_runner::condition::identifier(&plan.name);
-            let probe = |what| run.probe(&format!("{name}.truth.{what}")).ok();
-            let probes = (probe("x_m"), probe("y_m"), probe("heading_deg"));
+            let probe = |name| run.probe_of(device, name);
+            let [x, y, heading] = PLACE.map(probe);
             Way {
                 name: plan.name.clone(),
                 size: body.map_or([0.0; 2], |(_, size)| size),
-                probes: match probes {
-                    (Some(x), Some(y), Some(heading)) => Some([x, y, heading]),
-                    _ => None,
-                },
+                probes: x
+                    .zip(y)
+                    .zip(heading)
+                    .map(|((x, y), heading)| [x, y, heading]),
                 poses: Vec::new(),
             }
         };
@@ -122,7 +124,7 @@ impl Film {
             next: SimTime::ZERO,
             words: Words::new(&run.scenario().rig),
             times: Vec::new(),
-            ways: devices.iter().map(way).collect(),
+            ways: devices.iter().enumerate().map(way).collect(),
             series: probes.into_iter().filter_map(series).collect(),
             spans: Vec::new(),
             features: Vec::new(),
@@ -198,9 +200,8 @@ impl Film {
 
 /// Whether it makes a plot: places are on the map, and ages and counts tell nothing that others do not.
 fn is_shown(name: &str, unit: &str) -> bool {
-    let on_map = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
     let counted = unit.is_empty() || unit == "s";
-    !counted && !on_map.iter().any(|end| name.ends_with(end))
+    !counted && !PLACE.iter().any(|end| name.ends_with(end))
 }
 
 impl Onlooker for Film {

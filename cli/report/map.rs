@@ -13,7 +13,7 @@ const HEIGHT: f64 = 480.0;
 /// Least width and height of what is shown, m.
 const LEAST: f64 = 2.0;
 /// Room around what is shown, as a part of it.
-const MARGIN: f64 = 0.12;
+const MARGIN: f64 = 0.2;
 /// How many colours a way has.
 const COLOURS: usize = 16;
 
@@ -97,10 +97,16 @@ pub(super) fn map(film: &Film, label: &str) -> Markup {
     }
 }
 
-/// What the colours of the ways mean.
+/// What the colours mean.
 pub(super) fn legend(film: &Film) -> Markup {
+    let view = View::of(film);
+    let seen = film.features.iter().filter(|one| is_near(&view, one));
+    let kinds: Vec<FeatureKind> = seen.map(|one| one.kind).collect();
     let colours: Vec<String> = (0..COLOURS).map(colour).collect();
-    let gradient = format!("background: linear-gradient(to right, {})", colours.join(", "));
+    let gradient = format!(
+        "background: linear-gradient(to right, {})",
+        colours.join(", ")
+    );
     html! {
         p.legend {
             "0 s " span.gradient style=(gradient) {} " " (format!("{:.1} s", film.length()))
@@ -111,11 +117,11 @@ pub(super) fn legend(film: &Film) -> Markup {
                 (FeatureKind::Strip, "magnetic strip"),
                 (FeatureKind::Slope, "slope"),
             ] {
-                @if film.features.iter().any(|one| one.kind == kind) {
+                @if kinds.contains(&kind) {
                     span.key { span class=(format!("box {}", class(kind))) {} (name) }
                 }
             }
-            @if let Some(friction) = slippery(film) {
+            @if let Some(friction) = slippery(&kinds) {
                 span.key { span.box.slippery {} "friction " (friction) }
             }
         }
@@ -123,12 +129,12 @@ pub(super) fn legend(film: &Film) -> Markup {
 }
 
 /// The frictions of areas, in words.
-fn slippery(film: &Film) -> Option<String> {
-    let friction = |one: &Feature| match one.kind {
+fn slippery(kinds: &[FeatureKind]) -> Option<String> {
+    let friction = |kind: &FeatureKind| match kind {
         FeatureKind::Friction(friction) => Some(friction.to_string()),
         _ => None,
     };
-    let mut all: Vec<String> = film.features.iter().filter_map(friction).collect();
+    let mut all: Vec<String> = kinds.iter().filter_map(friction).collect();
     all.sort();
     all.dedup();
     (!all.is_empty()).then(|| all.join(", "))
@@ -178,7 +184,7 @@ fn shape(view: &View, feature: &Feature, class: &str) -> Markup {
 
 /// A colour of equal lightness for each part of the time, from blue over green to red.
 fn colour(part: usize) -> String {
-    format!("hsl({} 75% 45%)", 225 - part * 225 / (COLOURS - 1))
+    format!("hsl({} 75% 50%)", 225 - part * 225 / (COLOURS - 1))
 }
 
 fn way_of(view: &View, way: &Way) -> Markup {
@@ -187,7 +193,10 @@ fn way_of(view: &View, way: &Way) -> Markup {
         let from = count * part / COLOURS;
         // Up to the first point of the next part, so that there is no gap.
         let to = (count * (part + 1) / COLOURS + 1).min(count);
-        let mut points: Vec<[f64; 2]> = way.poses[from..to].iter().map(|[x, y, _]| [*x, *y]).collect();
+        let mut points: Vec<[f64; 2]> = way.poses[from..to]
+            .iter()
+            .map(|[x, y, _]| [*x, *y])
+            .collect();
         // Standing still is one point.
         points.dedup_by(|a, b| {
             let apart = [0, 1].map(|axis| (a[axis] - b[axis]).abs() * view.scale);
@@ -206,13 +215,14 @@ fn way_of(view: &View, way: &Way) -> Markup {
 
 /// A vehicle as it begins, and as it is when the run fails or ends.
 fn ends(view: &View, film: &Film, way: &Way) -> Markup {
-    let last = film.failed_at().map_or(way.poses.len().saturating_sub(1), |at| film.look_at(at));
+    let last = film
+        .failed_at()
+        .map_or(way.poses.len().saturating_sub(1), |at| film.look_at(at));
     let body = |[x, y, heading]: [f64; 3], class: &str| {
         let (sin, cos) = heading.to_radians().sin_cos();
         let [length, width] = way.size.map(|size| size / 2.0);
-        let corner = |[ahead, left]: [f64; 2]| {
-            [x + cos * ahead - sin * left, y + sin * ahead + cos * left]
-        };
+        let corner =
+            |[ahead, left]: [f64; 2]| [x + cos * ahead - sin * left, y + sin * ahead + cos * left];
         // A nose shows where it looks.
         let corners = [
             [length, 0.0],
@@ -268,7 +278,9 @@ fn failure(view: &View, film: &Film) -> Markup {
 /// A bar of a round length.
 fn scale_bar(view: &View) -> Markup {
     let [width, height] = view.size();
-    let lengths = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
+    let lengths = [
+        0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0,
+    ];
     let fits = |length: &&f64| **length * view.scale <= width / 3.0;
     let length = lengths.iter().rfind(fits).unwrap_or(&lengths[0]);
     let y = height - 10.0;

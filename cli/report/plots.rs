@@ -57,7 +57,11 @@ pub(super) fn plots(film: &Film) -> anyhow::Result<Markup> {
     units.dedup();
     let mut drawn = Vec::new();
     for unit in units {
-        let of_unit: Vec<&Series> = changes.iter().copied().filter(|one| one.unit == unit).collect();
+        let of_unit: Vec<&Series> = changes
+            .iter()
+            .copied()
+            .filter(|one| one.unit == unit)
+            .collect();
         let what = known(unit).map_or("", |index| UNITS[index].1);
         for some in of_unit.chunks(MOST_LINES).take(MOST_PLOTS - drawn.len()) {
             drawn.push(figure(film, what, unit, some)?);
@@ -105,12 +109,13 @@ fn draw(
         .margin(4)
         .margin_right(14)
         .x_label_area_size(22)
-        .y_label_area_size(54)
+        .y_label_area_size(60)
         .build_cartesian_2d(0.0..end, low..high)?;
     for span in &film.spans {
         let corners = [(span.from, low), (span.to.unwrap_or(end), high)];
         chart.draw_series([Rectangle::new(corners, FAULT.mix(0.22).filled())])?;
-        let hit = |at: &f64| PathElement::new([(*at, low), (*at, low + (high - low) * 0.06)], FAULT);
+        let hit =
+            |at: &f64| PathElement::new([(*at, low), (*at, low + (high - low) * 0.06)], FAULT);
         chart.draw_series(span.hits.iter().map(hit))?;
     }
     let text = FONT.into_font().color(&INK);

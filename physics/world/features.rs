@@ -1,10 +1,10 @@
 //! The world as a map shows it.
 
+use super::World;
 use super::area::{Band, Disc, Rectangle};
 use super::map::Area;
 use super::scan::Solid;
 use super::terrain::Change;
-use super::World;
 
 /// How wide a magnetic strip is shown, m.
 const STRIP_WIDTH: f64 = 0.05;
@@ -111,7 +111,9 @@ mod tests {
             let world = World::with_map(&WorldSettings::default(), &map);
             let features: Vec<Feature> = world.features().collect();
             assert_eq!(features.len(), map.parts());
-            let first = features.iter().position(|one| one.kind == FeatureKind::Obstacle);
+            let first = features
+                .iter()
+                .position(|one| one.kind == FeatureKind::Obstacle);
             let top = &features[first.unwrap()..];
             assert!(top.iter().all(|one| one.kind == FeatureKind::Obstacle));
         }
