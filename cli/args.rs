@@ -64,6 +64,9 @@ Examples:
   sim trace yesterday.trace.jsonl today.trace.jsonl --within 20ms
       Where two runs part; those of real clients are never the same to the nanosecond.";
 
+/// A client that drives at 1 m/s and goes by its own clock is a quarter of a metre off after that.
+pub(crate) const MAX_HOLD_UP: &str = "250ms";
+
 /// A virtual vehicle behind a serial port: test your client without the hardware.
 ///
 /// Serves the protocol of a real device on a pseudo-terminal, while a simulated body moves in
@@ -184,6 +187,11 @@ pub(crate) struct RunArgs {
     /// twice its `limit` and 30 s].
     #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
+    /// How long a busy machine may hold the simulator up in all, while a client's clock goes on. When
+    /// it is longer and the scenario fails, it is played once more; and if that goes the same way, it is
+    /// an error of the machine and no failure of the client.
+    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
+    pub(crate) max_hold_up: Span,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
     pub(crate) list: bool,

@@ -17,6 +17,8 @@ use sim_core::event::{Event, Level};
 pub(crate) use words::{DeviceName, Words};
 
 use crate::args::LogFormat;
+use crate::print::complain;
+use crate::visible;
 
 /// Most lines that wait to be printed; further ones are dropped and counted.
 const MOST_LINES: usize = 1 << 14;
@@ -143,8 +145,7 @@ impl Log {
             None if !printed => "whoever reads it is too slow".to_owned(),
             None => return,
         };
-        // Nothing is left to do if standard error is closed, too.
-        let _ = writeln!(anstream::stderr(), "some output was not printed: {why}");
+        complain(&format!("some output was not printed: {why}"));
     }
 
     /// Waits until all is printed, up to a point; says whether it was.
@@ -213,7 +214,7 @@ impl Printer {
         }
         let mut printed = self.tell_dropped(&mut out);
         if let Ok(last) = self.last.try_recv() {
-            printed = printed.and_then(|()| writeln!(out, "{last}"));
+            printed = printed.and_then(|()| writeln!(out, "{}", visible::lines(&last)));
         }
         self.note(printed.and_then(|()| out.flush()));
     }
@@ -230,7 +231,7 @@ impl Printer {
 
     fn print(&mut self, out: &mut impl Write, line: Line) -> io::Result<()> {
         let event = match line {
-            Line::Text(text) => return writeln!(out, "{text}"),
+            Line::Text(text) => return writeln!(out, "{}", visible::lines(&text)),
             Line::Event(event) => event,
         };
         let Some(repeats) = self.due(&event) else {
@@ -238,7 +239,7 @@ impl Printer {
         };
         match self.options.format {
             LogFormat::Text => self.words.print(out, &event, repeats),
-            LogFormat::Json => writeln!(out, "{}", self.words.json(&event)),
+            LogFormat::Json => writeln!(out, "{}", visible::json(&self.words.json(&event))),
         }
     }
 

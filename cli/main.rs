@@ -20,8 +20,9 @@ mod start;
 mod summary;
 mod supervise;
 mod trace;
+mod visible;
+mod whole_file;
 
-use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
@@ -58,8 +59,7 @@ fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
     match catch_unwind(AssertUnwindSafe(program)) {
         Ok(Ok(exit)) => exit,
         Ok(Err(failure)) => {
-            // Nothing is left to do if even standard error is closed.
-            let _ = writeln!(anstream::stderr(), "error: {:#}", failure.error);
+            print::complain(&format!("error: {:#}", failure.error));
             failure.exit
         }
         Err(_) => Exit::System,

@@ -9,6 +9,7 @@ use sim_runner::Run;
 use sim_runner::trace::{Onlooker, Replay, ReplayError};
 
 use crate::exit::Failure;
+use crate::visible;
 
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
@@ -26,7 +27,7 @@ pub(crate) struct Lines<'a> {
 impl<'a> Lines<'a> {
     pub(crate) fn open(path: &'a Path) -> Result<Self, Failure> {
         let file = fs::File::open(path)
-            .with_context(|| format!("cannot read the trace {}", path.display()))
+            .with_context(|| format!("cannot read the trace {}", visible::name(path)))
             .map_err(Failure::usage)?;
         Ok(Self {
             path,
@@ -37,7 +38,7 @@ impl<'a> Lines<'a> {
 
     /// The next line; `None` at the end.
     pub(crate) fn next(&mut self) -> Result<Option<&str>, Failure> {
-        let shown = self.path.display();
+        let shown = visible::name(&self.path);
         self.line.clear();
         // What is no trace may be one line without an end.
         let mut some = self.file.by_ref().take(MOST_LINE + 1);
@@ -60,7 +61,7 @@ impl<'a> Lines<'a> {
 
     /// The first line.
     fn first(&mut self) -> Result<&str, Failure> {
-        let empty = Failure::usage(anyhow!("the trace {} is empty", self.path.display()));
+        let empty = Failure::usage(anyhow!("the trace {} is empty", visible::name(&self.path)));
         self.next()?.ok_or(empty)
     }
 }
@@ -83,7 +84,7 @@ pub(crate) fn view<V: Onlooker>(
     let mut lines = Lines::open(path)?;
     let begun = Replay::begin(lines.first()?);
     let replay = begun
-        .with_context(|| path.display().to_string())
+        .with_context(|| visible::name(path))
         .map_err(Failure::usage)?;
     let mut viewer = viewer(replay.run())?;
     let played = play(&mut lines, replay.watched(&mut viewer))?;

@@ -8,7 +8,6 @@ mod film;
 mod map;
 mod plots;
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +17,8 @@ use anyhow::Context as _;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::exit::Failure;
-use crate::run::{Job, JobResult, PlayedCase, worth};
+use crate::run::{self, Job, JobResult, PlayedCase, worth};
+use crate::visible::{self, lines as readable};
 use case::{Detail, case};
 
 const STYLE: &str = include_str!("report/style.css");
@@ -51,12 +51,12 @@ impl Report {
             .filter(|parent| !parent.as_os_str().is_empty())
         {
             fs::create_dir_all(parent)
-                .with_context(|| format!("cannot make the folder {}", parent.display()))
+                .with_context(|| format!("cannot make the folder {}", visible::name(parent)))
                 .map_err(Failure::usage)?;
         }
         // Emptied, lest a former report be taken for this one's if it is killed.
         fs::File::create(path)
-            .with_context(|| format!("cannot write the report {}", path.display()))
+            .with_context(|| format!("cannot write the report {}", visible::name(path)))
             .map_err(Failure::usage)?;
         let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
         let folder = folder.context("cannot make a folder for recordings");
@@ -94,7 +94,7 @@ impl Report {
         let rows: Vec<Row> = jobs.iter().zip(results).map(Row::new).collect();
         let text = page(&rows, &shown.cases).into_string();
         fs::write(&self.path, text)
-            .with_context(|| format!("cannot write the report {}", self.path.display()))
+            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
             .map_err(Failure::system)
     }
 }
@@ -129,7 +129,7 @@ struct Row {
 enum Verdict {
     Passed,
     Failed,
-    /// Not played to an end.
+    /// Not played to an end, or spoilt by the machine.
     Error,
     Skipped,
 }
@@ -149,9 +149,10 @@ impl Row {
     fn new((job, result): (&Job<'_>, &Option<JobResult>)) -> Self {
         let (verdict, says, time) = match result {
             Some(JobResult::Played(played)) => {
-                let verdict = match played.outcome.passed {
-                    true => Verdict::Passed,
-                    false => Verdict::Failed,
+                let verdict = match played.verdict() {
+                    run::Verdict::Passed => Verdict::Passed,
+                    run::Verdict::Failed => Verdict::Failed,
+                    run::Verdict::Spoilt => Verdict::Error,
                 };
                 let time = played.outcome.ended_at.as_secs_f64();
                 (verdict, worth(&played.outcome), Some(time))
@@ -209,7 +210,7 @@ fn tally(rows: &[Row]) -> String {
     let verdicts = [
         (Verdict::Passed, "passed"),
         (Verdict::Failed, "failed"),
-        (Verdict::Error, "could not be played"),
+        (Verdict::Error, "could not be judged"),
         (Verdict::Skipped, "skipped"),
     ];
     let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
@@ -271,14 +272,5 @@ fn shown_case(index: usize, row: &Row, inside: &str) -> Markup {
                 (inside)
             }
         }
-    }
-}
-
-/// A text that others wrote, without what is no text; what would be markup is escaped by the page.
-fn readable(text: &str) -> Cow<'_, str> {
-    let is_no_text = |c: char| c.is_control() && c != '\n' && c != '\t';
-    match text.contains(is_no_text) {
-        true => Cow::Owned(text.replace(is_no_text, "\u{FFFD}")),
-        false => Cow::Borrowed(text),
     }
 }

@@ -1,6 +1,6 @@
 //! Virtual devices inside your own Rust tests and programs.
 
-mod clock;
+pub mod clock;
 pub mod ports;
 pub mod serve;
 pub mod served;

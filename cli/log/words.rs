@@ -7,6 +7,8 @@ use serde_json::{Value, json};
 use sim_core::event::{Event, Hex, Level, Role};
 use sim_runner::RigPlan;
 
+use crate::visible;
+
 /// What a device and its links are called.
 #[derive(Debug, Clone)]
 pub(crate) struct DeviceName {
@@ -56,7 +58,8 @@ impl Words {
         let time = event.at;
         writeln!(
             out,
-            "{time:>12} {name} {style}{mark} {text}{style:#}{code}{bytes}{repeats}"
+            "{time:>12} {name} {style}{mark} {}{style:#}{code}{bytes}{repeats}",
+            visible::line(&text)
         )
     }
 

@@ -5,10 +5,11 @@ use sim_core::SimTime;
 use sim_runner::Outcome;
 
 use super::film::{Film, Wanted};
-use super::{map, plots, readable};
+use super::{map, plots};
 use crate::exit::Failure;
 use crate::recording;
 use crate::run::{Job, PlayedCase, client_report};
+use crate::visible::lines as readable;
 
 /// How many looks make the way of a case that passed.
 const FEW: u32 = 96;

@@ -17,6 +17,7 @@ use crate::exit::{Exit, Failure};
 use crate::log::Words;
 use crate::print::print;
 use crate::recording::{self, Played};
+use crate::visible;
 
 /// How many events one of them may be ahead of the other.
 const AHEAD: usize = 1 << 10;
@@ -165,7 +166,7 @@ fn follow(path: &Path, first: Option<Happened>, rest: &Receiver<Happened>) -> Ve
         true => "nothing more happens in",
         false => "then in",
     };
-    std::iter::once(format!("{word} {}:", path.display()))
+    std::iter::once(format!("{word} {}:", visible::name(path)))
         .chain(lines)
         .collect()
 }

@@ -14,6 +14,7 @@ use super::Part;
 use crate::args::{LogFormat, TraceArgs};
 use crate::exit::Failure;
 use crate::log::Words;
+use crate::visible;
 
 /// Prints what happens as it comes.
 pub(super) struct Printer {
@@ -45,6 +46,7 @@ impl Printer {
                 true => "a real client",
                 false => "the scripted client",
             };
+            let (title, file) = (visible::line(title), visible::line(file));
             printer.line(&format!("{title}\n  {file}, seed {seed}, {client}"));
         }
         Ok(printer)
@@ -58,7 +60,7 @@ impl Printer {
 
     fn line(&mut self, line: &str) {
         if self.written.is_ok() {
-            self.written = writeln!(self.out, "{line}");
+            self.written = writeln!(self.out, "{}", visible::lines(line));
         }
     }
 
@@ -118,7 +120,7 @@ impl Onlooker for Printer {
         }
         self.written = match self.format {
             LogFormat::Text => self.words.print(&mut self.out, event, 0),
-            LogFormat::Json => writeln!(self.out, "{}", self.words.json(event)),
+            LogFormat::Json => writeln!(self.out, "{}", visible::json(&self.words.json(event))),
         };
     }
 
