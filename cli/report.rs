@@ -15,6 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use sim_core::device::Devices;
 
 use crate::exit::Failure;
 use crate::run::{self, Job, JobResult, PlayedCase, worth};
@@ -29,6 +30,7 @@ const MOST_MAPS: usize = 1500;
 
 /// A report that is being made.
 pub(crate) struct Report {
+    devices: Devices,
     path: PathBuf,
     /// Where recordings are that nobody else wants.
     folder: tempfile::TempDir,
@@ -45,7 +47,7 @@ struct Shown {
 
 impl Report {
     /// Makes sure that it can be written later on.
-    pub(crate) fn begin(path: &Path) -> Result<Self, Failure> {
+    pub(crate) fn begin(devices: Devices, path: &Path) -> Result<Self, Failure> {
         if let Some(parent) = path
             .parent()
             .filter(|parent| !parent.as_os_str().is_empty())
@@ -61,6 +63,7 @@ impl Report {
         let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
         let folder = folder.context("cannot make a folder for recordings");
         Ok(Self {
+            devices,
             path: path.to_owned(),
             folder: folder.map_err(Failure::system)?,
             shown: Mutex::default(),
@@ -75,7 +78,7 @@ impl Report {
     /// Adds a case, whose recording is there.
     pub(crate) fn add(&self, job: &Job<'_>, played: &PlayedCase) -> Result<(), Failure> {
         let detail = self.shown().detail(played.outcome.passed);
-        let text = case(job, played, detail)?.into_string();
+        let text = case(self.devices, job, played, detail)?.into_string();
         self.shown().cases.insert(job.name(), text);
         Ok(())
     }

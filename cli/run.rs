@@ -1,13 +1,16 @@
 //! The `run` and `check` subcommands: scenarios, played and judged.
 
+mod folder;
 mod job;
 mod junit;
 mod live;
+mod lockstep;
 mod pool;
 mod report;
 mod scripted;
 mod tell;
 mod trace_file;
+mod twice;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,8 +18,9 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 use crate::report::Report;
@@ -32,8 +36,8 @@ pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 
 /// The `run` subcommand.
-pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    let mut loaded = load_all(&find(&args.files, args.filter.as_deref())?)?;
+pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
+    let mut loaded = load_all(devices, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
         loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
     }
@@ -47,12 +51,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         let text: Vec<String> = loaded.iter().map(tell::listed).collect();
         return print(&text.join("\n"));
     }
-    if args.client.is_empty() && args.speed.is_some() {
-        return Err(Failure::usage(anyhow!(
-            "--speed is for runs with a client; without one there is no real time, and a scenario \
-             takes as long as the machine needs"
-        )));
-    }
+    check_time(args)?;
     if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
     }
@@ -66,7 +65,10 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     prepare(args)?;
-    let report = args.report.as_deref().map(Report::begin).transpose()?;
+    let report = args.report.as_deref();
+    let report = report
+        .map(|path| Report::begin(devices, path))
+        .transpose()?;
     for job in &mut jobs {
         job.report = report.as_ref();
     }
@@ -89,6 +91,24 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
     }
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
+}
+
+/// Refuses flags that the time of the run has no use for.
+fn check_time(args: &RunArgs) -> Result<(), Failure> {
+    let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
+    let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
+    if args.speed.is_some() && !is_real {
+        return Err(Failure::usage(anyhow!(
+            "--speed is for a client with --time real; in simulated time a scenario takes as long as \
+             the machine needs"
+        )));
+    }
+    if args.twice && !is_lockstep {
+        return Err(Failure::usage(anyhow!(
+            "--twice is for a client with --time lockstep, whose runs are the same each time"
+        )));
+    }
+    Ok(())
 }
 
 /// Prints results, and keeps them for the JUnit file.
@@ -119,8 +139,8 @@ impl Audience for Told<'_> {
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
-pub(crate) fn check(files: &[PathBuf]) -> Result<Exit, Failure> {
-    let loaded = load_all(&find(files, None)?)?;
+pub(crate) fn check(devices: Devices, files: &[PathBuf]) -> Result<Exit, Failure> {
+    let loaded = load_all(devices, &find(files, None)?)?;
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),

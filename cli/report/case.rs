@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 use sim_core::SimTime;
+use sim_core::device::Devices;
 use sim_runner::Outcome;
 
 use super::film::{Film, Wanted};
@@ -30,12 +31,17 @@ pub(super) enum Detail {
 }
 
 /// What is shown of a case.
-pub(super) fn case(job: &Job<'_>, played: &PlayedCase, detail: Detail) -> Result<Markup, Failure> {
+pub(super) fn case(
+    devices: Devices,
+    job: &Job<'_>,
+    played: &PlayedCase,
+    detail: Detail,
+) -> Result<Markup, Failure> {
     let outcome = &played.outcome;
     let film = match detail {
         Detail::Words => None,
-        Detail::Map => Some(film(job, outcome, false)?),
-        Detail::Full => Some(film(job, outcome, true)?),
+        Detail::Map => Some(film(devices, job, outcome, false)?),
+        Detail::Full => Some(film(devices, job, outcome, true)?),
     };
     let title = readable(&outcome.title);
     let inside = html! {
@@ -65,7 +71,12 @@ pub(super) fn case(job: &Job<'_>, played: &PlayedCase, detail: Detail) -> Result
 }
 
 /// The run again, as far as it is shown; or why it could not be played again.
-fn film(job: &Job<'_>, outcome: &Outcome, full: bool) -> Result<Result<Film, String>, Failure> {
+fn film(
+    devices: Devices,
+    job: &Job<'_>,
+    outcome: &Outcome,
+    full: bool,
+) -> Result<Result<Film, String>, Failure> {
     let wanted = Wanted {
         ended_at: outcome.ended_at,
         failed_at: outcome.failures.first().map(|failure| failure.at),
@@ -75,7 +86,7 @@ fn film(job: &Job<'_>, outcome: &Outcome, full: bool) -> Result<Result<Film, Str
     let Some(trace) = job.recording() else {
         return Ok(Err("there is none".to_owned()));
     };
-    match recording::view(&trace, |run| Ok(Film::new(run, wanted))) {
+    match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {
         Ok((film, Ok(()))) => Ok(Ok(film)),
         Ok((_, Err(why))) => Ok(Err(why.to_string())),
         Err(failure) => Ok(Err(format!("{:#}", failure.error))),

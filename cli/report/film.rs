@@ -3,11 +3,12 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
+use sim_core::device::names::Unit;
 use sim_core::event::Event;
 use sim_core::fault::{FaultEvent, FaultPhase};
 use sim_physics::world::{Feature, FeatureKind};
 use sim_runner::Run;
-use sim_runner::condition::{Probe, Unit};
+use sim_runner::condition::Probe;
 use sim_runner::trace::{Onlooker, Record};
 
 use crate::log::Words;
