@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use sim_core::rig::PortId;
-use sim_pty::{Port, PtyPort, SerialPort};
+use sim_pty::{Port, PtyPort, PtySetup, SerialPort};
 use sim_runner::RigPlan;
 
 use crate::served::Served;
@@ -49,9 +49,8 @@ pub fn open_all(
                     }
                     Served::at(id, &dir.join(name), link.baud)
                 }
-                (_, None, Elsewhere::Unlinked) => {
-                    PtyPort::open_unlinked(link.baud).map(|port| Served::new(id, Port::from(port)))
-                }
+                (_, None, Elsewhere::Unlinked) => PtyPort::open_unlinked(PtySetup::raw(link.baud))
+                    .map(|port| Served::new(id, Port::from(port))),
             };
             ports.push(served?);
         }

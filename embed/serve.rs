@@ -21,9 +21,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use sim_core::SimTime;
-use sim_core::line::ClientLine;
+use sim_core::line::{ClientLine, UART_FIFO};
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, Port, Waiter};
+use sim_pty::{Counters, Event, Parity, Port, Waiter};
 
 use crate::clock::Clock;
 use crate::fairness::{Fairness, burst_end};
@@ -52,7 +52,7 @@ const SLICE: Duration = Duration::from_millis(1);
 /// Reads of one port before the others have their turn.
 const MOST_READS: usize = 16;
 /// A port whose line was full is read again when it has room for so many bytes.
-const RESUME_ROOM: usize = 1024;
+const RESUME_ROOM: usize = UART_FIFO / 2;
 
 /// When simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -279,6 +279,7 @@ impl<S: Simulation> Server<S> {
             return Ok(());
         }
         let to = self.clock.now();
+        self.set_lines(to)?;
         let begun = Instant::now();
         while self.now() < to && !self.simulation.is_over() {
             let slice = to.min(self.now() + SLICE);
@@ -336,23 +337,21 @@ impl<S: Simulation> Server<S> {
             let event = port.read(&mut self.buffer[..room])?;
             match event {
                 Event::Idle => {
-                    if room == 0 {
-                        port.set_paused(true)?;
-                        served.paused = true;
-                    }
+                    served.paused = room == 0;
                     return Ok(());
                 }
                 Event::Attached => {
                     self.begin();
                     let now = self.present();
                     self.simulation.attach(id, now)?;
+                    self.set_line(token)?;
                 }
                 Event::Detached => {
                     let now = self.present();
                     self.simulation.detach(id, now)?;
                 }
                 Event::Data(count) => {
-                    set_line(&mut self.simulation, id, port)?;
+                    self.set_line(token)?;
                     let now = self.present();
                     self.simulation
                         .client_sends(id, now, &self.buffer[..count])?;
@@ -377,8 +376,6 @@ impl<S: Simulation> Server<S> {
         if self.outgoing.is_empty() {
             return Ok(());
         }
-        // A client that only listens would else never be found to listen at a wrong speed.
-        set_line(&mut self.simulation, id, port)?;
         let lost = port.counters().dropped_full_bytes;
         let _ = port.write(&self.outgoing)?;
         // Who has left is not to blame for not reading.
@@ -391,14 +388,43 @@ impl<S: Simulation> Server<S> {
 
     /// Reads those ports again whose line has room again.
     fn resume(&mut self) -> anyhow::Result<()> {
-        for served in &mut self.ports {
-            if served.paused
-                && let Some(port) = &mut served.port
-                && self.simulation.room(served.id) >= RESUME_ROOM
-            {
-                port.set_paused(false)?;
-                served.paused = false;
+        for token in 0..self.ports.len() {
+            let served = &self.ports[token];
+            if served.paused && self.simulation.room(served.id) >= RESUME_ROOM {
+                self.receive(token)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Tells the simulation how clients have set their ends, of which something passes by `to`. Nobody
+    /// is told when they change them.
+    fn set_lines(&mut self, to: SimTime) -> anyhow::Result<()> {
+        for token in 0..self.ports.len() {
+            let served = &self.ports[token];
+            if served.port.as_ref().is_some_and(Port::is_attached)
+                && self.simulation.rig().is_due(served.id, to)
+            {
+                self.set_line(token)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the simulation how the client of a port has set its end.
+    fn set_line(&mut self, token: usize) -> anyhow::Result<()> {
+        let served = &self.ports[token];
+        if let Some(port) = &served.port
+            && let Some(line) = port.client_line()?
+        {
+            let line = ClientLine {
+                baud: line.baud,
+                stop_bits: line.stop_bits,
+                raw: line.raw,
+                parity: line.parity != Parity::None,
+                rts_cts: line.rts_cts,
+            };
+            self.simulation.set_client_line(served.id, line);
         }
         Ok(())
     }
@@ -413,19 +439,4 @@ impl<S: Simulation> Server<S> {
     fn now(&self) -> SimTime {
         self.simulation.rig().now()
     }
-}
-
-/// Tells the simulation how the client has set its end.
-fn set_line(simulation: &mut impl Simulation, id: PortId, port: &Port) -> anyhow::Result<()> {
-    if let Some(line) = port.client_line()? {
-        simulation.set_client_line(
-            id,
-            ClientLine {
-                baud: line.baud,
-                stop_bits: line.stop_bits,
-                raw: line.raw,
-            },
-        );
-    }
-    Ok(())
 }

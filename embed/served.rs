@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Port, PortError, PtyPort, Waiter};
+use sim_pty::{Counters, Port, PortError, PtyPort, PtySetup, Waiter};
 
 /// A port and whose it is.
 pub struct Served {
@@ -24,7 +24,7 @@ pub struct Served {
 impl Served {
     /// Serves on a pseudo-terminal at `path`.
     pub fn at(id: PortId, path: &Path, baud: u32) -> Result<Self, PortError> {
-        let port = PtyPort::open_at(path, baud)?;
+        let port = PtyPort::open_at(path, PtySetup::raw(baud))?;
         Ok(Self {
             baud: Some(baud),
             ..Self::new(id, port.into())
@@ -56,7 +56,7 @@ impl Served {
     /// Makes the port again.
     pub fn reopen(&mut self, waiter: &mut Waiter, token: usize) -> Result<(), PortError> {
         if let (None, Some(baud)) = (&self.port, self.baud) {
-            let mut port = Port::from(PtyPort::open_at(&self.path, baud)?);
+            let mut port = Port::from(PtyPort::open_at(&self.path, PtySetup::raw(baud))?);
             waiter.add(token, &mut port)?;
             self.port = Some(port);
         }

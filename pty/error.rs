@@ -43,6 +43,9 @@ pub enum PortErrorKind {
          remove the link or choose another path"
     )]
     CannotReplace,
+    /// The node may not be given to this group.
+    #[error("this user may not give it to that group; it has to be a group of the user's own")]
+    ForeignGroup,
     /// The baud rate is zero, which means "hang up".
     #[error("the baud rate is 0; give a positive one such as 115200")]
     ZeroBaud,

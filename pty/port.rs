@@ -26,8 +26,8 @@ pub enum Event {
     Attached,
     /// So many bytes were received, never 0.
     Data(usize),
-    /// The client is gone and every byte that it sent was reported. What the
-    /// caller still meant to send to it is to be thrown away.
+    /// The client is gone. What it had sent and was not read by then is thrown away, as far as it is
+    /// certain that it was its own.
     Detached,
     /// There is nothing to report.
     Idle,
@@ -67,6 +67,10 @@ impl Port {
     /// least once. It need not be read until [`Event::Idle`]: the waiter
     /// calls it ready again while anything is left.
     ///
+    /// A caller without room for bytes passes an empty buffer, which tells of clients that come and
+    /// go, and gets [`Event::Idle`] whether there are bytes or not. It has to read again by itself once
+    /// it has room.
+    ///
     /// # Errors
     ///
     /// When the system refuses, or a serial port was unplugged.
@@ -77,22 +81,8 @@ impl Port {
         }
     }
 
-    /// Stops and starts the waiter's calling the port ready because of bytes
-    /// to be read, for a caller who has no room for them. Clients that leave
-    /// are still news, and reading with an empty buffer tells of them.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn set_paused(&mut self, paused: bool) -> Result<(), PortError> {
-        match self {
-            Self::Pty(port) => port.set_paused(paused),
-            Self::Serial(port) => port.set_paused(paused),
-        }
-    }
-
-    /// Sends what fits without blocking, and drops and counts the rest; all of it if the client has
-    /// left, although that may not have been reported yet.
+    /// Sends what fits without blocking, and drops and counts the rest; all of it if nobody is
+    /// attached.
     ///
     /// # Errors
     ///
@@ -104,7 +94,7 @@ impl Port {
         }
     }
 
-    /// The client's line settings, where they can be known: a client at the
+    /// The line settings of whoever has the port open now, where they can be known: a client at the
     /// end of a real cable keeps them to itself.
     ///
     /// One system call of well under a microsecond, meant to be made for

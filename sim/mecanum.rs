@@ -132,9 +132,6 @@ impl Unit for Mecanum {
         }
     }
 
-    /// The board answers nothing, so it holds nothing back.
-    fn client_left(&mut self, _now: SimTime, _link: usize) {}
-
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
         self.device
             .poll_output()

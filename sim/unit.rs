@@ -32,10 +32,6 @@ pub(crate) trait Unit {
     /// Passes pins and measurements between firmware and hardware until neither changes.
     fn settle(&mut self, now: SimTime);
 
-    /// The client of a link has left and its last byte has arrived: replies to it that are held
-    /// back are nobody's.
-    fn client_left(&mut self, now: SimTime, link: usize);
-
     /// Bytes for the client of a link.
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;
 

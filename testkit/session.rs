@@ -168,6 +168,7 @@ impl Player {
                     baud: speeds[usize::from(*speed) % speeds.len()],
                     stop_bits: if *two_stop_bits { 2 } else { 1 },
                     raw: !cooked,
+                    ..ClientLine::at(0)
                 };
                 client.undisturbed = false;
                 self.rig.set_client_line(client.port, client.line);

@@ -180,6 +180,8 @@ impl Replay {
                 baud,
                 stop_bits,
                 raw,
+                parity,
+                rts_cts,
             } => {
                 let at = self.client_acts(t)?;
                 self.run.advance(at)?;
@@ -187,6 +189,8 @@ impl Replay {
                     baud,
                     stop_bits,
                     raw,
+                    parity,
+                    rts_cts,
                 };
                 let port = self.port(port.into())?;
                 self.run.set_client_line(port, line);

@@ -61,6 +61,12 @@ codes! {
     LineNotRaw = "line_not_raw", Client;
     /// The client has set two stop bits.
     StopBits = "stop_bits", Client;
+    /// The client asks for a parity bit.
+    Parity = "parity", Client;
+    /// The client waits for CTS.
+    FlowControl = "flow_control", Client;
+    /// The client has set its speed to 0.
+    HungUp = "hung_up", Client;
     /// The client sent more than the line holds.
     SentTooMuch = "sent_too_much", Client;
     /// The simulator was held up.

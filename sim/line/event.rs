@@ -34,6 +34,12 @@ pub enum LineEvent {
         /// The device's.
         device: u8,
     },
+    /// The client asks for a parity bit.
+    Parity,
+    /// The client waits for CTS before it sends.
+    FlowControl,
+    /// The client has set its speed to 0, which hangs up.
+    HungUp,
     /// The client sent more than the line holds, and the rest was lost.
     SentTooMuch {
         /// How many bytes were lost.
@@ -84,6 +90,9 @@ impl LineEvent {
             Self::BaudMatched { .. } => Code::BaudMatched,
             Self::NotRaw => Code::LineNotRaw,
             Self::StopBits { .. } => Code::StopBits,
+            Self::Parity => Code::Parity,
+            Self::FlowControl => Code::FlowControl,
+            Self::HungUp => Code::HungUp,
             Self::SentTooMuch { .. } => Code::SentTooMuch,
             Self::SimulatorLate { .. } => Code::SimulatorLate,
             Self::SimulatorTooSlow => Code::SimulatorTooSlow,
@@ -130,6 +139,18 @@ impl fmt::Display for LineEvent {
                 f,
                 "the client has set {client} stop bits, the device uses {device}; open the port with \
                  {device}"
+            ),
+            Self::Parity => f.write_str(
+                "the client asks for a parity bit, the device sends none: on the cable every byte \
+                 would be an error; open the port without parity (8N1)",
+            ),
+            Self::FlowControl => f.write_str(
+                "the client waits for CTS before it sends (CRTSCTS): on a cable of three wires it \
+                 never comes, and not a byte goes out; open the port without RTS/CTS flow control",
+            ),
+            Self::HungUp => f.write_str(
+                "the client has set its speed to 0, which hangs up: nothing passes until it sets \
+                 another",
             ),
             Self::SentTooMuch { bytes } => write!(
                 f,

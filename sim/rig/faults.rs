@@ -1,5 +1,7 @@
 //! What goes wrong in a rig, on purpose.
 
+use sim_settings::SimTime;
+
 use super::{PortId, Rig, Slot, Vehicle};
 use crate::device_kind::DeviceKind;
 use crate::event::{Event, EventKind};
@@ -79,7 +81,7 @@ impl Rig {
             let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
             faults.pull_cable(now, link, attached);
         }
-        slot.follow_baud();
+        slot.follow_baud(now);
         self.after_change(device);
         Ok(handle)
     }
@@ -102,7 +104,7 @@ impl Rig {
         let mut target = slot.vehicle.target();
         let ended = faults.disarm(now, handle, &mut target);
         faults.apply(now, &mut target, &mut self.world);
-        slot.follow_baud();
+        slot.follow_baud(now);
         if let Some((name, id)) = ended {
             self.fault_event(device, &name, id, FaultPhase::Cleared);
         }
@@ -178,10 +180,10 @@ impl Rig {
 
 impl Slot {
     /// Has the device's ends of the lines run at the speeds that the faults say.
-    fn follow_baud(&mut self) {
+    fn follow_baud(&mut self, now: SimTime) {
         for (link, line) in self.lines.iter_mut().enumerate() {
             let faults = self.faults.as_ref();
-            line.set_faulty_baud(faults.and_then(|faults| faults.baud(link)));
+            line.set_faulty_baud(now, faults.and_then(|faults| faults.baud(link)));
         }
     }
 }

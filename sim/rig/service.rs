@@ -55,7 +55,6 @@ impl Rig {
             return;
         };
         let now = self.now;
-        say_farewell(now, slot);
         send(now, device, slot, &mut self.events);
         let unit = slot.vehicle.unit_mut();
         while let Some((at, kind)) = unit.poll_event() {
@@ -103,18 +102,6 @@ fn receive(
         faults.pump(now, link, line);
         while let Some(byte) = faults.take_for_device(now, link) {
             unit.receive(now, link, &[byte]);
-        }
-    }
-}
-
-/// Replies to a client that has left are nobody's once its last byte has arrived.
-fn say_farewell(now: SimTime, slot: &mut Slot) {
-    for (link, line) in slot.lines.iter_mut().enumerate() {
-        if line.take_former_done(now) {
-            slot.vehicle.unit_mut().client_left(now, link);
-            if let Some(faults) = &mut slot.faults {
-                faults.forget_late(link);
-            }
         }
     }
 }
