@@ -75,6 +75,12 @@ pub enum PortErrorKind {
          fs.inotify.max_user_watches with sysctl"
     )]
     WatchLimit,
+    /// Something else listens at this address.
+    #[error("another program listens there; choose another port")]
+    AddressInUse,
+    /// The address belongs to another machine.
+    #[error("it is no address of this machine; 127.0.0.1 always is, and 0.0.0.0 stands for all")]
+    ForeignAddress,
     /// Any other refusal of the system.
     #[error("{call} failed: {source}")]
     System {

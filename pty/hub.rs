@@ -24,6 +24,11 @@ pub(crate) const INOTIFY: u64 = u64::MAX;
 /// Epoll's name for the signal pipe.
 pub(crate) const SIGNALS: u64 = u64::MAX - 1;
 
+/// Something is there to be read, or has happened.
+pub(crate) const IN: epoll::EventFlags = epoll::EventFlags::IN.union(epoll::EventFlags::PRI);
+/// Or there is room to write again.
+pub(crate) const BOTH: epoll::EventFlags = IN.union(epoll::EventFlags::OUT);
+
 /// Reports taken at once, at most; what is left then is reported again.
 const MOST_REPORTS: usize = 1 << 15;
 /// A read that takes fewer reports than this had room left, and left none.
@@ -157,10 +162,14 @@ impl Registration {
 
     /// Has the waiter report whatever happens at `fd`, until that is closed or
     /// [`forget`](Self::forget) is called.
-    pub(crate) fn watch(&self, fd: impl AsFd) -> Result<(), PortErrorKind> {
+    pub(crate) fn watch(
+        &self,
+        fd: impl AsFd,
+        what: epoll::EventFlags,
+    ) -> Result<(), PortErrorKind> {
         // A usize has no more than 64 bits here.
         let data = epoll::EventData::new_u64(self.token as u64);
-        let flags = epoll::EventFlags::IN | epoll::EventFlags::PRI | epoll::EventFlags::ET;
+        let flags = what | epoll::EventFlags::ET;
         epoll::add(&self.hub.epoll, fd, data, flags).map_err(PortErrorKind::call("epoll_ctl"))
     }
 
@@ -195,9 +204,14 @@ impl Registration {
         self.hub.lock().ready.push(self.token);
     }
 
-    /// The port has been looked at, and nothing is left there.
-    pub(crate) fn unmark_ready(&self) {
-        self.hub.lock().ready.retain(|token| *token != self.token);
+    /// The port has been looked at: is it to be looked at again, or is nothing left there?
+    pub(crate) fn note(&self, idle: bool) {
+        let mut state = self.hub.lock();
+        if idle {
+            state.ready.retain(|token| *token != self.token);
+        } else {
+            state.ready.push(self.token);
+        }
     }
 
     /// Takes note of everything that inotify has to report by now.
@@ -239,6 +253,6 @@ impl Drop for Registration {
     fn drop(&mut self) {
         self.unwatch_node();
         // Epoll forgets a descriptor when its port closes it.
-        self.unmark_ready();
+        self.note(true);
     }
 }

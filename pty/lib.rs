@@ -1,9 +1,10 @@
 //! Pseudo-terminals and serial ports: the only crate with system calls.
 //!
 //! A simulated device is reached over a [`Port`]: a pseudo-terminal that an
-//! unmodified client opens like a serial port ([`PtyPort`]), or a real serial
-//! port with the client at the other end of a cable ([`SerialPort`]). The
-//! caller treats both the same: a [`Waiter`] says which ports have news, and
+//! unmodified client opens like a serial port ([`PtyPort`]), a real serial
+//! port with the client at the other end of a cable ([`SerialPort`]), or one
+//! that clients reach over the network ([`NetPort`]). The
+//! caller treats all the same: a [`Waiter`] says which ports have news, and
 //! [`Port::read`] returns that news one [`Event`] at a time.
 //!
 //! ```no_run
@@ -54,6 +55,7 @@ mod hub;
 mod line;
 mod link;
 mod lock;
+mod net_port;
 mod pair;
 mod port;
 mod pty_port;
@@ -63,6 +65,7 @@ mod waiter;
 
 pub use error::{PortError, PortErrorKind};
 pub use line::{Defaults, LineSettings, Parity};
+pub use net_port::{ListenAddress, NetPort, Protocol};
 pub use pair::PtySetup;
 pub use port::{Counters, Event, Port, Written};
 pub use pty_port::PtyPort;

@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::error::PortError;
 use crate::hub::Registration;
 use crate::line::LineSettings;
+use crate::net_port::NetPort;
 use crate::pty_port::PtyPort;
 use crate::serial_port::SerialPort;
 
@@ -15,6 +16,8 @@ pub enum Port {
     Pty(PtyPort),
     /// A real serial port with the client at the other end of the cable.
     Serial(SerialPort),
+    /// A port that clients reach over the network.
+    Net(NetPort),
 }
 
 /// One piece of news from a port.
@@ -78,6 +81,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.read(buf),
             Self::Serial(port) => port.read(buf),
+            Self::Net(port) => port.read(buf),
         }
     }
 
@@ -91,6 +95,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.write(bytes),
             Self::Serial(port) => port.write(bytes),
+            Self::Net(port) => Ok(port.write(bytes)),
         }
     }
 
@@ -107,6 +112,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.client_line().map(Some),
             Self::Serial(_) => Ok(None),
+            Self::Net(port) => Ok(Some(port.client_line())),
         }
     }
 
@@ -116,15 +122,17 @@ impl Port {
         match self {
             Self::Pty(port) => port.is_attached(),
             Self::Serial(port) => port.is_attached(),
+            Self::Net(port) => port.is_attached(),
         }
     }
 
-    /// The path that a client opens, or of the serial device.
+    /// The path or URL that a client opens, or the path of the serial device.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
             Self::Pty(port) => port.path(),
             Self::Serial(port) => port.path(),
+            Self::Net(port) => port.path(),
         }
     }
 
@@ -134,6 +142,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.counters(),
             Self::Serial(port) => port.counters(),
+            Self::Net(port) => port.counters(),
         }
     }
 
@@ -141,6 +150,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.register(registration),
             Self::Serial(port) => port.register(registration),
+            Self::Net(port) => port.register(registration),
         }
     }
 }
@@ -148,6 +158,12 @@ impl Port {
 impl From<PtyPort> for Port {
     fn from(port: PtyPort) -> Self {
         Self::Pty(port)
+    }
+}
+
+impl From<NetPort> for Port {
+    fn from(port: NetPort) -> Self {
+        Self::Net(port)
     }
 }
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::Registration;
+use crate::hub::{IN, Registration};
 use crate::line::LineSettings;
 use crate::link::Link;
 use crate::pair::{Pair, PtySetup, Read};
@@ -131,11 +131,7 @@ impl PtyPort {
             .next_event(buf)
             .map_err(|kind| self.error("read from", kind))?;
         if let Some(registration) = &self.registration {
-            if event == Some(Event::Idle) {
-                registration.unmark_ready();
-            } else {
-                registration.mark_ready();
-            }
+            registration.note(event == Some(Event::Idle));
         }
         Ok(event.unwrap_or(Event::Idle))
     }
@@ -174,7 +170,7 @@ impl PtyPort {
                 old.forget(&self.pair);
             }
             registration.watch_node(self.pair.slave())?;
-            registration.watch(&self.pair)?;
+            registration.watch(&self.pair, IN)?;
             registration.set_openers(u32::from(!self.pair.is_hung_up()?));
             self.registration = Some(registration);
             Ok(())
@@ -276,7 +272,7 @@ impl PtyPort {
         let pair = self.pair.again()?;
         if let Some(registration) = &mut self.registration {
             registration.watch_node(pair.slave())?;
-            registration.watch(&pair)?;
+            registration.watch(&pair, IN)?;
         }
         if let Some(link) = &mut self.link {
             link.turn_to(pair.slave())?;

@@ -9,7 +9,7 @@ use rustix::io::{Errno, retry_on_intr};
 use serialport::{DataBits, FlowControl, StopBits, TTYPort};
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::Registration;
+use crate::hub::{IN, Registration};
 use crate::port::{Counters, Event, Written};
 use crate::pty_port::write_some;
 
@@ -85,11 +85,7 @@ impl SerialPort {
     pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self.next_event(buf)?;
         if let Some(registration) = &self.registration {
-            if event == Event::Idle {
-                registration.unmark_ready();
-            } else {
-                registration.mark_ready();
-            }
+            registration.note(event == Event::Idle);
         }
         Ok(event)
     }
@@ -140,7 +136,7 @@ impl SerialPort {
             old.forget(self.fd());
         }
         registration
-            .watch(self.fd())
+            .watch(self.fd(), IN)
             .map_err(|kind| PortError::new("watch", &self.path, kind))?;
         self.registration = Some(registration);
         Ok(())

@@ -108,7 +108,7 @@ impl Bench {
     pub fn pty(&self) -> &PtyPort {
         match &self.port {
             Port::Pty(port) => port,
-            Port::Serial(_) => panic!("this is no pseudo-terminal"),
+            _ => panic!("this is no pseudo-terminal"),
         }
     }
 
