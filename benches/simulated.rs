@@ -88,9 +88,9 @@ impl Driving {
                 // Clients of their own do not send at the same instant.
                 let offset = COMMAND_INTERVAL.mul_f64(fraction(device, self.vehicles));
                 let port = PortId { device, link: 0 };
-                self.rig
-                    .client_sends(port, round + offset, &request)
-                    .unwrap();
+                self.rig.approach(round + offset).unwrap();
+                self.rig.client_puts(port, &request);
+                self.rig.advance(round + offset).unwrap();
                 self.read.clear();
                 self.rig.client_reads(port, &mut self.read);
                 black_box(&self.read);

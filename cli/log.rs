@@ -11,7 +11,7 @@ use anstyle::{AnsiColor, Style};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
 use serde_json::json;
 use sim_core::SimTime;
-use sim_core::event::{Event, Hex, Level};
+use sim_core::event::{Event, Hex, Level, Role};
 
 use crate::args::LogFormat;
 
@@ -252,7 +252,7 @@ impl Printer {
         if plain || event.kind.level() != Level::Warning {
             return Some(0);
         }
-        let key = (event.device, event.kind.code());
+        let key = (event.device, event.kind.code().as_str());
         match self.repeats.get_mut(&key) {
             Some((last, hidden)) if event.at.since(*last).as_secs_f64() < REPEAT_SECONDS => {
                 *hidden += 1;
@@ -271,8 +271,8 @@ impl Printer {
 
     fn print_text(&self, out: &mut impl Write, event: &Event, repeats: u64) -> io::Result<()> {
         let kind = &event.kind;
-        let (mark, style) = match (kind.level(), kind.code()) {
-            (Level::Traffic, "request") => ("->", Style::new()),
+        let (mark, style) = match (kind.level(), kind.role()) {
+            (Level::Traffic, Role::Request) => ("->", Style::new()),
             (Level::Traffic, _) => ("<-", Style::new()),
             (Level::Notice, _) => (" .", Style::new().bold()),
             // Red is readable on dark and on light backgrounds.
@@ -326,8 +326,8 @@ impl Printer {
             "time_s": event.at.as_secs_f64(),
             "device": self.names.get(event.device).map(|device| &device.name),
             "link": self.link(event),
-            "level": kind.level().word(),
-            "code": kind.code(),
+            "level": kind.level().as_str(),
+            "code": kind.code().as_str(),
             "text": kind.to_string(),
             "bytes": kind.bytes().map(|bytes| Hex(&bytes).to_string()),
         });

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use sim_physics::{Pose, WorldMap};
+use sim_physics::Pose;
 use sim_runner::{DevicePlan, RigPlan};
 use sim_settings::Source;
 
@@ -13,49 +13,26 @@ use crate::config;
 use crate::exit::Failure;
 use crate::scenario_files::{self, Loaded};
 
-/// A plan, what is in its world, and the folder that its paths are relative to.
-pub(crate) struct Plan {
-    pub(crate) rig: RigPlan,
-    pub(crate) map: WorldMap,
-    pub(crate) folder: PathBuf,
-    /// What is to happen to the devices.
-    pub(crate) scenario: Option<Loaded>,
-}
-
 /// Makes the plan that the flags ask for.
-pub(crate) fn plan(args: &ServeArgs) -> Result<Plan, Failure> {
+pub(crate) fn plan(args: &ServeArgs) -> Result<Loaded, Failure> {
     if let Some(file) = &args.scenario {
         return from_scenario(file, args);
     }
-    let (rig, folder) = match &args.rig {
-        Some(file) => from_file(file, args)?,
+    let (rig, path) = match &args.rig {
+        Some(file) => (from_file(file, args)?, file.clone()),
         None => (from_flags(args)?, PathBuf::new()),
     };
     // A flag is relative to where it was typed, a file's path to the file.
-    let world = args
-        .world
-        .clone()
-        .or_else(|| rig.world.as_ref().map(|path| folder.join(path)));
-    let map = match world {
-        Some(path) => {
-            let text = config::read(&path, "world file")?;
-            WorldMap::from_toml(&text, &path.display().to_string()).map_err(Failure::usage)?
-        }
-        None => WorldMap::default(),
-    };
-    Ok(Plan {
-        rig,
-        map,
-        folder,
-        scenario: None,
-    })
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = || rig.world.as_ref().map(|path| folder.join(path));
+    let world = args.world.clone().or_else(named);
+    Loaded::serving(rig, path, world.as_deref())
 }
 
 /// The scenario's devices, the first of which is served where the flags say.
-fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
+fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
     let base = config::load_file(&args.settings)?;
     let mut loaded = scenario_files::load(file, &base)?;
-    let folder = loaded.folder();
     let scenario = Arc::make_mut(&mut loaded.scenario);
     // Flags win over files, for each device.
     config::apply_flags(&args.settings, &mut scenario.rig.settings)?;
@@ -83,15 +60,10 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Plan, Failure> {
         }
         first.ros_port = Some(here(pty)?);
     }
-    Ok(Plan {
-        rig: scenario.rig.clone(),
-        map: WorldMap::default(),
-        folder,
-        scenario: Some(loaded),
-    })
+    Ok(loaded)
 }
 
-fn from_file(file: &Path, args: &ServeArgs) -> Result<(RigPlan, PathBuf), Failure> {
+fn from_file(file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {
     let base = config::load_file(&args.settings)?;
     let text = config::read(file, "rig file")?;
     let shown = file.display().to_string();
@@ -106,8 +78,7 @@ fn from_file(file: &Path, args: &ServeArgs) -> Result<(RigPlan, PathBuf), Failur
         config::apply_flags(&args.settings, &mut device.settings)?;
         config::check(&device.settings)?;
     }
-    let folder = file.parent().map(Path::to_owned).unwrap_or_default();
-    Ok((rig, folder))
+    Ok(rig)
 }
 
 fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {

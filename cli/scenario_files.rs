@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, anyhow};
 use sim_core::settings::SimSettings;
 use sim_runner::scenario::is_scenario_file;
-use sim_runner::{Run, RunOptions, Scenario};
+use sim_runner::{RigPlan, Run, RunOptions, Scenario};
 use sim_settings::Source;
 
 use crate::config;
@@ -17,15 +17,33 @@ use crate::exit::Failure;
 /// Most scenario files of one call.
 const MOST_FILES: usize = 10_000;
 
-/// A scenario file with the world file that it names.
+/// A scenario with its world file; devices that are only served are one without steps.
 #[derive(Clone)]
 pub(crate) struct Loaded {
     pub(crate) path: PathBuf,
     pub(crate) scenario: Arc<Scenario>,
+    /// Name and text.
     world: Option<(String, String)>,
 }
 
 impl Loaded {
+    /// Devices to be served, as the rig file `path` names them; their paths are relative to it.
+    pub(crate) fn serving(
+        rig: RigPlan,
+        path: PathBuf,
+        world: Option<&Path>,
+    ) -> Result<Self, Failure> {
+        let read = |path: &Path| {
+            let text = config::read(path, "world file")?;
+            Ok((path.display().to_string(), text))
+        };
+        Ok(Self {
+            path,
+            scenario: Arc::new(Scenario::serving(rig)),
+            world: world.map(read).transpose()?,
+        })
+    }
+
     /// A run of it.
     pub(crate) fn run(&self, options: RunOptions) -> Result<Run, Failure> {
         let world = self.world.as_ref();

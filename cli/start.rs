@@ -2,66 +2,53 @@
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
 use serde_json::json;
-use sim_core::event::Event;
-use sim_core::report::Report;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
-use sim_runner::{DevicePlan, RigPlan, RunOptions};
+use sim_runner::{DevicePlan, RigPlan, Run, RunOptions};
 use sim_settings::show_duration;
 
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::log::{DeviceName, Log, LogOptions};
-use crate::plan::{Plan, plan};
+use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run;
+use crate::scenario_files::Loaded;
 use crate::summary::{self, DeviceSummary, RunSummary};
-use sim_embed::fairness::Fairness;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
-use sim_embed::simulation::Simulation;
 
 /// Serves until a signal ends it, or the scenario.
 pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let plan = plan(args)?;
-    let seed = args.seed.or(plan.rig.seed).unwrap_or_else(random_seed);
-    let fairness = Arc::new(Mutex::new(Fairness::default()));
-    let Some(loaded) = &plan.scenario else {
-        let rig = plan.rig.build(plan.map.clone(), args.wire(), seed);
-        let reports = vec![Report::default(); rig.devices()];
-        let mut session = Session::open(args, &plan, seed, rig, (Begin::Now, fairness))?;
-        let (_, reports) = session.serve(reports)?;
-        session.finish(&reports, None);
-        return Ok(Exit::Clean);
-    };
-    let mut run = loaded.run(RunOptions {
-        seed,
+    let loaded = plan(args)?;
+    let seed = args.seed.or(loaded.scenario.rig.seed);
+    let run = loaded.run(RunOptions {
+        seed: seed.unwrap_or_else(random_seed),
         wire: args.wire(),
         live: true,
         trace: false,
     })?;
-    let shared = Arc::clone(&fairness);
-    run.excuse_with(Box::new(move |event| lock(&shared).would_excuse(event)));
-    let mut session = Session::open(args, &plan, seed, run, (Begin::WithClient, fairness))?;
-    // Counted by the run, which knows of its own faults; these only count what is excused.
-    let (ended, _) = session.serve(vec![Report::default(); plan.rig.devices.len()])?;
+    let mut session = Session::open(args, &loaded, run)?;
+    let ended = session.serve()?;
+    if args.scenario.is_none() {
+        session.finish(None);
+        return Ok(Exit::Clean);
+    }
+    let run = session.server.run_mut();
     let broken_off = ended == Ended::Signal;
     if broken_off {
-        let run = session.server.simulation_mut();
         run.fail("a signal ended it before the scenario's end".to_owned());
     }
-    let outcome = session.server.simulation_mut().end().clone();
-    let reports: Vec<Report> = outcome.devices.iter().map(|d| d.report.clone()).collect();
+    let outcome = run.end().clone();
     let verdict = match args.log_format {
         LogFormat::Text => run::verdict_text(&outcome),
         LogFormat::Json => run::verdict_json(&outcome).to_string(),
     };
-    session.finish(&reports, Some(verdict));
+    session.finish(Some(verdict));
     Ok(if broken_off {
         Exit::System
     } else if outcome.passed {
@@ -71,34 +58,28 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     })
 }
 
-fn lock(fairness: &Mutex<Fairness>) -> MutexGuard<'_, Fairness> {
-    fairness.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Devices that are served on ports, and the log of it.
-struct Session<S> {
-    server: Server<S>,
-    fairness: Arc<Mutex<Fairness>>,
+struct Session {
+    server: Server,
     log: Log,
     names: Vec<DeviceName>,
     counters: Vec<(PortId, Counters)>,
     ready_file: Option<ReadyFile>,
 }
 
-impl<S: Simulation> Session<S> {
+impl Session {
     /// Opens the ports and says so.
-    fn open(
-        args: &ServeArgs,
-        plan: &Plan,
-        seed: u64,
-        simulation: S,
-        (begin, fairness): (Begin, Arc<Mutex<Fairness>>),
-    ) -> Result<Self, Failure> {
+    fn open(args: &ServeArgs, loaded: &Loaded, run: Run) -> Result<Self, Failure> {
+        let (plan, seed) = (&loaded.scenario.rig, run.seed());
+        let begin = match args.scenario {
+            Some(_) => Begin::WithClient,
+            None => Begin::Now,
+        };
         // Before anything is opened, so that a signal at any time leaves nothing behind.
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
-        let ports = open_all(&plan.rig, &plan.folder, serial, &Elsewhere::Unlinked)
+        let ports = open_all(plan, &loaded.folder(), serial, &Elsewhere::Unlinked)
             .map_err(Failure::system)?;
         waiter.check_headroom().map_err(Failure::system)?;
         let options = LogOptions {
@@ -106,7 +87,7 @@ impl<S: Simulation> Session<S> {
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let devices = plan.rig.devices.iter();
+        let devices = plan.devices.iter();
         let names: Vec<DeviceName> = devices
             .map(|device| DeviceName {
                 name: device.name.clone(),
@@ -118,12 +99,11 @@ impl<S: Simulation> Session<S> {
             .map_err(Failure::system)?;
         let shown: Vec<ShownPort> = ports
             .iter()
-            .map(|port| ShownPort::new(port, &plan.rig))
+            .map(|port| ShownPort::new(port, plan))
             .collect();
         let when = (begin, args.speed);
-        let server = Server::new(simulation, ports, waiter, when, Arc::clone(&fairness))
-            .map_err(Failure::system)?;
-        announce(&log, args, plan, &shown, seed);
+        let server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
+        announce(&log, args, loaded, &shown, seed);
         let ready = json!({
             "code": "ready",
             "pid": std::process::id(),
@@ -142,7 +122,6 @@ impl<S: Simulation> Session<S> {
         });
         Ok(Self {
             server,
-            fairness,
             log,
             names,
             counters: Vec::new(),
@@ -150,44 +129,40 @@ impl<S: Simulation> Session<S> {
         })
     }
 
-    /// Serves to the end, and counts what happens at each device.
-    fn serve(&mut self, mut reports: Vec<Report>) -> Result<(Ended, Vec<Report>), Failure> {
-        let (log, fairness) = (&self.log, &self.fairness);
-        let outcome = self.server.run(|simulation| {
-            while let Some(event) = simulation.poll_event() {
-                note(&mut reports, fairness, &event);
+    /// Serves to the end.
+    fn serve(&mut self) -> Result<Ended, Failure> {
+        let log = &self.log;
+        let outcome = self.server.serve(|run| {
+            while let Some(event) = run.poll_event() {
                 log.event(event);
             }
         });
         // Whoever looks from here on finds nobody serving, however long the printing takes.
         self.ready_file = None;
         self.counters = self.server.close_ports();
-        match outcome {
-            Ok(ended) => Ok((ended, reports)),
-            Err(error) => {
-                self.print_summary(&reports, None);
-                Err(Failure::system(error))
-            }
-        }
+        outcome.map_err(|error| {
+            self.print_summary(None);
+            Failure::system(error)
+        })
     }
 
     /// Prints the summary, and the verdict if there is one.
-    fn finish(mut self, reports: &[Report], verdict: Option<String>) {
-        self.print_summary(reports, verdict);
+    fn finish(mut self, verdict: Option<String>) {
+        self.print_summary(verdict);
     }
 
-    fn print_summary(&mut self, reports: &[Report], verdict: Option<String>) {
-        let rig = self.server.simulation().rig();
+    fn print_summary(&mut self, verdict: Option<String>) {
+        let run = self.server.run();
         let summary = (!self.log.is_quiet()).then(|| {
             let devices: Vec<DeviceSummary<'_>> = self
                 .names
                 .iter()
-                .zip(reports)
+                .zip(run.reports())
                 .enumerate()
                 .map(|(device, (named, report))| DeviceSummary {
                     name: &named.name,
                     report,
-                    distance_m: rig.distance_m(device),
+                    distance_m: run.rig().distance_m(device),
                     ports: self
                         .counters
                         .iter()
@@ -197,9 +172,9 @@ impl<S: Simulation> Session<S> {
                 })
                 .collect();
             let run = RunSummary {
-                now: rig.now(),
-                events_lost: rig.events_lost(),
-                excused: lock(&self.fairness).excused(),
+                now: run.rig().now(),
+                events_lost: run.events_lost(),
+                excused: run.excused(),
             };
             match self.log.format() {
                 LogFormat::Text => summary::text(&run, &devices),
@@ -214,20 +189,12 @@ impl<S: Simulation> Session<S> {
     }
 }
 
-fn note(reports: &mut [Report], fairness: &Mutex<Fairness>, event: &Event) {
-    if !lock(fairness).excuses(event)
-        && let Some(report) = reports.get_mut(event.device)
-    {
-        report.note(event);
-    }
-}
-
-fn announce(log: &Log, args: &ServeArgs, plan: &Plan, ports: &[ShownPort], seed: u64) {
+fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], seed: u64) {
     if log.is_quiet() {
         return;
     }
-    let scenario = plan.scenario.as_ref();
-    let plan: &RigPlan = &plan.rig;
+    let scenario = args.scenario.is_some().then_some(loaded);
+    let plan: &RigPlan = &loaded.scenario.rig;
     let version = env!("CARGO_PKG_VERSION");
     let wire = args.wire().word();
     let mut changed: Vec<String> = plan

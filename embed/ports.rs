@@ -38,7 +38,7 @@ pub fn open_all(
             };
             let served = match (serial, &link.path, elsewhere) {
                 (Some(serial), ..) if device == 0 && link.index == 0 => {
-                    SerialPort::open(serial, link.baud)
+                    SerialPort::open(serial, link.baud, link.stop_bits)
                         .map(|port| Served::new(id, Port::from(port)))
                 }
                 (_, Some(path), _) => Served::at(id, &folder.join(path), link.baud),

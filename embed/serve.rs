@@ -1,4 +1,4 @@
-//! The real-time loop: it supplies the rig with the time and the clients' bytes, and the clients
+//! The real-time loop: it supplies a run with the time and the clients' bytes, and the clients
 //! with the devices' bytes.
 //!
 //! # When the machine is busy
@@ -17,18 +17,16 @@
 //!
 //! In the same way simulated time stands still when there is more to compute than there is time.
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use sim_core::SimTime;
 use sim_core::line::{ClientLine, UART_FIFO};
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, Parity, Port, Waiter};
+use sim_pty::{Counters, Event, Parity, Port, PortError, Waiter};
+use sim_runner::{Run, RunError};
 
 use crate::clock::Clock;
-use crate::fairness::{Fairness, burst_end};
 use crate::served::Served;
-use crate::simulation::Simulation;
 use crate::slowness::Slowness;
 
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
@@ -77,9 +75,21 @@ pub enum Ended {
     Timeout,
 }
 
-/// Devices and the ports on which they are served.
-pub struct Server<S> {
-    simulation: S,
+/// Why serving cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServeError {
+    /// A port cannot be opened, read, written or waited for.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The simulation is at fault.
+    #[error("the simulation cannot go on: {0}")]
+    Run(#[from] RunError),
+}
+
+/// A run and the ports on which its devices are served.
+pub struct Server {
+    run: Run,
     ports: Vec<Served>,
     waiter: Waiter,
     clock: Clock,
@@ -87,22 +97,22 @@ pub struct Server<S> {
     waiting: bool,
     /// When to stop in any case.
     until: Option<Instant>,
-    fairness: Arc<Mutex<Fairness>>,
     slowness: Slowness,
     buffer: Vec<u8>,
     outgoing: Vec<u8>,
 }
 
-impl<S: Simulation> Server<S> {
-    /// Simulated time runs `speed` times as fast as real time; `fairness` is told when the machine
-    /// was late.
+impl Server {
+    /// Serves `run`, whose time runs `speed` times as fast as real time.
+    ///
+    /// # Errors
+    /// When a port cannot be waited for.
     pub fn new(
-        simulation: S,
+        run: Run,
         mut ports: Vec<Served>,
         mut waiter: Waiter,
         (begin, speed): (Begin, f64),
-        fairness: Arc<Mutex<Fairness>>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self, ServeError> {
         // Without it Linux may wake us 50 µs late; with it refused, it does.
         let _ = sim_pty::sharpen_timers();
         if std::thread::available_parallelism().is_ok_and(|processors| processors.get() > 1) {
@@ -114,31 +124,33 @@ impl<S: Simulation> Server<S> {
             }
         }
         Ok(Self {
-            simulation,
+            run,
             ports,
             waiter,
             clock: Clock::start(speed),
             waiting: begin == Begin::WithClient,
             until: None,
-            fairness,
             slowness: Slowness::default(),
             buffer: vec![0; 4096],
             outgoing: Vec::new(),
         })
     }
 
-    /// What is driven, to look at.
-    pub fn simulation(&self) -> &S {
-        &self.simulation
+    /// What is served, to look at.
+    pub fn run(&self) -> &Run {
+        &self.run
     }
 
     /// The same, to change.
-    pub fn simulation_mut(&mut self) -> &mut S {
-        &mut self.simulation
+    pub fn run_mut(&mut self) -> &mut Run {
+        &mut self.run
     }
 
     /// Ends the loop when `source` can be read or has come to its end.
-    pub fn watch(&mut self, source: impl std::os::fd::AsFd) -> anyhow::Result<()> {
+    ///
+    /// # Errors
+    /// When it cannot be waited for.
+    pub fn watch(&mut self, source: impl std::os::fd::AsFd) -> Result<(), ServeError> {
         Ok(self.waiter.watch(self.watched(), source)?)
     }
 
@@ -161,7 +173,10 @@ impl<S: Simulation> Server<S> {
     }
 
     /// Serves to the end. `look` is called once a round and takes what there is to be told.
-    pub fn run(&mut self, mut look: impl FnMut(&mut S)) -> anyhow::Result<Ended> {
+    ///
+    /// # Errors
+    /// When a port or the simulation fails.
+    pub fn serve(&mut self, mut look: impl FnMut(&mut Run)) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut awake_at = Instant::now();
         loop {
@@ -179,7 +194,7 @@ impl<S: Simulation> Server<S> {
                 // Not in its sleep but at its work, which may have been too much.
                 self.fell_behind(late);
             } else if late > LITTLE_LATE {
-                self.expect_burst(late);
+                self.was_late(late);
             }
             self.advance()?;
             self.follow_cables()?;
@@ -193,8 +208,8 @@ impl<S: Simulation> Server<S> {
                 self.deliver(token)?;
             }
             self.resume()?;
-            look(&mut self.simulation);
-            if self.simulation.is_over() {
+            look(&mut self.run);
+            if self.run.finished().is_some() {
                 return Ok(Ended::Over);
             }
             if ready.contains(&self.watched()) {
@@ -207,7 +222,7 @@ impl<S: Simulation> Server<S> {
             if left.is_zero() {
                 return Ok(Ended::Timeout);
             }
-            let due = self.simulation.next_deadline().filter(|_| !self.waiting);
+            let due = self.run.next_deadline().filter(|_| !self.waiting);
             sleep_asked = due.map(|due| self.clock.until(due).max(SHORTEST_SLEEP));
             if self.until.is_some() {
                 sleep_asked = Some(sleep_asked.unwrap_or(left).min(left));
@@ -222,7 +237,10 @@ impl<S: Simulation> Server<S> {
 
     /// Takes what clients that have left had still sent, as far as the lines have room for it; says
     /// whether all of them are found to have left. Nobody reads any replies.
-    pub fn take_the_rest(&mut self) -> anyhow::Result<bool> {
+    ///
+    /// # Errors
+    /// When a port or the simulation fails.
+    pub fn take_the_rest(&mut self) -> Result<bool, ServeError> {
         for token in 0..self.ports.len() {
             self.receive(token)?;
         }
@@ -236,14 +254,13 @@ impl<S: Simulation> Server<S> {
     }
 
     /// Hangs ports up whose cable has been pulled, and makes those again whose cable is back.
-    fn follow_cables(&mut self) -> anyhow::Result<()> {
+    fn follow_cables(&mut self) -> Result<(), ServeError> {
         for (token, served) in self.ports.iter_mut().enumerate() {
-            let pulled = self.simulation.rig().cable_pulled(served.id);
+            let pulled = self.run.rig().cable_pulled(served.id);
             if !pulled {
                 served.reopen(&mut self.waiter, token)?;
             } else if served.hang_up() {
-                let now = self.simulation.rig().now();
-                self.simulation.detach(served.id, now)?;
+                self.run.detach(served.id, self.run.rig().now())?;
             }
         }
         Ok(())
@@ -253,37 +270,29 @@ impl<S: Simulation> Server<S> {
         if self.waiting {
             return;
         }
-        let now = self.simulation.rig().now();
-        self.clock.set_back(now);
-        self.fairness
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .late(now, self.clock.simulated(by));
-        self.simulation.simulator_late(by);
-        self.expect_burst(by);
+        self.clock.set_back(self.now());
+        self.run.held_up(by, self.clock.simulated(by));
     }
 
-    /// What clients send next may come closer together than they sent it, by as much real time.
-    fn expect_burst(&mut self, by: Duration) {
+    /// Too little to hold time up for.
+    fn was_late(&mut self, by: Duration) {
         if !self.waiting {
-            let by = self.clock.simulated(by);
-            let until = burst_end(self.now(), by);
-            self.simulation.expect_burst(by, until);
+            self.run.late(self.clock.simulated(by));
         }
     }
 
-    /// Advances the rig to the present, or as far as it comes before ports and signals are due
+    /// Advances the run to the present, or as far as it comes before ports and signals are due
     /// for a look.
-    fn advance(&mut self) -> anyhow::Result<()> {
+    fn advance(&mut self) -> Result<(), ServeError> {
         if self.waiting {
             return Ok(());
         }
         let to = self.clock.now();
         self.set_lines(to)?;
         let begun = Instant::now();
-        while self.now() < to && !self.simulation.is_over() {
+        while self.now() < to && self.run.finished().is_none() {
             let slice = to.min(self.now() + SLICE);
-            self.simulation.advance(slice)?;
+            while self.run.step(slice)? && begun.elapsed() <= BUDGET {}
             if begun.elapsed() > BUDGET && self.now() < to {
                 self.fell_behind(self.clock.since(self.now()));
                 return Ok(());
@@ -296,35 +305,36 @@ impl<S: Simulation> Server<S> {
     /// behind, since time is set back at each turn; one that was busy elsewhere does.
     fn fell_behind(&mut self, by: Duration) {
         if self.slowness.note() {
-            self.simulation.simulator_too_slow();
+            self.run.too_slow();
         }
         if by > MOST_LATE && !self.slowness.is_slow() {
             self.was_held_up(by);
         } else {
             self.clock.set_back(self.now());
-            self.expect_burst(by);
+            self.was_late(by);
         }
     }
 
-    /// The time of what has just been read: now, unless the simulator was held up so that it may
-    /// have come long before. A machine that is too slow has no time to advance for each read.
-    fn present(&mut self) -> SimTime {
+    /// Advances to the time of what has just been read, and says when that is: now, unless the
+    /// simulator was held up so that it may have come long before. A machine that is too slow has no
+    /// time to advance for each read.
+    fn catch_up(&mut self) -> Result<SimTime, ServeError> {
         let behind = self.clock.since(self.now());
-        if self.waiting || self.slowness.is_slow() {
-            return self.now();
+        if !self.waiting && !self.slowness.is_slow() {
+            if behind > MOST_LATE {
+                self.was_held_up(behind);
+            } else {
+                if behind > LITTLE_LATE {
+                    self.was_late(behind);
+                }
+                self.advance()?;
+            }
         }
-        if behind > MOST_LATE {
-            self.was_held_up(behind);
-            return self.now();
-        }
-        if behind > LITTLE_LATE {
-            self.expect_burst(behind);
-        }
-        self.clock.now()
+        Ok(self.now())
     }
 
     /// Takes what a port has to tell.
-    fn receive(&mut self, token: usize) -> anyhow::Result<()> {
+    fn receive(&mut self, token: usize) -> Result<(), ServeError> {
         for _ in 0..MOST_READS {
             let Some(served) = self.ports.get_mut(token) else {
                 return Ok(());
@@ -333,7 +343,7 @@ impl<S: Simulation> Server<S> {
                 return Ok(());
             };
             // Without room a port still tells of clients that have left.
-            let room = self.simulation.room(id).min(self.buffer.len());
+            let room = self.run.room(id).min(self.buffer.len());
             let event = port.read(&mut self.buffer[..room])?;
             match event {
                 Event::Idle => {
@@ -342,19 +352,18 @@ impl<S: Simulation> Server<S> {
                 }
                 Event::Attached => {
                     self.begin();
-                    let now = self.present();
-                    self.simulation.attach(id, now)?;
+                    let now = self.catch_up()?;
+                    self.run.attach(id, now)?;
                     self.set_line(token)?;
                 }
                 Event::Detached => {
-                    let now = self.present();
-                    self.simulation.detach(id, now)?;
+                    let now = self.catch_up()?;
+                    self.run.detach(id, now)?;
                 }
                 Event::Data(count) => {
                     self.set_line(token)?;
-                    let now = self.present();
-                    self.simulation
-                        .client_sends(id, now, &self.buffer[..count])?;
+                    let now = self.catch_up()?;
+                    self.run.send(id, now, &self.buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
                     self.deliver(token)?;
                 }
@@ -364,7 +373,7 @@ impl<S: Simulation> Server<S> {
     }
 
     /// Hands the client of a port what has arrived for it.
-    fn deliver(&mut self, token: usize) -> anyhow::Result<()> {
+    fn deliver(&mut self, token: usize) -> Result<(), ServeError> {
         let Some(served) = self.ports.get_mut(token) else {
             return Ok(());
         };
@@ -372,7 +381,7 @@ impl<S: Simulation> Server<S> {
             return Ok(());
         };
         self.outgoing.clear();
-        self.simulation.client_reads(id, &mut self.outgoing);
+        self.run.read(id, &mut self.outgoing);
         if self.outgoing.is_empty() {
             return Ok(());
         }
@@ -381,16 +390,16 @@ impl<S: Simulation> Server<S> {
         // Who has left is not to blame for not reading.
         let lost = port.counters().dropped_full_bytes - lost;
         if lost > 0 {
-            self.simulation.client_lost(id, lost);
+            self.run.client_lost(id, lost);
         }
         Ok(())
     }
 
     /// Reads those ports again whose line has room again.
-    fn resume(&mut self) -> anyhow::Result<()> {
+    fn resume(&mut self) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];
-            if served.paused && self.simulation.room(served.id) >= RESUME_ROOM {
+            if served.paused && self.run.room(served.id) >= RESUME_ROOM {
                 self.receive(token)?;
             }
         }
@@ -399,11 +408,11 @@ impl<S: Simulation> Server<S> {
 
     /// Tells the simulation how clients have set their ends, of which something passes by `to`. Nobody
     /// is told when they change them.
-    fn set_lines(&mut self, to: SimTime) -> anyhow::Result<()> {
+    fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];
             if served.port.as_ref().is_some_and(Port::is_attached)
-                && self.simulation.rig().is_due(served.id, to)
+                && self.run.rig().is_due(served.id, to)
             {
                 self.set_line(token)?;
             }
@@ -412,7 +421,7 @@ impl<S: Simulation> Server<S> {
     }
 
     /// Tells the simulation how the client of a port has set its end.
-    fn set_line(&mut self, token: usize) -> anyhow::Result<()> {
+    fn set_line(&mut self, token: usize) -> Result<(), ServeError> {
         let served = &self.ports[token];
         if let Some(port) = &served.port
             && let Some(line) = port.client_line()?
@@ -424,7 +433,7 @@ impl<S: Simulation> Server<S> {
                 parity: line.parity != Parity::None,
                 rts_cts: line.rts_cts,
             };
-            self.simulation.set_client_line(served.id, line);
+            self.run.set_line(served.id, line);
         }
         Ok(())
     }
@@ -437,6 +446,6 @@ impl<S: Simulation> Server<S> {
     }
 
     fn now(&self) -> SimTime {
-        self.simulation.rig().now()
+        self.run.rig().now()
     }
 }

@@ -26,7 +26,7 @@
 //! # Conventions
 //!
 //! SI units throughout; x points forward (east for the world), y to the left, angles and yaw rates
-//! are counter-clockwise. The state that this crate owns is `f64`; rapier's is `f32`.
+//! are counter-clockwise. Everything is `f64`.
 //!
 //! # Determinism
 //!

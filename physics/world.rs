@@ -19,7 +19,7 @@ use rapier2d::prelude as rapier;
 pub use area::{Band, Disc, Rectangle};
 pub use file::WorldFileError;
 pub use ground::Ground;
-pub use map::{Area, FrictionPatch, Slope, Strip, WorldMap};
+pub use map::{Area, FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};
 pub use obstacle::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Obstacles};
 pub use scan::{Cone, Tag};
 pub use settings::WorldSettings;
@@ -91,7 +91,7 @@ impl World {
     pub fn new(settings: &WorldSettings) -> Self {
         let mut world = rapier::PhysicsWorld::new();
         world.gravity = rapier::Vector::ZERO;
-        world.integration_parameters.dt = narrow(settings.step.as_secs_f64());
+        world.integration_parameters.dt = settings.step.as_secs_f64();
         Self {
             rapier: world,
             step: settings.step,
@@ -181,28 +181,26 @@ impl World {
     }
 }
 
+/// Least impulse of a contact that counts as touching, N·s: what is under it is rounding.
+const TOUCH: f64 = 1e-9;
+/// Shapes that lie deeper in one another than this touch whatever their impulse, m: they are eased
+/// out of one another without one.
+const DEEP: f64 = 0.002;
+
 /// Whether two shapes really meet: rapier lists contacts a little before they do.
 fn pair_touches(pair: &rapier::ContactPair) -> bool {
     pair.solver_manifolds()
         .iter()
         .flat_map(|manifold| &manifold.points)
-        .any(|point| point.data.impulse > 0.0)
+        .any(|point| point.data.impulse > TOUCH || point.dist < -DEEP)
 }
 
 fn rapier_pose(pose: Pose) -> rapier::Pose {
-    rapier::Pose::new(rapier_vector([pose.x, pose.y]), narrow(pose.heading))
+    rapier::Pose::new(rapier_vector([pose.x, pose.y]), pose.heading)
 }
 
 fn rapier_vector([x, y]: [f64; 2]) -> rapier::Vector {
-    rapier::Vector::new(narrow(x), narrow(y))
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rapier computes in f32; rounding to it is meant"
-)]
-fn narrow(value: f64) -> f32 {
-    value as f32
+    rapier::Vector::new(x, y)
 }
 
 #[cfg(test)]

@@ -55,7 +55,9 @@ impl ListenAddress {
         let schemes = [("tcp", Protocol::Tcp), ("rfc2217", Protocol::Rfc2217)];
         let (scheme, rest) = text.split_once("://")?;
         let (_, protocol) = schemes.into_iter().find(|(name, _)| *name == scheme)?;
-        let port = rest.rsplit_once(':').map(|(host, port)| (host, port.parse::<u16>()));
+        let port = rest
+            .rsplit_once(':')
+            .map(|(host, port)| (host, port.parse::<u16>()));
         Some(match port {
             Some((host, Ok(_))) if !host.is_empty() => Ok(Self {
                 protocol,
@@ -211,7 +213,9 @@ impl NetPort {
     pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
         if let Some(old) = self.registration.take() {
             old.forget(&self.listener);
-            self.client.iter().for_each(|client| old.forget(&client.stream));
+            self.client
+                .iter()
+                .for_each(|client| old.forget(&client.stream));
         }
         let watch = || {
             registration.watch(&self.listener, IN)?;
@@ -344,7 +348,9 @@ impl Connection {
                     Err(_) => self.ended = true,
                 }
             }
-            let consumed = self.decoder.take(self.input.make_contiguous(), &mut self.ahead);
+            let consumed = self
+                .decoder
+                .take(self.input.make_contiguous(), &mut self.ahead);
             self.input.drain(..consumed);
             self.flush();
             if consumed == 0 && !self.input.is_empty() {

@@ -13,7 +13,7 @@ use crate::hub::{IN, Registration};
 use crate::port::{Counters, Event, Written};
 use crate::pty_port::write_some;
 
-/// A real serial port, held exclusively, 8N1 without flow control.
+/// A real serial port, held exclusively: 8 data bits, no parity, no flow control.
 #[derive(Debug)]
 pub struct SerialPort {
     registration: Option<Registration>,
@@ -24,13 +24,13 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
-    /// Opens the serial port at `path` with `baud`.
+    /// Opens the serial port at `path` with `baud` and 1 or 2 stop bits.
     ///
     /// # Errors
     ///
     /// When it does not exist, is held by another program, may not be opened
     /// by this user or does not do the baud rate.
-    pub fn open(path: impl AsRef<Path>, baud: u32) -> Result<Self, PortError> {
+    pub fn open(path: impl AsRef<Path>, baud: u32, stop_bits: u32) -> Result<Self, PortError> {
         let path = path.as_ref();
         let open = || {
             if baud == 0 {
@@ -39,7 +39,11 @@ impl SerialPort {
             let tty = serialport::new(path.to_string_lossy(), baud)
                 .data_bits(DataBits::Eight)
                 .parity(serialport::Parity::None)
-                .stop_bits(StopBits::One)
+                .stop_bits(if stop_bits == 2 {
+                    StopBits::Two
+                } else {
+                    StopBits::One
+                })
                 .flow_control(FlowControl::None)
                 .open_native()
                 .map_err(open_error)?;

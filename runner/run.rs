@@ -1,8 +1,22 @@
-//! A run of a scenario: the devices, what happens to them, and what is made of it.
+//! A run: the devices, what happens to them, and what is made of it.
 //!
-//! One [`Run`] serves both kinds of time. Without a client it goes from instant to instant as fast
-//! as the machine allows; with a real client whoever drives it says up to when it may go and what
-//! the client sends.
+//! One [`Run`] is driven by everybody: by a loop in real time that serves ports, by scripted clients
+//! and clients in simulated time, and by a trace that is played again. Devices that are only served are
+//! a run without steps ([`Scenario::serving`]).
+//!
+//! # How to drive it
+//!
+//! 1. Say what a client does, and when: [`Run::attach`], [`Run::detach`], [`Run::send`],
+//!    [`Run::set_line`]. Never send more than there is [`Run::room`] for; the rest would be lost.
+//! 2. Let time pass with [`Run::advance`], at the latest up to [`Run::next_deadline`] if what comes of it
+//!    is wanted at once. A time that has passed already does nothing.
+//! 3. Drain it: [`Run::read`] for each port, [`Run::poll_event`] and, if there is a trace,
+//!    [`Run::poll_trace`], until each gives nothing. What nobody takes is kept up to a bound: 1 MiB of
+//!    bytes for each port, 16384 events (the oldest go first and are counted), a million lines of the
+//!    trace.
+//! 4. Hang clients up whose cable is out ([`Rig::cable_pulled`]).
+//! 5. Go on until [`Run::finished`] says what came of it; a run without steps has no end but
+//!    [`Run::end`].
 //!
 //! # The order of things
 //!
@@ -16,6 +30,9 @@
 //! happens, and at every step of the physics (5 ms unless set), also while nothing moves. What is
 //! true only in between is not seen.
 //!
+//! When a run neither writes a trace nor plays scripted clients, nothing is looked at in between: it
+//! costs what its devices cost.
+//!
 //! # Clients
 //!
 //! What a client does always has an instant of its own: it is dated a nanosecond later than
@@ -26,6 +43,7 @@ mod client;
 mod effects;
 mod host;
 mod judge;
+mod lateness;
 mod outcome;
 mod steps;
 
@@ -36,6 +54,7 @@ use std::time::Duration;
 use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_core::line::{ClientLine, Wire};
+use sim_core::report::Report;
 use sim_core::rig::{PortId, Rig, RigError};
 use sim_physics::{Ground, WorldMap};
 use sim_settings::Source;
@@ -48,6 +67,7 @@ use crate::trace::Recorder;
 use agenda::Agenda;
 use host::HostPort;
 use judge::{Expected, RuleState};
+use lateness::Lateness;
 use steps::StepState;
 
 /// Rounds at one instant after which a scenario is given up: its steps set one another off.
@@ -105,10 +125,7 @@ impl RunOptions {
     }
 }
 
-/// Decides what is not held against a client.
-pub type Excuse = Box<dyn FnMut(&Event) -> bool + Send>;
-
-/// A scenario that is being played.
+/// A scenario that is being played, or devices that are being served.
 pub struct Run {
     scenario: Arc<Scenario>,
     options: RunOptions,
@@ -122,11 +139,13 @@ pub struct Run {
     hosts: BTreeMap<PortId, HostPort>,
     /// Up to when what a disturbed line looks like is not the client's fault, by device.
     excused_until: Vec<SimTime>,
-    excuse: Option<Excuse>,
+    lateness: Lateness,
     lines: BTreeMap<PortId, ClientLine>,
-    unread: BTreeMap<PortId, Vec<u8>>,
+    /// What has arrived and was not read, by port.
+    unread: Vec<Vec<u8>>,
     recorder: Option<Recorder>,
     events: VecDeque<Event>,
+    events_lost: u64,
     recent: VecDeque<Event>,
     failures: Vec<Failure>,
     more_failures: u64,
@@ -183,11 +202,12 @@ impl Run {
             expected: Vec::new(),
             hosts: BTreeMap::new(),
             excused_until: vec![SimTime::ZERO; scenario.rig.devices.len()],
-            excuse: None,
+            lateness: Lateness::default(),
             lines: BTreeMap::new(),
-            unread: BTreeMap::new(),
+            unread: vec![Vec::new(); ports.len()],
             recorder,
             events: VecDeque::new(),
+            events_lost: 0,
             recent: VecDeque::new(),
             failures: Vec::new(),
             more_failures: 0,
@@ -225,25 +245,41 @@ impl Run {
     /// # Errors
     /// When the simulation or the scenario cannot go on.
     pub fn advance(&mut self, to: SimTime) -> Result<(), RunError> {
+        while self.step(to)? {}
+        Ok(())
+    }
+
+    /// Goes on by one instant, but not beyond `to`; says whether more happens until then. A file may
+    /// ask for a thousand million instants a second, so this is for whoever has to look at a clock in
+    /// between.
+    ///
+    /// # Errors
+    /// When the simulation or the scenario cannot go on.
+    pub fn step(&mut self, to: SimTime) -> Result<bool, RunError> {
+        if self.outcome.is_some() {
+            return Ok(false);
+        }
         let to = to.min(self.limit);
-        while self.outcome.is_none() {
-            let next = self.next_instant();
-            if next > to {
-                self.rig.advance(to)?;
-                break;
-            }
+        let next = self.next_instant();
+        let before = (next - NANOSECOND).min(to);
+        if next > self.rig.now() && self.rig.advance_to_event(before)? {
+            self.follow_up(self.rig.now())?;
+        } else if next > to {
+            return Ok(false);
+        } else {
             self.instant(next, |_| {})?;
             if next >= self.limit {
                 self.finish();
             }
         }
-        Ok(())
+        Ok(self.outcome.is_none())
     }
 
     /// When something next happens by itself; `None` when the run is over.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
-        self.outcome.is_none().then(|| self.next_instant())
+        let next = || self.next_instant().min(self.next_of_devices());
+        self.outcome.is_none().then(next)
     }
 
     /// The devices and the world, to look at.
@@ -262,6 +298,12 @@ impl Run {
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
+    }
+
+    /// From which everything random is derived.
+    #[must_use]
+    pub fn seed(&self) -> u64 {
+        self.options.seed
     }
 
     /// What came of it; `None` while it goes on.
@@ -289,10 +331,21 @@ impl Run {
         });
     }
 
-    /// Has `excuse` say which events are not to be held against the client, as those that a busy
-    /// machine brought about.
-    pub fn excuse_with(&mut self, excuse: Excuse) {
-        self.excuse = Some(excuse);
+    /// What happened at each device so far, counted, and what of it is held against its client.
+    pub fn reports(&self) -> impl Iterator<Item = &Report> {
+        self.seen.iter().map(Seen::report)
+    }
+
+    /// How many events were lost because nobody took them.
+    #[must_use]
+    pub fn events_lost(&self) -> u64 {
+        self.events_lost + self.rig.events_lost()
+    }
+
+    /// How many events are held against nobody because the simulator was late.
+    #[must_use]
+    pub fn excused(&self) -> u64 {
+        self.lateness.excused()
     }
 
     /// The next event.
@@ -305,43 +358,72 @@ impl Run {
         self.recorder.as_mut()?.poll()
     }
 
-    /// When something next happens. Everything up to the present has happened.
+    /// When there is next something to look at, be it only the end; while neither a trace nor a scripted
+    /// client follows every byte, that is not all that happens. Everything up to the present has
+    /// happened.
     fn next_instant(&self) -> SimTime {
         let now = self.rig.now();
         let watched = self.is_watched().then(|| {
             let step = self.rig.world().step_length();
             now.next_multiple(step)
         });
-        let by_itself = [self.rig.next_deadline(), watched];
-        let by_itself = by_itself.into_iter().flatten().min();
-        let by_itself = by_itself.map(|at| at.max(now + NANOSECOND));
-        let planned = self.agenda.next();
-        let first = [by_itself, planned, Some(self.limit)];
-        first.into_iter().flatten().min().unwrap_or(self.limit)
+        let devices = self.follows_bytes().then(|| self.next_of_devices());
+        let first = [watched, devices, self.agenda.next()];
+        first.into_iter().flatten().fold(self.limit, SimTime::min)
+    }
+
+    /// Whether every byte is looked at when it arrives, for a trace or a scripted client.
+    fn follows_bytes(&self) -> bool {
+        self.recorder.is_some() || !self.options.live
+    }
+
+    /// When a device or a line next does something.
+    fn next_of_devices(&self) -> SimTime {
+        let next = self.rig.next_deadline().unwrap_or(SimTime::MAX);
+        next.max(self.rig.now() + NANOSECOND)
     }
 
     /// Does all that belongs to one instant; `act` is what a client does.
     fn instant(&mut self, at: SimTime, act: impl FnOnce(&mut Rig)) -> Result<(), RunError> {
         self.rig.approach(at)?;
-        let mut looked_at = at.as_nanos().is_multiple_of(self.physics_step());
-        let mut act = Some(act);
-        for _ in 0..MOST_ROUNDS {
-            looked_at |= self.run_agenda(at);
-            if let Some(act) = act.take() {
-                act(&mut self.rig);
+        let mut look = at.as_nanos().is_multiple_of(self.physics_step());
+        look |= self.run_agenda(at);
+        act(&mut self.rig);
+        self.rig.advance(at)?;
+        look |= self.take_events();
+        self.read_ports(at);
+        if look {
+            self.judge(at);
+        }
+        self.settle(at, look)
+    }
+
+    /// Does all that comes of events that the devices brought about by themselves.
+    fn follow_up(&mut self, at: SimTime) -> Result<(), RunError> {
+        self.take_events();
+        self.read_ports(at);
+        self.judge(at);
+        self.settle(at, true)
+    }
+
+    /// Does what steps set off at the same instant.
+    fn settle(&mut self, at: SimTime, mut look: bool) -> Result<(), RunError> {
+        let mut rounds = 1;
+        while self.agenda.is_due(at) {
+            rounds += 1;
+            if rounds > MOST_ROUNDS {
+                return Err(RunError::Stuck { at });
             }
+            look |= self.run_agenda(at);
             self.rig.advance(at)?;
-            looked_at |= self.take_events();
+            look |= self.take_events();
             self.read_ports(at);
-            if looked_at {
+            if look {
                 self.judge(at);
             }
-            if !self.agenda.is_due(at) {
-                self.sample(at);
-                return Ok(());
-            }
         }
-        Err(RunError::Stuck { at })
+        self.sample(at);
+        Ok(())
     }
 
     fn physics_step(&self) -> u64 {
@@ -354,6 +436,12 @@ impl Run {
         let mut any = false;
         while let Some(event) = self.rig.poll_event() {
             any = true;
+            if !self.follows_bytes() {
+                // Before the next reply comes, so that the line does not fill up.
+                for index in self.ports_of(event.device) {
+                    self.read_port(index, event.at);
+                }
+            }
             let excused = self.is_excused(&event);
             let distance = self.rig.distance_m(event.device);
             if let Some(seen) = self.seen.get_mut(event.device) {
@@ -368,6 +456,7 @@ impl Run {
             self.recent.push_back(event.clone());
             if self.events.len() >= MOST_EVENTS {
                 self.events.pop_front();
+                self.events_lost += 1;
             }
             self.events.push_back(event);
         }
@@ -376,23 +465,35 @@ impl Run {
 
     /// Takes what has arrived at the clients' ends.
     fn read_ports(&mut self, at: SimTime) {
-        for index in 0..self.ports.len() {
-            let port = self.ports[index];
-            let mut bytes = Vec::new();
-            self.rig.client_reads(port, &mut bytes);
-            if bytes.is_empty() {
-                continue;
+        if self.follows_bytes() {
+            for index in 0..self.ports.len() {
+                self.read_port(index, at);
             }
-            if let Some(recorder) = &mut self.recorder {
-                recorder.device_sent(at, port, &bytes);
-            }
-            if self.options.live {
-                let unread = self.unread.entry(port).or_default();
-                let room = MOST_UNREAD.saturating_sub(unread.len());
-                unread.extend(bytes.iter().take(room));
-            } else {
-                self.host_reads(at, port, &bytes);
-            }
+        }
+    }
+
+    /// The ports of a device, as indices.
+    fn ports_of(&self, device: usize) -> std::ops::Range<usize> {
+        let first = self.ports.partition_point(|port| port.device < device);
+        first..self.ports.partition_point(|port| port.device <= device)
+    }
+
+    fn read_port(&mut self, index: usize, at: SimTime) {
+        let port = self.ports[index];
+        let unread = &mut self.unread[index];
+        let before = unread.len();
+        self.rig.client_reads(port, unread);
+        if unread.len() == before {
+            return;
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.device_sent(at, port, &unread[before..]);
+        }
+        if self.options.live {
+            unread.truncate(MOST_UNREAD);
+        } else {
+            let bytes = std::mem::take(unread);
+            self.host_reads(at, port, &bytes);
         }
     }
 

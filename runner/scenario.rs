@@ -168,6 +168,27 @@ impl Scenario {
         check::read(source, base)
     }
 
+    /// Devices that are served and nothing else: no steps, nothing to judge, no end.
+    #[must_use]
+    pub fn serving(rig: RigPlan) -> Self {
+        Self {
+            file: String::new(),
+            text: String::new(),
+            title: String::new(),
+            description: None,
+            good_client: String::new(),
+            tags: Vec::new(),
+            limit: Duration::MAX,
+            wall_limit: None,
+            base: rig.settings.clone(),
+            rig,
+            steps: Vec::new(),
+            rules: Vec::new(),
+            demand: None,
+            obstacles: Vec::new(),
+        }
+    }
+
     /// The world file, relative to the scenario file.
     #[must_use]
     pub fn world(&self) -> Option<&Path> {

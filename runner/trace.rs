@@ -178,7 +178,7 @@ impl Recorder {
             self.write(&Record::Event {
                 t: event.at.as_nanos(),
                 device: event.device,
-                code: event.kind.code().into(),
+                code: event.kind.code().as_str().into(),
                 text: event.kind.to_string(),
             });
         }

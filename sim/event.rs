@@ -1,16 +1,13 @@
 //! What is told to whoever watches: the log, the client report, scenarios.
 
-mod code;
+pub mod code;
 
+use std::any::Any;
 use std::borrow::Cow;
 use std::fmt;
+use std::sync::Arc;
 
 use sim_settings::SimTime;
-
-use crate::fault::FaultPhase;
-use crate::line::LineEvent;
-use crate::mecanum_device::{Link, MecanumEvent};
-use crate::r150_device::R150Event;
 
 pub use code::{Blame, Code};
 
@@ -28,7 +25,7 @@ pub enum Level {
 impl Level {
     /// Lower-case name.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Traffic => "traffic",
             Self::Notice => "notice",
@@ -38,157 +35,69 @@ impl Level {
 }
 
 /// Something that happened, when and where.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Event {
     /// When.
     pub at: SimTime,
     /// Index of the device in the rig.
     pub device: usize,
     /// What.
-    pub kind: EventKind,
+    pub kind: Arc<dyn EventKind>,
 }
 
-/// What happened, by who says so.
-#[derive(Debug, Clone, PartialEq)]
-pub enum EventKind {
-    /// On one of the device's serial lines.
-    Line {
-        /// Index of the link on the device.
-        link: usize,
-        /// What.
-        event: LineEvent,
-    },
-    /// Something went wrong on purpose, or may from now on.
-    Fault {
-        /// What whoever armed it calls it.
-        name: String,
-        /// Its id in the catalogue.
-        id: &'static str,
-        /// What becomes of it.
-        phase: FaultPhase,
-    },
-    /// In an R150.
-    R150(R150Event),
-    /// In a mecanum car.
-    Mecanum(MecanumEvent),
+impl PartialEq for Event {
+    fn eq(&self, other: &Self) -> bool {
+        self.at == other.at && self.device == other.device && self.kind.is_same(&*other.kind)
+    }
 }
 
-impl EventKind {
+/// What happened on a line, with a fault, or in a device.
+///
+/// [`fmt::Display`] puts it into words.
+pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
     /// How much it matters.
-    #[must_use]
-    pub fn level(&self) -> Level {
-        match self {
-            Self::Line { event, .. } => event.level(),
-            Self::Fault { .. } => Level::Notice,
-            Self::R150(event) => event.level(),
-            Self::Mecanum(event) => event.level(),
-        }
-    }
-
-    /// A short stable name, the same in logs, reports and documentation.
-    #[must_use]
-    pub fn code(&self) -> &'static str {
-        self.which().word()
-    }
+    fn level(&self) -> Level;
 
     /// What it is called.
-    #[must_use]
-    pub fn which(&self) -> Code {
-        match self {
-            Self::Line { event, .. } => event.which(),
-            Self::Fault { phase, .. } => match phase {
-                FaultPhase::Armed => Code::FaultArmed,
-                FaultPhase::Triggered { .. } => Code::FaultTriggered,
-                FaultPhase::Cleared => Code::FaultCleared,
-            },
-            Self::R150(event) => event.which(),
-            Self::Mecanum(event) => event.which(),
-        }
+    fn code(&self) -> Code;
+
+    /// Index of the link that it is about, if it is about one.
+    fn link(&self) -> Option<usize>;
+
+    /// What it is to whoever counts.
+    fn role(&self) -> Role;
+
+    /// The bytes it is about, if it is about bytes.
+    fn bytes(&self) -> Option<Cow<'_, [u8]>>;
+
+    /// How many bytes were lost.
+    fn lost_bytes(&self) -> u64 {
+        0
     }
 
     /// Whether it is something that the client did and the protocol forbids, or that is risky.
-    #[must_use]
-    pub fn is_client_fault(&self) -> bool {
-        match self {
-            Self::Line { event, .. } => event.is_client_fault(),
-            Self::Fault { .. } => false,
-            Self::R150(event) => event.is_client_fault(),
-            Self::Mecanum(event) => event.is_client_fault(),
-        }
-    }
-
-    /// Index of the link that it is about, if it is about one.
-    #[must_use]
-    pub fn link(&self) -> Option<usize> {
-        match self {
-            Self::Line { link, .. } => Some(*link),
-            Self::Fault { .. } => None,
-            Self::R150(event) => event.bytes().map(|_| 0),
-            Self::Mecanum(event) => event.link().map(Link::index),
-        }
-    }
-
-    /// What it is to whoever counts.
-    #[must_use]
-    pub fn role(&self) -> Role {
-        match self {
-            Self::Line {
-                event: LineEvent::Attached,
-                ..
-            } => Role::Attached,
-            Self::Line {
-                event: LineEvent::Detached,
-                ..
-            } => Role::Detached,
-            Self::R150(R150Event::Request { .. })
-            | Self::Mecanum(MecanumEvent::Request(..) | MecanumEvent::Command(_)) => Role::Request,
-            Self::R150(R150Event::Reply { .. })
-            | Self::Mecanum(MecanumEvent::Status(..) | MecanumEvent::Report(_)) => Role::Reply,
-            Self::R150(R150Event::HeartbeatLost) => Role::HeartbeatLost,
-            _ => Role::Other,
-        }
-    }
-
-    /// How many bytes were lost.
-    #[must_use]
-    pub fn lost_bytes(&self) -> u64 {
-        match self {
-            Self::Line { event, .. } => event.lost_bytes(),
-            _ => 0,
-        }
-    }
-
-    /// The bytes it is about, if it is about bytes.
-    #[must_use]
-    pub fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        match self {
-            Self::Line { .. } | Self::Fault { .. } => None,
-            Self::R150(event) => event.bytes().map(Cow::Borrowed),
-            Self::Mecanum(event) => event.bytes().map(Cow::Owned),
-        }
+    fn blames_client(&self) -> bool {
+        self.code().may_blame_client()
     }
 }
 
-impl fmt::Display for EventKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Line { event, .. } => event.fmt(f),
-            Self::Fault { name, id, phase } => {
-                // A name that says nothing new is not said twice.
-                if name == id {
-                    write!(f, "fault {id} ")?;
-                } else {
-                    write!(f, "fault {name} ({id}) ")?;
-                }
-                match phase {
-                    FaultPhase::Armed => f.write_str("armed"),
-                    FaultPhase::Triggered { what } => write!(f, "triggered: {what}"),
-                    FaultPhase::Cleared => f.write_str("cleared"),
-                }
-            }
-            Self::R150(event) => event.fmt(f),
-            Self::Mecanum(event) => event.fmt(f),
-        }
+impl dyn EventKind {
+    /// The event as one of this type, if it is one.
+    #[must_use]
+    pub fn get<T: EventKind>(&self) -> Option<&T> {
+        (self as &dyn Any).downcast_ref()
+    }
+}
+
+/// Comparison of events of any type; whatever can be compared with its own type has it.
+pub trait Same: Any {
+    /// Whether both are of the same type, and equal.
+    fn is_same(&self, other: &dyn Any) -> bool;
+}
+
+impl<T: PartialEq + Any> Same for T {
+    fn is_same(&self, other: &dyn Any) -> bool {
+        other.downcast_ref() == Some(self)
     }
 }
 

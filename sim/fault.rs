@@ -29,12 +29,14 @@ mod wire_parameters;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
 use std::fmt;
 
 pub(crate) use active::{Faults, Target};
 pub use catalogue::{Fault, catalogue};
 
 use crate::device_kind::DeviceKind;
+use crate::event::{Code, EventKind, Level, Role, code};
 
 /// At what level something goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -167,6 +169,60 @@ pub enum FaultPhase {
     },
     /// It has ended.
     Cleared,
+}
+
+/// Something became of a fault.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FaultEvent {
+    /// What whoever armed it calls it.
+    pub name: String,
+    /// Its id in the catalogue.
+    pub id: &'static str,
+    /// What became of it.
+    pub phase: FaultPhase,
+}
+
+impl EventKind for FaultEvent {
+    fn level(&self) -> Level {
+        Level::Notice
+    }
+
+    fn code(&self) -> Code {
+        match self.phase {
+            FaultPhase::Armed => code::FAULT_ARMED,
+            FaultPhase::Triggered { .. } => code::FAULT_TRIGGERED,
+            FaultPhase::Cleared => code::FAULT_CLEARED,
+        }
+    }
+
+    fn link(&self) -> Option<usize> {
+        None
+    }
+
+    fn role(&self) -> Role {
+        Role::Other
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
+}
+
+impl fmt::Display for FaultEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, id, phase } = self;
+        // A name that says nothing new is not said twice.
+        if name == id {
+            write!(f, "fault {id} ")?;
+        } else {
+            write!(f, "fault {name} ({id}) ")?;
+        }
+        match phase {
+            FaultPhase::Armed => f.write_str("armed"),
+            FaultPhase::Triggered { what } => write!(f, "triggered: {what}"),
+            FaultPhase::Cleared => f.write_str("cleared"),
+        }
+    }
 }
 
 /// How often a fault has acted, and on what first.

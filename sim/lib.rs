@@ -9,7 +9,6 @@
 //! | [`r150_device`] | firmware of the XAG R150's IO module: bytes and pins |
 //! | [`r150`] | that firmware with the hardware around it |
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
-//! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
 //! | [`mecanum`] | that firmware with the hardware around it |
 //! | [`fault`], [`defects`] | what goes wrong on purpose, at every level |
 //! | [`mod@line`], [`uart`] | the serial line: pacing, baud mismatch |

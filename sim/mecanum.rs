@@ -1,6 +1,9 @@
 //! A mecanum car: the firmware of [`crate::mecanum_device`] with the hardware of
 //! [`sim_physics::mecanum`].
 
+pub mod event;
+
+use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
@@ -138,10 +141,9 @@ impl Unit for Mecanum {
             .map(|(link, bytes)| (link.index(), bytes))
     }
 
-    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
-        self.device
-            .poll_event()
-            .map(|(at, event)| (at, EventKind::Mecanum(event)))
+    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
+        let (at, event) = self.device.poll_event()?;
+        Some((at, Arc::new(event)))
     }
 
     fn distance_m(&self) -> f64 {

@@ -1,5 +1,8 @@
 //! An R150: the firmware of [`crate::r150_device`] with the hardware of [`sim_physics::r150`].
 
+pub mod event;
+
+use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
@@ -171,10 +174,9 @@ impl Unit for R150 {
         self.device.poll_output().map(|frame| (0, frame))
     }
 
-    fn poll_event(&mut self) -> Option<(SimTime, EventKind)> {
-        self.device
-            .poll_event()
-            .map(|(at, event)| (at, EventKind::R150(event)))
+    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
+        let (at, event) = self.device.poll_event()?;
+        Some((at, Arc::new(event)))
     }
 
     fn distance_m(&self) -> f64 {

@@ -48,19 +48,22 @@ impl Report {
             Role::Detached => self.attached = self.attached.saturating_sub(1),
             Role::HeartbeatLost | Role::Other => {}
         }
-        let tally = self.events.entry(kind.code()).or_insert_with(|| Tally {
-            count: 0,
-            first_at: event.at,
-            first: kind.to_string(),
-            bytes: kind.bytes().map(Cow::into_owned),
-            lost_bytes: 0,
-            client_faults: 0,
-        });
+        let tally = self
+            .events
+            .entry(kind.code().as_str())
+            .or_insert_with(|| Tally {
+                count: 0,
+                first_at: event.at,
+                first: kind.to_string(),
+                bytes: kind.bytes().map(Cow::into_owned),
+                lost_bytes: 0,
+                client_faults: 0,
+            });
         tally.count += 1;
         tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes());
         // A heartbeat that ends because the client has left is as it should be.
         let left = kind.role() == Role::HeartbeatLost && self.attached == 0;
-        tally.client_faults += u64::from(kind.is_client_fault() && !left);
+        tally.client_faults += u64::from(kind.blames_client() && !left);
     }
 
     /// What the client did that the protocol forbids or that is risky.

@@ -286,9 +286,25 @@ impl Rig {
     /// When the physics of a body has broken down, or something happens over and over without time
     /// passing; the rig is of no more use then.
     pub fn advance(&mut self, to: SimTime) -> Result<(), RigError> {
+        self.go(to, false).map(|_| ())
+    }
+
+    /// Advances to `to`, or to the end of the first instant at which there are events to be taken;
+    /// says whether there are any.
+    ///
+    /// # Errors
+    /// As [`Rig::advance`].
+    pub fn advance_to_event(&mut self, to: SimTime) -> Result<bool, RigError> {
+        self.go(to, true)
+    }
+
+    fn go(&mut self, to: SimTime, to_event: bool) -> Result<bool, RigError> {
         let mut rounds = 0;
         loop {
             let at = self.agenda.earliest().min(self.physics_due);
+            if to_event && at.min(to) > self.now && !self.events.is_empty() {
+                return Ok(true);
+            }
             if at > to {
                 break;
             }
@@ -308,7 +324,7 @@ impl Rig {
             }
         }
         self.now = self.now.max(to);
-        Ok(())
+        Ok(!self.events.is_empty())
     }
 
     /// Advances to `to` and stops before anything happens there, so that what is done to the rig next

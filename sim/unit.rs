@@ -1,5 +1,6 @@
 //! What the rig needs of a device together with its hardware.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::World;
@@ -36,7 +37,7 @@ pub(crate) trait Unit {
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;
 
     /// The next event and when it happened.
-    fn poll_event(&mut self) -> Option<(SimTime, EventKind)>;
+    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)>;
 
     /// How far it has driven, m.
     fn distance_m(&self) -> f64;

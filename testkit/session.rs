@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::fault::{FaultHandle, FaultLevel};
-use sim_core::line::ClientLine;
+use sim_core::line::{ClientLine, LineEvent};
 use sim_core::rig::Rig;
 use sim_physics::r150::{Load, Rail};
 use sim_physics::{Ground, Pose};
@@ -223,7 +223,7 @@ impl Player {
             }
             Operation::Late { by, rest } => {
                 let [by, rest] = [by, rest].map(|span| Duration::from_millis((*span).into()));
-                self.rig.simulator_late(by);
+                self.rig.tell_all(LineEvent::SimulatorLate { by });
                 self.rig.expect_burst(by, self.now + rest);
             }
         }
@@ -267,7 +267,8 @@ impl Player {
         }
         let bytes = message.bytes();
         client.sent += bytes.len();
-        let sent = self.rig.client_sends(client.port, self.now, &bytes);
+        self.rig.client_puts(client.port, &bytes);
+        let sent = self.rig.advance(self.now);
         sent.unwrap_or_else(|error| panic!("{error}"));
     }
 

@@ -167,7 +167,7 @@ fn drive_rig(mut rig: Rig, how_long: Drive) {
                     };
                     motion.encode()
                 };
-                gone_on(rig.client_sends(port, now, &request));
+                rig.client_puts(port, &request);
             }
         }
         now += pace;

@@ -120,13 +120,13 @@ impl Recording {
                         raw: !cooked,
                         ..ClientLine::at(baud)
                     };
-                    run.set_client_line(ports[index], line);
+                    run.set_line(ports[index], line);
                     Ok(())
                 }
                 Operation::Send { port, message } => {
                     let index = usize::from(*port) % ports.len();
                     if attached[index] {
-                        run.client_sends(ports[index], now, &message.bytes())
+                        run.send(ports[index], now, &message.bytes())
                     } else {
                         attached[index] = true;
                         run.attach(ports[index], now)

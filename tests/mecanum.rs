@@ -201,7 +201,7 @@ fn wrong_worlds_and_flags_are_refused_by_name() {
         (
             "schema = 1\n[[wall]]\npoints_m = [[0, 0], [1, 0]]\nthickness = \"5 V\"\n",
             "4:13",
-            ["`wall.thickness`", "from 0.001 to 1000 m"],
+            ["`wall.thickness`", "from 0.001 to 10000 m"],
         ),
         (
             "schema = 1\n[[tag]]\nat_m = [1, 2]\nnumbr = 4\n",

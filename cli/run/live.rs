@@ -4,7 +4,6 @@ use std::ffi::OsString;
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -15,16 +14,14 @@ use sim_settings::show_duration;
 use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
-use sim_embed::fairness::Fairness;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 use sim_embed::served::Served;
-use sim_embed::simulation::Simulation as _;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
 
-/// Simulated time between looks for signals, once the client has ended.
+/// Simulated time between looks at the ports, once the client has ended.
 const SLICE: Duration = Duration::from_millis(500);
 
 /// The same while bytes of the client are still to be taken: as many as arrive in this have room
@@ -49,13 +46,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     if stop.load(Ordering::Relaxed) {
         return Ok(JobResult::BrokenOff);
     }
-    let (mut run, trace) = job.begin()?;
-    let fairness = Arc::new(Mutex::new(Fairness::default()));
-    let shared = Arc::clone(&fairness);
-    run.excuse_with(Box::new(move |event| {
-        let mut fairness = shared.lock().unwrap_or_else(PoisonError::into_inner);
-        fairness.excuses(event)
-    }));
+    let (run, trace) = job.begin()?;
     let links = tempfile::Builder::new()
         .prefix("sim-")
         .tempdir()
@@ -71,7 +62,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     });
     let log = log.transpose().map_err(Failure::system)?;
     let when = (Begin::WithClient, job.speed);
-    let mut server = Server::new(run, ports, waiter, when, fairness).map_err(Failure::system)?;
+    let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
     let client =
         Client::start(job.client, &environment, links.path(), log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
@@ -92,8 +83,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         )));
     }
     // The trace has its end in any case, so that it can be played again.
-    let outcome = play.server.simulation_mut().end().clone();
-    take(play.server.simulation_mut(), &mut play.trace);
+    let outcome = play.server.run_mut().end().clone();
+    take(play.server.run_mut(), &mut play.trace);
     play.trace.map_or(Ok(()), TraceFile::finish)?;
     Ok(match played {
         None => JobResult::BrokenOff,
@@ -134,7 +125,7 @@ fn absolute(path: &Path) -> Result<OsString, Failure> {
 }
 
 struct LivePlay {
-    server: Server<Run>,
+    server: Server,
     client: Client,
     trace: Option<TraceFile>,
     begun: Instant,
@@ -145,7 +136,7 @@ impl LivePlay {
     /// ended then.
     fn play(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
         let trace = &mut self.trace;
-        let ended = self.server.run(|run| take(run, trace))?;
+        let ended = self.server.serve(|run| take(run, trace))?;
         let stopped = ended != Ended::Watched;
         let end = if stopped {
             self.client.stop()?
@@ -180,19 +171,24 @@ impl LivePlay {
     /// the scenario shows what becomes of the vehicle. `false` if a signal came first.
     fn play_the_rest(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<bool> {
         let mut gone = false;
-        while !self.server.simulation().is_over() {
-            if stop.load(Ordering::Relaxed) {
-                return Ok(false);
-            }
-            if self.begun.elapsed() > job.allowed {
-                self.fail(over_time(job.allowed));
-                return Ok(true);
-            }
+        while self.server.run().finished().is_none() {
             gone = gone || self.server.take_the_rest()?;
-            let run = self.server.simulation_mut();
-            let slice = if gone { SLICE } else { SHORT_SLICE };
-            run.advance(run.rig().now() + slice)?;
-            take(run, &mut self.trace);
+            let to = self.server.run().rig().now() + if gone { SLICE } else { SHORT_SLICE };
+            loop {
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(false);
+                }
+                if self.begun.elapsed() > job.allowed {
+                    self.fail(over_time(job.allowed));
+                    return Ok(true);
+                }
+                let run = self.server.run_mut();
+                let more = run.step(to)?;
+                take(run, &mut self.trace);
+                if !more {
+                    break;
+                }
+            }
         }
         Ok(true)
     }
@@ -203,7 +199,7 @@ impl LivePlay {
     }
 
     fn fail(&mut self, what: String) {
-        self.server.simulation_mut().fail(what);
+        self.server.run_mut().fail(what);
     }
 }
 

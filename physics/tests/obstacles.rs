@@ -5,7 +5,7 @@
 mod car;
 
 use car::Car;
-use sim_physics::world::{Obstacle, ObstacleError, ObstacleShape, Tag};
+use sim_physics::world::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Tag};
 use sim_physics::{MecanumPlantSettings, Pose, World, WorldMap, WorldSettings};
 
 fn at(x: f64, y: f64, heading: f64) -> Pose {
@@ -166,7 +166,7 @@ fn places_out_of_the_plane_are_held_at_its_edge() {
         .move_obstacle("post", [f64::NAN, 1e9], Some(f64::INFINITY))
         .unwrap();
     let pose = world.obstacles().next().unwrap().pose();
-    assert_eq!((pose.x, pose.y), (0.0, 1000.0));
+    assert_eq!((pose.x, pose.y), (0.0, EDGE_M));
     world.step().unwrap();
 }
 

@@ -2,7 +2,7 @@
 
 use rapier2d::prelude as rapier;
 
-use super::{Body, BodyId, BodyShape, World, narrow, rapier_pose, rapier_vector};
+use super::{Body, BodyId, BodyShape, World, rapier_pose, rapier_vector};
 use crate::pose::{BodyMotion, Pose};
 
 /// Multiple of the speed of rest at which a resting body may be eased out of a contact.
@@ -18,11 +18,10 @@ impl World {
             // Resting is decided by the plant, which knows about brakes and slopes.
             .can_sleep(false)
             .build();
-        let collider =
-            rapier::ColliderBuilder::cuboid(narrow(shape.length / 2.0), narrow(shape.width / 2.0))
-                .density(0.0)
-                .friction(narrow(self.wall_friction))
-                .build();
+        let collider = rapier::ColliderBuilder::cuboid(shape.length / 2.0, shape.width / 2.0)
+            .density(0.0)
+            .friction(self.wall_friction)
+            .build();
         let handle = self.rapier.insert_body(body);
         let collider = self.rapier.insert_collider(collider, Some(handle));
         self.bodies.push(Body {
@@ -44,13 +43,13 @@ impl World {
         let position = body.position();
         let velocity = body.linvel();
         BodyMotion {
-            x: f64::from(position.translation.x),
-            y: f64::from(position.translation.y),
-            cos: f64::from(position.rotation.re),
-            sin: f64::from(position.rotation.im),
-            vx: f64::from(velocity.x),
-            vy: f64::from(velocity.y),
-            yaw_rate: f64::from(body.angvel()),
+            x: position.translation.x,
+            y: position.translation.y,
+            cos: position.rotation.re,
+            sin: position.rotation.im,
+            vx: velocity.x,
+            vy: velocity.y,
+            yaw_rate: body.angvel(),
         }
     }
 
@@ -82,14 +81,14 @@ impl World {
 
     /// Gives a body a velocity: along the world's axes, and yaw rate.
     ///
-    /// A plant hands its tyre forces over as the velocity that they lead to, since an impulse would
-    /// be rounded twice on its way through rapier's `f32`.
+    /// A plant hands its tyre forces over as the velocity that they lead to, which is what its
+    /// implicit solution finds.
     pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
         self.changes += 1;
         let handle = self.bodies[id.0].handle;
         let body = &mut self.rapier.bodies[handle];
         body.set_linvel(rapier_vector(velocity), true);
-        body.set_angvel(narrow(yaw_rate), true);
+        body.set_angvel(yaw_rate, true);
     }
 
     /// Puts a body somewhere else, at rest.
@@ -133,5 +132,5 @@ impl World {
 }
 
 fn mass_properties(mass: f64, inertia: f64) -> rapier::MassProperties {
-    rapier::MassProperties::new(rapier::Vector::ZERO, narrow(mass), narrow(inertia))
+    rapier::MassProperties::new(rapier::Vector::ZERO, mass, inertia)
 }

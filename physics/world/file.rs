@@ -11,7 +11,8 @@ pub use error::WorldFileError;
 
 use sim_settings::Source;
 
-use super::map::WorldMap;
+use super::map::{MOST_PARTS, WorldMap};
+use super::obstacle::ObstacleError;
 use document::Document;
 
 impl WorldMap {
@@ -23,9 +24,14 @@ impl WorldMap {
         let source = Source { file, text };
         let document: Document =
             toml::from_str(text).map_err(|error| WorldFileError::new(&error, &source))?;
-        document
+        let map = document
             .into_map()
-            .map_err(|(at, why)| WorldFileError::at(at, &why, &source))
+            .map_err(|(at, why)| WorldFileError::at(at, &why, &source))?;
+        if map.parts() > MOST_PARTS {
+            let why = ObstacleError::TooMany.to_string();
+            return Err(WorldFileError::at(0, &why, &source));
+        }
+        Ok(map)
     }
 
     /// The JSON Schema of world files.

@@ -73,6 +73,21 @@ impl Area {
     }
 }
 
+/// Most parts of a world: boxes, posts, areas, tags, and the pieces of walls and strips. With so many
+/// at one place a step of the physics takes a tenth of a second, and that grows with their square.
+pub const MOST_PARTS: usize = 4000;
+
+impl WorldMap {
+    /// How many parts it has; there may be [`MOST_PARTS`].
+    #[must_use]
+    pub fn parts(&self) -> usize {
+        let obstacles = self.obstacles.iter().map(|one| one.solids().len());
+        let strips = self.strips.iter().map(|strip| strip.bands().len());
+        let others = self.slopes.len() + self.frictions.len() + self.tags.len();
+        obstacles.chain(strips).sum::<usize>() + others
+    }
+}
+
 impl World {
     /// A plane with these contents.
     #[must_use]
@@ -85,8 +100,13 @@ impl World {
     /// Puts contents into the world, beside those that it has.
     ///
     /// # Errors
-    /// When the name of an obstacle is taken; nothing has changed then.
+    /// When the name of an obstacle is taken, or there would be more than [`MOST_PARTS`]; nothing has
+    /// changed then.
     pub fn add_map(&mut self, map: &WorldMap) -> Result<(), ObstacleError> {
+        let parts = self.solids().count() + self.areas.len() + self.tags.len() + self.strips.len();
+        if parts + map.parts() > MOST_PARTS {
+            return Err(ObstacleError::TooMany);
+        }
         for obstacle in map.obstacles.iter() {
             self.check_name(obstacle)?;
         }

@@ -1,11 +1,12 @@
 //! What stands on the plane and is no vehicle: walls, boxes, posts.
 
 use super::area::{Band, Disc, Rectangle, from};
+use super::map::MOST_PARTS;
 use super::scan::Solid;
 use crate::pose::Pose;
 
-/// The plane ends here, m: far enough out, and near enough for the rounding of rapier's `f32`.
-pub const EDGE_M: f64 = 1000.0;
+/// The plane ends here, m.
+pub const EDGE_M: f64 = 10_000.0;
 
 /// Something that stands on the plane. Vehicles do not move it; whoever owns the world may, if it
 /// has a name.
@@ -44,6 +45,12 @@ pub enum ObstacleError {
         /// The name.
         name: String,
     },
+    /// The world is full.
+    #[error(
+        "more than {MOST_PARTS} things in the world: boxes, posts, areas, tags, and pieces of walls \
+         and strips"
+    )]
+    TooMany,
     /// Nobody has this name.
     #[error("no obstacle is named `{name}`; {}", known(names))]
     Unknown {

@@ -5,7 +5,7 @@ use rapier2d::prelude as rapier;
 use super::area::{Band, Disc, Rectangle};
 use super::obstacle::{Obstacle, ObstacleError, free};
 use super::scan::Solid;
-use super::{World, narrow, rapier_pose, rapier_vector};
+use super::{World, rapier_pose, rapier_vector};
 use crate::pose::Pose;
 
 /// An obstacle in the world.
@@ -115,7 +115,7 @@ impl World {
         let colliders = solids
             .iter()
             .map(|solid| {
-                let collider = collider(solid).friction(narrow(self.wall_friction)).build();
+                let collider = collider(solid).friction(self.wall_friction).build();
                 self.rapier.insert_collider(collider, None)
             })
             .collect();
@@ -143,15 +143,13 @@ fn collider(solid: &Solid) -> rapier::ColliderBuilder {
             centre: [x, y],
             direction: [cos, sin],
             half: [length, width],
-        }) => rapier::ColliderBuilder::cuboid(narrow(*length), narrow(*width)).position(
-            rapier_pose(Pose {
-                x: *x,
-                y: *y,
-                heading: libm::atan2(*sin, *cos),
-            }),
-        ),
+        }) => rapier::ColliderBuilder::cuboid(*length, *width).position(rapier_pose(Pose {
+            x: *x,
+            y: *y,
+            heading: libm::atan2(*sin, *cos),
+        })),
         Solid::Disc(Disc { centre, radius }) => {
-            rapier::ColliderBuilder::ball(narrow(*radius)).translation(rapier_vector(*centre))
+            rapier::ColliderBuilder::ball(*radius).translation(rapier_vector(*centre))
         }
         Solid::Band(Band {
             ends: [from, to],
@@ -159,7 +157,7 @@ fn collider(solid: &Solid) -> rapier::ColliderBuilder {
         }) => rapier::ColliderBuilder::capsule_from_endpoints(
             rapier_vector(*from),
             rapier_vector(*to),
-            narrow(*radius),
+            *radius,
         ),
     }
 }

@@ -8,7 +8,7 @@ use sim_pty::{Event, Port, PortErrorKind, SerialPort, Waiter};
 #[test]
 fn bytes_pass_both_ways_and_the_line_is_set() {
     let mut cable = Bench::unlinked();
-    let mut port = Port::from(SerialPort::open(cable.port.path(), 250_000).unwrap());
+    let mut port = Port::from(SerialPort::open(cable.port.path(), 250_000, 1).unwrap());
     let mut waiter = Waiter::new().unwrap();
     waiter.add(0, &mut port).unwrap();
     cable.expect(Event::Attached);
@@ -39,7 +39,7 @@ fn bytes_pass_both_ways_and_the_line_is_set() {
 #[test]
 fn a_peer_that_never_reads_stalls_nobody() {
     let cable = Bench::unlinked();
-    let mut port = SerialPort::open(cable.port.path(), 115_200).unwrap();
+    let mut port = SerialPort::open(cable.port.path(), 115_200, 1).unwrap();
     let written = port.write(&[0; 200_000]).unwrap();
     assert!(written.accepted > 0 && written.dropped > 0, "{written:?}");
     assert_eq!(port.counters().dropped_full_bytes, written.dropped as u64);
@@ -48,7 +48,7 @@ fn a_peer_that_never_reads_stalls_nobody() {
 #[test]
 fn unplugging_is_an_error_and_wakes_nobody_twice() {
     let cable = Bench::unlinked();
-    let mut port = Port::from(SerialPort::open(cable.port.path(), 115_200).unwrap());
+    let mut port = Port::from(SerialPort::open(cable.port.path(), 115_200, 1).unwrap());
     let mut waiter = Waiter::new().unwrap();
     waiter.add(0, &mut port).unwrap();
     let mut buf = [0; 8];
@@ -77,7 +77,7 @@ fn unplugging_is_an_error_and_wakes_nobody_twice() {
 #[test]
 fn what_cannot_be_opened_is_explained() {
     let dir = tempfile::tempdir().unwrap();
-    let missing = SerialPort::open(dir.path().join("ttyUSB0"), 115_200).unwrap_err();
+    let missing = SerialPort::open(dir.path().join("ttyUSB0"), 115_200, 1).unwrap_err();
     assert!(
         matches!(missing.kind(), PortErrorKind::NoSuchDevice),
         "{missing:?}"
@@ -85,15 +85,15 @@ fn what_cannot_be_opened_is_explained() {
     assert!(missing.to_string().contains("check the cable"), "{missing}");
 
     let cable = Bench::unlinked();
-    let _holder = SerialPort::open(cable.port.path(), 115_200).unwrap();
-    let busy = SerialPort::open(cable.port.path(), 115_200).unwrap_err();
+    let _holder = SerialPort::open(cable.port.path(), 115_200, 1).unwrap();
+    let busy = SerialPort::open(cable.port.path(), 115_200, 1).unwrap_err();
     assert!(matches!(busy.kind(), PortErrorKind::Busy), "{busy:?}");
 
-    let no_port = SerialPort::open(dir.path(), 115_200).unwrap_err();
+    let no_port = SerialPort::open(dir.path(), 115_200, 1).unwrap_err();
     assert!(
         matches!(no_port.kind(), PortErrorKind::System { .. }),
         "{no_port:?}"
     );
-    let zero = SerialPort::open(cable.port.path(), 0).unwrap_err();
+    let zero = SerialPort::open(cable.port.path(), 0, 1).unwrap_err();
     assert!(matches!(zero.kind(), PortErrorKind::ZeroBaud), "{zero:?}");
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::{Event, EventKind, Role};
+use sim_core::event::{Event, Role};
 use sim_core::mecanum_device::MecanumEvent;
 use sim_core::mecanum_device::ascii;
 use sim_core::mecanum_device::packet::{self, Status};
@@ -62,15 +62,17 @@ impl Seen {
             Role::Reply => self.last_reply = Some(event.at),
             Role::HeartbeatLost | Role::Other => {}
         }
-        match &event.kind {
-            EventKind::R150(R150Event::Request { request, .. }) => {
+        match event.kind.get() {
+            Some(R150Event::Request { request, .. }) => {
                 self.r150_request(event.at, *request, distance_m);
             }
-            EventKind::R150(R150Event::Reply { reply, .. }) => self.r150_reply(event.at, *reply),
-            EventKind::Mecanum(own) => self.mecanum(event.at, own, distance_m),
+            Some(R150Event::Reply { reply, .. }) => self.r150_reply(event.at, *reply),
             _ => {}
         }
-        *self.counts.entry(event.kind.code()).or_default() += 1;
+        if let Some(event_of_car) = event.kind.get() {
+            self.mecanum(event.at, event_of_car, distance_m);
+        }
+        *self.counts.entry(event.kind.code().as_str()).or_default() += 1;
         if !excused {
             self.report.note(event);
         }

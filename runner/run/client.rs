@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::line::ClientLine;
+use sim_core::line::{ClientLine, LineEvent};
 use sim_core::rig::PortId;
 
+use super::lateness::burst_end;
 use super::{NANOSECOND, Run, RunError};
 
 /// What a real client does. Each of these is dated a nanosecond after the present at least; after
@@ -38,7 +39,9 @@ impl Run {
         if let Some(recorder) = &mut self.recorder {
             recorder.detached(at, port);
         }
-        self.unread.remove(&port);
+        if let Ok(index) = self.ports.binary_search(&port) {
+            self.unread[index].clear();
+        }
         let mut outcome = Ok(());
         self.instant(at, |rig| outcome = rig.detach(port, at))?;
         Ok(outcome?)
@@ -48,12 +51,7 @@ impl Run {
     ///
     /// # Errors
     /// When the simulation cannot go on.
-    pub fn client_sends(
-        &mut self,
-        port: PortId,
-        now: SimTime,
-        bytes: &[u8],
-    ) -> Result<(), RunError> {
+    pub fn send(&mut self, port: PortId, now: SimTime, bytes: &[u8]) -> Result<(), RunError> {
         let Some(at) = self.go_before(now)? else {
             return Ok(());
         };
@@ -65,7 +63,7 @@ impl Run {
 
     /// The client has set its end of the line, at the present time; after the end of the run that is
     /// no part of it.
-    pub fn set_client_line(&mut self, port: PortId, line: ClientLine) {
+    pub fn set_line(&mut self, port: PortId, line: ClientLine) {
         if self.outcome.is_some() || self.lines.insert(port, line) == Some(line) {
             return;
         }
@@ -76,9 +74,10 @@ impl Run {
     }
 
     /// Adds to `bytes` what has arrived at the client.
-    pub fn client_reads(&mut self, port: PortId, bytes: &mut Vec<u8>) {
-        if let Some(unread) = self.unread.get_mut(&port) {
-            bytes.append(unread);
+    pub fn read(&mut self, port: PortId, bytes: &mut Vec<u8>) {
+        if let Ok(index) = self.ports.binary_search(&port) {
+            self.read_port(index, self.rig.now());
+            bytes.append(&mut self.unread[index]);
         }
     }
 
@@ -90,16 +89,31 @@ impl Run {
 
     /// The client did not read, and `bytes` of what it should have got were lost.
     pub fn client_lost(&mut self, port: PortId, bytes: u64) {
-        self.rig.client_lost(port, bytes);
+        self.rig.tell(port, LineEvent::Overrun { bytes });
     }
 
-    /// As [`sim_core::rig::Rig::simulator_late`].
-    pub fn simulator_late(&mut self, by: Duration) {
-        self.rig.simulator_late(by);
+    /// The machine was late to run the simulator by so much simulated time, little as it may be: what
+    /// clients send next may come closer together by as much, which does not count as too soon.
+    pub fn late(&mut self, by: Duration) {
+        self.expect_burst(by, burst_end(self.rig.now(), by));
     }
 
-    /// As [`sim_core::rig::Rig::expect_burst`], at the present time; after the end of the run that is
-    /// no part of it.
+    /// The machine held the simulator up for so long that simulated time stood still: for `real`, in
+    /// which `by` of simulated time would have passed. What that may look like is not held against the
+    /// clients.
+    pub fn held_up(&mut self, real: Duration, by: Duration) {
+        self.lateness.note(self.rig.now(), by);
+        self.rig.tell_all(LineEvent::SimulatorLate { by: real });
+        self.late(by);
+    }
+
+    /// The machine is too slow for what it is to compute.
+    pub fn too_slow(&mut self) {
+        self.rig.tell_all(LineEvent::SimulatorTooSlow);
+    }
+
+    /// Up to and including `until`, what clients send may come up to `by` closer together than they sent
+    /// it; after the end of the run that is no part of it.
     pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         if self.outcome.is_some() {
             return;
@@ -108,11 +122,6 @@ impl Run {
             recorder.late(self.rig.now(), by, until);
         }
         self.rig.expect_burst(by, until);
-    }
-
-    /// As [`sim_core::rig::Rig::simulator_too_slow`].
-    pub fn simulator_too_slow(&mut self) {
-        self.rig.simulator_too_slow();
     }
 
     /// Does whatever comes before what a client does at `now`, and says when that is; `None` if the

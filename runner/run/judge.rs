@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::{Blame, Event, Role};
+use sim_core::event::{Event, Role};
 use sim_settings::show_duration;
 
 use super::agenda::Item;
@@ -176,10 +176,8 @@ impl Run {
             .excused_until
             .get(event.device)
             .is_some_and(|until| event.at <= *until);
-        let own = disturbed && event.kind.which().blame() == Blame::ClientUnlessDisturbed;
-        // Asked in any case, for it may count.
-        let by_others = self.excuse.as_mut().is_some_and(|excuse| excuse(event));
-        own || by_others
+        let blame = event.kind.code().blame();
+        disturbed && blame.spares_disturbed() || self.lateness.excuses(event)
     }
 
     pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {

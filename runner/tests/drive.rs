@@ -58,7 +58,7 @@ impl Ports {
         self.run.advance(self.now).unwrap();
         for link in 0..self.links.len() {
             if let Some(received) = &mut self.links[link] {
-                self.run.client_reads(port(link), received);
+                self.run.read(port(link), received);
                 if self.run.rig().cable_pulled(port(link)) {
                     self.close(link);
                 }
@@ -86,7 +86,7 @@ impl Ports {
             Ask::Close(link) => self.close(link),
             Ask::Write(link, bytes) => {
                 self.links[link].as_ref()?;
-                self.run.client_sends(port(link), self.now, &bytes).unwrap();
+                self.run.send(port(link), self.now, &bytes).unwrap();
             }
             Ask::Read(link, wanted, timeout) => {
                 let due = timeout.map(|timeout| self.now + timeout);

@@ -172,7 +172,7 @@ impl Replay {
             Record::In { t, port, bytes } => {
                 let at = self.client_acts(t)?;
                 let port = self.port(port.into())?;
-                self.run.client_sends(port, at, &bytes.0)?;
+                self.run.send(port, at, &bytes.0)?;
             }
             Record::Line {
                 t,
@@ -193,7 +193,7 @@ impl Replay {
                     rts_cts,
                 };
                 let port = self.port(port.into())?;
-                self.run.set_client_line(port, line);
+                self.run.set_line(port, line);
             }
             Record::Late { t, by, until } => {
                 let at = self.client_acts(t)?;

@@ -17,7 +17,7 @@ use sim_physics::{Pose, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
 use super::*;
-use crate::event::{Event, EventKind};
+use crate::event::Event;
 use crate::line::Wire;
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
@@ -207,10 +207,7 @@ fn status(rig: &mut Rig) -> Status {
 /// What was told of faults.
 fn phases(rig: &mut Rig) -> Vec<FaultPhase> {
     std::iter::from_fn(|| rig.poll_event())
-        .filter_map(|event| match event.kind {
-            EventKind::Fault { phase, .. } => Some(phase),
-            _ => None,
-        })
+        .filter_map(|event| Some(event.kind.get::<FaultEvent>()?.phase.clone()))
         .collect()
 }
 

@@ -1,10 +1,11 @@
 //! What is told of a line.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::time::Duration;
 
 use super::MOST_IN_FLIGHT;
-use crate::event::{Code, Level};
+use crate::event::{Code, EventKind, Level, Role, code};
 
 /// Something that happened on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,59 +65,74 @@ pub enum LineEvent {
     },
 }
 
-impl LineEvent {
-    /// How much it matters.
-    #[must_use]
-    pub fn level(&self) -> Level {
-        match self {
-            Self::Attached | Self::Detached | Self::BaudMatched { .. } => Level::Notice,
+/// Something that happened on a line of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OnLine {
+    /// Index of the link on the device.
+    pub link: usize,
+    /// What happened.
+    pub event: LineEvent,
+}
+
+impl EventKind for OnLine {
+    fn level(&self) -> Level {
+        match self.event {
+            LineEvent::Attached | LineEvent::Detached | LineEvent::BaudMatched { .. } => {
+                Level::Notice
+            }
             _ => Level::Warning,
         }
     }
 
-    /// A short stable name, the same in logs, reports and documentation.
-    #[must_use]
-    pub fn code(&self) -> &'static str {
-        self.which().word()
-    }
-
-    /// What it is called.
-    #[must_use]
-    pub fn which(&self) -> Code {
-        match self {
-            Self::Attached => Code::ClientAttached,
-            Self::Detached => Code::ClientDetached,
-            Self::BaudMismatch { .. } => Code::BaudMismatch,
-            Self::BaudMatched { .. } => Code::BaudMatched,
-            Self::NotRaw => Code::LineNotRaw,
-            Self::StopBits { .. } => Code::StopBits,
-            Self::Parity => Code::Parity,
-            Self::FlowControl => Code::FlowControl,
-            Self::HungUp => Code::HungUp,
-            Self::SentTooMuch { .. } => Code::SentTooMuch,
-            Self::SimulatorLate { .. } => Code::SimulatorLate,
-            Self::SimulatorTooSlow => Code::SimulatorTooSlow,
-            Self::Overrun { .. } => Code::Overrun,
-            Self::ReplyDropped { .. } => Code::LineFull,
+    fn code(&self) -> Code {
+        match self.event {
+            LineEvent::Attached => code::CLIENT_ATTACHED,
+            LineEvent::Detached => code::CLIENT_DETACHED,
+            LineEvent::BaudMismatch { .. } => code::BAUD_MISMATCH,
+            LineEvent::BaudMatched { .. } => code::BAUD_MATCHED,
+            LineEvent::NotRaw => code::LINE_NOT_RAW,
+            LineEvent::StopBits { .. } => code::STOP_BITS,
+            LineEvent::Parity => code::PARITY,
+            LineEvent::FlowControl => code::FLOW_CONTROL,
+            LineEvent::HungUp => code::HUNG_UP,
+            LineEvent::SentTooMuch { .. } => code::SENT_TOO_MUCH,
+            LineEvent::SimulatorLate { .. } => code::SIMULATOR_LATE,
+            LineEvent::SimulatorTooSlow => code::SIMULATOR_TOO_SLOW,
+            LineEvent::Overrun { .. } => code::OVERRUN,
+            LineEvent::ReplyDropped { .. } => code::LINE_FULL,
         }
     }
 
-    /// How many bytes were lost.
-    #[must_use]
-    pub fn lost_bytes(&self) -> u64 {
-        match self {
-            Self::SentTooMuch { bytes } | Self::ReplyDropped { bytes } => {
-                u64::try_from(*bytes).unwrap_or(u64::MAX)
+    fn link(&self) -> Option<usize> {
+        Some(self.link)
+    }
+
+    fn role(&self) -> Role {
+        match self.event {
+            LineEvent::Attached => Role::Attached,
+            LineEvent::Detached => Role::Detached,
+            _ => Role::Other,
+        }
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
+
+    fn lost_bytes(&self) -> u64 {
+        match self.event {
+            LineEvent::SentTooMuch { bytes } | LineEvent::ReplyDropped { bytes } => {
+                u64::try_from(bytes).unwrap_or(u64::MAX)
             }
-            Self::Overrun { bytes } => *bytes,
+            LineEvent::Overrun { bytes } => bytes,
             _ => 0,
         }
     }
+}
 
-    /// Whether the client did something that it should not.
-    #[must_use]
-    pub fn is_client_fault(&self) -> bool {
-        self.which().is_client_fault()
+impl fmt::Display for OnLine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.event.fmt(f)
     }
 }
 

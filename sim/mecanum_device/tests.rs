@@ -19,6 +19,7 @@ use super::codec::Packet;
 use super::packet::{Request, Status};
 use super::settings::{MecanumFirmwareSettings, PulseDirection};
 use super::{Link, MecanumDevice, MecanumEvent};
+use crate::event::EventKind as _;
 
 /// The smallest step of simulated time.
 const QUANTUM: Duration = Duration::from_nanos(1);
@@ -177,7 +178,7 @@ impl Bench {
     /// Codes of the events since the last call that are no traffic.
     fn codes(&mut self) -> Vec<&'static str> {
         let events = self.events().into_iter();
-        let codes = events.map(|(_, event)| event.code());
+        let codes = events.map(|(_, event)| event.code().as_str());
         codes
             .filter(|code| !matches!(*code, "request" | "reply"))
             .collect()

@@ -1,7 +1,5 @@
 //! What happens in the R150 that a developer wants to know.
 
-mod words;
-
 use std::time::Duration;
 
 use super::codec::Decoded;
@@ -11,7 +9,6 @@ use super::protection::{Cause, Group};
 use super::reply::Reply;
 use super::settings::ProtectionAction;
 use super::vehicle::{Action, Obstacle};
-use crate::event::{Code, Level};
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]
@@ -131,93 +128,6 @@ impl ValueFault {
             Request::PowerControl { status } if status & !u32::from(POWER_BITS) != 0 => {
                 Some(Self::ReservedBits(status & !u32::from(POWER_BITS)))
             }
-            _ => None,
-        }
-    }
-}
-
-impl R150Event {
-    /// How much it matters.
-    #[must_use]
-    pub fn level(&self) -> Level {
-        match self {
-            Self::Request { .. } | Self::Reply { .. } => Level::Traffic,
-            Self::ControlTaken(_)
-            | Self::TripCleared(..)
-            | Self::Cooled(_)
-            | Self::PowerModuleRecovered
-            | Self::Started
-            | Self::Operated(_) => Level::Notice,
-            _ => Level::Warning,
-        }
-    }
-
-    /// A short stable name, the same in logs, reports and documentation.
-    #[must_use]
-    pub fn code(&self) -> &'static str {
-        self.which().word()
-    }
-
-    /// What it is called.
-    #[must_use]
-    pub fn which(&self) -> Code {
-        match self {
-            Self::Request { .. } => Code::Request,
-            Self::Reply { .. } => Code::Reply,
-            Self::BadStream(Decoded::BadCrc { .. }) => Code::BadCrc,
-            Self::BadStream(Decoded::Partial(_)) => Code::PartialFrame,
-            Self::BadStream(_) => Code::Noise,
-            Self::Refused {
-                refusal: Refusal::UnknownCommand(_),
-                ..
-            } => Code::UnknownCommand,
-            Self::Refused {
-                refusal: Refusal::WrongLength { .. },
-                ..
-            } => Code::WrongLength,
-            Self::BadValue { fault, .. } => match fault {
-                ValueFault::DutyOutOfRange(_) => Code::DutyOutOfRange,
-                ValueFault::MotorsOutOfRange { .. } => Code::MotorsOutOfRange,
-                ValueFault::ReservedBits(_) => Code::ReservedBits,
-            },
-            Self::OverRate { .. } => Code::OverRate,
-            Self::AppInControl(_) => Code::AppInControl,
-            Self::NotDriving(_) => Code::NotDriving,
-            Self::WatchdogFired { .. } => Code::WatchdogFired,
-            Self::ControlTaken(_) => Code::ControlTaken,
-            Self::HeartbeatLost => Code::HeartbeatLost,
-            Self::Tripped(_, Cause::Overcurrent, _) => Code::Overcurrent,
-            Self::Tripped(_, Cause::OverTemperature, _) => Code::OverTemperature,
-            Self::TripCleared(..) => Code::TripCleared,
-            Self::Cooled(_) => Code::Cooled,
-            Self::PowerModuleFault { .. } => Code::PowerModuleFault,
-            Self::PowerModuleRecovered => Code::PowerModuleRecovered,
-            Self::PowerLost => Code::PowerLost,
-            Self::Reset { .. } => Code::FirmwareReset,
-            Self::Started => Code::Started,
-            Self::Operated(_) => Code::Operated,
-            Self::ReplyDropped => Code::ReplyDropped,
-        }
-    }
-
-    /// Whether it is something that the client did and the protocol forbids, or that is risky.
-    #[must_use]
-    pub fn is_client_fault(&self) -> bool {
-        let idle = matches!(self, Self::WatchdogFired { driving: false, .. });
-        self.which().is_client_fault() && !idle
-    }
-
-    /// The bytes it is about, if it is about bytes.
-    #[must_use]
-    pub fn bytes(&self) -> Option<&[u8]> {
-        match self {
-            Self::Request { frame, .. }
-            | Self::Reply { frame, .. }
-            | Self::Refused { frame, .. }
-            | Self::BadValue { frame, .. } => Some(frame),
-            Self::BadStream(
-                Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes),
-            ) => Some(bytes),
             _ => None,
         }
     }

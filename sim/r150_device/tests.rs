@@ -19,6 +19,7 @@ use super::reply::Reply;
 use super::settings::{R150FirmwareSettings, Resync};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
+use crate::event::EventKind as _;
 use crate::noise::Noise;
 
 /// The smallest step of simulated time.
@@ -158,7 +159,7 @@ impl Bench {
     fn codes(&mut self) -> Vec<&'static str> {
         self.events()
             .iter()
-            .map(R150Event::code)
+            .map(|event| event.code().as_str())
             .filter(|code| !["request", "reply", "control_taken"].contains(code))
             .collect()
     }

@@ -1,8 +1,11 @@
 //! The events of a rig, until somebody takes them.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use crate::event::Event;
+use sim_settings::SimTime;
+
+use crate::event::{Event, EventKind};
 
 /// Most events kept; the oldest go first, and are counted.
 const MOST: usize = 1 << 16;
@@ -16,7 +19,13 @@ pub(super) struct Events {
 
 impl Events {
     /// Keeps it for whoever takes events.
-    pub(super) fn keep(&mut self, event: Event) {
+    pub(super) fn keep(&mut self, at: SimTime, device: usize, kind: impl EventKind) {
+        let kind = Arc::new(kind);
+        self.keep_event(Event { at, device, kind });
+    }
+
+    /// Keeps it, as [`Events::keep`].
+    pub(super) fn keep_event(&mut self, event: Event) {
         if self.kept.len() >= MOST {
             self.kept.pop_front();
             self.lost += 1;
@@ -27,6 +36,11 @@ impl Events {
     /// Takes the next one.
     pub(super) fn take(&mut self) -> Option<Event> {
         self.kept.pop_front()
+    }
+
+    /// Whether there is none to take.
+    pub(super) fn is_empty(&self) -> bool {
+        self.kept.is_empty()
     }
 
     /// How many were lost because nobody took them.

@@ -4,9 +4,8 @@ use sim_settings::SimTime;
 
 use super::{PortId, Rig, Slot, Vehicle};
 use crate::device_kind::DeviceKind;
-use crate::event::{Event, EventKind};
 use crate::fault::{
-    Fault, FaultError, FaultHandle, FaultPhase, Faults, MOST_ARMED, MOST_EVER, Target,
+    Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, Faults, MOST_ARMED, MOST_EVER, Target,
 };
 use crate::line::SerialLine;
 use crate::noise::Noise;
@@ -160,21 +159,15 @@ impl Rig {
             if let Some(what) = first {
                 let phase = FaultPhase::Triggered { what };
                 let name = name.to_owned();
-                let kind = EventKind::Fault { name, id, phase };
-                let event = Event { at, device, kind };
-                self.events.keep(event);
+                self.events.keep(at, device, FaultEvent { name, id, phase });
             }
         });
     }
 
     fn fault_event(&mut self, device: usize, name: &str, id: &'static str, phase: FaultPhase) {
         let name = name.to_owned();
-        let event = Event {
-            at: self.now,
-            device,
-            kind: EventKind::Fault { name, id, phase },
-        };
-        self.events.keep(event);
+        let event = FaultEvent { name, id, phase };
+        self.events.keep(self.now, device, event);
     }
 }
 

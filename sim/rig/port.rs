@@ -61,11 +61,6 @@ impl Rig {
         self.reschedule(port.device);
     }
 
-    /// The system did not run the simulator for so long in real time; told on every device.
-    pub fn simulator_late(&mut self, by: Duration) {
-        self.tell_all(LineEvent::SimulatorLate { by });
-    }
-
     /// The simulator was late by `by` of simulated time, so that up to and including `until` what
     /// clients send may come closer together by as much than they sent it. That does not count as too
     /// soon.
@@ -75,14 +70,17 @@ impl Rig {
         }
     }
 
-    /// The machine is too slow for the speed that was asked for; told on every device.
-    pub fn simulator_too_slow(&mut self) {
-        self.tell_all(LineEvent::SimulatorTooSlow);
+    /// Something that only whoever serves the port knows happened on it.
+    pub fn tell(&mut self, port: PortId, event: LineEvent) {
+        if self.line(port).is_some() {
+            self.line_event(port, Some(event));
+        }
     }
 
-    fn tell_all(&mut self, event: LineEvent) {
+    /// The same at every device.
+    pub fn tell_all(&mut self, event: LineEvent) {
         for device in 0..self.slots.len() {
-            self.line_event(PortId { device, link: 0 }, Some(event));
+            self.tell(PortId { device, link: 0 }, event);
         }
     }
 
@@ -102,35 +100,9 @@ impl Rig {
         self.line(port).map_or(0, SerialLine::room)
     }
 
-    /// The client sends `bytes` at `now`, to which the rig advances first.
-    ///
-    /// # Errors
-    /// As [`Rig::advance`].
-    pub fn client_sends(
-        &mut self,
-        port: PortId,
-        now: SimTime,
-        bytes: &[u8],
-    ) -> Result<(), RigError> {
-        // Bytes come before deadlines of the same instant, so stop just short of it.
-        if let Some(before) = now.as_nanos().checked_sub(1) {
-            self.advance(SimTime::from_nanos(before))?;
-        }
-        let now = now.max(self.now);
-        let events = self
-            .line_mut(port)
-            .map(|line| line.client_sends(now, bytes));
-        self.note_sent(port, bytes.len());
-        self.reschedule(port.device);
-        self.advance(now)?;
-        for event in events.into_iter().flatten() {
-            self.line_event(port, Some(event));
-        }
-        Ok(())
-    }
-
-    /// The client sends `bytes` at the present time; unlike [`Rig::client_sends`] this leaves whatever
-    /// else happens now to the next advance.
+    /// The client sends `bytes` at the present time. Whatever else happens now is left to the next
+    /// advance, so that bytes come before the deadlines of their instant; [`Rig::approach`] goes to just
+    /// before one.
     pub fn client_puts(&mut self, port: PortId, bytes: &[u8]) {
         let now = self.now;
         let events = self
@@ -163,11 +135,6 @@ impl Rig {
             // Nobody is there to hear what was delayed.
             bytes.truncate(before);
         }
-    }
-
-    /// The client did not read, and `bytes` of what it should have got were lost.
-    pub fn client_lost(&mut self, port: PortId, bytes: u64) {
-        self.line_event(port, Some(LineEvent::Overrun { bytes }));
     }
 
     fn faults_mut(&mut self, device: usize) -> Option<&mut Faults> {

@@ -5,9 +5,9 @@ use sim_settings::SimTime;
 
 use super::events::Events;
 use super::{PortId, Rig, Slot};
-use crate::event::{Event, EventKind};
+use crate::event::Event;
 use crate::fault::Faults;
-use crate::line::{LineEvent, SerialLine};
+use crate::line::{LineEvent, OnLine, SerialLine};
 use crate::unit::Unit;
 
 impl Rig {
@@ -58,7 +58,7 @@ impl Rig {
         send(now, device, slot, &mut self.events);
         let unit = slot.vehicle.unit_mut();
         while let Some((at, kind)) = unit.poll_event() {
-            self.events.keep(Event { at, device, kind });
+            self.events.keep_event(Event { at, device, kind });
         }
         self.agenda.set(device, next(slot));
         if self.resting && !slot.vehicle.unit().at_rest() {
@@ -75,14 +75,10 @@ impl Rig {
     /// Something happened on a line, if anything did.
     pub(super) fn line_event(&mut self, port: PortId, event: Option<LineEvent>) {
         if let Some(event) = event {
-            self.events.keep(of_line(self.now, port, event));
+            let PortId { device, link } = port;
+            self.events.keep(self.now, device, OnLine { link, event });
         }
     }
-}
-
-fn of_line(at: SimTime, PortId { device, link }: PortId, event: LineEvent) -> Event {
-    let kind = EventKind::Line { link, event };
-    Event { at, device, kind }
 }
 
 /// Hands a device the bytes that have arrived.
@@ -116,7 +112,7 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
             Some(LineEvent::ReplyDropped { bytes })
         };
         if let Some(event) = event {
-            events.keep(of_line(now, PortId { device, link }, event));
+            events.keep(now, device, OnLine { link, event });
         }
     };
     let unit = slot.vehicle.unit_mut();

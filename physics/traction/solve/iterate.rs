@@ -8,7 +8,7 @@ use super::Row;
 const MAX_ROUNDS: usize = 24;
 
 /// The iteration ends when no impulse changes by more than this share of the weight's impulse. What
-/// is left changes a velocity by about 1e-7 m/s, which is the rounding of rapier's `f32`; it does not
+/// is left changes a velocity by about 1e-7 m/s, far less than any tyre slips; it does not
 /// add up, since the next step starts from it and goes on.
 const TOLERANCE: f64 = 2e-6;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::world::{Area, Obstacle, ObstacleShape, World, WorldSettings};
+use crate::world::{Area, Obstacle, ObstacleError, ObstacleShape, World, WorldSettings};
 
 fn read(text: &str) -> Result<WorldMap, WorldFileError> {
     WorldMap::from_toml(text, "test.toml")
@@ -83,7 +83,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
                 "test.toml:4:13",
                 "`wall.thickness`",
                 "\"0.5 m\"",
-                "0.001 to 1000 m",
+                "0.001 to 10000 m",
             ],
         ),
         (
@@ -100,7 +100,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
         ),
         (
             "[[circle]]\nat_m = [0, 1e9]\nradius = \"3 mm\"",
-            &["test.toml:3:", "`circle.at_m`", "-1000 to 1000"],
+            &["test.toml:3:", "`circle.at_m`", "-10000 to 10000"],
         ),
         (
             "[[circle]]\nat_m = [0, 1, 2]\nradius = \"3 mm\"",
@@ -158,6 +158,24 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
     );
     let found = read("").unwrap_err().to_string();
     assert!(found.contains("missing field `schema`"), "{found}");
+}
+
+#[test]
+fn a_world_with_too_many_parts_is_refused_from_a_file_and_when_they_are_added() {
+    let file = |boxes: usize| {
+        let text = "[[box]]\nat_m = [3, 0]\nlength = \"1 m\"\nwidth = \"1 m\"\n";
+        format!("schema = 1\n{}", text.repeat(boxes))
+    };
+    let full = read(&file(MOST_PARTS)).unwrap();
+    let error = read(&file(MOST_PARTS + 1)).unwrap_err().to_string();
+    assert!(error.contains("more than 4000 things"), "{error}");
+
+    let mut world = World::with_map(&WorldSettings::default(), &full);
+    let one = read(&file(1)).unwrap();
+    assert_eq!(world.add_map(&one), Err(ObstacleError::TooMany));
+    let mut world = World::with_map(&WorldSettings::default(), &one);
+    assert_eq!(world.add_map(&full), Err(ObstacleError::TooMany));
+    assert_eq!(world.obstacles().count(), 1);
 }
 
 #[test]

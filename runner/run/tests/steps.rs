@@ -292,7 +292,7 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
         run.play(&mut |_| {}).unwrap();
         let locked = run.rig().r150(0).unwrap().device().vehicle().locked();
         let events: Vec<_> = std::iter::from_fn(|| run.poll_event())
-            .filter(|event| event.kind.code() == "operated")
+            .filter(|event| event.kind.code().as_str() == "operated")
             .map(|event| (event.at, event.kind.to_string()))
             .collect();
         (locked, events)
@@ -347,4 +347,22 @@ fn a_repeated_step_is_done_when_its_time_is_over() {
          [[step]]\nname = \"b\"\nat = \"100ms\"\nevery = \"300ms\"\ncount = 2\noperator = \"autonomous\"\n\
          [[step]]\nafter = \"b\"\nexpect = { that = \"t == 0.4\" }\n",
     ));
+}
+
+#[test]
+fn whoever_drives_a_run_may_stop_after_any_instant() {
+    let dense = "[[step]]\nat = \"1ms\"\nevery = \"1ns\"\nhost = { send = \"heartbeat\" }\n";
+    let options = RunOptions::scripted(1);
+    let mut run = Run::new(scenario(&text(R150, "1s", dense)), None, options).unwrap();
+    run.advance(SimTime::from_millis(1)).unwrap();
+    for _ in 0..100 {
+        let before = run.rig().now();
+        assert!(run.step(SimTime::MAX).unwrap());
+        assert_eq!(run.rig().now(), before + NANOSECOND);
+    }
+    let here = run.rig().now();
+    assert!(
+        !run.step(here).unwrap(),
+        "nothing is left until the present"
+    );
 }

@@ -21,29 +21,39 @@ fn replay(lines: &[String]) -> Result<(), ReplayError> {
     Replay::all(lines.iter().map(String::as_str))
 }
 
-/// A live run whose client sends these at these times, and is asked for its bytes at odd times.
+/// A live run whose client sends these at these times, and is asked for its bytes at odd times; the
+/// lines of its trace.
 fn live(text: &str, wire: Wire, sent: &[(u64, Vec<u8>)]) -> Vec<String> {
+    let (mut run, _) = live_run(text, wire, true, sent);
+    std::iter::from_fn(|| run.poll_trace()).collect()
+}
+
+/// The same run when it is over, and what its client has got.
+fn live_run(text: &str, wire: Wire, trace: bool, sent: &[(u64, Vec<u8>)]) -> (Run, Vec<u8>) {
     let options = RunOptions {
         seed: 5,
         wire,
         live: true,
-        trace: true,
+        trace,
     };
     let mut run = Run::new(scenario(text), None, options).unwrap();
     run.attach(PORT, SimTime::from_millis(1)).unwrap();
-    run.set_client_line(PORT, ClientLine::at(115_200));
+    run.set_line(PORT, ClientLine::at(115_200));
     let mut got = Vec::new();
     for (at, bytes) in sent {
         let at = SimTime::from_nanos(*at);
         run.advance(at - Duration::from_nanos(777)).unwrap();
-        run.client_reads(PORT, &mut got);
+        run.read(PORT, &mut got);
         run.advance(at).unwrap();
-        run.client_sends(PORT, at, bytes).unwrap();
+        run.send(PORT, at, bytes).unwrap();
     }
+    run.advance(run.rig().now() + Duration::from_millis(20))
+        .unwrap();
+    run.read(PORT, &mut got);
     run.detach(PORT, run.rig().now()).unwrap();
     run.advance(SimTime::MAX).unwrap();
     assert!(run.finished().is_some());
-    std::iter::from_fn(|| run.poll_trace()).collect()
+    (run, got)
 }
 
 #[test]
@@ -136,7 +146,7 @@ fn a_run_that_the_machine_held_up_is_the_same_again() {
         if at == held_up + Duration::from_millis(20) {
             run.expect_burst(Duration::from_millis(300), burst_until);
         }
-        run.client_sends(PORT, at, &drive).unwrap();
+        run.send(PORT, at, &drive).unwrap();
     }
     run.advance(SimTime::MAX).unwrap();
     let after_the_end = run.rig().now();
@@ -209,6 +219,24 @@ fn what_no_recording_has_is_refused_in_words() {
 }
 
 #[test]
+fn devices_that_are_only_served_cost_no_looks_and_have_no_end() {
+    let rig = scenario(&text(R150, "1s", "")).rig.clone();
+    let options = RunOptions {
+        live: true,
+        ..RunOptions::scripted(1)
+    };
+    let mut run = Run::new(Arc::new(Scenario::serving(rig)), None, options).unwrap();
+    run.advance(SimTime::from_secs(5)).unwrap();
+    assert_eq!(run.next_deadline(), run.rig().next_deadline());
+    // At rest, slow states advance ten times a second.
+    let due = run.next_deadline().unwrap().since(run.rig().now());
+    assert!(due > Duration::from_millis(90), "{due:?}");
+    run.advance(SimTime::from_secs(100_000)).unwrap();
+    assert!(run.finished().is_none());
+    assert!(run.end().passed);
+}
+
+#[test]
 fn what_comes_after_the_end_of_a_run_is_no_part_of_it() {
     let options = RunOptions {
         live: true,
@@ -218,9 +246,9 @@ fn what_comes_after_the_end_of_a_run_is_no_part_of_it() {
     let mut run = Run::new(scenario(&text(R150, "1s", "")), None, options).unwrap();
     run.advance(SimTime::from_secs(2)).unwrap();
     let late = SimTime::from_secs(3);
-    run.set_client_line(PORT, ClientLine::at(9600));
+    run.set_line(PORT, ClientLine::at(9600));
     run.attach(PORT, late).unwrap();
-    run.client_sends(PORT, late, &[0xAA]).unwrap();
+    run.send(PORT, late, &[0xAA]).unwrap();
     run.detach(PORT, late).unwrap();
     run.advance(late).unwrap();
     let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();
@@ -341,6 +369,14 @@ proptest! {
             })
             .collect();
         let wire = if instant { Wire::Instant } else { Wire::Paced };
-        replay(&live(&text, wire, &sent)).unwrap();
+        let (mut traced, got) = live_run(&text, wire, true, &sent);
+        let lines: Vec<String> = std::iter::from_fn(|| traced.poll_trace()).collect();
+        replay(&lines).unwrap();
+        // Whoever looks at every byte for a trace sees no more than who does not.
+        let (mut plain, got_without) = live_run(&text, wire, false, &sent);
+        prop_assert_eq!(got, got_without);
+        prop_assert_eq!(traced.end(), plain.end());
+        let events = |run: &mut Run| std::iter::from_fn(|| run.poll_event()).collect::<Vec<_>>();
+        prop_assert_eq!(events(&mut traced), events(&mut plain));
     }
 }

@@ -40,8 +40,8 @@ fn a_hung_module_drives_on_and_catches_up() {
     rig.clear(handle);
     rig.advance(cleared).unwrap();
     assert_eq!(rig.r150(0).unwrap().device().motor_set_point(), [0; 2]);
-    let fired =
-        std::iter::from_fn(|| rig.poll_event()).find(|event| event.kind.code() == "watchdog_fired");
+    let fired = std::iter::from_fn(|| rig.poll_event())
+        .find(|event| event.kind.code().as_str() == "watchdog_fired");
     assert_eq!(fired.unwrap().at, cleared);
 }
 
@@ -82,7 +82,7 @@ fn what_waits_behind_a_slow_reply_is_sent_with_it() {
     let sent = run(&mut rig, MAIN, MS(80));
     assert_eq!((sent[3], sent[7 + 3]), (0x07, 0xF0));
     let replies = std::iter::from_fn(|| rig.poll_event());
-    let replies = replies.filter(|event| event.kind.code() == "reply");
+    let replies = replies.filter(|event| event.kind.code().as_str() == "reply");
     let at: Vec<SimTime> = replies.map(|event| event.at).collect();
     assert_eq!(at.len(), 2);
     assert_eq!(at[0], at[1]);

@@ -165,7 +165,7 @@ fn events_name_the_fault_and_what_it_hit() {
     ask(&mut rig, Request::Heartbeat);
     rig.clear(handle);
     let told: Vec<Event> = std::iter::from_fn(|| rig.poll_event())
-        .filter(|event| matches!(event.kind, EventKind::Fault { .. }))
+        .filter(|event| event.kind.get::<FaultEvent>().is_some())
         .collect();
     let lines: Vec<String> = told.iter().map(|event| event.kind.to_string()).collect();
     assert_eq!(
@@ -176,6 +176,9 @@ fn events_name_the_fault_and_what_it_hit() {
             "fault drop one (mute) cleared",
         ]
     );
-    let codes: Vec<&str> = told.iter().map(|event| event.kind.code()).collect();
+    let codes: Vec<&str> = told
+        .iter()
+        .map(|event| event.kind.code().as_str())
+        .collect();
     assert_eq!(codes, ["fault_armed", "fault_triggered", "fault_cleared"]);
 }

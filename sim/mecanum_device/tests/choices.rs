@@ -12,6 +12,7 @@ use super::super::settings::{
     PositiveTurn, Preempt, QueueFull, StartMode, ZeroDistance, ZeroSpeed,
 };
 use super::*;
+use crate::event::EventKind as _;
 
 fn with(change: impl FnOnce(&mut MecanumFirmwareSettings)) -> Bench {
     Bench::with(false, change)
@@ -36,7 +37,7 @@ fn fields_may_be_big_endian_both_ways() {
     let bytes = [0, 9, 0, 1, 0, 0x00, 0x0A, 0xFE, 0x0C];
     bench.device.receive(bench.now, Link::Main, &bytes);
     let (_, event) = bench.events().swap_remove(0);
-    assert_eq!(event.bytes().unwrap(), bytes);
+    assert_eq!(event.bytes().unwrap(), &bytes[..]);
     assert_eq!(bench.device.rotations(), [-1; 4]);
     bench.run_ms(1300);
     assert_eq!(bench.tenths(), [-10; 4]);

@@ -6,6 +6,7 @@ use super::super::Action;
 use super::super::kinematics::{Course, Movement};
 use super::super::motion::{Change, Motion};
 use super::*;
+use crate::event::EventKind as _;
 
 /// Bytes as clients, and bad ones, send them.
 fn stream() -> impl Strategy<Value = Vec<u8>> {
@@ -86,7 +87,7 @@ fn every_event_has_words_and_a_code() {
     };
     let started = MecanumEvent::Motion(Change::Started(motion));
     assert_eq!(started.to_string(), "turn left 1.5 rev at 30 rpm started");
-    assert_eq!(started.code(), "motion_started");
+    assert_eq!(started.code().as_str(), "motion_started");
     let mut bench = Bench::with_ros();
     bench.line("x\n");
     let (_, event) = bench.events().pop().unwrap();
@@ -151,8 +152,8 @@ proptest! {
             prop_assert!(bench.device.next_deadline().is_none_or(|due| due > bench.now));
         }
         for (_, event) in bench.events() {
-            prop_assert!(!event.to_string().is_empty() && !event.code().is_empty());
-            let _ = (event.level(), event.bytes(), event.is_client_fault());
+            prop_assert!(!event.to_string().is_empty() && !event.code().as_str().is_empty());
+            let _ = (event.level(), event.bytes(), event.blames_client());
         }
     }
 

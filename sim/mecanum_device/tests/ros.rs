@@ -2,6 +2,7 @@
 
 use super::super::MecanumEvent;
 use super::*;
+use crate::event::EventKind as _;
 
 fn reports(bench: &mut Bench) -> Vec<String> {
     let lines = bench.output(Link::Ros);
@@ -90,7 +91,7 @@ fn bad_lines_are_told_and_change_nothing() {
     assert_eq!(bench.device.rotations(), [1; 4]);
     bench.line("Q\u{FF}\n");
     let event = bench.events().pop().unwrap().1;
-    assert!(event.is_client_fault());
+    assert!(event.blames_client());
     assert_eq!(event.bytes().unwrap(), "Q\u{FF}".as_bytes());
     assert!(matches!(event, MecanumEvent::BadLine { .. }));
 }

@@ -1,6 +1,7 @@
 //! Every command, byte by byte, and every refusal.
 
 use super::*;
+use crate::event::EventKind;
 use crate::r150_device::codec::encode;
 use crate::r150_device::settings::{
     OutOfRange, RefusalReply, ReplyCommand, ReservedBits, Version, VersionOrder, Voltage48v,
@@ -268,7 +269,7 @@ fn events_carry_the_bytes_as_they_were() {
     let sent = encode(0x07, b"abc");
     let replied = bench.send(&sent).unwrap();
     let events = bench.events();
-    let bytes: Vec<&[u8]> = events.iter().filter_map(R150Event::bytes).collect();
+    let bytes: Vec<_> = events.iter().filter_map(EventKind::bytes).collect();
     assert_eq!(bytes, [&sent[..], &replied[..]]);
     for bad in [
         encode(0x99, &[1]),
@@ -280,7 +281,7 @@ fn events_carry_the_bytes_as_they_were() {
         assert!(
             events
                 .iter()
-                .any(|e| e.is_client_fault() && e.bytes() == Some(&bad[..])),
+                .any(|e| e.blames_client() && e.bytes().as_deref() == Some(&bad[..])),
             "{events:?}"
         );
     }

@@ -1,6 +1,7 @@
 //! Motor watchdog, reply rate, and what keeps the vehicle from moving.
 
 use super::*;
+use crate::event::EventKind;
 use crate::r150_device::settings::{OutOfRange, OverRate, RemoteKeyDrives, TopButtonWorks};
 use crate::r150_device::vehicle::{Action, Key, Obstacle};
 
@@ -57,7 +58,7 @@ fn a_watchdog_that_stops_what_did_not_drive_is_not_the_clients_fault() {
     let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
     bench.drive(300, 300);
     bench.after(WATCHDOG);
-    let faults = |bench: &mut Bench| bench.events().iter().any(R150Event::is_client_fault);
+    let faults = |bench: &mut Bench| bench.events().iter().any(EventKind::blames_client);
     assert!(!faults(&mut bench));
     let mut bench = Bench::new();
     bench.drive(300, 300);

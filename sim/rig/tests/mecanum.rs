@@ -359,7 +359,7 @@ fn golden_car() {
     let expected = (
         4859,
         "0.354 0.036 -0.989".to_owned(),
-        3_700_293_414_752_895_882,
+        10_097_512_050_916_044_674,
     );
     assert_eq!(
         seen, expected,

@@ -1,16 +1,147 @@
-//! Events, requests and replies in words.
+//! Events of an R150: what they are called, and what they say.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use sim_settings::show_duration;
 
-use super::{R150Event, ValueFault};
-use crate::event::Hex;
+use crate::event::{Code, EventKind, Hex, Level, Role, code};
 use crate::r150_device::codec::Decoded;
 use crate::r150_device::command::{Refusal, Request, name};
 use crate::r150_device::control::Parts;
+use crate::r150_device::protection::Cause;
 use crate::r150_device::reply::Reply;
 use crate::r150_device::settings::ProtectionAction;
+use crate::r150_device::{R150Event, ValueFault};
+
+crate::codes! {
+    /// A whole frame with a wrong CRC.
+    BAD_CRC = "bad_crc", ClientUnlessDisturbed;
+    /// A frame was begun and not finished.
+    PARTIAL_FRAME = "partial_frame", ClientUnlessDisturbed;
+    /// A frame with an unknown command.
+    UNKNOWN_COMMAND = "unknown_command", ClientUnlessDisturbed;
+    /// A frame with the wrong number of parameters.
+    WRONG_LENGTH = "wrong_length", ClientUnlessDisturbed;
+    /// A PWM duty above 1000.
+    DUTY_OUT_OF_RANGE = "duty_out_of_range", ClientUnlessDisturbed;
+    /// A motor PWM beyond 1000.
+    MOTORS_OUT_OF_RANGE = "motors_out_of_range", ClientUnlessDisturbed;
+    /// Reserved bits in a power control request.
+    RESERVED_BITS = "reserved_bits", ClientUnlessDisturbed;
+    /// A motor command came too soon.
+    OVER_RATE = "over_rate", Client;
+    /// A command was refused because the app holds control.
+    APP_IN_CONTROL = "app_in_control", Nobody;
+    /// A motor command does not move the vehicle.
+    NOT_DRIVING = "not_driving", Nobody;
+    /// The motor watchdog stopped the motors; held against the client if the vehicle was driving.
+    WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbedOrLate;
+    /// The client took control.
+    CONTROL_TAKEN = "control_taken", Nobody;
+    /// The heartbeat stopped.
+    HEARTBEAT_LOST = "heartbeat_lost", ClientUnlessDisturbedOrLate;
+    /// A protection switched outputs off for their current.
+    OVERCURRENT = "overcurrent", Nobody;
+    /// A protection switched outputs off for their temperature.
+    OVER_TEMPERATURE = "over_temperature", Nobody;
+    /// Outputs may be switched on again.
+    TRIP_CLEARED = "trip_cleared", Nobody;
+    /// Outputs have cooled down.
+    COOLED = "cooled", Nobody;
+    /// The power module reports a fault.
+    POWER_MODULE_FAULT = "power_module_fault", Nobody;
+    /// It no longer does.
+    POWER_MODULE_RECOVERED = "power_module_recovered", Nobody;
+    /// Too many replies waited.
+    REPLY_DROPPED = "reply_dropped", Nobody;
+}
+
+impl EventKind for R150Event {
+    fn level(&self) -> Level {
+        match self {
+            Self::Request { .. } | Self::Reply { .. } => Level::Traffic,
+            Self::ControlTaken(_)
+            | Self::TripCleared(..)
+            | Self::Cooled(_)
+            | Self::PowerModuleRecovered
+            | Self::Started
+            | Self::Operated(_) => Level::Notice,
+            _ => Level::Warning,
+        }
+    }
+
+    fn code(&self) -> Code {
+        match self {
+            Self::Request { .. } => code::REQUEST,
+            Self::Reply { .. } => code::REPLY,
+            Self::BadStream(Decoded::BadCrc { .. }) => BAD_CRC,
+            Self::BadStream(Decoded::Partial(_)) => PARTIAL_FRAME,
+            Self::BadStream(_) => code::NOISE,
+            Self::Refused {
+                refusal: Refusal::UnknownCommand(_),
+                ..
+            } => UNKNOWN_COMMAND,
+            Self::Refused {
+                refusal: Refusal::WrongLength { .. },
+                ..
+            } => WRONG_LENGTH,
+            Self::BadValue { fault, .. } => match fault {
+                ValueFault::DutyOutOfRange(_) => DUTY_OUT_OF_RANGE,
+                ValueFault::MotorsOutOfRange { .. } => MOTORS_OUT_OF_RANGE,
+                ValueFault::ReservedBits(_) => RESERVED_BITS,
+            },
+            Self::OverRate { .. } => OVER_RATE,
+            Self::AppInControl(_) => APP_IN_CONTROL,
+            Self::NotDriving(_) => NOT_DRIVING,
+            Self::WatchdogFired { .. } => WATCHDOG_FIRED,
+            Self::ControlTaken(_) => CONTROL_TAKEN,
+            Self::HeartbeatLost => HEARTBEAT_LOST,
+            Self::Tripped(_, Cause::Overcurrent, _) => OVERCURRENT,
+            Self::Tripped(_, Cause::OverTemperature, _) => OVER_TEMPERATURE,
+            Self::TripCleared(..) => TRIP_CLEARED,
+            Self::Cooled(_) => COOLED,
+            Self::PowerModuleFault { .. } => POWER_MODULE_FAULT,
+            Self::PowerModuleRecovered => POWER_MODULE_RECOVERED,
+            Self::PowerLost => code::POWER_LOST,
+            Self::Reset { .. } => code::FIRMWARE_RESET,
+            Self::Started => code::STARTED,
+            Self::Operated(_) => code::OPERATED,
+            Self::ReplyDropped => REPLY_DROPPED,
+        }
+    }
+
+    fn link(&self) -> Option<usize> {
+        self.bytes().map(|_| 0)
+    }
+
+    fn role(&self) -> Role {
+        match self {
+            Self::Request { .. } => Role::Request,
+            Self::Reply { .. } => Role::Reply,
+            Self::HeartbeatLost => Role::HeartbeatLost,
+            _ => Role::Other,
+        }
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        match self {
+            Self::Request { frame, .. }
+            | Self::Reply { frame, .. }
+            | Self::Refused { frame, .. }
+            | Self::BadValue { frame, .. } => Some(frame.into()),
+            Self::BadStream(
+                Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes),
+            ) => Some(bytes.into()),
+            _ => None,
+        }
+    }
+
+    fn blames_client(&self) -> bool {
+        let idle = matches!(self, Self::WatchdogFired { driving: false, .. });
+        self.code().may_blame_client() && !idle
+    }
+}
 
 impl fmt::Display for R150Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

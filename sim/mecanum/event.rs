@@ -1,0 +1,294 @@
+//! Events of a mecanum car: what they are called, and what they say.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use sim_settings::show_duration;
+
+use crate::event::{Code, EventKind, Hex, Level, Role, code};
+use crate::mecanum_device::ascii::{Fault, HIGHEST, LOWEST};
+use crate::mecanum_device::codec::Decoded;
+use crate::mecanum_device::motion::Change;
+use crate::mecanum_device::packet::{Request, Status};
+use crate::mecanum_device::settings::OverSpeed;
+use crate::mecanum_device::{Discard, Field, Handling, Link, MAX_SPEED, MecanumEvent};
+
+crate::codes! {
+    /// A packet was begun and not finished.
+    PARTIAL_PACKET = "partial_packet", ClientUnlessDisturbed;
+    /// A line that is no command.
+    BAD_LINE = "bad_line", ClientUnlessDisturbed;
+    /// A line with a number out of range.
+    BAD_NUMBER = "bad_number", ClientUnlessDisturbed;
+    /// A line without an end.
+    LINE_TOO_LONG = "line_too_long", ClientUnlessDisturbed;
+    /// A speed out of range.
+    SPEED_CLAMPED = "speed_clamped", ClientUnlessDisturbed;
+    /// A speed out of range that was not clamped.
+    SPEED_OUT_OF_RANGE = "speed_out_of_range", ClientUnlessDisturbed;
+    /// `is_reset` is neither 0 nor 1.
+    BAD_IS_RESET = "bad_is_reset", ClientUnlessDisturbed;
+    /// `moving_idx` is unknown.
+    BAD_MOVING_IDX = "bad_moving_idx", ClientUnlessDisturbed;
+    /// The control type is unknown.
+    BAD_CONTROL_TYPE = "bad_control_type", ClientUnlessDisturbed;
+    /// A motion was refused because too many wait.
+    QUEUE_FULL = "queue_full", ClientUnlessLate;
+    /// A motion was ignored because the remote control drives.
+    IGNORED_IN_REMOTE = "ignored_in_remote", Client;
+    /// A motion was ignored because the other link drives.
+    IGNORED_FOR_ROS = "ignored_for_ros", Client;
+    /// A motion began.
+    MOTION_STARTED = "motion_started", Nobody;
+    /// A motion came to its end.
+    MOTION_DONE = "motion_done", Nobody;
+    /// The link timed out.
+    LINK_TIMEOUT = "link_timeout", ClientUnlessDisturbedOrLate;
+    /// Motions were discarded.
+    MOTIONS_DISCARDED = "motions_discarded", Nobody;
+    /// Who drives has changed.
+    CONTROL_MODE = "control_mode", Nobody;
+    /// A key that does nothing now.
+    KEY_IGNORED = "key_ignored", Nobody;
+}
+
+impl EventKind for MecanumEvent {
+    fn level(&self) -> Level {
+        match self {
+            Self::Request(..) | Self::Command(_) | Self::Status(..) | Self::Report(_) => {
+                Level::Traffic
+            }
+            Self::Discarded {
+                why: Discard::LinkTimeout(_),
+                ..
+            } => Level::Warning,
+            Self::Motion(_)
+            | Self::Discarded { .. }
+            | Self::ControlMode { .. }
+            | Self::Operated(_)
+            | Self::Started => Level::Notice,
+            _ => Level::Warning,
+        }
+    }
+
+    fn link(&self) -> Option<usize> {
+        match self {
+            Self::Request(..)
+            | Self::Status(..)
+            | Self::BadStream(_)
+            | Self::SpeedOutOfRange { .. }
+            | Self::IgnoredForRos(_)
+            | Self::BadField { .. } => Some(Link::Main.index()),
+            Self::Command(_) | Self::Report(_) | Self::BadLine { .. } => Some(Link::Ros.index()),
+            _ => None,
+        }
+    }
+
+    fn code(&self) -> Code {
+        match self {
+            Self::Request(..) | Self::Command(_) => code::REQUEST,
+            Self::Status(..) | Self::Report(_) => code::REPLY,
+            Self::BadStream(Decoded::Partial(_)) => PARTIAL_PACKET,
+            Self::BadStream(_) => code::NOISE,
+            Self::BadLine { fault, .. } => match fault {
+                Fault::Malformed | Fault::Blank => BAD_LINE,
+                Fault::OutOfRange => BAD_NUMBER,
+                Fault::TooLong => LINE_TOO_LONG,
+            },
+            Self::SpeedOutOfRange {
+                handling: OverSpeed::Clamp,
+                ..
+            } => SPEED_CLAMPED,
+            Self::SpeedOutOfRange { .. } => SPEED_OUT_OF_RANGE,
+            Self::BadField { field, .. } => match field {
+                Field::IsReset => BAD_IS_RESET,
+                Field::MovingIdx => BAD_MOVING_IDX,
+                Field::ControlType => BAD_CONTROL_TYPE,
+            },
+            Self::QueueFull(_) => QUEUE_FULL,
+            Self::IgnoredInRemote(_) => IGNORED_IN_REMOTE,
+            Self::IgnoredForRos(_) => IGNORED_FOR_ROS,
+            Self::Motion(Change::Started(_)) => MOTION_STARTED,
+            Self::Motion(Change::Done(_)) => MOTION_DONE,
+            Self::Discarded {
+                why: Discard::LinkTimeout(_),
+                ..
+            } => LINK_TIMEOUT,
+            Self::Discarded { .. } => MOTIONS_DISCARDED,
+            Self::ControlMode { .. } => CONTROL_MODE,
+            Self::Operated(_) => code::OPERATED,
+            Self::KeyIgnored(_) => KEY_IGNORED,
+            Self::PowerLost => code::POWER_LOST,
+            Self::Reset { .. } => code::FIRMWARE_RESET,
+            Self::Started => code::STARTED,
+        }
+    }
+
+    fn role(&self) -> Role {
+        match self {
+            Self::Request(..) | Self::Command(_) => Role::Request,
+            Self::Status(..) | Self::Report(_) => Role::Reply,
+            _ => Role::Other,
+        }
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        match self {
+            Self::Request(request, order) => Some(request.encode_in(*order).into()),
+            Self::BadStream(Decoded::Packet(request)) => Some(request.encode().into()),
+            Self::Command(command) => Some(command.encode().into()),
+            Self::Status(status, order) => Some(status.encode_in(*order).into()),
+            Self::Report(report) => Some(report.encode().into()),
+            Self::BadStream(Decoded::Partial(bytes) | Decoded::Noise(bytes))
+            | Self::BadLine { bytes, .. } => Some(bytes.into()),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for MecanumEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Request(request, _) | Self::BadStream(Decoded::Packet(request)) => request.fmt(f),
+            Self::Command(command) => write!(f, "line {command}"),
+            Self::Status(status, _) => status.fmt(f),
+            Self::Report(report) => write!(f, "line {report}"),
+            Self::BadStream(Decoded::Partial(bytes)) => {
+                write!(f, "incomplete packet dropped after a pause: {}", Hex(bytes))
+            }
+            Self::BadStream(Decoded::Noise(bytes)) => {
+                write!(f, "bytes that begin no packet: {}", Hex(bytes))
+            }
+            Self::BadLine {
+                fault,
+                bytes,
+                taken_for,
+            } => {
+                let line = bytes.escape_ascii();
+                match taken_for {
+                    Some(command) => write!(f, "line `{line}` taken for {command}: ")?,
+                    None => write!(f, "line `{line}` ignored: ")?,
+                }
+                match fault {
+                    Fault::Malformed => {
+                        f.write_str("one of X, Y, Z, A, B and a whole number are wanted")
+                    }
+                    Fault::OutOfRange => write!(f, "{LOWEST} to {HIGHEST} is allowed"),
+                    Fault::TooLong => write!(f, "{} bytes are allowed", bytes.len()),
+                    Fault::Blank => f.write_str("there is nothing on it"),
+                }
+            }
+            Self::SpeedOutOfRange { v, handling } => {
+                let made_of_it = match handling {
+                    OverSpeed::Clamp => "clamped",
+                    OverSpeed::Obey => "taken as it is",
+                    OverSpeed::Ignore => "ignored with its motion",
+                };
+                write!(
+                    f,
+                    "speed {v} {made_of_it}: -{MAX_SPEED} to {MAX_SPEED} is allowed"
+                )
+            }
+            Self::BadField {
+                field,
+                value,
+                handling,
+            } => {
+                let (name, allowed) = match field {
+                    Field::IsReset => ("is_reset", "0 and 1 are"),
+                    Field::MovingIdx => ("moving_idx", "0 to 4 is"),
+                    Field::ControlType => ("control type", "0 and 1 are"),
+                };
+                write!(f, "{name} {value} ")?;
+                match handling {
+                    Handling::Ignored => f.write_str("ignored with its packet")?,
+                    Handling::TakenFor(other) => write!(f, "taken for {other}")?,
+                    Handling::Stopped => f.write_str("stops the car")?,
+                }
+                write!(f, ": {allowed} allowed")
+            }
+            Self::QueueFull(motion) => write!(f, "{motion} lost: too many motions wait"),
+            Self::IgnoredForRos(motion) => write!(f, "{motion} ignored: the ROS link drives"),
+            Self::IgnoredInRemote(motion) => {
+                write!(f, "{motion} ignored: the remote control drives")
+            }
+            Self::Motion(Change::Started(motion)) => write!(f, "{motion} started"),
+            Self::Motion(Change::Done(motion)) => write!(f, "{motion} done"),
+            Self::Discarded { count, why } => {
+                let motions = if *count == 1 { "motion" } else { "motions" };
+                write!(f, "{count} {motions} discarded: ")?;
+                match why {
+                    Discard::Preempted => write!(f, "another preempts"),
+                    Discard::ControlMode => write!(f, "the control mode changed"),
+                    Discard::BadOrder => write!(f, "what the client sent is not known"),
+                    Discard::LinkTimeout(silence) => write!(
+                        f,
+                        "nothing valid from the client for {:.1} ms",
+                        silence.as_secs_f64() * 1000.0
+                    ),
+                }
+            }
+            Self::ControlMode { remote: true } => write!(f, "the remote control drives"),
+            Self::ControlMode { remote: false } => write!(f, "the board drives"),
+            Self::Operated(action) => write!(f, "operator: {action}"),
+            Self::KeyIgnored(movement) => {
+                write!(f, "{movement} key has no effect: the board drives")
+            }
+            Self::PowerLost => write!(f, "the board lost its supply and is silent"),
+            Self::Reset { boot } => write!(
+                f,
+                "the board's firmware restarts; it is silent for {}",
+                show_duration(*boot)
+            ),
+            Self::Started => write!(f, "the board has started"),
+        }
+    }
+}
+
+impl fmt::Display for Request {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        match self {
+            Self::Motion {
+                seq,
+                is_reset,
+                moving_idx,
+                s,
+                v,
+            } => write!(
+                f,
+                " #{seq} is_reset {is_reset} moving_idx {moving_idx} s {s} v {v}"
+            ),
+            Self::SetPose {
+                seq,
+                axis_x,
+                axis_y,
+                ori,
+            } => write!(f, " #{seq} x {axis_x} y {axis_y} ori {ori}"),
+            Self::ControlMode { seq, mode } => write!(f, " #{seq} {mode}"),
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "status #{} v {} {} at {} {} ori {} rfid {} magn 0x{:04X} infra {} front {:?} mm \
+             rear {:?} mm motors {} mile {} mm",
+            self.seq,
+            self.v_x,
+            self.v_y,
+            self.axis_x,
+            self.axis_y,
+            self.ori,
+            self.rfid,
+            self.magn,
+            self.infra,
+            self.ut_f,
+            self.ut_b,
+            self.moto_state,
+            self.mile,
+        )
+    }
+}

@@ -1,0 +1,97 @@
+//! How the modules of this crate depend on one another.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+/// For each module of the crate, those that it names.
+fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(root).unwrap() {
+        let path = entry.unwrap().path();
+        let module = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        let is_source = path.extension().is_some_and(|ending| ending == "rs");
+        if is_source && module != "lib" {
+            let uses = found.entry(module.clone()).or_insert_with(BTreeSet::new);
+            read(&path, uses);
+            read_folder(&root.join(&module), uses);
+            uses.remove(&module);
+        }
+    }
+    assert!(found.len() > 8, "{found:?}");
+    found
+}
+
+fn read_folder(folder: &Path, uses: &mut BTreeSet<String>) {
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap();
+        if name == "tests" || name == "tests.rs" {
+            continue;
+        }
+        if path.is_dir() {
+            read_folder(&path, uses);
+        } else {
+            read(&path, uses);
+        }
+    }
+}
+
+/// Notes the modules that a file names, tests aside.
+fn read(path: &Path, uses: &mut BTreeSet<String>) {
+    let text = fs::read_to_string(path).unwrap();
+    let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap();
+    let code = text
+        .lines()
+        .filter(|line| !line.trim_start().starts_with("//"));
+    for line in code {
+        assert!(
+            !line.contains("use crate::{"),
+            "{}: one line for each module, so that they can be read here",
+            path.display()
+        );
+        for part in line.split("crate::").skip(1) {
+            let name: String = part
+                .chars()
+                .take_while(|c| c.is_alphanumeric() || *c == '_')
+                .collect();
+            // Macros are at the root, whatever module declares them.
+            if !part[name.len()..].starts_with('!') {
+                uses.insert(name);
+            }
+        }
+    }
+}
+
+#[test]
+fn modules_form_no_circle() {
+    let mut left = dependencies();
+    loop {
+        let free = |(_, uses): &(&String, &BTreeSet<String>)| uses.is_empty();
+        let Some(next) = left.iter().find(free).map(|(module, _)| module.clone()) else {
+            break;
+        };
+        left.remove(&next);
+        for uses in left.values_mut() {
+            uses.remove(&next);
+        }
+    }
+    assert!(
+        left.is_empty(),
+        "these form a circle, or hang on one: {left:#?}"
+    );
+}
+
+#[test]
+fn firmware_knows_nothing_of_its_surroundings() {
+    let dependencies = dependencies();
+    for firmware in ["r150_device", "mecanum_device"] {
+        for module in &dependencies[firmware] {
+            assert!(
+                ["defects", "noise", "uart"].contains(&module.as_str()),
+                "{firmware} uses {module}"
+            );
+        }
+    }
+}
