@@ -45,17 +45,20 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
     };
     // A flag is relative to where it was typed, a file's path to the file.
     let here = |path: &PathBuf| {
+        if args.listens_at(path) {
+            return Ok(path.clone());
+        }
         std::path::absolute(path)
             .with_context(|| format!("cannot tell where {} is", path.display()))
             .map_err(Failure::system)
     };
-    if let Some(pty) = &args.pty {
+    if let Some(pty) = args.port() {
         first.port = Some(here(pty)?);
     }
-    if let Some(pty) = &args.ros_pty {
+    if let Some(pty) = args.ros_port() {
         if !first.ros {
             return Err(Failure::usage(anyhow!(
-                "--ros-pty: the scenario's first device has no ROS link"
+                "--ros-pty, --ros-listen: the scenario's first device has no ROS link"
             )));
         }
         first.ros_port = Some(here(pty)?);
@@ -82,15 +85,15 @@ fn from_file(file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {
 }
 
 fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
-    if args.pty.is_none() && args.serial.is_none() {
+    if args.port().is_none() && args.serial.is_none() {
         return Err(Failure::usage(anyhow!(
             "say where to serve: --pty PATH for a pseudo-terminal, as in `sim --pty /tmp/r150`, \
-             --serial DEVICE for a real serial port, or --rig FILE for several devices \
+             --listen URL for the network, --serial DEVICE for a real serial port, or --rig FILE for several devices \
              (`sim --help` shows more)"
         )));
     }
-    if args.device == Device::R150 && args.ros_pty.is_some() {
-        let why = "--ros-pty is the mecanum car's: add --device mecanum";
+    if args.device == Device::R150 && args.ros_port().is_some() {
+        let why = "a ROS link is the mecanum car's: add --device mecanum";
         return Err(Failure::usage(anyhow!(why)));
     }
     let settings = config::load(&args.settings)?;
@@ -100,9 +103,9 @@ fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
         start: args.start.into(),
         pose: Pose::default(),
         settings: settings.clone(),
-        port: args.pty.clone(),
-        ros: args.ros_pty.is_some(),
-        ros_port: args.ros_pty.clone(),
+        port: args.port().cloned(),
+        ros: args.ros_port().is_some(),
+        ros_port: args.ros_port().cloned(),
     };
     Ok(RigPlan {
         world: None,

@@ -75,6 +75,9 @@ pub enum PortErrorKind {
          fs.inotify.max_user_watches with sysctl"
     )]
     WatchLimit,
+    /// The URL to listen at is incomplete.
+    #[error("{0}")]
+    BadUrl(String),
     /// Something else listens at this address.
     #[error("another program listens there; choose another port")]
     AddressInUse,

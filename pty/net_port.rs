@@ -69,6 +69,12 @@ impl ListenAddress {
         })
     }
 
+    /// Whether `path` is a URL of these kinds.
+    #[must_use]
+    pub fn is_url(path: &Path) -> bool {
+        path.to_str().and_then(Self::parse).is_some()
+    }
+
     fn at(&self, address: SocketAddr) -> Self {
         Self {
             protocol: self.protocol,

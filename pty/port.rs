@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use crate::error::PortError;
+use crate::error::{PortError, PortErrorKind};
 use crate::hub::Registration;
 use crate::line::LineSettings;
-use crate::net_port::NetPort;
+use crate::net_port::{ListenAddress, NetPort};
+use crate::pair::PtySetup;
 use crate::pty_port::PtyPort;
 use crate::serial_port::SerialPort;
 
@@ -63,6 +64,20 @@ pub struct Counters {
 }
 
 impl Port {
+    /// Opens a port where `place` says: on the network if it is a URL ([`ListenAddress`]), else a
+    /// pseudo-terminal with a link at that path ([`PtyPort::open_at`]).
+    ///
+    /// # Errors
+    ///
+    /// When the URL lacks something, and as those do.
+    pub fn open_at(place: &Path, setup: PtySetup) -> Result<Self, PortError> {
+        match place.to_str().and_then(ListenAddress::parse) {
+            None => PtyPort::open_at(place, setup).map(Self::from),
+            Some(Ok(address)) => NetPort::open(&address, setup.baud).map(Self::from),
+            Some(Err(why)) => Err(PortError::new("serve", place, PortErrorKind::BadUrl(why))),
+        }
+    }
+
     /// Reports the next piece of news, without blocking. Received bytes are
     /// put at the start of `buf`.
     ///

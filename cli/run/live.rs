@@ -14,6 +14,7 @@ use sim_settings::show_duration;
 use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
+use sim_pty::PtySetup;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 use sim_embed::served::Served;
@@ -54,7 +55,13 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         .map_err(Failure::system)?;
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
-    let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere).map_err(Failure::system)?;
+    let ports = open_all(
+        plan,
+        &job.loaded.folder(),
+        None,
+        &elsewhere,
+        PtySetup::raw(0),
+    ).map_err(Failure::system)?;
     let environment = environment(job, &ports)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path)
