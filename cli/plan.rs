@@ -93,7 +93,7 @@ fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
         )));
     }
     if args.device == Device::R150 && args.ros_port().is_some() {
-        let why = "a ROS link is the mecanum car's: add --device mecanum";
+        let why = "--ros-pty and --ros-listen are the mecanum car's: add --device mecanum";
         return Err(Failure::usage(anyhow!(why)));
     }
     let settings = config::load(&args.settings)?;

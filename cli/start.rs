@@ -86,7 +86,7 @@ impl Session {
             &Elsewhere::Unlinked,
             args.pty_setup(),
         )
-            .map_err(Failure::system)?;
+        .map_err(Failure::system)?;
         waiter.check_headroom().map_err(Failure::system)?;
         let options = LogOptions {
             format: args.log_format,

@@ -56,8 +56,9 @@ pub fn open_all(
                     }
                     Served::at(id, &dir.join(name), setup)
                 }
-                (_, None, Elsewhere::Unlinked) => PtyPort::open_unlinked(setup)
-                    .map(|port| Served::new(id, Port::from(port))),
+                (_, None, Elsewhere::Unlinked) => {
+                    PtyPort::open_unlinked(setup).map(|port| Served::new(id, Port::from(port)))
+                }
             };
             ports.push(served?);
         }

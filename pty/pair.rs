@@ -35,6 +35,8 @@ use crate::line::{Defaults, is_same};
 /// What a read of a master in packet mode begins with, from `ioctl_tty(2)`.
 const DATA: u8 = 0;
 const FLUSH_WRITE: u8 = 2;
+/// How often to undo what clients do who come and go meanwhile.
+const MOST_VISITS: usize = 8;
 /// Rounds in which bytes of clients that have left are thrown away, which are no more than the
 /// system keeps.
 const MOST_ROUNDS: usize = 64;
@@ -224,19 +226,24 @@ impl Pair {
     /// who may come at any moment, keeps whatever it has set.
     pub(crate) fn restore(&self) -> Result<bool, PortErrorKind> {
         self.flush_output()?;
-        self.restore_settings()?;
-        let Some(slave) = self.look_in()? else {
-            return Ok(self.is_taken()?);
-        };
-        // Settings first, since those that end suspension by XOFF do so only while nothing else
-        // suspends.
-        set_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
-        ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
-        self.set_permissions(&slave)?;
-        resume_and_empty(&slave)?;
-        drop(slave);
-        let left = self.settings()?;
-        Ok(is_same(&left, &self.defaults) || self.is_taken()?)
+        // Somebody may come and go meanwhile, and leave something again.
+        for _ in 0..MOST_VISITS {
+            self.restore_settings()?;
+            let Some(slave) = self.look_in()? else {
+                return self.is_taken();
+            };
+            // Settings first, since those that end suspension by XOFF do so only while nothing else
+            // suspends.
+            set_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
+            ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
+            self.set_permissions(&slave)?;
+            resume_and_empty(&slave)?;
+            drop(slave);
+            if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Undoes of that what a next client, who is there already, could not mend or would suffer from.

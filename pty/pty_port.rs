@@ -270,12 +270,16 @@ impl PtyPort {
     /// by another, to which the link is turned atomically.
     fn recreate(&mut self) -> Result<(), PortErrorKind> {
         let pair = self.pair.again()?;
+        if let Some(link) = &mut self.link {
+            link.turn_to(pair.slave())?;
+            if !self.pair.is_hung_up()? {
+                // Somebody could open it after all, and is served.
+                return link.turn_to(self.pair.slave());
+            }
+        }
         if let Some(registration) = &mut self.registration {
             registration.watch_node(pair.slave())?;
             registration.watch(&pair, IN)?;
-        }
-        if let Some(link) = &mut self.link {
-            link.turn_to(pair.slave())?;
         }
         self.pair = pair;
         Ok(())

@@ -243,7 +243,9 @@ impl Player {
         came.unwrap_or_else(|error| panic!("{error}"));
         let disturbed =
             |fault: &Injected| fault.armed && fault.disturbs && fault.device == client.port.device;
-        client.comes(self.now, !self.faults.iter().any(disturbed));
+        // What is under way to whoever is there began before this one came.
+        let idle = self.rig.next_for_client(client.port).is_none();
+        client.comes(self.now, idle && !self.faults.iter().any(disturbed));
     }
 
     fn injected(&mut self, handle: FaultHandle, device: usize, level: FaultLevel) {

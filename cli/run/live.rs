@@ -14,10 +14,10 @@ use sim_settings::show_duration;
 use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
-use sim_pty::PtySetup;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 use sim_embed::served::Served;
+use sim_pty::PtySetup;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
@@ -61,7 +61,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         None,
         &elsewhere,
         PtySetup::raw(0),
-    ).map_err(Failure::system)?;
+    )
+    .map_err(Failure::system)?;
     let environment = environment(job, &ports)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path)

