@@ -55,6 +55,20 @@ Examples:
   sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
       Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
 
+const TRACE_EXAMPLES: &str = "\
+Examples:
+  sim trace traces/ice.trace.jsonl
+      All that was said and that happened, as `sim -v` prints it.
+  sim trace traces/ice.trace.jsonl --from 2s --to 2.5s --device r150
+      Half a second of it, at one device.
+  sim trace traces/ice.trace.jsonl --csv t,truth.x_m,reported.v48_a --every 10ms > ice.csv
+      Any names of `sim names`, computed anew.
+  sim trace yesterday.trace.jsonl today.trace.jsonl --within 20ms
+      Where two runs part; those of real clients are never the same to the nanosecond.";
+
+/// A client that drives at 1 m/s and goes by its own clock is a quarter of a metre off after that.
+pub(crate) const MAX_HOLD_UP: &str = "250ms";
+
 /// A virtual vehicle behind a serial port: test your client without the hardware.
 ///
 /// Serves the protocol of a real device on a pseudo-terminal, while a simulated body moves in
@@ -91,6 +105,9 @@ pub(crate) enum Command {
         /// The trace.
         trace: PathBuf,
     },
+    /// Print a trace of `run --output` as decoded traffic and events, in the words of the log; or as
+    /// CSV the values of any names, computed anew; or where two traces part.
+    Trace(TraceArgs),
     /// Look after a client of `run`.
     #[command(hide = true)]
     Supervise {
@@ -168,12 +185,56 @@ pub(crate) struct RunArgs {
     /// twice its `limit` and 30 s].
     #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
+    /// How long a busy machine may hold the simulator up in all, while a client's clock goes on. When
+    /// it is longer and the scenario fails, it is played once more; and if that goes the same way, it is
+    /// an error of the machine and no failure of the client.
+    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
+    pub(crate) max_hold_up: Span,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
     pub(crate) list: bool,
     /// Read everything, say what would be played with which seed and ports, and play nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
+}
+
+/// Which part of a trace to print, and how.
+#[derive(Debug, Args)]
+#[command(after_help = TRACE_EXAMPLES)]
+pub(crate) struct TraceArgs {
+    /// The trace.
+    pub(crate) trace: PathBuf,
+    /// Another one: says where the two part, and what came before.
+    #[arg(conflicts_with_all = ["csv", "every", "log_format"])]
+    pub(crate) other: Option<PathBuf>,
+    /// Leave out what comes before this simulated time, as in 2.5s.
+    #[arg(long, value_name = "TIME")]
+    pub(crate) from: Option<Span>,
+    /// Leave out what comes after it.
+    #[arg(long, value_name = "TIME")]
+    pub(crate) to: Option<Span>,
+    /// Only what happens at this device; may be repeated.
+    #[arg(long, value_name = "NAME", action = ArgAction::Append, conflicts_with = "csv")]
+    pub(crate) device: Vec<String>,
+    /// Print the values of these names as CSV instead, as in t,truth.x_m,reported.v48_a; `sim
+    /// names` lists them. The trace need not hold them.
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        conflicts_with = "log_format"
+    )]
+    pub(crate) csv: Vec<String>,
+    /// A line of CSV for so much simulated time [default: 100ms].
+    #[arg(long, value_name = "TIME", value_parser = some_time, requires = "csv")]
+    pub(crate) every: Option<Span>,
+    /// Of two traces: times that differ by so much are the same, as are words that tell of them
+    /// [default: they are the same to the nanosecond].
+    #[arg(long, value_name = "TIME", requires = "other")]
+    pub(crate) within: Option<Span>,
+    /// How to print what happens.
+    #[arg(long, value_enum, default_value_t = LogFormat::Text)]
+    pub(crate) log_format: LogFormat,
 }
 
 /// Where settings come from; later ones win.

@@ -10,6 +10,7 @@ use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_tom
 
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
+use crate::visible;
 
 /// The largest file that is read.
 const MOST_BYTES: u64 = 1 << 20;
@@ -34,7 +35,7 @@ pub(crate) fn load_file(args: &SettingsArgs) -> Result<SimSettings, Failure> {
     let mut settings = SimSettings::default();
     if let Some(path) = &args.config {
         let text = read(path, "settings file")?;
-        load_toml(&text, &path.display().to_string(), &mut settings).map_err(|errors| {
+        load_toml(&text, &visible::name(path), &mut settings).map_err(|errors| {
             let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
             Failure::usage(anyhow!(lines.join("\n")))
         })?;
@@ -59,7 +60,7 @@ pub(crate) fn apply_flags(args: &SettingsArgs, settings: &mut SimSettings) -> Re
 
 /// Reads a file that a user wrote; `what` is what it should be.
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
-    let shown = path.display();
+    let shown = visible::name(path);
     let cannot = || format!("cannot read the {what} {shown}");
     // A device or a pipe has no length to be asked for, and may have no end.
     let mut text = String::new();

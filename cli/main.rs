@@ -10,6 +10,7 @@ mod log;
 mod plan;
 mod print;
 mod ready_file;
+mod recording;
 mod replay;
 mod run;
 mod scenario_files;
@@ -17,8 +18,10 @@ mod schema;
 mod start;
 mod summary;
 mod supervise;
+mod trace;
+mod visible;
+mod whole_file;
 
-use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
@@ -35,6 +38,7 @@ fn main() -> ExitCode {
             Some(Command::Run(args)) => run::run(args),
             Some(Command::Check { files }) => run::check(files),
             Some(Command::Replay { trace }) => replay::replay(trace),
+            Some(Command::Trace(args)) => trace::trace(args),
             Some(Command::Supervise { client, folder }) => {
                 supervise::supervise(client, folder.as_deref())
             }
@@ -54,8 +58,7 @@ fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
     match catch_unwind(AssertUnwindSafe(program)) {
         Ok(Ok(exit)) => exit,
         Ok(Err(failure)) => {
-            // Nothing is left to do if even standard error is closed.
-            let _ = writeln!(anstream::stderr(), "error: {:#}", failure.error);
+            print::complain(&format!("error: {:#}", failure.error));
             failure.exit
         }
         Err(_) => Exit::System,

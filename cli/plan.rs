@@ -12,6 +12,7 @@ use crate::args::{Device, ServeArgs};
 use crate::config;
 use crate::exit::Failure;
 use crate::scenario_files::{self, Loaded};
+use crate::visible;
 
 /// Makes the plan that the flags ask for.
 pub(crate) fn plan(args: &ServeArgs) -> Result<Loaded, Failure> {
@@ -49,7 +50,7 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
             return Ok(path.clone());
         }
         std::path::absolute(path)
-            .with_context(|| format!("cannot tell where {} is", path.display()))
+            .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
             .map_err(Failure::system)
     };
     if let Some(pty) = args.port() {
@@ -69,7 +70,7 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
 fn from_file(file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {
     let base = config::load_file(&args.settings)?;
     let text = config::read(file, "rig file")?;
-    let shown = file.display().to_string();
+    let shown = visible::name(file);
     let source = Source {
         file: &shown,
         text: &text,

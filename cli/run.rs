@@ -12,7 +12,7 @@ mod trace_file;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 
@@ -22,8 +22,11 @@ use crate::print::print;
 use crate::scenario_files::{Loaded, find, load_all};
 use crate::start::random_seed;
 use crate::supervise::adopt_orphans;
+use crate::visible;
 
-use job::{Job, JobResult};
+use job::{Job, JobResult, Verdict};
+use junit::Junit;
+use pool::Audience;
 pub(crate) use tell::{verdict_json, verdict_text};
 
 /// The `run` subcommand.
@@ -61,23 +64,49 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     prepare(args)?;
+    let junit = args.junit.as_deref();
+    let mut audience = Told {
+        args,
+        jobs: &jobs,
+        progress: progress(jobs.len()),
+        junit: junit.map(|path| Junit::begin(path, &jobs)).transpose()?,
+    };
     adopt_orphans().map_err(Failure::system)?;
-    let progress = progress(jobs.len());
-    let results = pool::play_all(args, &jobs, |job, result| {
-        let text = tell::told(args, job, result);
-        progress.suspend(|| print(&text))?;
-        progress.inc(1);
-        Ok(())
-    });
-    progress.finish_and_clear();
+    let results = pool::play_all(args, &jobs, &mut audience);
+    audience.progress.finish_and_clear();
     let (results, wrong) = results?;
     let exit = finish(&results);
     // Also when the run was broken off.
-    if let Some(path) = &args.junit {
-        junit::write(path, &jobs, &results)?;
-    }
+    audience.junit.map_or(Ok(()), Junit::finish)?;
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
+}
+
+/// Prints results, and keeps them for the JUnit file.
+struct Told<'a> {
+    args: &'a RunArgs,
+    jobs: &'a [Job<'a>],
+    progress: indicatif::ProgressBar,
+    junit: Option<Junit>,
+}
+
+impl Audience for Told<'_> {
+    fn known(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
+        match &mut self.junit {
+            Some(junit) => junit.known(index, &self.jobs[index], result),
+            None => Ok(()),
+        }
+    }
+
+    fn idle(&mut self) -> Result<(), Failure> {
+        self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
+    }
+
+    fn told(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
+        let text = tell::told(self.args, &self.jobs[index], result);
+        self.progress.inc(1);
+        self.progress.suspend(|| print(&text)).map(|_| ())
+    }
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
@@ -97,8 +126,8 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
             return Err(Failure::usage(anyhow!(
                 "{} and {} would write the same files into the folder of --output; rename one, or \
                  run them apart",
-                other.display(),
-                one.path.display()
+                visible::name(&other),
+                visible::name(&one.path)
             )));
         }
     }
@@ -107,25 +136,21 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
-    let folder = |path: &std::path::Path| {
+    let folder = |path: &Path| {
         fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", path.display()))
+            .with_context(|| format!("cannot make the folder {}", visible::name(&path)))
             .map_err(Failure::usage)
     };
     if let Some(output) = &args.output {
         folder(output)?;
         tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", output.display()))
+            .with_context(|| format!("cannot write into the folder {}", visible::name(&output)))
             .map_err(Failure::usage)?;
     }
-    if let Some(junit) = &args.junit {
-        if let Some(parent) = junit.parent().filter(|p| !p.as_os_str().is_empty()) {
-            folder(parent)?;
-        }
-        // Emptied, lest the results of a former run be taken for this one's if it is killed.
-        fs::File::create(junit)
-            .with_context(|| format!("cannot write {}", junit.display()))
-            .map_err(Failure::usage)?;
+    if let Some(parent) = args.junit.as_deref().and_then(Path::parent)
+        && !parent.as_os_str().is_empty()
+    {
+        folder(parent)?;
     }
     Ok(())
 }
@@ -147,21 +172,29 @@ fn progress(count: usize) -> indicatif::ProgressBar {
 
 /// The last line, and the exit code.
 fn finish(results: &[Option<JobResult>]) -> Result<Exit, Failure> {
+    let verdicts = |verdict: Verdict| {
+        let results = results.iter().flatten();
+        let is = |one: &&JobResult| matches!(one, JobResult::Played(p) if p.verdict() == verdict);
+        results.filter(is).count()
+    };
     let count = |is: fn(&JobResult) -> bool| results.iter().flatten().filter(|r| is(r)).count();
-    let passed = count(JobResult::passed);
+    let [passed, failed, spoilt] =
+        [Verdict::Passed, Verdict::Failed, Verdict::Spoilt].map(verdicts);
     let broken = count(|result| matches!(result, JobResult::Broken(_)));
-    let failed = count(|result| matches!(result, JobResult::Played(_))) - passed;
     let broken_off = count(|result| matches!(result, JobResult::BrokenOff));
-    let skipped = results.len() - passed - failed - broken - broken_off;
+    let skipped = results.len() - passed - failed - spoilt - broken - broken_off;
     let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-    if broken > 0 {
-        text += &format!(", {broken} could not be played");
-    }
-    if broken_off > 0 {
-        text += &format!(", {broken_off} broken off");
+    for (count, what) in [
+        (spoilt, "spoilt by the machine"),
+        (broken, "could not be played"),
+        (broken_off, "broken off"),
+    ] {
+        if count > 0 {
+            text += &format!(", {count} {what}");
+        }
     }
     print(&text)?;
-    Ok(if broken > 0 || broken_off > 0 {
+    Ok(if spoilt + broken + broken_off > 0 {
         Exit::System
     } else if failed > 0 {
         Exit::Failed

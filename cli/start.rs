@@ -13,12 +13,13 @@ use sim_settings::show_duration;
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::log::{DeviceName, Log, LogOptions};
+use crate::log::{DeviceName, Log, LogOptions, Words};
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run;
 use crate::scenario_files::Loaded;
 use crate::summary::{self, DeviceSummary, RunSummary};
+use crate::visible;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 
@@ -46,7 +47,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     let outcome = run.end().clone();
     let verdict = match args.log_format {
         LogFormat::Text => run::verdict_text(&outcome),
-        LogFormat::Json => run::verdict_json(&outcome).to_string(),
+        LogFormat::Json => visible::json(&run::verdict_json(&outcome)),
     };
     session.finish(Some(verdict));
     Ok(if broken_off {
@@ -93,13 +94,7 @@ impl Session {
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let devices = plan.devices.iter();
-        let names: Vec<DeviceName> = devices
-            .map(|device| DeviceName {
-                name: device.name.clone(),
-                links: device.links().iter().map(|link| link.name).collect(),
-            })
-            .collect();
+        let Words(names) = Words::new(plan);
         let log = Log::start(options, names.clone())
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
@@ -124,7 +119,7 @@ impl Session {
             .map_err(Failure::usage)?;
         log.text(match log.format() {
             LogFormat::Text => "ready".to_owned(),
-            LogFormat::Json => ready.to_string(),
+            LogFormat::Json => visible::json(&ready),
         });
         Ok(Self {
             server,
@@ -184,7 +179,7 @@ impl Session {
             };
             match self.log.format() {
                 LogFormat::Text => summary::text(&run, &devices),
-                LogFormat::Json => summary::json(&run, &devices).to_string(),
+                LogFormat::Json => visible::json(&summary::json(&run, &devices)),
             }
         });
         let last: Vec<String> = summary.into_iter().chain(verdict).collect();
@@ -230,7 +225,7 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
                         "\n  {} ({} link) on {} at {} baud 8N{}{}",
                         port.device,
                         port.link,
-                        port.path.display(),
+                        visible::name(&port.path),
                         port.baud,
                         port.stop_bits,
                         start.as_deref().unwrap_or_default(),
@@ -249,15 +244,15 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
                 text += &format!(
                     "\n  scenario {}: {}\n  a good client: {}\n  time begins when a client opens a \
                      port, and ends after {}",
-                    loaded.path.display(),
-                    loaded.scenario.title,
-                    loaded.scenario.good_client,
+                    visible::name(&loaded.path),
+                    visible::line(&loaded.scenario.title),
+                    visible::line(&loaded.scenario.good_client),
                     show_duration(loaded.scenario.limit),
                 );
             }
             text
         }
-        LogFormat::Json => json!({
+        LogFormat::Json => visible::json(&json!({
             "code": "start",
             "version": version,
             "ports": ports.iter().map(ShownPort::json).collect::<Vec<_>>(),
@@ -266,9 +261,8 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
             "speed": args.speed,
             "seed": seed,
             "changed": changed,
-            "scenario": scenario.map(|loaded| &loaded.path),
-        })
-        .to_string(),
+            "scenario": scenario.map(|loaded| visible::path_value(&loaded.path)),
+        })),
     };
     log.text(text);
 }

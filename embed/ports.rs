@@ -110,7 +110,7 @@ impl ShownPort {
         json!({
             "device": self.device,
             "link": self.link,
-            "path": self.path,
+            "path": self.path.to_string_lossy(),
             "baud": self.baud,
             "stop_bits": self.stop_bits,
         })

@@ -27,6 +27,7 @@ use sim_runner::{Run, RunError};
 
 use crate::clock::Clock;
 use crate::served::Served;
+pub use crate::slowness::HeldUp;
 use crate::slowness::Slowness;
 
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
@@ -98,6 +99,7 @@ pub struct Server {
     /// When to stop in any case.
     until: Option<Instant>,
     slowness: Slowness,
+    held_up: HeldUp,
     buffer: Vec<u8>,
     outgoing: Vec<u8>,
 }
@@ -131,6 +133,7 @@ impl Server {
             waiting: begin == Begin::WithClient,
             until: None,
             slowness: Slowness::default(),
+            held_up: HeldUp::default(),
             buffer: vec![0; 4096],
             outgoing: Vec::new(),
         })
@@ -144,6 +147,11 @@ impl Server {
     /// The same, to change.
     pub fn run_mut(&mut self) -> &mut Run {
         &mut self.run
+    }
+
+    /// For how long simulated time stood still so far.
+    pub fn held_up(&self) -> HeldUp {
+        self.held_up
     }
 
     /// Ends the loop when `source` can be read or has come to its end.
@@ -271,6 +279,7 @@ impl Server {
             return;
         }
         self.clock.set_back(self.now());
+        self.held_up.note(by);
         self.run.held_up(by, self.clock.simulated(by));
     }
 
@@ -311,6 +320,7 @@ impl Server {
             self.was_held_up(by);
         } else {
             self.clock.set_back(self.now());
+            self.held_up.note(by);
             self.was_late(by);
         }
     }

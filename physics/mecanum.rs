@@ -52,7 +52,6 @@ use sensors::Sensors;
 const BOUNDS: Bounds = Bounds {
     payload: 100.0,
     push: 1e4,
-    bump: 1e3,
 };
 
 /// One car.
@@ -67,7 +66,6 @@ pub struct MecanumPlant {
     wiring: Wiring,
     body: VehicleBody,
     commands: MecanumCommands,
-    supplied: bool,
     wheel_faults: [WheelFaults; WHEELS],
     faults: MecanumFaults,
     /// The wiring without what the faults swap.
@@ -120,7 +118,6 @@ impl MecanumPlant {
             settings: settings.clone(),
             body,
             commands: MecanumCommands::default(),
-            supplied: true,
             wheel_faults: [WheelFaults::default(); WHEELS],
             faults: MecanumFaults::default(),
             drive,
@@ -183,10 +180,8 @@ impl MecanumPlant {
     }
 
     /// Lets time pass while the car [rests](Self::at_rest) and the world is not stepped. Nothing
-    /// changes then but a disturbed encoder's count, so the span may be anything.
-    pub fn rest(&mut self, span: Duration) {
-        self.drive.rest(span.as_secs_f64(), &self.wheel_faults);
-    }
+    /// changes then, so the span may be anything.
+    pub fn rest(&mut self, _span: Duration) {}
 
     /// Whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in for steps
     /// of the world.

@@ -21,8 +21,8 @@ use std::time::Duration;
 pub use faults::{Encoder, R150Faults, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
-    AtZeroPwm, BatterySettings, BodySettings, FuseLaw, FuseSettings, MotorSettings, OutputDuty,
-    PwmSettings, R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings, Unmeasured,
+    AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, OutputDuty, PwmSettings,
+    R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings, Unmeasured,
 };
 pub use signals::{
     Load, PwmReading, PwmSource, R150Commands, R150Measurements, R150Truth, RAILS, Rail, Side,
@@ -40,7 +40,6 @@ use slow::SlowStates;
 const BOUNDS: Bounds = Bounds {
     payload: 1000.0,
     push: 1e5,
-    bump: 1e4,
 };
 /// What a supply keeps however much it lacks, V; divisions stay bounded by it.
 const LOWEST_SUPPLY: f64 = 1.0;
@@ -62,7 +61,6 @@ pub struct R150Plant {
     pwm_in: [PwmReading; 4],
     side_faults: Sides<SideFaults>,
     faults: R150Faults,
-    power_module_fault: bool,
     drive: Drive,
     slow: SlowStates,
     flow: Flow,
@@ -105,7 +103,6 @@ impl R150Plant {
             pwm_in: [PwmReading::default(); 4],
             side_faults: Sides::default(),
             faults: R150Faults::default(),
-            power_module_fault: false,
             drive,
             slow: SlowStates::new(settings),
             flow: Flow::default(),

@@ -11,8 +11,6 @@ pub(crate) struct Bounds {
     pub(crate) payload: f64,
     /// N and N·m.
     pub(crate) push: f64,
-    /// N·s and N·m·s.
-    pub(crate) bump: f64,
 }
 
 /// The body of a vehicle.
@@ -95,17 +93,6 @@ impl VehicleBody {
     /// Pushes steadily until changed.
     pub(crate) fn set_push(&mut self, push: [f64; 3]) {
         self.push = push.map(|part| within(part, self.bounds.push));
-        self.wake();
-    }
-
-    /// Bumps once: ahead, left, counter-clockwise; N·s and N·m·s. `mass` and `inertia` are its own,
-    /// kg and kg·m².
-    pub(crate) fn bump(&mut self, world: &mut World, bump: [f64; 3], mass: f64, inertia: f64) {
-        let [ahead, left, turn] = bump.map(|part| within(part, self.bounds.bump));
-        let motion = world.motion(self.id);
-        let [x, y] = motion.to_world([ahead / mass, left / mass]);
-        let velocity = [motion.vx + x, motion.vy + y];
-        world.set_velocity(self.id, velocity, motion.yaw_rate + turn / inertia);
         self.wake();
     }
 

@@ -14,6 +14,7 @@
 mod check;
 mod mecanum;
 mod names;
+mod probe;
 mod r150;
 mod seen;
 
@@ -28,6 +29,7 @@ use cel::{Context, Env, ExecutionError, Value};
 use sim_core::rig::Rig;
 
 pub use names::{NameInfo, Unit, names};
+pub use probe::{Probe, ProbeValue};
 pub use seen::Seen;
 
 pub(crate) use check::identifier;

@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::settings::SimSettings;
@@ -250,7 +250,7 @@ pub(crate) struct RigText {
     pub(crate) seed: Option<u64>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default, rename = "settings")]
-    #[schemars(schema_with = "any_table")]
+    #[schemars(schema_with = "all_settings")]
     pub(crate) _settings: toml::Table,
     /// The devices.
     #[serde(default)]
@@ -285,12 +285,21 @@ pub(crate) struct DeviceText {
     ros_port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
     #[serde(default, rename = "settings")]
-    #[schemars(schema_with = "any_table")]
+    #[schemars(schema_with = "device_settings")]
     _settings: toml::Table,
 }
 
-pub(crate) fn any_table(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    schemars::json_schema!({"type": "object"})
+/// The settings of all devices and of the world.
+pub(crate) fn all_settings(_: &mut SchemaGenerator) -> Schema {
+    sim_settings::schema_of(&SimSettings::default())
+}
+
+/// The settings of one device of any kind.
+fn device_settings(_: &mut SchemaGenerator) -> Schema {
+    let SimSettings { r150, mecanum, .. } = SimSettings::default();
+    schemars::json_schema!({
+        "anyOf": [sim_settings::schema_of(&r150), sim_settings::schema_of(&mecanum)]
+    })
 }
 
 /// A state at the start.

@@ -306,6 +306,12 @@ impl Run {
         self.options.seed
     }
 
+    /// Whether a real client stands in the place of the scripted one.
+    #[must_use]
+    pub fn is_live(&self) -> bool {
+        self.options.live
+    }
+
     /// What came of it; `None` while it goes on.
     #[must_use]
     pub fn finished(&self) -> Option<&Outcome> {

@@ -19,6 +19,7 @@
 //! | `failure` | something was not as the file says |
 //! | `end` | the last line |
 
+mod onlooker;
 mod record;
 mod replay;
 
@@ -31,6 +32,7 @@ use sim_core::line::{ClientLine, Wire};
 use sim_core::rig::{PortId, Rig};
 use sim_settings::{Root, Source};
 
+pub use onlooker::Onlooker;
 pub use record::{Header, Hexed, PortRecord, Record, WorldRecord};
 pub use replay::{Difference, Replay, ReplayError};
 

@@ -69,6 +69,14 @@ macro_rules! choices {
                     Self::ALL.iter().map(|choice| format!("\"{}\"", choice.word())).collect();
                 words.join(", ")
             }
+
+            fn schema(
+                _unit: &str,
+                _bounds: Option<&$crate::Bounds<Self>>,
+            ) -> $crate::private::schemars::Schema {
+                let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.word()).collect();
+                $crate::private::schemars::json_schema!({"enum": words})
+            }
         }
     };
 }

@@ -200,6 +200,38 @@ pub fn show_toml(settings: &dyn Root) -> String {
     parts.join("\n")
 }
 
+/// The JSON Schema of a table of these settings: each key with its meaning, its allowed values, its
+/// default and whether it is documented or assumed, and no other key.
+#[must_use]
+pub fn schema_of(settings: &dyn Root) -> schemars::Schema {
+    let mut schema = group();
+    settings.visit(&mut |entry| {
+        let mut own = entry.schema.to_value();
+        let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
+        let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
+        own["description"] = format!("{doc} {}: {}", basis.word(), basis.source()).into();
+        // What a setting shows as TOML is JSON too.
+        if let Ok(default) = serde_json::from_str(&entry.default) {
+            own["default"] = default;
+        }
+        let mut table = &mut schema;
+        let (groups, name) = entry.key.rsplit_once('.').unwrap_or(("", &entry.key));
+        for name in groups.split('.').filter(|name| !name.is_empty()) {
+            let inner = &mut table["properties"][name];
+            if inner.is_null() {
+                *inner = group();
+            }
+            table = inner;
+        }
+        table["properties"][name] = own;
+    });
+    schemars::Schema::try_from(schema).unwrap_or_default()
+}
+
+fn group() -> serde_json::Value {
+    serde_json::json!({"type": "object", "properties": {}, "additionalProperties": false})
+}
+
 /// Calls `leaf` with each value that is not a table with something in it, its dotted key, and
 /// where the key stands.
 fn walk<'t>(

@@ -19,7 +19,9 @@ mod time;
 mod value;
 mod written;
 
-pub use document::{Root, Source, apply_table, load_toml, parse_assignment, set, show_toml};
+pub use document::{
+    Root, Source, apply_table, load_toml, parse_assignment, schema_of, set, show_toml,
+};
 pub use error::{Origin, SettingsError, shorten};
 pub use quantity::parse_quantity;
 pub use time::{SimTime, show_duration};
@@ -70,6 +72,8 @@ pub struct Entry {
     pub default: String,
     /// The allowed values in words.
     pub allowed: String,
+    /// The JSON Schema of its values.
+    pub schema: schemars::Schema,
     /// Documented behaviour or our assumption.
     pub basis: Basis,
 }

@@ -80,6 +80,10 @@ macro_rules! settings {
                             $crate::settings!(@unit $($unit)?),
                             $crate::settings!(@range $($range)?),
                         ),
+                        schema: <$ty as $crate::SettingValue>::schema(
+                            $crate::settings!(@unit $($unit)?),
+                            $crate::settings!(@range $($range)?),
+                        ),
                         basis: $crate::settings!(@basis ($($documented)?) ($($assumed)?)),
                     });
                 )*

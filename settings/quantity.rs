@@ -98,6 +98,29 @@ pub fn parse_quantity(text: &str, unit: &str) -> Result<f64, String> {
         })
 }
 
+/// A regular expression for text that [`parse_quantity`] takes for `unit`.
+pub(crate) fn pattern(unit: &str) -> String {
+    let units = DIMENSIONS
+        .iter()
+        .find(|units| factor(units, unit).is_some());
+    let escape = |name: &str| {
+        let special = |c: char| matches!(c, '*' | '^' | '.' | '+');
+        name.chars()
+            .flat_map(|c| special(c).then_some('\\').into_iter().chain([c]))
+            .collect::<String>()
+    };
+    let names: Vec<String> = units.map_or_else(
+        || vec![escape(unit)],
+        |units| units.iter().map(|(name, _)| escape(name)).collect(),
+    );
+    // Only a time needs its unit.
+    let may_lack = if unit == "s" { "" } else { "?" };
+    format!(
+        "^[-+]?([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][-+]?[0-9]+)? *({}){may_lack}$",
+        names.join("|")
+    )
+}
+
 fn factor(units: Dimension, name: &str) -> Option<f64> {
     units
         .iter()

@@ -215,3 +215,28 @@ fn an_error_does_not_repeat_what_is_endless() {
         assert!(told.starts_with("my.toml:1:"), "{told}");
     }
 }
+
+/// Every key is there with its range, its units and its default, in the table of its group.
+#[test]
+fn the_schema_types_every_key_and_allows_no_other() {
+    let schema = crate::schema_of(&Module::default()).to_value();
+    assert_eq!(schema["additionalProperties"], false);
+    let mut count = 0;
+    Settings::visit(&Module::default(), "", &mut |entry| {
+        let mut own = &schema;
+        for name in entry.key.split('.') {
+            own = &own["properties"][name];
+        }
+        assert!(own["description"].is_string(), "{}", entry.key);
+        assert!(!own["default"].is_null(), "{}", entry.key);
+        assert_ne!(own["type"], "object", "{}", entry.key);
+        count += 1;
+    });
+    assert!(count > 3);
+    let unit = |unit| crate::quantity::pattern(unit);
+    assert!(unit("kg*m^2").ends_with(" *(kg\\*m\\^2)?$"));
+    assert!(unit("s").ends_with("|h)$"));
+    let volts = <f64 as crate::SettingValue>::schema("V", Some(&(1.0..=60.0))).to_value();
+    assert_eq!(volts["anyOf"][0]["minimum"], 1.0);
+    assert_eq!(volts["anyOf"][0]["maximum"], 60.0);
+}

@@ -3,7 +3,9 @@
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use crate::quantity::parse_quantity;
+use schemars::{Schema, json_schema};
+
+use crate::quantity::{parse_quantity, pattern};
 use crate::time::show_duration;
 
 /// A value as a file or a flag gives it, before its setting has judged it.
@@ -63,6 +65,9 @@ pub trait SettingValue: Sized + Clone {
 
     /// The allowed values in words.
     fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> String;
+
+    /// The JSON Schema of its values in a TOML file.
+    fn schema(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> Schema;
 }
 
 /// Reads a value and checks its range.
@@ -79,6 +84,23 @@ pub fn read_in<T: SettingValue>(
         Some(bounds) if !read.within(bounds) => Err(format!("{value} is out of range")),
         _ => Ok(read),
     }
+}
+
+/// A number, or text with one of the units of its dimension.
+fn number_schema(
+    kind: &str,
+    unit: &str,
+    bounds: Option<(impl Into<serde_json::Value>, impl Into<serde_json::Value>)>,
+) -> Schema {
+    let mut number = json_schema!({"type": kind});
+    if let Some((low, high)) = bounds {
+        number.insert("minimum".to_owned(), low.into());
+        number.insert("maximum".to_owned(), high.into());
+    }
+    if unit.is_empty() {
+        return number;
+    }
+    json_schema!({"anyOf": [number, {"type": "string", "pattern": pattern(unit)}]})
 }
 
 fn in_words(what: &str, unit: &str, bounds: Option<(String, String)>) -> String {
@@ -128,6 +150,10 @@ impl SettingValue for f64 {
             bounds.map(|b| (b.start().to_string(), b.end().to_string())),
         )
     }
+
+    fn schema(unit: &str, bounds: Option<&Bounds<f64>>) -> Schema {
+        number_schema("number", unit, bounds.map(|b| (*b.start(), *b.end())))
+    }
 }
 
 impl SettingValue for u32 {
@@ -169,6 +195,10 @@ impl SettingValue for u32 {
         let bounds = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
         in_words("a whole number", unit, bounds)
     }
+
+    fn schema(unit: &str, bounds: Option<&Bounds<u32>>) -> Schema {
+        number_schema("integer", unit, bounds.map(|b| (*b.start(), *b.end())))
+    }
 }
 
 impl SettingValue for bool {
@@ -193,6 +223,10 @@ impl SettingValue for bool {
 
     fn allowed(_unit: &str, _bounds: Option<&Bounds<bool>>) -> String {
         "true or false".to_owned()
+    }
+
+    fn schema(_unit: &str, _bounds: Option<&Bounds<bool>>) -> Schema {
+        json_schema!({"type": "boolean"})
     }
 }
 
@@ -233,6 +267,10 @@ impl SettingValue for Duration {
         let bounds = bounds.map(|b| (show_duration(*b.start()), show_duration(*b.end())));
         in_words("a time", "", bounds)
     }
+
+    fn schema(_unit: &str, _bounds: Option<&Bounds<Duration>>) -> Schema {
+        json_schema!({"type": "string", "pattern": pattern("s")})
+    }
 }
 
 /// A list of a fixed length; the range holds for each element.
@@ -264,6 +302,11 @@ impl<T: SettingValue, const N: usize> SettingValue for [T; N] {
     fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
         format!("a list of {N}, each {}", T::allowed(unit, bounds))
     }
+
+    fn schema(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> Schema {
+        let each = T::schema(unit, bounds);
+        json_schema!({"type": "array", "items": each, "minItems": N, "maxItems": N})
+    }
 }
 
 /// A number that `"off"` switches off.
@@ -288,6 +331,10 @@ impl<T: SettingValue> SettingValue for Option<T> {
 
     fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
         format!("\"off\", or {}", T::allowed(unit, bounds))
+    }
+
+    fn schema(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> Schema {
+        json_schema!({"anyOf": [{"const": "off"}, T::schema(unit, bounds)]})
     }
 }
 

@@ -45,7 +45,7 @@ pub use event::{Discard, Field, Handling, MecanumEvent};
 use kinematics::Movement;
 use motion::Motion;
 use packet::Request;
-use settings::{LinkAlive, MecanumFirmwareSettings};
+use settings::MecanumFirmwareSettings;
 
 /// Largest speed of a motion packet, 1/10 r/min.
 pub const MAX_SPEED: i16 = 500;
@@ -182,10 +182,6 @@ impl MecanumDevice {
         self.advance_before(now);
         if !self.hears(bytes.len()) {
             return;
-        }
-        let anything = !bytes.is_empty() && (link == Link::Main || self.ros_configured);
-        if anything && self.settings.link_alive == LinkAlive::Bytes {
-            self.hear(now);
         }
         for &byte in bytes {
             match link {

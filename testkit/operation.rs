@@ -275,8 +275,6 @@ impl Message {
 pub enum Hands {
     /// Leans on it: ahead and left in units of 3 N, and around in units of 3 N·m.
     Push([i16; 3]),
-    /// Knocks a car: ahead and left in N·s, and around in N·m·s.
-    Bump([i8; 3]),
     /// Loads it, kg.
     Payload(u8),
     /// Puts it somewhere: x and y in dm, and heading in 1/100 rad.
@@ -288,8 +286,6 @@ pub enum Hands {
         /// How much.
         watts: u16,
     },
-    /// Switches the supply of a car.
-    Supply(bool),
 }
 
 /// The button of an R150.

@@ -346,7 +346,6 @@ impl Player {
                 let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
                 r150.set_load(rail, Load::Power(watts.into()));
             }
-            Hands::Bump(_) | Hands::Supply(_) => {}
         });
         self.rig.with_mecanum(device, |car, world, _| {
             let plant = car.plant_mut();
@@ -355,13 +354,8 @@ impl Player {
                     let [ahead, left, turn] = scale(push, 3.0);
                     plant.set_push(ahead, left, turn);
                 }
-                Hands::Bump(bump) => {
-                    let [ahead, left, turn] = bump.map(f64::from);
-                    plant.bump(world, ahead, left, turn);
-                }
                 Hands::Payload(mass) => plant.set_payload(world, mass.into()),
                 Hands::Place(pose) => plant.place(world, place(pose)),
-                Hands::Supply(on) => plant.set_supply(on),
                 Hands::Load { .. } => {}
             }
         });

@@ -298,7 +298,7 @@ fn further_commands_are_understood() {
     }
 }
 
-/// Adds every key and every word of a schema, but what is a fault's.
+/// Adds every key and every word of a schema, but what is a fault's or a setting's.
 fn words(schema: &Value, found: &mut BTreeSet<String>) {
     match schema {
         Value::Object(object) => {
@@ -306,7 +306,8 @@ fn words(schema: &Value, found: &mut BTreeSet<String>) {
                 match (key.as_str(), value) {
                     ("properties", Value::Object(properties)) => {
                         found.extend(properties.keys().cloned());
-                        properties.values().for_each(|value| words(value, found));
+                        let further = properties.iter().filter(|(key, _)| *key != "settings");
+                        further.for_each(|(_, value)| words(value, found));
                     }
                     ("const", Value::String(word)) => {
                         found.insert(word.clone());

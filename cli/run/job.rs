@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use sim_core::line::Wire;
+use sim_embed::serve::HeldUp;
 use sim_runner::{Outcome, Run, RunOptions};
 use sim_settings::show_duration;
 
@@ -12,6 +13,7 @@ use crate::args::RunArgs;
 use crate::exit::Failure;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
+use crate::visible;
 
 use super::trace_file::TraceFile;
 
@@ -30,6 +32,8 @@ pub(crate) struct Job<'a> {
     pub(crate) allowed: Duration,
     /// The same as it was asked for.
     timeout: Option<Duration>,
+    /// How long the machine may hold it up before a failure counts as the machine's.
+    pub(crate) most_held_up: Duration,
     pub(crate) client: &'a [OsString],
     /// Where traces and reports go.
     pub(crate) output: Option<&'a Path>,
@@ -50,6 +54,7 @@ impl<'a> Job<'a> {
             speed,
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
             timeout,
+            most_held_up: args.max_hold_up.0,
             client: &args.client,
             output: args.output.as_deref(),
         }
@@ -61,10 +66,10 @@ impl<'a> Job<'a> {
 
     /// The file's path, and which time it is.
     pub(crate) fn name(&self) -> String {
-        let path = self.loaded.path.display();
+        let path = visible::name(&self.loaded.path);
         match self.repeat {
             Some(repeat) => format!("{path} #{}", repeat + 1),
-            None => path.to_string(),
+            None => path,
         }
     }
 
@@ -72,9 +77,10 @@ impl<'a> Job<'a> {
     pub(crate) fn file(&self, end: &str) -> Option<PathBuf> {
         let mut name = self.loaded.stem();
         if let Some(repeat) = self.repeat {
-            name += &format!("-{}", repeat + 1);
+            name.push(format!("-{}", repeat + 1));
         }
-        Some(self.output?.join(format!("{name}.{end}")))
+        name.push(format!(".{end}"));
+        Some(self.output?.join(name))
     }
 
     /// A run of it, and the file for its trace.
@@ -94,25 +100,20 @@ impl<'a> Job<'a> {
 
     /// What to type to see the same again.
     pub(crate) fn command(&self) -> String {
-        let mut words = vec!["sim".to_owned(), "run".to_owned()];
-        words.extend(["--seed".to_owned(), self.seed.to_string()]);
+        let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
+        words.push(self.seed.to_string().into());
         if self.is_live() && self.speed != 1.0 {
-            words.extend(["--speed".to_owned(), self.speed.to_string()]);
+            words.extend(["--speed".into(), self.speed.to_string().into()]);
         }
         if let Some(timeout) = self.timeout {
-            words.extend(["--timeout".to_owned(), show_duration(timeout)]);
+            words.extend(["--timeout".into(), show_duration(timeout).into()]);
         }
-        words.push(self.loaded.path.display().to_string());
+        words.push(self.loaded.path.clone().into());
         if self.is_live() {
-            words.push("--".to_owned());
-            let client = self
-                .client
-                .iter()
-                .map(|word| word.to_string_lossy().into_owned());
-            words.extend(client);
+            words.push("--".into());
+            words.extend(self.client.iter().cloned());
         }
-        // Only a zero byte cannot be quoted, and no argument has one.
-        shlex::try_join(words.iter().map(String::as_str)).unwrap_or_else(|_| words.join(" "))
+        visible::command(words.iter().map(OsString::as_os_str))
     }
 }
 
@@ -133,6 +134,30 @@ pub(crate) struct Played {
     pub(crate) client: Option<PlayedClient>,
     /// Real time that it took.
     pub(crate) took: Duration,
+    /// What the machine did to it; nothing can be done to what runs in simulated time.
+    pub(crate) held_up: Option<HeldUp>,
+    /// It failed, and the machine held it up for so long that this proves nothing.
+    pub(crate) is_spoilt: bool,
+}
+
+/// A verdict, and whom it is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    Passed,
+    /// The client failed, or the vehicle did what it should not.
+    Failed,
+    /// The machine held the simulator up so much that a failure says nothing of the client.
+    Spoilt,
+}
+
+impl Played {
+    pub(crate) fn verdict(&self) -> Verdict {
+        match (self.outcome.passed, self.is_spoilt) {
+            (true, _) => Verdict::Passed,
+            (false, true) => Verdict::Spoilt,
+            (false, false) => Verdict::Failed,
+        }
+    }
 }
 
 /// A client that has ended.

@@ -14,6 +14,7 @@ use sim_settings::show_duration;
 use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
+use crate::visible;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 use sim_embed::served::Served;
@@ -65,8 +66,12 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     .map_err(Failure::system)?;
     let environment = environment(job, &ports)?;
     let log = job.file("client.log").map(|path| {
-        File::create(&path)
-            .with_context(|| format!("cannot write the client's output to {}", path.display()))
+        File::create(&path).with_context(|| {
+            format!(
+                "cannot write the client's output to {}",
+                visible::name(&path)
+            )
+        })
     });
     let log = log.transpose().map_err(Failure::system)?;
     let when = (Begin::WithClient, job.speed);
@@ -85,7 +90,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     if let Some(client) = &played
         && let ClientEnd::NotStarted(why) = &client.end
     {
-        let shown = job.client[0].display();
+        let shown = visible::name(&job.client[0]);
         return Err(Failure::usage(anyhow!(
             "cannot start the client {shown}: {why}"
         )));
@@ -94,12 +99,16 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let outcome = play.server.run_mut().end().clone();
     take(play.server.run_mut(), &mut play.trace);
     play.trace.map_or(Ok(()), TraceFile::finish)?;
+    let passed = outcome.passed;
+    let held_up = play.server.held_up();
     Ok(match played {
         None => JobResult::BrokenOff,
         Some(client) => JobResult::Played(Box::new(Played {
             outcome,
             client: Some(client),
             took: begun.elapsed(),
+            held_up: Some(held_up),
+            is_spoilt: !passed && held_up.total > job.most_held_up,
         })),
     })
 }
@@ -114,7 +123,7 @@ fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)
             return Err(Failure::usage(anyhow!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
                  differ in more than -, _ and the case of letters",
-                job.loaded.path.display()
+                visible::name(&job.loaded.path)
             )));
         }
         environment.push((variable, absolute(&served.path)?));
@@ -128,7 +137,7 @@ fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)
 fn absolute(path: &Path) -> Result<OsString, Failure> {
     std::path::absolute(path)
         .map(std::path::PathBuf::into_os_string)
-        .with_context(|| format!("cannot tell where {} is", path.display()))
+        .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
         .map_err(Failure::system)
 }
 

@@ -4,14 +4,16 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 use sim_core::event::Hex;
+use sim_embed::serve::HeldUp;
 use sim_runner::Outcome;
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::scenario_files::Loaded;
+use crate::visible;
 use sim_embed::ports;
 
-use super::job::{Job, JobResult, Played};
+use super::job::{Job, JobResult, Played, Verdict};
 
 /// How many of the last lines of traffic are shown of a scenario that failed.
 const TRAFFIC: usize = 12;
@@ -23,7 +25,11 @@ const MOST_CHARACTERS: usize = 300;
 /// A scenario in the list.
 pub(crate) fn listed(loaded: &Loaded) -> String {
     let scenario = &loaded.scenario;
-    let mut text = format!("{}: {}", loaded.path.display(), scenario.title);
+    let mut text = format!(
+        "{}: {}",
+        visible::name(&loaded.path),
+        visible::line(&scenario.title)
+    );
     if !scenario.tags.is_empty() {
         let _ = write!(text, " [{}]", scenario.tags.join(", "));
     }
@@ -36,7 +42,7 @@ pub(crate) fn planned(job: &Job<'_>) -> String {
     let mut text = format!(
         "{}: {}\n  seed {}, {} simulated",
         job.name(),
-        scenario.title,
+        visible::line(&scenario.title),
         job.seed,
         show_duration(scenario.limit)
     );
@@ -61,17 +67,21 @@ pub(crate) fn told(args: &RunArgs, job: &Job<'_>, result: &JobResult) -> String 
     match result {
         JobResult::Played(played) => told_played(args, job, played),
         JobResult::BrokenOff => format!("broken off  {name}"),
-        JobResult::Broken(why) => format!("BROKEN  {name}: {why}"),
+        JobResult::Broken(why) => format!("BROKEN  {name}: {}", visible::line(why)),
     }
 }
 
 fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
     let outcome = &played.outcome;
-    let word = if outcome.passed { "ok    " } else { "FAILED" };
+    let word = match played.verdict() {
+        Verdict::Passed => "ok    ",
+        Verdict::Failed => "FAILED",
+        Verdict::Spoilt => "SPOILT",
+    };
     let mut text = format!(
         "{word}  {}: {} ({:.1} s simulated",
         job.name(),
-        outcome.title,
+        visible::line(&outcome.title),
         outcome.ended_at.as_secs_f64()
     );
     if job.is_live() {
@@ -84,18 +94,25 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
     // What a scripted client does wrong, it was told to do.
     if job.is_live() || !outcome.passed {
         for line in client_report(outcome) {
-            let _ = write!(text, "\n  client report: {line}");
+            let _ = write!(text, "\n  client report: {}", visible::line(&line));
         }
+    }
+    if let Some(held_up) = played.held_up.and_then(machines_part) {
+        let _ = write!(text, "\n  {held_up}");
     }
     if outcome.passed {
         return text;
+    }
+    if played.is_spoilt {
+        text +=
+            "\n  what follows may be the machine's doing (--max-hold-up), also in a second try:";
     }
     text += &failures(outcome);
     if !outcome.traffic.is_empty() {
         text += "\n  the last that happened:";
     }
     for line in last(&outcome.traffic, TRAFFIC) {
-        let _ = write!(text, "\n    {line}");
+        let _ = write!(text, "\n    {}", visible::line(line));
     }
     if let Some(client) = &played.client {
         let lines: Vec<String> = client.output.lines().map(shortened).collect();
@@ -109,7 +126,7 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
         }
     }
     if let Some(trace) = job.file("trace.jsonl") {
-        let _ = write!(text, "\n  trace: {}", trace.display());
+        let _ = write!(text, "\n  trace: {}", visible::name(&trace));
     }
     let _ = write!(text, "\n  again: {}", job.command());
     text
@@ -122,15 +139,15 @@ fn last(lines: &[String], count: usize) -> &[String] {
 /// A line that may be of any length.
 fn shortened(line: &str) -> String {
     match line.char_indices().nth(MOST_CHARACTERS) {
-        Some((end, _)) => format!("{} ({} bytes)", &line[..end], line.len()),
-        None => line.to_owned(),
+        Some((end, _)) => format!("{} ({} bytes)", visible::line(&line[..end]), line.len()),
+        None => visible::line(line).into_owned(),
     }
 }
 
 fn failures(outcome: &Outcome) -> String {
     let mut text = String::new();
     for failure in &outcome.failures {
-        let _ = write!(text, "\n  {failure}");
+        let _ = write!(text, "\n  {}", visible::line(&failure.to_string()));
     }
     if outcome.more_failures > 0 {
         let _ = write!(text, "\n  and {} more", outcome.more_failures);
@@ -152,13 +169,41 @@ pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
     lines
 }
 
+/// For how long the machine held a run up, in words; `None` if it did not.
+pub(crate) fn machines_part(held_up: HeldUp) -> Option<String> {
+    let HeldUp {
+        times,
+        total,
+        longest,
+    } = held_up;
+    (times > 0).then(|| {
+        format!(
+            "the machine was busy: simulated time stood still for {:.2} s in all, {:.2} s at the \
+             longest, while the client's clock went on",
+            total.as_secs_f64(),
+            longest.as_secs_f64()
+        )
+    })
+}
+
+/// The same for programs; null for a run in simulated time.
+pub(crate) fn machines_part_json(held_up: Option<HeldUp>) -> Value {
+    held_up.map_or(Value::Null, |held_up| {
+        json!({
+            "times": held_up.times,
+            "total_s": held_up.total.as_secs_f64(),
+            "longest_s": held_up.longest.as_secs_f64(),
+        })
+    })
+}
+
 /// The verdict of a scenario that was played against whatever client came, for people.
 pub(crate) fn verdict_text(outcome: &Outcome) -> String {
     let word = if outcome.passed { "passed" } else { "FAILED" };
     let time = outcome.ended_at.as_secs_f64();
     format!(
         "{word}: {} ({time:.1} s simulated, seed {}){}",
-        outcome.title,
+        visible::line(&outcome.title),
         outcome.seed,
         failures(outcome)
     )

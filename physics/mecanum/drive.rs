@@ -53,11 +53,10 @@ impl Drive {
         let mut drive = Self {
             traction: Traction::with_contacts(&settings.wheel.tyre(), patches),
             motors: [Motor::new(); WHEELS],
-            pulses: [0, 1, 2, 3].map(|stream| {
+            pulses: std::array::from_fn(|_| {
                 PulseWire::new(
                     settings.encoder.pulses_per_revolution,
                     settings.encoder.hysteresis,
-                    stream,
                 )
             }),
             wheel_speed: [0.0; WHEELS],
@@ -113,14 +112,7 @@ impl Drive {
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
             let turned = self.wheel_speed[index] * seconds;
             self.wheel_angle[index] += turned;
-            pulses.turn(turned, seconds, faults[index].encoder);
-        }
-    }
-
-    /// Lets time pass at a stand.
-    pub(super) fn rest(&mut self, seconds: f64, faults: &[WheelFaults; WHEELS]) {
-        for (pulses, faults) in self.pulses.iter_mut().zip(faults) {
-            pulses.turn(0.0, seconds, faults.encoder);
+            pulses.turn(turned, faults[index].encoder);
         }
     }
 

@@ -1,7 +1,7 @@
 //! The pulses that a motor gives as its wheel turns.
 
 /// What a wheel's encoder does.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Encoder {
     /// It gives a pulse for each step of the wheel, whichever way that turns.
     #[default]
@@ -10,8 +10,6 @@ pub enum Encoder {
     Lost,
     /// The counter hangs; once it is free again it has everything that it missed.
     Stuck,
-    /// Interference adds so many pulses a second on average.
-    Noisy(f64),
 }
 
 /// One PG wire and its counter.
@@ -29,14 +27,10 @@ pub(super) struct PulseWire {
     count: u32,
     /// What a stuck counter keeps back.
     held_back: u32,
-    /// Share of the next disturbance.
-    disturbance: f64,
-    random: u64,
 }
 
 impl PulseWire {
-    /// `stream` tells apart the disturbances of several wires.
-    pub(super) fn new(pulses_per_revolution: u32, hysteresis: f64, stream: u64) -> Self {
+    pub(super) fn new(pulses_per_revolution: u32, hysteresis: f64) -> Self {
         Self {
             per_radian: f64::from(pulses_per_revolution) / std::f64::consts::TAU,
             hysteresis,
@@ -46,8 +40,6 @@ impl PulseWire {
             directed: false,
             count: 0,
             held_back: 0,
-            disturbance: 0.0,
-            random: stream,
         }
     }
 
@@ -60,8 +52,8 @@ impl PulseWire {
         self.directed = directed;
     }
 
-    /// Lets the wheel turn by `angle` radians in so many seconds.
-    pub(super) fn turn(&mut self, angle: f64, seconds: f64, encoder: Encoder) {
+    /// Lets the wheel turn by `angle` radians.
+    pub(super) fn turn(&mut self, angle: f64, encoder: Encoder) {
         self.angle += angle * self.per_radian;
         let edge = if self.angle >= self.edge + 1.0 {
             self.angle.floor()
@@ -82,32 +74,10 @@ impl PulseWire {
                 self.held_back = self.held_back.wrapping_add(pulses);
                 return;
             }
-            Encoder::Noisy(rate) => pulses = pulses.wrapping_add(self.disturb(rate * seconds)),
             Encoder::Working => {}
         }
         self.count = self.count.wrapping_add(pulses).wrapping_add(self.held_back);
         self.held_back = 0;
-    }
-
-    /// Pulses out of nothing, `mean` on average, unevenly spread.
-    fn disturb(&mut self, mean: f64) -> u32 {
-        self.disturbance += mean * 2.0 * self.uniform();
-        let pulses = self.disturbance.floor();
-        self.disturbance -= pulses;
-        whole(pulses)
-    }
-
-    /// 0 ≤ x < 1, from the SplitMix64 sequence (G. L. Steele, D. Lea, C. H. Flood, *Fast Splittable
-    /// Pseudorandom Number Generators*, OOPSLA 2014).
-    fn uniform(&mut self) -> f64 {
-        self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut mixed = self.random;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^= mixed >> 31;
-        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        let mantissa = (mixed >> 11) as f64;
-        mantissa / 9_007_199_254_740_992.0
     }
 }
 
@@ -125,7 +95,7 @@ mod tests {
     use super::*;
 
     fn wire() -> PulseWire {
-        PulseWire::new(60, 0.1, 0)
+        PulseWire::new(60, 0.1)
     }
 
     const PULSE: f64 = std::f64::consts::TAU / 60.0;
@@ -138,7 +108,6 @@ mod tests {
                 for _ in 0..pieces {
                     wire.turn(
                         sign * std::f64::consts::TAU / f64::from(pieces),
-                        0.005,
                         Encoder::Working,
                     );
                 }
@@ -150,14 +119,14 @@ mod tests {
     #[test]
     fn turning_back_counts_up_but_trembling_on_the_brink_does_not() {
         let mut wire = wire();
-        wire.turn(5.0 * PULSE, 0.1, Encoder::Working);
-        wire.turn(-5.0 * PULSE, 0.1, Encoder::Working);
+        wire.turn(5.0 * PULSE, Encoder::Working);
+        wire.turn(-5.0 * PULSE, Encoder::Working);
         assert_eq!(wire.count(), 10);
-        wire.turn(0.51 * PULSE, 0.1, Encoder::Working);
+        wire.turn(0.51 * PULSE, Encoder::Working);
         let count = wire.count();
         for _ in 0..100 {
-            wire.turn(-0.02 * PULSE, 0.1, Encoder::Working);
-            wire.turn(0.02 * PULSE, 0.1, Encoder::Working);
+            wire.turn(-0.02 * PULSE, Encoder::Working);
+            wire.turn(0.02 * PULSE, Encoder::Working);
         }
         assert_eq!(wire.count(), count);
     }
@@ -166,38 +135,21 @@ mod tests {
     fn a_counter_with_a_direction_counts_down() {
         let mut wire = wire();
         wire.set_directed(true);
-        wire.turn(-5.0 * PULSE, 0.1, Encoder::Working);
+        wire.turn(-5.0 * PULSE, Encoder::Working);
         assert_eq!(wire.count().cast_signed(), -5);
-        wire.turn(-2.0 * PULSE, 0.1, Encoder::Stuck);
-        wire.turn(12.0 * PULSE, 0.1, Encoder::Working);
+        wire.turn(-2.0 * PULSE, Encoder::Stuck);
+        wire.turn(12.0 * PULSE, Encoder::Working);
         assert_eq!(wire.count(), 5);
     }
 
     #[test]
     fn a_lost_wire_loses_pulses_and_a_stuck_counter_keeps_them() {
         let mut wire = wire();
-        wire.turn(10.0 * PULSE, 0.1, Encoder::Lost);
+        wire.turn(10.0 * PULSE, Encoder::Lost);
         assert_eq!(wire.count(), 0);
-        wire.turn(10.0 * PULSE, 0.1, Encoder::Stuck);
+        wire.turn(10.0 * PULSE, Encoder::Stuck);
         assert_eq!(wire.count(), 0);
-        wire.turn(PULSE, 0.1, Encoder::Working);
+        wire.turn(PULSE, Encoder::Working);
         assert_eq!(wire.count(), 11);
-    }
-
-    #[test]
-    fn noise_comes_at_its_rate_and_differs_between_wires() {
-        let counts = [1, 2].map(|stream| {
-            let mut wire = PulseWire::new(60, 0.1, stream);
-            let mut counts = Vec::new();
-            for _ in 0..2000 {
-                wire.turn(0.0, 0.005, Encoder::Noisy(30.0));
-                counts.push(wire.count());
-            }
-            counts
-        });
-        assert_ne!(counts[0], counts[1]);
-        for counts in counts {
-            assert!((280..320).contains(counts.last().unwrap()));
-        }
     }
 }

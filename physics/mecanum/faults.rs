@@ -132,15 +132,10 @@ impl MecanumPlant {
         self.pulse_offset[port] = self.pulse_offset[port].wrapping_add(pulses);
     }
 
-    /// Replaces all that is wrong with a wheel. Drag is held within 0–1000 N·m, the pulses of
-    /// interference within 0–1 million a second.
+    /// Replaces all that is wrong with a wheel. Drag is held within 0–1000 N·m.
     pub fn set_wheel_faults(&mut self, wheel: Wheel, faults: WheelFaults) {
         self.wheel_faults[wheel.index()] = WheelFaults {
             drag_torque: number(faults.drag_torque).clamp(0.0, 1e3),
-            encoder: match faults.encoder {
-                Encoder::Noisy(rate) => Encoder::Noisy(number(rate).clamp(0.0, 1e6)),
-                other => other,
-            },
             ..faults
         };
         if faults.blocked {
@@ -153,12 +148,6 @@ impl MecanumPlant {
     #[must_use]
     pub fn wheel_faults(&self, wheel: Wheel) -> WheelFaults {
         self.wheel_faults[wheel.index()]
-    }
-
-    /// Switches the supply of board and motors. Without it the wheels turn freely.
-    pub fn set_supply(&mut self, on: bool) {
-        self.supplied = on;
-        self.wake();
     }
 
     /// Puts a payload on the deck, kg, within 0–100.
@@ -177,13 +166,6 @@ impl MecanumPlant {
     /// held within ±10 kN.
     pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
         self.body.set_push([ahead, left, turn]);
-    }
-
-    /// Bumps once: ahead and to the left in N·s, counter-clockwise in N·m·s. Each is held within
-    /// ±1 kN·s.
-    pub fn bump(&mut self, world: &mut World, ahead: f64, left: f64, turn: f64) {
-        let (mass, inertia) = (self.drive.mass, self.drive.inertia);
-        self.body.bump(world, [ahead, left, turn], mass, inertia);
     }
 
     /// Lifts the car and sets it down elsewhere, standing.

@@ -59,7 +59,7 @@ impl MecanumPlant {
 
     /// Whether board and motors have a supply.
     pub(super) fn is_supplied(&self) -> bool {
-        self.supplied && !self.faults.unsupplied
+        !self.faults.unsupplied
     }
 
     /// Pulses by port as the wheels give them.

@@ -9,8 +9,6 @@ pub(super) struct Battery {
     open_circuit: [f64; 11],
     /// Of the packs and their wiring, Ω.
     resistance: f64,
-    /// Added by a scenario: a worn pack or a bad contact, Ω.
-    extra_resistance: f64,
     /// A·s
     capacity: f64,
     /// 0–1
@@ -28,7 +26,6 @@ impl Battery {
         Self {
             open_circuit: settings.cell_voltage.map(|cell| cell * cells),
             resistance: settings.pack_resistance / packs + settings.wiring_resistance,
-            extra_resistance: 0.0,
             capacity: settings.capacity * packs * 3600.0,
             soc: settings.initial_soc / 100.0,
             missing: 0.0,
@@ -50,7 +47,7 @@ impl Battery {
     }
 
     pub(super) fn resistance(&self) -> f64 {
-        self.resistance + self.extra_resistance
+        self.resistance
     }
 
     pub(super) fn soc(&self) -> f64 {
@@ -69,14 +66,6 @@ impl Battery {
     /// A·h
     pub(super) fn drawn(&self) -> f64 {
         self.drawn / 3600.0
-    }
-
-    pub(super) fn set_soc(&mut self, soc: f64) {
-        self.soc = soc;
-    }
-
-    pub(super) fn set_extra_resistance(&mut self, resistance: f64) {
-        self.extra_resistance = resistance;
     }
 
     /// Counts charge. A full battery takes no more and an empty one stays at its lowest voltage.

@@ -163,13 +163,6 @@ impl R150Plant {
         self.body.set_push([ahead, left, turn]);
     }
 
-    /// Bumps once: ahead and to the left in N·s, counter-clockwise in N·m·s. Each is held within
-    /// ±10 kN·s.
-    pub fn bump(&mut self, world: &mut World, ahead: f64, left: f64, turn: f64) {
-        let (mass, inertia) = (self.drive.mass, self.drive.inertia);
-        self.body.bump(world, [ahead, left, turn], mass, inertia);
-    }
-
     /// Lifts the vehicle and sets it down elsewhere, standing.
     pub fn place(&mut self, world: &mut World, pose: Pose) {
         self.body.place(world, pose);
@@ -199,20 +192,6 @@ impl R150Plant {
         self.side_faults[side]
     }
 
-    /// Blows a fuse.
-    pub fn blow_fuse(&mut self, fuse: FuseId) {
-        self.slow.fuses[fuse.index()].blow();
-        self.solve_network();
-        self.wake();
-    }
-
-    /// Puts a new fuse in.
-    pub fn replace_fuse(&mut self, fuse: FuseId) {
-        self.slow.fuses[fuse.index()].replace();
-        self.solve_network();
-        self.wake();
-    }
-
     /// Whether a fuse has blown.
     #[must_use]
     pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
@@ -225,37 +204,6 @@ impl R150Plant {
             *wired = source;
         }
         self.capture_pwm();
-    }
-
-    /// Charges or drains the battery to 0–1.
-    pub fn set_soc(&mut self, soc: f64) {
-        self.slow.battery.set_soc(number(soc).clamp(0.0, 1.0));
-        self.solve_network();
-    }
-
-    /// Adds resistance to the battery, Ω, within 0–10: worn cells or a bad contact make it sag.
-    pub fn set_battery_sag(&mut self, resistance: f64) {
-        self.slow
-            .battery
-            .set_extra_resistance(number(resistance).clamp(0.0, 10.0));
-        self.solve_network();
-    }
-
-    /// Changes the temperature around the vehicle, °C, within ±200.
-    pub fn set_ambient(&mut self, celsius: f64) {
-        self.slow.ambient = within(celsius, 200.0);
-    }
-
-    /// Heats or cools a 12 V converter pair (0 is A+B, 1 is C+D) at once, °C, within ±200.
-    pub fn set_temperature(&mut self, pair: usize, celsius: f64) {
-        if let Some(temperature) = self.slow.temperature.get_mut(pair) {
-            *temperature = within(celsius, 200.0);
-        }
-    }
-
-    /// Makes the power module report a fault of its own, or stop doing so.
-    pub fn set_power_module_fault(&mut self, present: bool) {
-        self.power_module_fault = present;
     }
 }
 

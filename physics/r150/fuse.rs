@@ -1,6 +1,6 @@
 //! Fuses.
 
-use super::settings::{FuseLaw, FuseSettings};
+use super::settings::FuseSettings;
 
 /// A fuse of the junction box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -31,19 +31,18 @@ impl FuseId {
 
 pub(super) const FUSES: usize = 4;
 
-/// A wire that melts by the law of the settings.
+/// A wire that melts.
 ///
-/// By default its temperature follows the square of the current with one time constant, and it melts
+/// Its temperature follows the square of the current with one time constant, and it melts
 /// at the temperature of its holding current. For currents far above the rating that is the usual
 /// rule of a constant I²t; below, the fuse forgets, so that a rated current never blows it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fuse {
-    law: FuseLaw,
     /// Square of the current that it carries for ever, A².
     holding: f64,
     /// s
     time_constant: f64,
-    /// Warming: warmth in terms of the steady current that makes it, A². I²t: the sum so far, A²s.
+    /// In terms of the steady current that makes it, A².
     warmth: f64,
     blown: bool,
 }
@@ -58,7 +57,6 @@ impl Fuse {
             };
             let holding = rating * settings.holding_factor;
             Self {
-                law: settings.law,
                 holding: holding * holding,
                 time_constant: settings.time_constant.as_secs_f64(),
                 warmth: 0.0,
@@ -75,48 +73,23 @@ impl Fuse {
         self.blown = true;
     }
 
-    pub(super) fn replace(&mut self) {
-        self.blown = false;
-        self.warmth = 0.0;
-    }
-
     /// Seconds until a steady current blows it.
     pub(super) fn time_to_blow(&self, current: f64) -> Option<f64> {
         let heating = current * current;
         if self.blown || heating <= self.holding {
             return None;
         }
-        let time = match self.law {
-            FuseLaw::Warming => {
-                self.time_constant * libm::log((heating - self.warmth) / (heating - self.holding))
-            }
-            FuseLaw::I2t => (self.holding * self.time_constant - self.warmth) / heating,
-            FuseLaw::Never => return None,
-        };
+        let time =
+            self.time_constant * libm::log((heating - self.warmth) / (heating - self.holding));
         Some(time.max(0.0))
     }
 
-    /// Lets a steady current flow for `seconds`, after which `kept` is the share of the old warmth
+    /// Lets a steady current flow for a span after which `kept` is the share of the old warmth
     /// that remains. Returns whether it blew.
-    pub(super) fn carry(&mut self, current: f64, seconds: f64, kept: f64) -> bool {
+    pub(super) fn carry(&mut self, current: f64, kept: f64) -> bool {
         let heating = current * current;
-        let melting = match self.law {
-            FuseLaw::Warming => {
-                self.warmth = heating + (self.warmth - heating) * kept;
-                self.holding
-            }
-            FuseLaw::I2t => {
-                let adds_up = heating > self.holding;
-                self.warmth = if adds_up {
-                    self.warmth + heating * seconds
-                } else {
-                    0.0
-                };
-                self.holding * self.time_constant
-            }
-            FuseLaw::Never => return false,
-        };
-        if self.blown || self.warmth < melting {
+        self.warmth = heating + (self.warmth - heating) * kept;
+        if self.blown || self.warmth < self.holding {
             return false;
         }
         self.blown = true;

@@ -23,7 +23,7 @@ impl R150Plant {
             supply_current: self.flow.tail_current,
             temperature: self.temperature(),
             pwm_in: self.pwm_in,
-            power_module_fault: self.power_module_fault || self.faults.power_module,
+            power_module_fault: self.faults.power_module,
         }
     }
 

@@ -149,20 +149,6 @@ sim_settings::settings! {
     }
 }
 
-sim_settings::choices! {
-    /// By which law a fuse blows.
-    pub enum FuseLaw {
-        /// It warms with the square of the current and cools again, with one time constant, and
-        /// melts at the temperature of its holding current.
-        Warming = "warming",
-        /// It blows when the square of the current, summed over the time for which the current is
-        /// above its holding current, reaches that of the holding current times the time constant.
-        I2t = "i2t",
-        /// It carries anything.
-        Never = "never",
-    }
-}
-
 sim_settings::settings! {
     /// Fuses of the junction box.
     pub struct FuseSettings {
@@ -172,8 +158,6 @@ sim_settings::settings! {
         tail: f64 = 60.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
         /// Fuse of the small modules.
         small_modules: f64 = 5.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
-        /// By which law they blow.
-        law: FuseLaw = FuseLaw::Warming, assumed "the manual gives their ratings only";
         /// Multiple of the rating that a fuse carries for ever.
         holding_factor: f64 = 1.2, range 1.0..=5.0, assumed "automotive blade and strip fuses";
         /// Time constant of a fuse's warming; at high current it blows after this times

@@ -64,7 +64,7 @@ impl SlowStates {
         let kept = self.melting.kept(seconds);
         let mut blew = false;
         for (fuse, current) in self.fuses.iter_mut().zip(fuse_currents(flow)) {
-            blew |= fuse.carry(current, seconds, kept);
+            blew |= fuse.carry(current, kept);
         }
         blew
     }

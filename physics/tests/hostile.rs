@@ -6,9 +6,7 @@ use std::time::Duration;
 
 use common::Bench;
 use proptest::prelude::*;
-use sim_physics::r150::{
-    Encoder, FuseId, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides,
-};
+use sim_physics::r150::{Encoder, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
 use sim_physics::{Ground, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
@@ -19,14 +17,10 @@ enum Action {
     Wire(usize, Load),
     Payload(f64),
     Push(f64, f64, f64),
-    Bump(f64, f64, f64),
     Place(f64, f64, f64),
     Faults(bool, SideFaults),
     Whole(Box<R150Faults>),
-    Fuse(usize, bool),
-    Battery(f64, f64),
     Ground(f64, f64, f64),
-    Heat(f64, f64),
     Pwm(usize, f64, f64),
     Rest(u64),
     Steps(u32),
@@ -110,14 +104,10 @@ fn any_action() -> impl Strategy<Value = Action> {
         2 => (0_usize..6, any_load()).prop_map(|(rail, load)| Action::Wire(rail, load)),
         1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
-        1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Bump(ahead, left, turn)),
         1 => (-50.0..50.0, -50.0..50.0, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         2 => (any::<bool>(), any_faults()).prop_map(|(left, faults)| Action::Faults(left, faults)),
         2 => any_whole().prop_map(|faults| Action::Whole(Box::new(faults))),
-        1 => (0_usize..4, any::<bool>()).prop_map(|(fuse, blow)| Action::Fuse(fuse, blow)),
-        1 => (n(), n()).prop_map(|(soc, sag)| Action::Battery(soc, sag)),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
-        1 => (n(), n()).prop_map(|(ambient, now)| Action::Heat(ambient, now)),
         1 => (0_usize..6, n(), n()).prop_map(|(input, frequency, duty)| Action::Pwm(input, frequency, duty)),
         1 => (0_u64..10_000_000).prop_map(Action::Rest),
         6 => (1_u32..80).prop_map(Action::Steps),
@@ -136,25 +126,14 @@ fn apply(bench: &mut Bench, action: &Action) {
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
         Action::Payload(mass) => plant.set_payload(world, mass),
         Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
-        Action::Bump(ahead, left, turn) => plant.bump(world, ahead, left, turn),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);
         }
         Action::Whole(faults) => plant.set_faults(world, &faults),
-        Action::Fuse(fuse, true) => plant.blow_fuse(FuseId::ALL[fuse]),
-        Action::Fuse(fuse, false) => plant.replace_fuse(FuseId::ALL[fuse]),
-        Action::Battery(soc, sag) => {
-            plant.set_soc(soc);
-            plant.set_battery_sag(sag);
-        }
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));
             plant.wake();
-        }
-        Action::Heat(ambient, now) => {
-            plant.set_ambient(ambient);
-            plant.set_temperature(0, now);
         }
         Action::Pwm(input, frequency, duty) => plant.set_pwm_source(
             input,

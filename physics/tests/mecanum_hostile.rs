@@ -24,10 +24,8 @@ enum Action {
     CarFaults(Box<MecanumFaults>),
     Payload(f64),
     Push(f64, f64, f64),
-    Bump(f64, f64, f64),
     Place(f64, f64, f64),
     Ground(f64, f64, f64),
-    Supply(bool),
     Rest(u64),
     Steps(u32),
 }
@@ -47,7 +45,6 @@ fn any_faults() -> impl Strategy<Value = WheelFaults> {
         Just(Encoder::Working),
         Just(Encoder::Lost),
         Just(Encoder::Stuck),
-        any_number().prop_map(Encoder::Noisy),
     ];
     (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
         let [
@@ -104,10 +101,8 @@ fn any_action() -> impl Strategy<Value = Action> {
         1 => any_car_faults().prop_map(|faults| Action::CarFaults(Box::new(faults))),
         1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
-        1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Bump(ahead, left, turn)),
         1 => (-3.0..7.0, -3.5..3.5, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
-        1 => any::<bool>().prop_map(Action::Supply),
         1 => (0_u64..10_000_000).prop_map(Action::Rest),
         6 => (1_u32..80).prop_map(Action::Steps),
     ]
@@ -133,13 +128,11 @@ fn apply(car: &mut Car, action: &Action) {
         Action::CarFaults(faults) => plant.set_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
         Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
-        Action::Bump(ahead, left, turn) => plant.bump(world, ahead, left, turn),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));
             plant.wake();
         }
-        Action::Supply(on) => plant.set_supply(on),
         Action::Rest(millis) => plant.rest(Duration::from_millis(millis)),
         Action::Steps(steps) => {
             for _ in 0..steps {
@@ -243,8 +236,9 @@ proptest! {
     ) {
         let mut car = Car::wired(Wiring::X_Y_E0_E1);
         car.plant.set_commands(&commands([false; 5], brake, 0.0));
-        car.plant.set_supply(supply);
-        car.plant.bump(&mut car.world, ahead, left, turn);
+        let faults = MecanumFaults { unsupplied: !supply, ..MecanumFaults::default() };
+        car.plant.set_faults(&mut car.world, &faults);
+        car.world.set_velocity(car.plant.body(), [ahead / 8.0, left / 8.0], turn / 0.14);
         let energy = |car: &Car| {
             let truth = car.plant.truth();
             let speed = truth.forward_speed.powi(2) + truth.leftward_speed.powi(2);

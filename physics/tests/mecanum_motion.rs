@@ -6,9 +6,16 @@
 mod car;
 
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
-use sim_physics::mecanum::{Port, WHEELS, Wheel, WheelFaults, Wiring};
+use sim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, WheelFaults, Wiring};
 use sim_physics::world::{Area, FrictionPatch, Rectangle};
 use sim_physics::{Ground, MecanumPlantSettings, Pose};
+
+fn unsupplied() -> MecanumFaults {
+    MecanumFaults {
+        unsupplied: true,
+        ..MecanumFaults::default()
+    }
+}
 
 const FORWARD: [i8; WHEELS] = [1; WHEELS];
 const LEFT: [i8; WHEELS] = [-1, 1, 1, -1];
@@ -249,7 +256,7 @@ fn braked_on_a_slope_it_stays_and_released_it_runs() {
         }
         let later = car.plant.truth().pose;
         assert!((later.x - settled.x).hypot(later.y - settled.y) < 1e-3);
-        car.plant.set_supply(false);
+        car.plant.set_faults(&mut car.world, &unsupplied());
         car.run(2.0);
         println!("released: {:?}", car.plant.truth().pose);
         // Sideways the rollers' drag may hold it.
@@ -268,7 +275,7 @@ fn hit_by_another_it_wakes() {
     let settings = MecanumPlantSettings::default();
     let mut other = sim_physics::MecanumPlant::with_name("other", &settings, &mut car.world, pose);
     // Its motors would hold it about as hard as the other can push.
-    other.set_supply(false);
+    other.set_faults(&mut car.world, &unsupplied());
     car.turn(FORWARD, 1.0);
     let mut rested = false;
     for _ in 0..1000 {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use common::Bench;
 use sim_physics::R150PlantSettings;
 use sim_physics::r150::{
-    AtZeroPwm, FuseId, FuseLaw, Load, OutputDuty, PwmReading, PwmSource, Rail, SteadyLevel,
+    AtZeroPwm, FuseId, Load, OutputDuty, PwmReading, PwmSource, R150Faults, Rail, SteadyLevel,
     Unmeasured,
 };
 
@@ -43,8 +43,8 @@ fn at_pwm_0_it_brakes_or_rolls_on() {
 }
 
 /// A vehicle whose tail supply carries more than its fuse can for ever.
-fn overloaded(law: FuseLaw) -> Bench {
-    let mut bench = with(|s| s.fuses.law = law);
+fn overloaded() -> Bench {
+    let mut bench = Bench::new();
     bench.plant.set_load(Rail::V48, Load::Power(4500.0));
     bench.command(|commands| commands.rail_on[Rail::V48.index()] = true);
     bench
@@ -55,41 +55,17 @@ fn blown(bench: &Bench) -> bool {
 }
 
 #[test]
-fn a_fuse_blows_by_its_law() {
+fn a_fuse_blows_when_it_has_warmed_to_its_holding_current() {
     let holding: f64 = 60.0 * 1.2;
-    let read = overloaded(FuseLaw::I2t).plant.measurements();
-    let current = read.supply_current;
+    let mut bench = overloaded();
+    let current = bench.plant.measurements().supply_current;
     assert!(current > 1.2 * holding, "{current}");
-    let i2t = holding.powi(2) * 10.0 / current.powi(2);
-    let warming = 10.0 * (current.powi(2) / (current.powi(2) - holding.powi(2))).ln();
-    assert!(i2t < warming);
-    for (law, seconds) in [(FuseLaw::I2t, i2t), (FuseLaw::Warming, warming)] {
-        let mut bench = overloaded(law);
-        bench.plant.rest(Duration::from_secs_f64(seconds * 0.999));
-        assert!(!blown(&bench), "{law:?} before {seconds} s");
-        bench.plant.rest(Duration::from_secs_f64(seconds * 0.01));
-        assert!(blown(&bench), "{law:?} at {seconds} s");
-    }
-    let mut bench = overloaded(FuseLaw::Never);
-    bench.plant.rest(Duration::from_secs(120));
-    assert!(!blown(&bench));
-    // A fault may still take it out.
-    bench.plant.blow_fuse(FuseId::Tail);
+    let seconds = 10.0 * (current.powi(2) / (current.powi(2) - holding.powi(2))).ln();
+    bench.plant.rest(Duration::from_secs_f64(seconds * 0.999));
+    assert!(!blown(&bench), "before {seconds} s");
+    bench.plant.rest(Duration::from_secs_f64(seconds * 0.01));
+    assert!(blown(&bench), "at {seconds} s");
     assert!(!bench.plant.measurements().module_powered);
-}
-
-#[test]
-fn the_sum_of_i2t_begins_anew_once_the_overload_has_ended() {
-    let mut bench = overloaded(FuseLaw::I2t);
-    for _ in 0..5 {
-        bench.plant.rest(Duration::from_secs(4));
-        bench.plant.set_load(Rail::V48, Load::Power(1000.0));
-        bench.plant.rest(Duration::from_millis(1));
-        bench.plant.set_load(Rail::V48, Load::Power(4500.0));
-    }
-    assert!(!blown(&bench));
-    bench.plant.rest(Duration::from_secs(8));
-    assert!(blown(&bench));
 }
 
 #[test]
@@ -177,7 +153,9 @@ fn the_converters_and_the_supply_can_be_measured_apart_from_the_outputs() {
         (105.0..115.0).contains(&drawn),
         "{drawn} W through the converter"
     );
-    bench.plant.blow_fuse(FuseId::Tail);
+    let mut faults = R150Faults::default();
+    faults.fuses_out[2] = true;
+    bench.plant.set_faults(&mut bench.world, &faults);
     let off = bench.plant.measurements();
     assert_eq!((off.converter_12v, off.supply_current), (0.0, 0.0));
 }

@@ -25,9 +25,10 @@ fn full_ahead_on_the_flat_is_1_4_metres_a_second() {
 
 #[test]
 fn a_fuller_battery_drives_faster() {
-    let speeds = [0.1, 0.5, 0.8, 1.0].map(|soc| {
-        let mut bench = Bench::new();
-        bench.plant.set_soc(soc);
+    let speeds = [10.0, 50.0, 80.0, 100.0].map(|soc| {
+        let mut settings = R150PlantSettings::default();
+        settings.battery.initial_soc = soc;
+        let mut bench = Bench::with(&settings);
         bench.drive(1.0, 1.0);
         bench.run(3.0);
         bench.speed()
@@ -265,7 +266,9 @@ fn left_alone_on_the_flat_it_never_gains_speed() {
     for propulsion_power in [true, false] {
         let mut bench = Bench::new();
         bench.command(|commands| commands.propulsion_power = propulsion_power);
-        bench.plant.bump(&mut bench.world, 150.0, 80.0, 20.0);
+        let velocity = [150.0 / 130.0, 80.0 / 130.0];
+        let body = bench.plant.body();
+        bench.world.set_velocity(body, velocity, 20.0 / 16.0);
         let energy = |bench: &Bench| {
             let truth = bench.plant.truth();
             let [ahead, left] = [truth.forward_speed, truth.leftward_speed];

@@ -170,7 +170,7 @@ fn qualified_name(expression: &Expr) -> Option<String> {
 }
 
 impl Scope<'_> {
-    fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
+    pub(super) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
         if name == "t" {
             return Ok((Origin::Time, Unit::Number("s")));
         }

@@ -149,7 +149,7 @@ impl Run {
         }
     }
 
-    fn situation(&self) -> Situation<'_> {
+    pub(crate) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
             seen: &self.seen,

@@ -10,7 +10,7 @@ use sim_settings::{
 use toml::Spanned;
 
 use crate::fault::{Fault, LinkName, RailName};
-use crate::rig_file::{DeviceText, any_table};
+use crate::rig_file::{DeviceText, all_settings};
 
 /// A scenario for `sim run`: devices in a world, what happens to them, and what must come of it.
 /// Times and quantities are text with a unit, as in "250ms" or "48 V"; paths are relative to this
@@ -44,7 +44,7 @@ pub(crate) struct Document {
     pub wall_limit: Option<Span>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default)]
-    #[schemars(schema_with = "any_table")]
+    #[schemars(schema_with = "all_settings")]
     pub settings: toml::Table,
     /// The devices.
     #[serde(default)]

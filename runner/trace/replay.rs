@@ -11,6 +11,7 @@ use sim_core::rig::PortId;
 use sim_core::settings::SimSettings;
 use sim_settings::{Source, load_toml, shorten};
 
+use super::onlooker::Onlooker;
 use super::record::{Header, Record};
 use super::{FORMAT, MOST_BYTES};
 use crate::run::{Run, RunError, RunOptions};
@@ -27,8 +28,9 @@ const NANOSECOND: Duration = Duration::from_nanos(1);
 ///
 /// The recorded client's bytes are sent at their recorded times, and what the devices send has to
 /// be the same bytes at the same times.
-pub struct Replay {
+pub struct Replay<'o> {
     run: Run,
+    onlooker: Option<&'o mut dyn Onlooker>,
     /// What was recorded and what came now, of each port, as far as they are not yet compared.
     streams: BTreeMap<PortId, Stream>,
     line: usize,
@@ -99,7 +101,7 @@ pub enum ReplayError {
     Run(#[from] RunError),
 }
 
-impl Replay {
+impl<'o> Replay<'o> {
     /// Repeats a whole trace.
     ///
     /// # Errors
@@ -129,11 +131,32 @@ impl Replay {
         let run = start(&header).map_err(malformed)?;
         Ok(Self {
             run,
+            onlooker: None,
             streams: BTreeMap::new(),
             line: 1,
             acted: 0,
             ended: false,
         })
+    }
+
+    /// The same with somebody who looks on from now.
+    #[must_use]
+    pub fn watched<'n>(self, onlooker: &'n mut dyn Onlooker) -> Replay<'n> {
+        let onlooker = Some(onlooker);
+        Replay { onlooker, ..self }
+    }
+
+    /// The second run, as far as it has come.
+    #[must_use]
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// Whether the onlooker wants no more of it.
+    #[must_use]
+    pub fn is_enough(&self) -> bool {
+        let onlooker = self.onlooker.as_ref();
+        onlooker.is_some_and(|onlooker| onlooker.has_enough())
     }
 
     /// Takes a further line.
@@ -145,7 +168,11 @@ impl Replay {
         if line.trim().is_empty() {
             return Ok(());
         }
-        match read(line, self.line)? {
+        let record = read(line, self.line)?;
+        if let Some(onlooker) = &mut self.onlooker {
+            onlooker.record(&record);
+        }
+        match record {
             Record::Host { .. }
             | Record::Event { .. }
             | Record::Pose { .. }
@@ -260,10 +287,24 @@ impl Replay {
     fn advance(&mut self, to: SimTime) -> Result<(), ReplayError> {
         while self.run.rig().now() < to && self.run.finished().is_none() {
             let next = self.run.rig().now() + SLICE;
-            self.run.advance(next.min(to))?;
+            let look = self.look();
+            self.run.advance(next.min(look).min(to))?;
             self.compare()?;
         }
+        self.look();
         Ok(())
+    }
+
+    /// Lets the onlooker look if it is time, and says when it is time again.
+    fn look(&mut self) -> SimTime {
+        let Some(onlooker) = &mut self.onlooker else {
+            return SimTime::MAX;
+        };
+        if onlooker.next_look() <= self.run.rig().now() {
+            onlooker.look(&self.run);
+        }
+        // Whoever never looks later would stop the time.
+        onlooker.next_look().max(self.run.rig().now() + NANOSECOND)
     }
 
     /// A port that the scenario has.
@@ -288,7 +329,11 @@ impl Replay {
                 self.stream(port.into()).now.extend(bytes);
             }
         }
-        while self.run.poll_event().is_some() {}
+        while let Some(event) = self.run.poll_event() {
+            if let Some(onlooker) = &mut self.onlooker {
+                onlooker.event(&self.run, &event);
+            }
+        }
         Ok(())
     }
 

@@ -203,7 +203,6 @@ impl fmt::Display for MecanumEvent {
                 match handling {
                     Handling::Ignored => f.write_str("ignored with its packet")?,
                     Handling::TakenFor(other) => write!(f, "taken for {other}")?,
-                    Handling::Stopped => f.write_str("stops the car")?,
                 }
                 write!(f, ": {allowed} allowed")
             }
@@ -220,7 +219,6 @@ impl fmt::Display for MecanumEvent {
                 match why {
                     Discard::Preempted => write!(f, "another preempts"),
                     Discard::ControlMode => write!(f, "the control mode changed"),
-                    Discard::BadOrder => write!(f, "what the client sent is not known"),
                     Discard::LinkTimeout(silence) => write!(
                         f,
                         "nothing valid from the client for {:.1} ms",

@@ -9,9 +9,7 @@ use super::encoder::{Counting, Encoder, SpeedWindow};
 use super::kinematics::{Movement, body_speed};
 use super::motion::{Change, Motion, Motions, Rules};
 use super::odometry::Odometry;
-use super::settings::{
-    IdleDirection, IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode,
-};
+use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode};
 
 /// Motions, remote control, encoders and dead reckoning.
 #[derive(Debug, Clone)]
@@ -152,19 +150,13 @@ impl Drive {
         let rotations = self.rotations();
         let idle = rotations == [0; WHEELS];
         let held = !idle || settings.idle_wheels == IdleWheels::Hold;
-        let mut commands = MecanumCommands {
-            ports: [PortCommand {
-                reverse: false,
-                brake: settings.unused_ports_brake,
-            }; PORTS],
-            speed_voltage: 0.0,
-        };
+        // A port without a wheel holds what may be plugged in there.
+        let mut commands = MecanumCommands::default();
         for wheel in Wheel::ALL {
             let at = wheel.index();
             let port: Port = self.wiring.port(wheel);
             let stands = rotations[at] == 0;
-            let backward = self.encoders[at].is_backward()
-                && !(stands && settings.idle_direction == IdleDirection::Forward);
+            let backward = self.encoders[at].is_backward();
             commands.ports[port.index()] = PortCommand {
                 reverse: backward != self.wiring.is_reversed(wheel),
                 brake: stands && held,

@@ -28,8 +28,6 @@ pub enum Handling {
     Ignored,
     /// It was taken for this value.
     TakenFor(u8),
-    /// It stopped the car.
-    Stopped,
 }
 
 /// Why motions were discarded.
@@ -41,8 +39,6 @@ pub enum Discard {
     ControlMode,
     /// The link timed out after this silence.
     LinkTimeout(Duration),
-    /// A packet or line was bad, and that stops the car.
-    BadOrder,
 }
 
 /// Something that happened on the board.

@@ -6,9 +6,7 @@ use std::fmt;
 use sim_physics::mecanum::WHEELS;
 
 use super::kinematics::Movement;
-use super::settings::{
-    MecanumFirmwareSettings, MotionEnd, Preempt, QueueFull, ZeroDistance, ZeroSpeed,
-};
+use super::settings::{MecanumFirmwareSettings, MotionEnd, Preempt, ZeroDistance, ZeroSpeed};
 
 /// A movement with its distance and speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,8 +74,6 @@ pub struct Rules {
     pub most_waiting: usize,
     /// Pulses of a wheel's revolution.
     pub pulses_per_revolution: u32,
-    /// What is lost when too many wait.
-    pub queue_full: QueueFull,
     /// What a motion that preempts discards.
     pub preempt: Preempt,
     /// When the wheels stop.
@@ -95,7 +91,6 @@ impl Rules {
         Self {
             most_waiting: usize::try_from(settings.queue_length).unwrap_or(usize::MAX),
             pulses_per_revolution: settings.odometry.pulses_per_revolution,
-            queue_full: settings.queue_full,
             preempt: settings.preempt,
             end: settings.motion_end,
             zero_distance: settings.zero_distance,
@@ -143,20 +138,13 @@ impl Motions {
         }
     }
 
-    /// Appends a motion; gives the one that is lost where there is no room.
+    /// Appends a motion; gives it back where there is no room.
     pub fn append(&mut self, motion: Motion) -> Option<Motion> {
-        let mut lost = None;
         if self.running.is_some() && self.waiting.len() >= self.rules.most_waiting {
-            lost = match self.rules.queue_full {
-                QueueFull::Refuse => None,
-                QueueFull::DropOldest => self.waiting.pop_front(),
-            };
-            if lost.is_none() {
-                return Some(motion);
-            }
+            return Some(motion);
         }
         self.waiting.push_back(motion);
-        lost
+        None
     }
 
     /// Discards what a motion that preempts does and puts it first; says how many were discarded.
@@ -344,28 +332,6 @@ mod tests {
         }
         let seen = changes(|c| motions.turned([6; 4], &mut |x| c(x)));
         assert_eq!(seen, [Change::Done(ahead), Change::Started(ahead)]);
-    }
-
-    #[test]
-    fn when_full_the_oldest_may_go_instead() {
-        let mut motions = motions(|s| {
-            s.queue_length = 2;
-            s.queue_full = QueueFull::DropOldest;
-        });
-        let of = |tenths| motion(Course::Ahead, tenths);
-        for tenths in 1..=3 {
-            assert!(put(&mut motions, of(tenths)));
-        }
-        assert_eq!(motions.append(of(4)), Some(of(2)));
-        let seen = changes(|c| motions.turned([6; 4], &mut |x| c(x)));
-        assert_eq!(seen, [Change::Done(of(1)), Change::Started(of(3))]);
-        // Where nothing may wait there is nothing to drop.
-        let mut motions = super::tests::motions(|s| {
-            s.queue_length = 0;
-            s.queue_full = QueueFull::DropOldest;
-        });
-        assert!(put(&mut motions, of(1)));
-        assert_eq!(motions.append(of(2)), Some(of(2)));
     }
 
     #[test]

@@ -9,8 +9,7 @@ use super::kinematics::{Course, Movement};
 use super::motion::Motion;
 use super::packet::Request;
 use super::settings::{
-    Acknowledge, AsciiBadLine, AsciiLetters, BadControlType, BadIsReset, BadMovingIdx, LinkAlive,
-    ModeChange, MotionsInRemote, OrdersWithRos, OverSpeed, PositiveStrafe, PositiveTurn,
+    Acknowledge, AsciiLetters, ModeChange, OrdersWithRos, OverSpeed, PositiveStrafe, PositiveTurn,
 };
 use super::{MAX_SPEED, MOST_EVENTS, MecanumDevice, keep};
 
@@ -27,7 +26,7 @@ impl MecanumDevice {
 
     fn request(&mut self, now: SimTime, request: Request) {
         self.heard_seq = request.seq();
-        self.hear_valid(now);
+        self.hear(now);
         let order = self.settings.byte_order;
         self.event(now, MecanumEvent::Request(request, order));
         match request {
@@ -56,25 +55,15 @@ impl MecanumDevice {
     }
 
     fn motion_packet(&mut self, now: SimTime, is_reset: u8, moving_idx: u8, s: u16, v: i16) {
-        if self.settings.link_alive == LinkAlive::Motions {
-            self.hear(now);
-        }
         let Some(course) = Course::from_index(moving_idx) else {
-            let stops = self.settings.bad_moving_idx == BadMovingIdx::Stop;
-            let handling = if stops {
-                Handling::Stopped
-            } else {
-                Handling::Ignored
-            };
-            self.bad_field(now, Field::MovingIdx, moving_idx, handling);
-            if stops {
-                self.discard(now, Discard::BadOrder);
-            }
+            self.bad_field(now, Field::MovingIdx, moving_idx, Handling::Ignored);
             return;
         };
-        let Some(preempt) = self.preempts(now, is_reset) else {
-            return;
-        };
+        // As C takes any number but 0 for true.
+        let preempt = is_reset != 0;
+        if is_reset > 1 {
+            self.bad_field(now, Field::IsReset, is_reset, Handling::TakenFor(1));
+        }
         let Some(speed) = self.speed_in_range(now, v) else {
             return;
         };
@@ -88,20 +77,6 @@ impl MecanumDevice {
             return;
         }
         self.order(now, motion, preempt);
-    }
-
-    /// Whether a motion with this `is_reset` preempts; `None` if it is to be ignored.
-    fn preempts(&mut self, now: SimTime, is_reset: u8) -> Option<bool> {
-        if is_reset <= 1 {
-            return Some(is_reset == 1);
-        }
-        let (handling, preempts) = match self.settings.bad_is_reset {
-            BadIsReset::Preempt => (Handling::TakenFor(1), Some(true)),
-            BadIsReset::Append => (Handling::TakenFor(0), Some(false)),
-            BadIsReset::Ignore => (Handling::Ignored, None),
-        };
-        self.bad_field(now, Field::IsReset, is_reset, handling);
-        preempts
     }
 
     /// The size of a speed, 1/10 r/min; `None` if its motion is to be ignored.
@@ -121,17 +96,9 @@ impl MecanumDevice {
     }
 
     fn control_mode_packet(&mut self, now: SimTime, mode: u8) {
-        let taken_for = match (mode, self.settings.bad_control_type) {
-            (0 | 1, _) => Some(mode),
-            (_, BadControlType::Ignore) => None,
-            (_, BadControlType::Board) => Some(0),
-            (_, BadControlType::Remote) => Some(1),
-        };
-        if taken_for != Some(mode) {
-            let handling = taken_for.map_or(Handling::Ignored, Handling::TakenFor);
-            self.bad_field(now, Field::ControlType, mode, handling);
-        }
-        if let Some(mode) = taken_for {
+        if mode > 1 {
+            self.bad_field(now, Field::ControlType, mode, Handling::Ignored);
+        } else {
             self.control_mode(now, mode == 1);
         }
     }
@@ -140,7 +107,7 @@ impl MecanumDevice {
     pub(super) fn line(&mut self, now: SimTime, line: Line) {
         match line {
             Line::Command(command) => {
-                self.hear_valid(now);
+                self.hear(now);
                 self.event(now, MecanumEvent::Command(command));
                 self.command(now, command);
             }
@@ -155,31 +122,15 @@ impl MecanumDevice {
                     taken_for,
                 };
                 self.event(now, event);
-                match taken_for {
-                    Some(command) => {
-                        self.hear_valid(now);
-                        self.command(now, command);
-                    }
-                    None if self.settings.ascii_bad_line == AsciiBadLine::Stop => {
-                        self.discard(now, Discard::BadOrder);
-                    }
-                    None => {}
+                if let Some(command) = taken_for {
+                    self.hear(now);
+                    self.command(now, command);
                 }
             }
         }
     }
 
-    /// Something that the board understands is a sign of life, unless told otherwise.
-    fn hear_valid(&mut self, now: SimTime) {
-        if self.settings.link_alive == LinkAlive::Valid {
-            self.hear(now);
-        }
-    }
-
     fn command(&mut self, now: SimTime, command: Command) {
-        if self.settings.link_alive == LinkAlive::Motions {
-            self.hear(now);
-        }
         let course = course(command.letter, self.settings.ascii_letters);
         let motion = Motion {
             movement: self.movement(course, command.tenths < 0),
@@ -204,7 +155,7 @@ impl MecanumDevice {
     }
 
     fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
-        if self.drive.is_remote() && self.settings.motions_in_remote == MotionsInRemote::Ignore {
+        if self.drive.is_remote() {
             self.event(now, MecanumEvent::IgnoredInRemote(motion));
             return;
         }
@@ -224,7 +175,6 @@ impl MecanumDevice {
         if remote == self.drive.is_remote() {
             return;
         }
-        // On the way back there are only those that were kept on purpose.
         if remote && self.settings.mode_change == ModeChange::Discard {
             self.discard(now, Discard::ControlMode);
         }

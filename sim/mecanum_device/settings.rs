@@ -58,15 +58,9 @@ settings! {
         /// What a motion that preempts discards.
         preempt: Preempt = Preempt::All,
             assumed "a stop then stops the car, whatever waits";
-        /// What an `is_reset` above 1 is.
-        bad_is_reset: BadIsReset = BadIsReset::Preempt,
-            assumed "as C takes any number but 0 for true";
         /// How many motions may wait beside the one that runs.
         queue_length: u32 = 16, range 0..=1024,
             assumed "the article says that motions need not preempt, not how many may wait";
-        /// What is lost when too many wait.
-        queue_full: QueueFull = QueueFull::Refuse,
-            assumed "what was accepted is carried out";
         /// When the wheels of a motion stop.
         motion_end: MotionEnd = MotionEnd::EachWheel,
             assumed "the same authors' published firmware counts each wheel by itself";
@@ -79,9 +73,6 @@ settings! {
         /// What a speed beyond ±500 is.
         over_speed: OverSpeed = OverSpeed::Clamp,
             assumed "the article gives the range, not what happens beyond it";
-        /// What a `moving_idx` above 4 does.
-        bad_moving_idx: BadMovingIdx = BadMovingIdx::Ignore,
-            assumed "the article gives the range, not what happens beyond it";
         /// Which way a positive speed turns the car.
         positive_turn: PositiveTurn = PositiveTurn::Right,
             documented "article, picture of the wheels; its tables give no sign";
@@ -91,34 +82,20 @@ settings! {
         /// Who drives when the board starts.
         start_mode: StartMode = StartMode::Board,
             assumed "the first of the two modes";
-        /// What a control mode above 1 is.
-        bad_control_type: BadControlType = BadControlType::Ignore,
-            assumed "the article gives the range, not what happens beyond it";
         /// What becomes of motions when the control mode changes.
         mode_change: ModeChange = ModeChange::Discard,
             assumed "whoever drove before stops driving";
-        /// What becomes of motions that come while the remote control drives.
-        motions_in_remote: MotionsInRemote = MotionsInRemote::Ignore,
-            assumed "the operator drives then";
-        /// Silence of the client after which its motions are discarded.
+        /// Silence of the client after which its motions are discarded; any valid packet or line on
+        /// either link ends it.
         link_timeout: Option<Duration> = None, range MS(1)..=S(3600),
             assumed "the article documents no watchdog";
-        /// What ends such a silence.
-        link_alive: LinkAlive = LinkAlive::Valid,
-            assumed "whatever the board understands shows that somebody is there";
         /// The motor ports of LF, RF, LR, RR, as the firmware drives them; "!" before a port
         /// drives it the other way.
         wiring: Wiring = Wiring::X_Y_E0_E1,
             documented "article, wiring table; a later line gives \"x-y-z-e0\"";
-        /// Whether motor ports without a wheel hold their motor.
-        unused_ports_brake: bool = true,
-            assumed "SV is shared, so a motor that is not held would turn with the others";
         /// What BK does while no wheel is driven; one that stands while others turn is always held.
         idle_wheels: IdleWheels = IdleWheels::Hold,
             assumed "a car that has arrived should stay";
-        /// What FR says for a wheel that is not driven.
-        idle_direction: IdleDirection = IdleDirection::Keep,
-            assumed "the firmware touches it when it drives";
         /// How the firmware knows which way a wheel has turned.
         pulse_direction: PulseDirection = PulseDirection::Driven,
             assumed "PG is one wire, and pulses have no sign";
@@ -155,9 +132,6 @@ settings! {
         /// What a number beyond −32768 to 32768 is.
         ascii_out_of_range: AsciiOutOfRange = AsciiOutOfRange::Ignore,
             assumed "the article gives the range, not what happens beyond it";
-        /// What a line that is no command does.
-        ascii_bad_line: AsciiBadLine = AsciiBadLine::Ignore,
-            assumed "what is not understood changes nothing";
         /// The sign of V in a report line.
         ascii_speed_sign: AsciiSpeedSign = AsciiSpeedSign::Motion,
             assumed "the article names a speed, and motions have a sign";

@@ -5,13 +5,12 @@ use sim_settings::SimTime;
 use super::R150Device;
 use super::codec::{self, Decoded, Frame};
 use super::command::{Refusal, Request, code};
-use super::control::{FULL_DUTY, POWER_BITS};
+use super::control::FULL_DUTY;
 use super::event::{R150Event, ValueFault};
 use super::motors::{Answer, FULL};
 use super::reply::Reply;
 use super::settings::{
     HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
-    ReservedBits,
 };
 
 /// Most replies that may wait for their time.
@@ -144,10 +143,6 @@ impl R150Device {
     fn set_power(&mut self, now: SimTime, status: u32) -> Option<bool> {
         if !self.control.by_client().power {
             return self.refuse_for_app(now, code::POWER_CONTROL);
-        }
-        let reserved = status & !u32::from(POWER_BITS) != 0;
-        if reserved && self.settings.reserved_power_bits == ReservedBits::Refuse {
-            return Some(false);
         }
         self.control.set_power(status.to_le_bytes()[0]);
         self.power_requested(now);

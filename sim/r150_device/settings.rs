@@ -56,9 +56,6 @@ settings! {
         /// In which states of the vehicle 0x12 is answered.
         motors_answered: MotorsAnswered = MotorsAnswered::Always,
             assumed "the manual says when it drives, not when it is answered";
-        /// What happens to reserved bits of a power control request.
-        reserved_power_bits: ReservedBits = ReservedBits::Ignore,
-            assumed "the manual calls them reserved";
         /// What `voltage12v` in the system info measures.
         voltage_12v: Voltage12v = Voltage12v::Output,
             assumed "the manual calls it the voltage of the outputs";
@@ -120,9 +117,6 @@ settings! {
         /// Whether locking the vehicle also applies the parking brake.
         locking_parks: bool = true,
             assumed "the manual says how the brake is released, not how it is applied";
-        /// When the remote control's top button releases the parking brake.
-        top_button_works: TopButtonWorks = TopButtonWorks::RemoteUnlocked,
-            assumed "the manual says that it does in manual mode after unlocking, not that it does not otherwise";
         /// How long a motion key of the remote control drives.
         remote_key_drives: RemoteKeyDrives = RemoteKeyDrives::WhileHeld,
             assumed "the manual says that a short press drives, not for how long";

@@ -4,7 +4,7 @@
 use std::fmt;
 
 use super::control::Outputs;
-use super::settings::{R150FirmwareSettings, RemoteKeyDrives, TopButtonWorks};
+use super::settings::{R150FirmwareSettings, RemoteKeyDrives};
 
 /// A motion key of the remote control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,7 +130,6 @@ pub struct Vehicle {
 struct Rules {
     locking_parks: bool,
     emergency_stop_locks: bool,
-    top_button_works: TopButtonWorks,
     remote_key_drives: RemoteKeyDrives,
 }
 
@@ -157,7 +156,6 @@ impl Vehicle {
             rules: Rules {
                 locking_parks: settings.locking_parks,
                 emergency_stop_locks: settings.emergency_stop_locks,
-                top_button_works: settings.top_button_works,
                 remote_key_drives: settings.remote_key_drives,
             },
         }
@@ -202,12 +200,9 @@ impl Vehicle {
         self.key = None;
     }
 
+    /// The top button releases the brake in manual mode after unlocking.
     fn top_button_works(&self) -> bool {
-        match self.rules.top_button_works {
-            TopButtonWorks::RemoteUnlocked => !self.locked && !self.autonomous,
-            TopButtonWorks::Unlocked => !self.locked,
-            TopButtonWorks::Always => true,
-        }
+        !self.locked && !self.autonomous
     }
 
     /// Whether the emergency stop is in.

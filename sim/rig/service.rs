@@ -10,19 +10,30 @@ use crate::fault::Faults;
 use crate::line::{LineEvent, OnLine, SerialLine};
 use crate::unit::Unit;
 
+/// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A device
+/// keeps a thousand events, and none of its frames is shorter than two bytes.
+const BYTES_BETWEEN: usize = 64;
+
 impl Rig {
     /// Does what is due for a device at the present time: arrivals, then deadlines.
     pub(super) fn serve(&mut self, device: usize) {
         let now = self.now;
         let slot = &mut self.slots[device];
         let unit = slot.vehicle.unit_mut();
-        receive(now, unit, &mut slot.lines, slot.faults.as_deref_mut());
+        let faults = slot.faults.as_deref_mut();
+        let mut told = 0;
+        receive(now, unit, &mut slot.lines, faults, &mut |unit| {
+            told += 1;
+            if told % BYTES_BETWEEN == 0 {
+                take_events(device, unit, &mut self.events);
+            }
+        });
         let due = unit.next_deadline().is_some_and(|due| due <= now);
         if due {
             unit.advance(now);
         }
         // Most bytes do no more than to lengthen a frame.
-        if due || unit.has_news() {
+        if due || told >= BYTES_BETWEEN || unit.has_news() {
             self.settle(device);
         }
         self.follow_up(device);
@@ -56,10 +67,7 @@ impl Rig {
         };
         let now = self.now;
         send(now, device, slot, &mut self.events);
-        let unit = slot.vehicle.unit_mut();
-        while let Some((at, kind)) = unit.poll_event() {
-            self.events.keep_event(Event { at, device, kind });
-        }
+        take_events(device, slot.vehicle.unit_mut(), &mut self.events);
         self.agenda.set(device, next(slot));
         if self.resting && !slot.vehicle.unit().at_rest() {
             self.resting = false;
@@ -81,23 +89,31 @@ impl Rig {
     }
 }
 
-/// Hands a device the bytes that have arrived.
+/// Takes what a device tells, before it has to forget any of it.
+fn take_events(device: usize, unit: &mut dyn Unit, events: &mut Events) {
+    while let Some((at, kind)) = unit.poll_event() {
+        events.keep_event(Event { at, device, kind });
+    }
+}
+
+/// Hands a device the bytes that have arrived; `between` is called after each.
 fn receive(
     now: SimTime,
     unit: &mut dyn Unit,
     lines: &mut [SerialLine],
     mut faults: Option<&mut Faults>,
+    between: &mut dyn FnMut(&mut dyn Unit),
 ) {
     for (link, line) in lines.iter_mut().enumerate() {
-        let Some(faults) = &mut faults else {
-            while let Some(byte) = line.take_for_device(now) {
-                unit.receive(now, link, &[byte]);
-            }
-            continue;
-        };
-        faults.pump(now, link, line);
-        while let Some(byte) = faults.take_for_device(now, link) {
+        if let Some(faults) = &mut faults {
+            faults.pump(now, link, line);
+        }
+        while let Some(byte) = match &mut faults {
+            Some(faults) => faults.take_for_device(now, link),
+            None => line.take_for_device(now),
+        } {
             unit.receive(now, link, &[byte]);
+            between(unit);
         }
     }
 }

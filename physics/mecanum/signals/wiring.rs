@@ -6,6 +6,7 @@
 
 use std::fmt;
 
+use schemars::{Schema, json_schema};
 use sim_settings::{Bounds, SettingValue, Value};
 
 use super::{MecanumCommands, PORTS, Port, PortCommand, WHEELS, Wheel};
@@ -174,6 +175,10 @@ impl SettingValue for Wiring {
          before one that turns the other way: \"x-y-e0-e1\", \"x-y-z-e0\", \"x-!y-e0-e1\", …"
             .to_owned()
     }
+
+    fn schema(_unit: &str, _bounds: Option<&Bounds<Self>>) -> Schema {
+        json_schema!({"type": "string", "pattern": "^!?(x|y|z|e0|e1)(-!?(x|y|z|e0|e1)){3}$"})
+    }
 }
 
 /// How the motors are really plugged in.
@@ -223,6 +228,10 @@ impl SettingValue for Plugs {
 
     fn allowed(unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
         format!("\"{AS_EXPECTED}\", or {}", Wiring::allowed(unit, None))
+    }
+
+    fn schema(unit: &str, _bounds: Option<&Bounds<Self>>) -> Schema {
+        json_schema!({"anyOf": [{"const": AS_EXPECTED}, Wiring::schema(unit, None)]})
     }
 }
 

@@ -73,28 +73,6 @@ choices! {
 }
 
 choices! {
-    /// What an `is_reset` above 1 is.
-    pub enum BadIsReset {
-        /// As 1: the motion preempts.
-        Preempt = "preempt",
-        /// As 0: the motion waits its turn.
-        Append = "append",
-        /// The motion is ignored.
-        Ignore = "ignore",
-    }
-}
-
-choices! {
-    /// What is lost when too many motions wait.
-    pub enum QueueFull {
-        /// The new one.
-        Refuse = "refuse",
-        /// The one that has waited longest.
-        DropOldest = "drop-oldest",
-    }
-}
-
-choices! {
     /// When the wheels of a motion stop.
     pub enum MotionEnd {
         /// Each by itself, when it has turned far enough.
@@ -137,16 +115,6 @@ choices! {
 }
 
 choices! {
-    /// What a `moving_idx` that is not known does.
-    pub enum BadMovingIdx {
-        /// Nothing.
-        Ignore = "ignore",
-        /// It discards the motions that run and wait.
-        Stop = "stop",
-    }
-}
-
-choices! {
     /// Which way a positive speed turns the car.
     pub enum PositiveTurn {
         /// To the right, clockwise.
@@ -177,18 +145,6 @@ choices! {
 }
 
 choices! {
-    /// What a control mode that is not known is.
-    pub enum BadControlType {
-        /// Nothing.
-        Ignore = "ignore",
-        /// The board drives.
-        Board = "board",
-        /// The remote control drives.
-        Remote = "remote",
-    }
-}
-
-choices! {
     /// What becomes of motions when the control mode changes.
     pub enum ModeChange {
         /// They are discarded.
@@ -199,44 +155,12 @@ choices! {
 }
 
 choices! {
-    /// What becomes of motions that come while the remote control drives.
-    pub enum MotionsInRemote {
-        /// They are ignored.
-        Ignore = "ignore",
-        /// They wait until the board drives.
-        Keep = "keep",
-    }
-}
-
-choices! {
-    /// What ends the silence of a client.
-    pub enum LinkAlive {
-        /// A valid packet or line on either link.
-        Valid = "valid",
-        /// A motion on either link.
-        Motions = "motions",
-        /// Any byte on either link.
-        Bytes = "bytes",
-    }
-}
-
-choices! {
     /// What BK does while no wheel is driven.
     pub enum IdleWheels {
         /// It holds the wheels.
         Hold = "hold",
         /// It lets them go.
         Release = "release",
-    }
-}
-
-choices! {
-    /// What FR says for a wheel that is not driven.
-    pub enum IdleDirection {
-        /// What it said last.
-        Keep = "keep",
-        /// Forward.
-        Forward = "forward",
     }
 }
 
@@ -318,16 +242,6 @@ choices! {
         Ignore = "ignore",
         /// The end of the range.
         Clamp = "clamp",
-    }
-}
-
-choices! {
-    /// What a line that is no command does.
-    pub enum AsciiBadLine {
-        /// Nothing.
-        Ignore = "ignore",
-        /// It discards the motions that run and wait.
-        Stop = "stop",
     }
 }
 

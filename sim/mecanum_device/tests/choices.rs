@@ -3,13 +3,11 @@
 use sim_settings::{SettingValue, Value};
 
 use super::super::Action;
-use super::super::event::{Discard, Handling};
 use super::super::kinematics::{Course, Movement};
 use super::super::settings::{
-    Acknowledge, AsciiBadLine, AsciiNumbers, AsciiOutOfRange, AsciiSpaces, BadControlType,
-    BadIsReset, BadMovingIdx, ByteOrder, Framing, IdleDirection, IdleWheels, LinkAlive, ModeChange,
-    MotionEnd, MotionsInRemote, OrdersWithRos, OverSpeed, PartialPacket, PositiveStrafe,
-    PositiveTurn, Preempt, QueueFull, StartMode, ZeroDistance, ZeroSpeed,
+    Acknowledge, AsciiNumbers, AsciiOutOfRange, AsciiSpaces, ByteOrder, Framing, IdleWheels,
+    ModeChange, MotionEnd, OrdersWithRos, OverSpeed, PartialPacket, PositiveStrafe, PositiveTurn,
+    Preempt, StartMode, ZeroDistance, ZeroSpeed,
 };
 use super::*;
 use crate::event::EventKind as _;
@@ -119,53 +117,6 @@ fn preemption_may_spare_what_waits() {
 }
 
 #[test]
-fn another_is_reset_may_append_or_be_ignored() {
-    for (choice, handling, rotations, waiting) in [
-        (
-            BadIsReset::Preempt,
-            Handling::TakenFor(1),
-            [1, -1, 1, -1],
-            0,
-        ),
-        (BadIsReset::Append, Handling::TakenFor(0), [1; 4], 1),
-        (BadIsReset::Ignore, Handling::Ignored, [1; 4], 0),
-    ] {
-        let mut bench = with(|s| s.bad_is_reset = choice);
-        bench.go(0, 10, 100);
-        bench.events();
-        bench.motion(255, 1, 10, 100);
-        assert_eq!(bench.device.rotations(), rotations);
-        assert_eq!(bench.device.waiting(), waiting);
-        let told = |(_, event): &(_, MecanumEvent)| match event {
-            MecanumEvent::BadField { handling, .. } => Some(*handling),
-            _ => None,
-        };
-        assert_eq!(bench.events().iter().find_map(told), Some(handling));
-    }
-}
-
-#[test]
-fn a_full_queue_may_lose_its_oldest() {
-    let mut bench = with(|s| {
-        s.queue_length = 1;
-        s.queue_full = QueueFull::DropOldest;
-    });
-    for moving_idx in [0, 1, 2] {
-        bench.motion(0, moving_idx, 1, 500);
-    }
-    let lost = bench
-        .events()
-        .into_iter()
-        .find_map(|(_, event)| match event {
-            MecanumEvent::QueueFull(lost) => Some(lost.movement.course),
-            _ => None,
-        });
-    assert_eq!(lost, Some(Course::Rotate));
-    bench.run_ms(400);
-    assert_eq!(bench.tenths(), [0, 2, 2, 0]);
-}
-
-#[test]
 fn the_wheels_may_stop_together() {
     let mut bench = with(|s| s.motion_end = MotionEnd::Mean);
     bench.stuck[1] = true;
@@ -221,20 +172,6 @@ fn a_speed_beyond_500_may_be_obeyed_or_ignored() {
 }
 
 #[test]
-fn a_moving_idx_that_is_not_known_may_stop_the_car() {
-    let mut bench = with(|s| s.bad_moving_idx = BadMovingIdx::Stop);
-    bench.go(0, 10, 100);
-    bench.motion(0, 0, 10, 100);
-    bench.motion(0, 5, 10, 100);
-    assert!(!bench.is_driving());
-    let discarded = MecanumEvent::Discarded {
-        count: 2,
-        why: Discard::BadOrder,
-    };
-    assert!(bench.events().contains(&(MS(0), discarded)));
-}
-
-#[test]
 fn the_signs_of_turns_and_strafes_may_be_the_others() {
     let mut bench = Bench::with(true, |s| {
         s.positive_turn = PositiveTurn::Left;
@@ -270,25 +207,6 @@ fn the_remote_control_may_drive_from_the_start() {
 }
 
 #[test]
-fn a_control_mode_that_is_not_known_may_be_either() {
-    for (choice, handling) in [
-        (BadControlType::Board, Handling::TakenFor(0)),
-        (BadControlType::Remote, Handling::TakenFor(1)),
-    ] {
-        for before in [0, 1] {
-            let mut bench = with(|s| s.bad_control_type = choice);
-            bench.send(mode(before));
-            bench.send(mode(2));
-            assert_eq!(bench.device.is_remote(), choice == BadControlType::Remote);
-            let told = bench.events().into_iter().any(|(_, event)| {
-                matches!(event, MecanumEvent::BadField { handling: told, .. } if told == handling)
-            });
-            assert!(told);
-        }
-    }
-}
-
-#[test]
 fn motions_may_outlast_the_remote_control() {
     let mut bench = with(|s| s.mode_change = ModeChange::Keep);
     bench.go(0, 10, 500);
@@ -315,7 +233,6 @@ fn motions_may_outlast_the_remote_control() {
 fn silence_counts_from_when_motions_drive_again() {
     let mut bench = with(|s| {
         s.mode_change = ModeChange::Keep;
-        s.link_alive = LinkAlive::Motions;
         s.link_timeout = Some(Duration::from_millis(300));
     });
     bench.go(0, 1000, 100);
@@ -326,55 +243,6 @@ fn silence_counts_from_when_motions_drive_again() {
     assert!(bench.is_driving());
     bench.until(MS(1300));
     assert!(!bench.is_driving());
-}
-
-#[test]
-fn motions_may_wait_for_the_board() {
-    let mut bench = Bench::with(true, |s| s.motions_in_remote = MotionsInRemote::Keep);
-    bench.go(0, 1, 500);
-    bench.send(mode(1));
-    bench.go(2, 1, 500);
-    bench.line("X1\n");
-    bench.motion(0, 2, 1, 500);
-    assert!(!bench.is_driving());
-    bench.run_ms(500);
-    bench.events();
-    bench.send(mode(0));
-    assert_eq!(bench.codes(), ["control_mode", "motion_started"]);
-    bench.run_ms(1000);
-    assert_eq!(bench.tenths(), [0, 2, 2, 0]);
-}
-
-type Send = fn(&mut Bench);
-
-#[test]
-fn other_things_may_be_signs_of_life() {
-    for (alive, junk, pose, motion) in [
-        (LinkAlive::Valid, false, true, true),
-        (LinkAlive::Motions, false, false, true),
-        (LinkAlive::Bytes, true, true, true),
-    ] {
-        let sent: [(bool, Send); 3] = [
-            (junk, |bench| {
-                bench.device.receive(bench.now, Link::Main, &[0xFF])
-            }),
-            (pose, |bench| bench.send(here())),
-            (motion, |bench| bench.motion(0, 0, 10, 100)),
-        ];
-        for (lives, send) in sent {
-            let mut bench = Bench::with(true, |s| {
-                s.link_timeout = Some(Duration::from_millis(300));
-                s.link_alive = alive;
-            });
-            bench.go(0, 1000, 100);
-            bench.run_ms(200);
-            send(&mut bench);
-            bench.run_ms(200);
-            assert_eq!(bench.is_driving(), lives, "{alive:?}");
-            bench.run_ms(200);
-            assert!(!bench.is_driving());
-        }
-    }
 }
 
 #[test]
@@ -391,20 +259,6 @@ fn idle_wheels_may_be_let_go_but_not_beside_others_that_turn() {
     assert_eq!(brakes(&bench), [false; 4]);
     // A port without a wheel has a setting of its own.
     assert!(bench.device.commands().ports[2].brake);
-}
-
-#[test]
-fn fr_may_go_back_to_forward() {
-    let mut bench = with(|s| s.idle_direction = IdleDirection::Forward);
-    bench.go(0, 1, -500);
-    assert!(bench.device.commands().ports[0].reverse);
-    bench.run_ms(200);
-    let reversed = bench.device.commands().ports.map(|port| port.reverse);
-    assert_eq!(reversed, [false; 5]);
-    // Late pulses still count backward.
-    bench.read(|r| r.pulses = r.pulses.map(|count| count.wrapping_add(6)));
-    bench.run_ms(100);
-    assert_eq!(bench.last_status().axis_x, -2);
 }
 
 #[test]
@@ -480,14 +334,4 @@ fn the_unit_of_lines_is_a_setting() {
             .all(|pulses| (pulses - 45.0).abs() < 0.01)
     );
     assert!(!bench.is_driving());
-}
-
-#[test]
-fn a_bad_line_may_stop_the_car() {
-    for line in ["Q\n", "X99999\n", "X0000000000000000000000000000000000"] {
-        let mut bench = Bench::with(true, |s| s.ascii_bad_line = AsciiBadLine::Stop);
-        bench.line("X100\n");
-        bench.line(line);
-        assert!(!bench.is_driving(), "{line}");
-    }
 }

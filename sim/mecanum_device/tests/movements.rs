@@ -161,10 +161,10 @@ fn a_motor_at_a_port_that_is_not_driven_holds_and_one_that_is_missed_never_arriv
 }
 
 #[test]
-fn unused_ports_hold_unless_told_otherwise() {
-    let mut bench = Bench::with(false, |s| s.unused_ports_brake = false);
+fn unused_ports_hold() {
+    let mut bench = Bench::new();
     bench.go(0, 10, 300);
-    assert!(!port(&bench.device.commands(), Port::Z).brake);
+    assert!(port(&bench.device.commands(), Port::Z).brake);
 }
 
 #[test]

@@ -132,16 +132,6 @@ choices! {
 }
 
 choices! {
-    /// What happens to bits that have no meaning.
-    pub enum ReservedBits {
-        /// The others are obeyed.
-        Ignore = "ignore",
-        /// The command changes nothing and is answered `false`.
-        Refuse = "refuse",
-    }
-}
-
-choices! {
     /// Order of the bytes of a version word.
     pub enum VersionOrder {
         /// The major version is the most significant byte, so it is sent last.
@@ -188,18 +178,6 @@ choices! {
         Keep = "keep",
         /// They return to what the client had set when it lost control.
         Restore = "restore",
-    }
-}
-
-choices! {
-    /// When the remote control's top button releases the parking brake.
-    pub enum TopButtonWorks {
-        /// Unlocked and in remote mode.
-        RemoteUnlocked = "remote-unlocked",
-        /// Unlocked, in autonomous mode too.
-        Unlocked = "unlocked",
-        /// Locked, too.
-        Always = "always",
     }
 }
 

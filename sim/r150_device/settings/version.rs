@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use schemars::{Schema, json_schema};
 use sim_settings::{Bounds, SettingValue, Value};
 
 use super::VersionOrder;
@@ -54,5 +55,9 @@ impl SettingValue for Version {
 
     fn allowed(_unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
         "\"major.minor.region.build\", each 0 to 255".to_owned()
+    }
+
+    fn schema(_unit: &str, _bounds: Option<&Bounds<Self>>) -> Schema {
+        json_schema!({"type": "string", "pattern": "^[0-9]{1,3}(\\.[0-9]{1,3}){3}$"})
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::event::EventKind;
 use crate::r150_device::codec::encode;
 use crate::r150_device::settings::{
-    OutOfRange, RefusalReply, ReplyCommand, ReservedBits, Version, VersionOrder, Voltage48v,
+    OutOfRange, RefusalReply, ReplyCommand, Version, VersionOrder, Voltage48v,
 };
 
 /// A frame written out: command, parameters; header, length and CRC are checked by the codec's own
@@ -247,10 +247,6 @@ fn other_choices() {
     bench.drive(100, 200);
     bench.drive(1001, 0);
     assert_eq!(bench.duty(), [0.1, 0.2]);
-
-    let mut bench = Bench::with(|s| s.reserved_power_bits = ReservedBits::Refuse);
-    assert!(!bench.power(0x41));
-    assert_eq!(bench.device.power_status(), 0);
 
     let mut bench = Bench::with(|s| {
         s.hardware_version = Version([1, 2, 3, 4]);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::event::EventKind;
-use crate::r150_device::settings::{OutOfRange, OverRate, RemoteKeyDrives, TopButtonWorks};
+use crate::r150_device::settings::{OutOfRange, OverRate, RemoteKeyDrives};
 use crate::r150_device::vehicle::{Action, Key, Obstacle};
 
 const WATCHDOG: Duration = Duration::from_millis(500);
@@ -297,36 +297,6 @@ fn standing_still_is_never_an_event() {
     let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
     assert!(bench.drive(0, 0).is_some());
     assert_eq!(bench.codes(), [""; 0]);
-}
-
-#[test]
-fn the_top_button_works_when_it_is_set_to() {
-    use TopButtonWorks::{Always, RemoteUnlocked, Unlocked};
-    // Works locked in remote mode, unlocked in remote mode, unlocked in autonomous mode.
-    for (choice, works) in [
-        (RemoteUnlocked, [false, true, false]),
-        (Unlocked, [false, true, true]),
-        (Always, [true, true, true]),
-    ] {
-        let before: [&[Action]; 3] = [
-            &[],
-            &[Action::Unlock],
-            &[Action::Unlock, Action::Autonomous],
-        ];
-        for (actions, works) in before.into_iter().zip(works) {
-            let settings = R150FirmwareSettings {
-                top_button_works: choice,
-                ..R150FirmwareSettings::default()
-            };
-            let mut bench = Bench::start(settings, Start::Locked);
-            for action in actions {
-                bench.device.operate(bench.now, *action);
-            }
-            bench.device.operate(bench.now, Action::ReleaseParking);
-            let released = !bench.device.vehicle().parked();
-            assert_eq!(released, works, "{choice:?} after {actions:?}");
-        }
-    }
 }
 
 #[test]
