@@ -56,6 +56,9 @@ struct Node {
     token: usize,
     openers: u32,
     departed: bool,
+    /// Reports of openings and of closings since a visit of our own began.
+    opened: u32,
+    closed: u32,
 }
 
 impl Hub {
@@ -134,8 +137,10 @@ impl State {
         };
         if events.contains(ReadFlags::OPEN) {
             node.openers += 1;
+            node.opened += 1;
         }
         if events.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
+            node.closed += 1;
             node.openers = node.openers.saturating_sub(1);
             node.departed |= node.openers == 0;
         }
@@ -193,6 +198,8 @@ impl Registration {
             token: self.token,
             openers: 0,
             departed: false,
+            opened: 0,
+            closed: 0,
         };
         state.nodes.insert(wd, node);
         self.wd = Some(wd);
@@ -226,12 +233,22 @@ impl Registration {
         self.with_node(|node| std::mem::take(&mut node.departed))
     }
 
-    /// Corrects the count by what is so, and forgets departures.
-    pub(crate) fn set_openers(&self, openers: u32) {
+    /// We ourselves are about to open and close the node.
+    pub(crate) fn begin_visits(&self) -> Result<(), PortErrorKind> {
+        self.drain()?;
+        self.with_node(|node| (node.opened, node.closed) = (0, 0));
+        Ok(())
+    }
+
+    /// We have done so `visits` times, and so many others have it open as far as is known. If anybody
+    /// else has opened or closed it meanwhile, somebody may have left.
+    pub(crate) fn end_visits(&self, visits: u32, openers: u32) -> Result<(), PortErrorKind> {
+        self.drain()?;
         self.with_node(|node| {
+            node.departed = (node.opened, node.closed) != (visits, visits);
             node.openers = openers;
-            node.departed = false;
         });
+        Ok(())
     }
 
     fn with_node<T: Default>(&self, act: impl FnOnce(&mut Node) -> T) -> T {

@@ -55,6 +55,7 @@ mod hub;
 mod line;
 mod link;
 mod lock;
+mod net_decoder;
 mod net_port;
 mod pair;
 mod port;
@@ -65,6 +66,7 @@ mod waiter;
 
 pub use error::{PortError, PortErrorKind};
 pub use line::{Defaults, LineSettings, Parity};
+pub use net_decoder::NetDecoder;
 pub use net_port::{ListenAddress, NetPort, Protocol};
 pub use pair::PtySetup;
 pub use port::{Counters, Event, Port, Written};

@@ -12,19 +12,17 @@ use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rfc2217::{FlowControl, ModemState, PortSettings, Progress, Purge, Server, ServerEvent};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::retry_on_intr;
 use rustix::net::sockopt;
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
-use crate::line::{LineSettings, Parity};
+use crate::line::LineSettings;
+use crate::net_decoder::{MOST_AHEAD, NetDecoder};
 use crate::port::{Counters, Event, Written};
 use crate::pty_port::write_some;
 
-/// Bytes kept ahead of the line, as many as drivers of serial ports keep.
-const MOST_AHEAD: usize = 4096;
 /// After so long a silence a client is asked whether it is still there.
 const SILENCE: Duration = Duration::from_secs(10);
 
@@ -180,8 +178,10 @@ impl NetPort {
     /// The line settings that the client has asked for.
     #[must_use]
     pub fn client_line(&self) -> LineSettings {
-        let asked = self.client.as_ref().map(Connection::settings);
-        asked.unwrap_or(settings_of(&own_settings(self.baud)))
+        match &self.client {
+            Some(client) => client.decoder.settings(),
+            None => NetDecoder::new(self.address.protocol, self.baud).settings(),
+        }
     }
 
     /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
@@ -308,7 +308,7 @@ fn bind(address: &str) -> std::io::Result<TcpListener> {
 #[derive(Debug)]
 struct Connection {
     stream: TcpStream,
-    decoder: Decoder,
+    decoder: NetDecoder,
     /// Bytes for the device.
     ahead: VecDeque<u8>,
     /// What was read and the decoder has not taken.
@@ -327,7 +327,7 @@ impl Connection {
         sockopt::set_tcp_keepcnt(&stream, 3)?;
         let mut connection = Self {
             stream,
-            decoder: Decoder::new(protocol, baud),
+            decoder: NetDecoder::new(protocol, baud),
             ahead: VecDeque::new(),
             input: VecDeque::new(),
             ended: false,
@@ -336,13 +336,10 @@ impl Connection {
         Ok(connection)
     }
 
-    fn settings(&self) -> LineSettings {
-        settings_of(&self.decoder.settings)
-    }
-
     /// Takes what the client has sent, as far as there is room.
     fn take_ahead(&mut self) {
         let mut buf = [0; 1024];
+        self.flush();
         while !self.ended && self.ahead.len() < MOST_AHEAD {
             if self.input.is_empty() {
                 match self.stream.read(&mut buf) {
@@ -377,32 +374,23 @@ impl Connection {
 
     /// Sends what the connection takes, and says how much that was.
     fn write(&mut self, bytes: &[u8]) -> usize {
-        let Some(server) = &mut self.decoder.server else {
-            // If it has failed, reading tells.
-            return write_some(&self.stream, bytes).unwrap_or(0);
-        };
         let mut accepted = 0;
         while accepted < bytes.len() {
-            // With flow suspended by the client, nothing.
-            let taken = server.try_write_data(&bytes[accepted..]).unwrap_or(0);
+            let taken = self.decoder.put(&bytes[accepted..]);
             accepted += taken;
-            let written = write_some(&self.stream, server.output()).unwrap_or(0);
-            server.consume_output(written);
-            if taken == 0 && written == 0 {
+            if !self.flush() && taken == 0 {
                 break;
             }
         }
         accepted
     }
 
-    /// Sends what the protocol has to say.
-    fn flush(&mut self) {
-        if let Some(server) = &mut self.decoder.server
-            && server.has_output()
-        {
-            let written = write_some(&self.stream, server.output()).unwrap_or(0);
-            server.consume_output(written);
-        }
+    /// Sends what there is to say, as much as the connection takes; says whether it took anything.
+    fn flush(&mut self) -> bool {
+        // If it has failed, reading tells.
+        let written = write_some(&self.stream, self.decoder.output()).unwrap_or(0);
+        self.decoder.consume_output(written);
+        written > 0
     }
 }
 
@@ -412,106 +400,4 @@ fn has_ended(stream: &TcpStream) -> bool {
     let _ = retry_on_intr(|| poll(&mut fds, Some(&Timespec::default())));
     let ends = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
     fds[0].revents().intersects(ends)
-}
-
-/// What a client says: bytes for the device, and with RFC 2217 settings and lines.
-#[derive(Debug)]
-struct Decoder {
-    /// `None` where all are bytes for the device.
-    server: Option<Server>,
-    settings: PortSettings,
-    lines: ModemState,
-}
-
-impl Decoder {
-    fn new(protocol: Protocol, baud: u32) -> Self {
-        let settings = own_settings(baud);
-        let mut decoder = Self {
-            server: (protocol == Protocol::Rfc2217)
-                .then(|| Server::new(settings).with_signature("sim")),
-            settings,
-            lines: ModemState::DSR | ModemState::CD | ModemState::CTS,
-        };
-        decoder.tell_lines();
-        decoder
-    }
-
-    /// Takes of `input` what there is room for; says how much.
-    fn take(&mut self, input: &[u8], ahead: &mut VecDeque<u8>) -> usize {
-        let room = MOST_AHEAD.saturating_sub(ahead.len());
-        let Some(server) = &mut self.server else {
-            let count = input.len().min(room);
-            ahead.extend(&input[..count]);
-            return count;
-        };
-        let mut payload = [0; 256];
-        let most = room.min(payload.len());
-        let Progress {
-            consumed,
-            payload_len,
-            ..
-        } = server.receive_into(input, &mut payload[..most]);
-        ahead.extend(&payload[..payload_len]);
-        while let Some(event) = self.server.as_mut().and_then(Server::poll_event) {
-            self.act(&event, ahead);
-        }
-        consumed
-    }
-
-    fn act(&mut self, event: &ServerEvent, ahead: &mut VecDeque<u8>) {
-        match event {
-            ServerEvent::SettingsChanged(settings) => self.settings = *settings,
-            ServerEvent::Purge(Purge::Transmit | Purge::Both) => ahead.clear(),
-            // A receiver takes a line that stays low for a byte 0 whose stop bit is wrong.
-            ServerEvent::Break(true) => ahead.push_back(0),
-            // As in many a plug, what the client drives is led back to it.
-            ServerEvent::Dtr(on) => self.set_lines(ModemState::DSR | ModemState::CD, *on),
-            ServerEvent::Rts(on) => self.set_lines(ModemState::CTS, *on),
-            _ => {}
-        }
-    }
-
-    fn set_lines(&mut self, lines: ModemState, on: bool) {
-        let others = self.lines.bits() & !lines.bits();
-        let driven = if on { lines.bits() } else { 0 };
-        self.lines = ModemState::from_bits(others | driven);
-        self.tell_lines();
-    }
-
-    fn tell_lines(&mut self) {
-        if let Some(server) = &mut self.server {
-            // Where there is no room to tell it, the client does not read and can ask later.
-            let _ = server.try_set_modem_state(self.lines);
-        }
-    }
-}
-
-fn own_settings(baud: u32) -> PortSettings {
-    PortSettings {
-        baud_rate: baud,
-        ..PortSettings::default()
-    }
-}
-
-fn settings_of(asked: &PortSettings) -> LineSettings {
-    LineSettings {
-        baud: asked.baud_rate,
-        data_bits: match asked.data_bits {
-            rfc2217::DataBits::Five => 5,
-            rfc2217::DataBits::Six => 6,
-            rfc2217::DataBits::Seven => 7,
-            _ => 8,
-        },
-        parity: match asked.parity {
-            rfc2217::Parity::None => Parity::None,
-            rfc2217::Parity::Even => Parity::Even,
-            _ => Parity::Odd,
-        },
-        stop_bits: match asked.stop_bits {
-            rfc2217::StopBits::One => 1,
-            _ => 2,
-        },
-        rts_cts: asked.flow_control == FlowControl::RtsCts,
-        raw: true,
-    }
 }

@@ -36,7 +36,7 @@ use crate::line::{Defaults, is_same};
 const DATA: u8 = 0;
 const FLUSH_WRITE: u8 = 2;
 /// How often to undo what clients do who come and go meanwhile.
-const MOST_VISITS: usize = 8;
+const MOST_VISITS: u32 = 8;
 /// Rounds in which bytes of clients that have left are thrown away, which are no more than the
 /// system keeps.
 const MOST_ROUNDS: usize = 64;
@@ -222,15 +222,15 @@ impl Pair {
         Ok(())
     }
 
-    /// Makes the client's end as it was before any client came; says whether it is. The next client,
-    /// who may come at any moment, keeps whatever it has set.
-    pub(crate) fn restore(&self) -> Result<bool, PortErrorKind> {
+    /// Makes the client's end as it was before any client came; says whether it is, and how often it
+    /// was opened for that. The next client, who may come at any moment, keeps whatever it has set.
+    pub(crate) fn restore(&self) -> Result<(bool, u32), PortErrorKind> {
         self.flush_output()?;
         // Somebody may come and go meanwhile, and leave something again.
-        for _ in 0..MOST_VISITS {
+        for visit in 0..MOST_VISITS {
             self.restore_settings()?;
             let Some(slave) = self.look_in()? else {
-                return self.is_taken();
+                return Ok((self.is_taken()?, visit));
             };
             // Settings first, since those that end suspension by XOFF do so only while nothing else
             // suspends.
@@ -240,20 +240,24 @@ impl Pair {
             resume_and_empty(&slave)?;
             drop(slave);
             if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
-                return Ok(true);
+                return Ok((true, visit + 1));
             }
         }
-        Ok(false)
+        Ok((false, MOST_VISITS))
     }
 
-    /// Undoes of that what a next client, who is there already, could not mend or would suffer from.
-    pub(crate) fn restore_for_next(&self) -> Result<(), PortErrorKind> {
+    /// Undoes of that what a next client, who is there already, could not mend or would suffer from;
+    /// says how often it was opened for that.
+    pub(crate) fn restore_for_next(&self) -> Result<u32, PortErrorKind> {
         self.flush_output()?;
         // Nobody who wants to talk sets this, so it is not the next one's.
         if self.settings()?.output_speed() == 0 {
             self.write_defaults()?;
         }
-        self.look_in()?.as_ref().map_or(Ok(()), resume_and_empty)
+        match self.look_in()? {
+            Some(slave) => resume_and_empty(&slave).map(|()| 1),
+            None => Ok(0),
+        }
     }
 
     fn flush_output(&self) -> Result<(), PortErrorKind> {
@@ -298,8 +302,11 @@ impl Pair {
     }
 
     /// A descriptor of the client's end, unless it is locked.
+    ///
+    /// It only reads, so that its closing is told apart from that of most clients by whoever watches
+    /// the node.
     fn look_in(&self) -> Result<Option<OwnedFd>, PortErrorKind> {
-        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         match retry_on_intr(|| rustix::fs::open(&self.slave, flags, Mode::empty())) {
             Ok(slave) => Ok(Some(slave)),
             Err(Errno::BUSY) => Ok(None),
@@ -342,9 +349,8 @@ mod tests {
 
     /// A client's end as the system opens it.
     fn client_of(pair: &Pair) -> OwnedFd {
-        pair.look_in()
-            .expect("the node can be opened")
-            .expect("it is not locked")
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        rustix::fs::open(pair.slave(), flags, Mode::empty()).expect("the node can be opened")
     }
 
     fn set_speed(client: &OwnedFd, baud: u32) {
@@ -365,12 +371,12 @@ mod tests {
         drop(former);
         let client = client_of(&pair);
         set_speed(&client, 57_600);
-        assert_eq!(pair.restore().ok(), Some(true));
+        assert_eq!(pair.restore().ok(), Some((true, 1)));
         assert_eq!(speed(&pair), 57_600);
         pair.restore_for_next().expect("it is restored");
         assert_eq!(speed(&pair), 57_600);
         drop(client);
-        assert_eq!(pair.restore().ok(), Some(true));
+        assert_eq!(pair.restore().ok(), Some((true, 1)));
         assert_eq!(speed(&pair), 115_200);
     }
 
@@ -380,11 +386,11 @@ mod tests {
         let client = client_of(&pair);
         let mut buf = [0; 8];
         for restore in [
-            Pair::restore_for_next as fn(&Pair) -> Result<(), PortErrorKind>,
-            |pair| pair.restore().map(drop),
+            Pair::restore_for_next as fn(&Pair) -> Result<u32, PortErrorKind>,
+            |pair| pair.restore().map(|(_, visits)| visits),
         ] {
             assert_eq!(rustix::io::write(&pair.master, b"reply"), Ok(5));
-            restore(&pair).expect("it is restored");
+            assert_eq!(restore(&pair).ok(), Some(1));
             assert_eq!(rustix::io::read(&client, &mut buf), Err(Errno::AGAIN));
         }
     }

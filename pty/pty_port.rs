@@ -171,7 +171,7 @@ impl PtyPort {
             }
             registration.watch_node(self.pair.slave())?;
             registration.watch(&self.pair, IN)?;
-            registration.set_openers(u32::from(!self.pair.is_hung_up()?));
+            registration.end_visits(0, u32::from(!self.pair.is_hung_up()?))?;
             self.registration = Some(registration);
             Ok(())
         };
@@ -243,8 +243,7 @@ impl PtyPort {
         // A port that is hung up is found so when it is read.
         if self.take_departure() && !self.pair.is_hung_up()? {
             self.discard_seen()?;
-            self.pair.restore_for_next()?;
-            self.correct_count()?;
+            self.visit(Pair::restore_for_next)?;
             self.handed_over = true;
         }
         Ok(())
@@ -258,10 +257,15 @@ impl PtyPort {
     fn vacate(&mut self) -> Result<Event, PortErrorKind> {
         self.pair.discard_left_behind()?;
         self.seen = 0;
-        if !self.pair.restore()? {
+        let mut restored = false;
+        self.visit(|pair| {
+            let visits;
+            (restored, visits) = pair.restore()?;
+            Ok(visits)
+        })?;
+        if !restored {
             self.recreate()?;
         }
-        self.correct_count()?;
         self.attached = false;
         Ok(Event::Detached)
     }
@@ -297,14 +301,18 @@ impl PtyPort {
             .is_some_and(Registration::take_departure)
     }
 
-    /// After the node was opened by us, which was counted.
-    fn correct_count(&self) -> Result<(), PortErrorKind> {
-        if let Some(registration) = &self.registration {
-            let hung_up = self.pair.is_hung_up()?;
-            registration.drain()?;
-            registration.set_openers(u32::from(!hung_up));
-        }
-        Ok(())
+    /// Has the node opened by ourselves, as often as `open` says, which is counted.
+    fn visit(
+        &self,
+        open: impl FnOnce(&Pair) -> Result<u32, PortErrorKind>,
+    ) -> Result<(), PortErrorKind> {
+        let Some(registration) = &self.registration else {
+            return open(&self.pair).map(drop);
+        };
+        registration.begin_visits()?;
+        let visits = open(&self.pair)?;
+        let openers = u32::from(!self.pair.is_hung_up()?);
+        registration.end_visits(visits, openers)
     }
 
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {

@@ -87,11 +87,14 @@ impl Rig {
     /// Whether the device may have something to say, or to hear, by `now`.
     #[must_use]
     pub fn is_due(&self, port: PortId, now: SimTime) -> bool {
-        let arrival = self.line(port).and_then(SerialLine::next_for_client);
-        self.agenda
-            .of(port.device)
-            .min(arrival.unwrap_or(SimTime::MAX))
-            <= now
+        let arrival = self.next_for_client(port).unwrap_or(SimTime::MAX);
+        self.agenda.of(port.device).min(arrival) <= now
+    }
+
+    /// When something next arrives at whoever has the port open.
+    #[must_use]
+    pub fn next_for_client(&self, port: PortId) -> Option<SimTime> {
+        self.line(port).and_then(SerialLine::next_for_client)
     }
 
     /// How many bytes the client's UART takes now.
