@@ -5,7 +5,7 @@
 //! watched for changes (edges), and each report has its port looked at until nothing is left there.
 //! Who is attached follows from that look alone ([`Pair::is_hung_up`](crate::pair::Pair)). The
 //! reports are also counted, for what a look cannot show: that one client has left and another has
-//! come in between. A wrong count does no harm, see [`Registration::take_departure`].
+//! come in between. A wrong count does no harm, see [`Registration::has_departed`].
 
 use std::collections::BTreeMap;
 use std::mem::MaybeUninit;
@@ -227,10 +227,10 @@ impl Registration {
     }
 
     /// Whether, as far as can be told from counting, the last one who had the node open has closed it
-    /// since the last call. Openings that come together are reported as one, so that somebody may
+    /// since our last visits. Openings that come together are reported as one, so that somebody may
     /// still be there: whoever acts on this does nothing that would harm a client.
-    pub(crate) fn take_departure(&self) -> bool {
-        self.with_node(|node| std::mem::take(&mut node.departed))
+    pub(crate) fn has_departed(&self) -> bool {
+        self.with_node(|node| node.departed)
     }
 
     /// We ourselves are about to open and close the node.

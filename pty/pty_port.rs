@@ -227,10 +227,9 @@ impl PtyPort {
 
     /// Reports a client that has come.
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
-        let departed = self.take_departure();
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        if !departed && !self.pair.has_client()? {
+        if !self.has_departed() && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
         self.attached = true;
@@ -241,7 +240,7 @@ impl PtyPort {
     /// Takes note of one client having left and another having come between two looks.
     fn notice_handover(&mut self) -> Result<(), PortErrorKind> {
         // A port that is hung up is found so when it is read.
-        if self.take_departure() && !self.pair.is_hung_up()? {
+        if self.has_departed() && !self.pair.is_hung_up()? {
             self.discard_seen()?;
             self.visit(Pair::restore_for_next)?;
             self.handed_over = true;
@@ -295,10 +294,10 @@ impl PtyPort {
             .map_or(Ok(()), Registration::drain)
     }
 
-    fn take_departure(&self) -> bool {
+    fn has_departed(&self) -> bool {
         self.registration
             .as_ref()
-            .is_some_and(Registration::take_departure)
+            .is_some_and(Registration::has_departed)
     }
 
     /// Has the node opened by ourselves, as often as `open` says, which is counted.

@@ -15,9 +15,10 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use harness::client::{BAUD, Client};
+use harness::client::BAUD;
 use harness::wire::frame;
 use harness::{PATIENCE, Sim};
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
@@ -85,6 +86,13 @@ const KINDS: &[(&str, Visit)] = &[
     }),
 ];
 
+/// One test at a time: a process that another test starts has open what this one has, until it has
+/// become another program, so that what is closed here is closed a moment later.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn handovers() -> u32 {
     match std::env::var("SIM_HANDOVERS") {
         Ok(text) => text.parse().expect("SIM_HANDOVERS is a number"),
@@ -94,14 +102,14 @@ fn handovers() -> u32 {
 
 #[test]
 fn a_client_that_stays_is_answered_whoever_was_there_before() {
+    let _alone = alone();
     for wire in ["paced", "instant"] {
         let sim = Sim::start(&[&JSON[..], &["--quiet", "--wire", wire]].concat());
         for (kind, visit) in KINDS {
             let mut slowest = Duration::ZERO;
             for round in 0..handovers() {
                 visit(sim.port());
-                let port = Client::try_open(sim.port(), BAUD).unwrap();
-                let mut client = Client::over(port);
+                let mut client = sim.client();
                 let begun = Instant::now();
                 client.send(&frame(0xF0, &[]));
                 let reply = client.skip_to(0xF0, PATIENCE);
@@ -125,6 +133,7 @@ fn a_client_that_stays_is_answered_whoever_was_there_before() {
 /// Nobody is served while several come and go: all that they left lies mixed when the simulator wakes.
 #[test]
 fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
+    let _alone = alone();
     let sim = Sim::start(&[&JSON[..], &["--quiet"]].concat());
     // Who holds its output back does so until somebody wakes up.
     let kinds = KINDS[..KINDS.len() - 1].iter();
@@ -138,7 +147,7 @@ fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
         {
             visit(sim.port());
         }
-        let mut client = Client::over(Client::try_open(sim.port(), BAUD).unwrap());
+        let mut client = sim.client();
         client.send(&frame(0xF0, &[]));
         sim.signal(rustix::process::Signal::CONT);
         let reply = client.skip_to(0xF0, PATIENCE);
@@ -150,6 +159,7 @@ fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
 /// Bytes at the right speed are never taken for garbage because of the one who was there before.
 #[test]
 fn the_next_client_hears_the_car_s_ros_link_at_its_own_speed() {
+    let _alone = alone();
     let dir = tempfile::tempdir().unwrap();
     let ros = dir.path().join("car-ros");
     let main = dir.path().join("car");
@@ -188,6 +198,7 @@ fn the_next_client_hears_the_car_s_ros_link_at_its_own_speed() {
 
 #[test]
 fn commands_that_a_client_takes_back_are_not_carried_out() {
+    let _alone = alone();
     let sim = Sim::start(&JSON);
     let client = open_at(sim.port(), BAUD);
     let commands = frame(0x06, &[]).repeat(500);
@@ -197,7 +208,7 @@ fn commands_that_a_client_takes_back_are_not_carried_out() {
     tcflush(&client, QueueSelector::OFlush).unwrap();
     asked.write_all(&frame(0xF0, &[])).unwrap();
     let begun = Instant::now();
-    let mut client = Client::over(Client::try_open(sim.port(), BAUD).unwrap());
+    let mut client = sim.client();
     assert!(client.skip_to(0xF0, PATIENCE).is_some());
     let took = begun.elapsed();
     drop(client);

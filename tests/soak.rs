@@ -15,6 +15,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -32,6 +33,10 @@ const TOLD_EVERY: u64 = 500;
 const WARM_UP: u64 = 50;
 /// Memory may differ by this; a leak of 1 kB a cycle shows within the documented campaign.
 const MOST_GROWTH_KIB: u64 = 4096;
+
+/// Held while a process starts, which has open what others have until it has become another program:
+/// a port that one thread closes then is closed a moment later, when another may have it open.
+static STARTING: Mutex<()> = Mutex::new(());
 
 /// What a process has of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,6 +99,7 @@ fn abuse(port: &Path, cycle: u64) {
         }
         6 => shell(port, r"stty 0 <&3; printf '\252\125\000\006\116\225' >&3"),
         7 => {
+            let _alone = STARTING.lock();
             let client = fs::File::options().read(true).write(true).open(port);
             let _ = tcflow(client.unwrap(), Action::OOff);
         }
@@ -126,6 +132,7 @@ fn retry(port: &Path, baud: u32) -> serialport::TTYPort {
 }
 
 fn shell(port: &Path, script: &str) {
+    let alone = STARTING.lock();
     let mut child = Command::new("sh")
         .args(["-c", &format!("exec 3<>\"$PORT\" && {script}")])
         .env("PORT", port)
@@ -133,6 +140,7 @@ fn shell(port: &Path, script: &str) {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
+    drop(alone);
     child.wait().unwrap();
 }
 
