@@ -5,6 +5,7 @@ use std::hash::{BuildHasher as _, Hasher as _};
 
 use anyhow::Context as _;
 use serde_json::json;
+use sim_core::device::Devices;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
 use sim_runner::{DevicePlan, RigPlan, Run, RunOptions};
@@ -24,8 +25,8 @@ use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
-pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let loaded = plan(args)?;
+pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure> {
+    let loaded = plan(devices, args)?;
     let seed = args.seed.or(loaded.scenario.rig.seed);
     let run = loaded.run(RunOptions {
         seed: seed.unwrap_or_else(random_seed),

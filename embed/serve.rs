@@ -63,6 +63,37 @@ pub enum Begin {
     WithClient,
 }
 
+/// Whoever looks at a run between two of its steps, and changes what happens in it and how its time
+/// passes.
+pub trait Attendant {
+    /// Called once a round; `woken` says that there is something to read where the attendant is to be
+    /// woken from. Says after how much real time at most it is to be called again.
+    ///
+    /// # Errors
+    /// When the run cannot go on.
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        clock: &mut Clock,
+        woken: bool,
+    ) -> Result<Option<Duration>, RunError>;
+}
+
+/// Takes what there is to be told, and does nothing else.
+struct Looking<F>(F);
+
+impl<F: FnMut(&mut Run)> Attendant for Looking<F> {
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        _clock: &mut Clock,
+        _woken: bool,
+    ) -> Result<Option<Duration>, RunError> {
+        (self.0)(run);
+        Ok(None)
+    }
+}
+
 /// Why the loop came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
@@ -162,6 +193,14 @@ impl Server {
         Ok(self.waiter.watch(self.watched(), source)?)
     }
 
+    /// Wakes the attendant when `source` can be read.
+    ///
+    /// # Errors
+    /// When it cannot be waited for.
+    pub fn wake_from(&mut self, source: impl std::os::fd::AsFd) -> Result<(), ServeError> {
+        Ok(self.waiter.watch(self.waking(), source)?)
+    }
+
     /// Ends the loop after so much real time.
     pub fn stop_after(&mut self, allowed: Duration) {
         self.until = Instant::now().checked_add(allowed);
@@ -184,7 +223,15 @@ impl Server {
     ///
     /// # Errors
     /// When a port or the simulation fails.
-    pub fn serve(&mut self, mut look: impl FnMut(&mut Run)) -> Result<Ended, ServeError> {
+    pub fn serve(&mut self, look: impl FnMut(&mut Run)) -> Result<Ended, ServeError> {
+        self.attended(&mut Looking(look))
+    }
+
+    /// The same with somebody who may change what happens.
+    ///
+    /// # Errors
+    /// When a port or the simulation fails.
+    pub fn attended(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut awake_at = Instant::now();
         loop {
@@ -216,7 +263,8 @@ impl Server {
                 self.deliver(token)?;
             }
             self.resume()?;
-            look(&mut self.run);
+            let woken = ready.contains(&self.waking());
+            let again = attendant.attend(&mut self.run, &mut self.clock, woken)?;
             if self.run.finished().is_some() {
                 return Ok(Ended::Over);
             }
@@ -231,9 +279,10 @@ impl Server {
                 return Ok(Ended::Timeout);
             }
             let due = self.run.next_deadline().filter(|_| !self.waiting);
-            sleep_asked = due.map(|due| self.clock.until(due).max(SHORTEST_SLEEP));
-            if self.until.is_some() {
-                sleep_asked = Some(sleep_asked.unwrap_or(left).min(left));
+            sleep_asked = due.and_then(|due| self.clock.until(due));
+            sleep_asked = sleep_asked.map(|sleep| sleep.max(SHORTEST_SLEEP));
+            for other in [again, self.until.map(|_| left)].into_iter().flatten() {
+                sleep_asked = Some(sleep_asked.map_or(other, |sleep| sleep.min(other)));
             }
         }
     }
@@ -259,6 +308,11 @@ impl Server {
     /// The token of what is watched, which is no port's.
     fn watched(&self) -> usize {
         self.ports.len()
+    }
+
+    /// The token of what wakes the attendant.
+    fn waking(&self) -> usize {
+        self.ports.len() + 1
     }
 
     /// Hangs ports up whose cable has been pulled, and makes those again whose cable is back.
@@ -307,6 +361,7 @@ impl Server {
                 return Ok(());
             }
         }
+        self.clock.arrive(self.now());
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use sim_embed::serve::HeldUp;
 use sim_runner::{Outcome, Run, RunOptions};
 use sim_settings::show_duration;
 
-use crate::args::RunArgs;
+use crate::args::{RandomArg, RunArgs, TimeArg};
 use crate::exit::Failure;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
@@ -20,12 +20,26 @@ use super::trace_file::TraceFile;
 /// Real time that a scenario may take beyond twice its own.
 const ALLOWANCE: Duration = Duration::from_secs(30);
 
+/// The date on which clients begin unless another is asked for: 2025-01-01.
+const DATE: Duration = Duration::from_secs(1_735_689_600);
+
 /// A scenario to be played.
+#[derive(Clone)]
 pub(crate) struct Job<'a> {
     pub(crate) loaded: &'a Loaded,
     pub(crate) seed: u64,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
+    /// Whose time the client has.
+    pub(crate) time: TimeArg,
+    /// What the client reads as random comes from the seed.
+    pub(crate) random_from_seed: bool,
+    /// The date on which the client begins, since 1970.
+    pub(crate) date: Duration,
+    /// The same as it was asked for, if it was.
+    dated: bool,
+    /// Played two times, to be compared.
+    pub(crate) twice: bool,
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
     /// Real time that it may take.
@@ -51,6 +65,11 @@ impl<'a> Job<'a> {
             loaded,
             seed: seed.wrapping_add(u64::from(repeat)),
             repeat: (args.repeat > 1).then_some(repeat),
+            time: args.time,
+            random_from_seed: args.random == RandomArg::Seed,
+            date: args.date,
+            dated: args.date != DATE,
+            twice: args.twice,
             speed,
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
             timeout,
@@ -62,6 +81,20 @@ impl<'a> Job<'a> {
 
     pub(crate) fn is_live(&self) -> bool {
         !self.client.is_empty()
+    }
+
+    /// Whether a real client plays in the simulator's time.
+    pub(crate) fn is_lockstep(&self) -> bool {
+        self.is_live() && self.time == TimeArg::Lockstep
+    }
+
+    /// What the time of the run is called.
+    pub(crate) fn time_word(&self) -> &'static str {
+        if self.is_live() {
+            self.time.word()
+        } else {
+            "simulated"
+        }
     }
 
     /// The file's path, and which time it is.
@@ -102,6 +135,17 @@ impl<'a> Job<'a> {
     pub(crate) fn command(&self) -> String {
         let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
         words.push(self.seed.to_string().into());
+        if self.is_live() && self.time == TimeArg::Real {
+            words.extend(["--time".into(), self.time.word().into()]);
+        }
+        if self.is_lockstep() && self.dated {
+            let date = std::time::UNIX_EPOCH + self.date;
+            let date = humantime::format_rfc3339_seconds(date).to_string();
+            words.extend(["--date".into(), date.into()]);
+        }
+        if self.is_lockstep() && !self.random_from_seed {
+            words.extend(["--random".into(), "real".into()]);
+        }
         if self.is_live() && self.speed != 1.0 {
             words.extend(["--speed".into(), self.speed.to_string().into()]);
         }
@@ -167,6 +211,10 @@ pub(crate) struct PlayedClient {
     pub(crate) stopped: bool,
     /// The end of what it wrote.
     pub(crate) output: String,
+    /// What it waited for outside of the simulation, for which the run is not repeatable.
+    pub(crate) outside: Vec<String>,
+    /// What lockstep refused it.
+    pub(crate) refused: Vec<String>,
 }
 
 impl JobResult {

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -15,9 +15,9 @@ use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::visible;
-use sim_embed::ports::{Elsewhere, ShownPort, open_all};
+use sim_core::rig::PortId;
+use sim_embed::ports::{Elsewhere, open_all, variable};
 use sim_embed::serve::{Begin, Ended, Server};
-use sim_embed::served::Served;
 use sim_pty::PtySetup;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
@@ -64,7 +64,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         PtySetup::raw(0),
     )
     .map_err(Failure::system)?;
-    let environment = environment(job, &ports)?;
+    let paths = ports.iter().map(|served| (served.id, served.path.clone()));
+    let environment = environment(job, paths)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path).with_context(|| {
             format!(
@@ -114,11 +115,17 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
 }
 
 /// What the client finds in its environment.
-fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)>, Failure> {
+pub(crate) fn environment(
+    job: &Job<'_>,
+    ports: impl Iterator<Item = (PortId, PathBuf)>,
+) -> Result<Vec<(String, OsString)>, Failure> {
     let plan = &job.loaded.scenario.rig;
     let mut environment: Vec<(String, OsString)> = Vec::new();
-    for served in ports {
-        let variable = ShownPort::new(served, plan).variable();
+    for (id, path) in ports {
+        let device = &plan.devices[id.device];
+        let links = device.links();
+        let link = links.iter().find(|link| link.index == id.link);
+        let variable = variable(&device.name, id.link, link.map_or("", |link| link.name));
         if environment.iter().any(|(other, _)| *other == variable) {
             return Err(Failure::usage(anyhow!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
@@ -126,7 +133,7 @@ fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)
                 visible::name(&job.loaded.path)
             )));
         }
-        environment.push((variable, absolute(&served.path)?));
+        environment.push((variable, absolute(&path)?));
     }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
     environment.push(("SIM_SCENARIO".to_owned(), absolute(&job.loaded.path)?));
@@ -181,6 +188,8 @@ impl LivePlay {
             end,
             stopped,
             output: self.client.output().text(),
+            outside: Vec::new(),
+            refused: Vec::new(),
         }))
     }
 
@@ -221,7 +230,7 @@ impl LivePlay {
 }
 
 /// Takes what the run has to tell.
-fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
+pub(crate) fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
     while run.poll_event().is_some() {}
     while let Some(line) = run.poll_trace() {
         if let Some(trace) = trace {

@@ -1,7 +1,9 @@
 //! Values of single names, for tables and plots.
 
+use sim_core::device::DeviceSpec;
+use sim_core::device::names::{Reading, Unit};
+
 use super::check::Scope;
-use super::names::{Reading, Unit, names};
 use super::{Devices, Origin, identifier};
 use crate::run::Run;
 
@@ -58,9 +60,9 @@ impl Probe {
 
     /// Every name of every device, the device's own name before it.
     fn all(devices: &Devices<'_>) -> Vec<Self> {
-        let of_device = |(device, (own, kind)): (usize, &(&str, crate::Kind))| {
+        let of_device = |(device, (own, kind)): (usize, &(&str, &'static DeviceSpec))| {
             let own = identifier(own);
-            names(*kind).iter().map(move |info| Self {
+            kind.all_names().map(move |info| Self {
                 name: format!("{own}.{}", info.name),
                 unit: info.unit,
                 device: Some(device),
@@ -95,8 +97,10 @@ impl Run {
         Probe::all(&self.devices())
     }
 
-    fn devices(&self) -> Vec<(&str, crate::Kind)> {
+    fn devices(&self) -> Vec<(&str, &'static DeviceSpec)> {
         let plans = self.scenario().rig.devices.iter();
-        plans.map(|plan| (plan.name.as_str(), plan.kind)).collect()
+        plans
+            .map(|plan| (plan.name.as_str(), plan.device))
+            .collect()
     }
 }

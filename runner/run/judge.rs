@@ -152,15 +152,21 @@ impl Run {
     pub(crate) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
-            seen: &self.seen,
+            observed: &self.observed,
         }
     }
 
-    fn holds(&self, condition: &Condition) -> Result<bool, String> {
+    /// Whether a condition holds now.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub fn holds(&self, condition: &Condition) -> Result<bool, String> {
         condition.holds(self.situation())
     }
 
-    fn explain(&self, condition: &Condition) -> String {
+    /// The values of the names in a condition now.
+    #[must_use]
+    pub fn explain(&self, condition: &Condition) -> String {
         condition.explain(self.situation())
     }
 
@@ -219,10 +225,10 @@ impl Run {
                 .rig
                 .devices
                 .iter()
-                .zip(&self.seen)
-                .map(|(plan, seen)| DeviceReport {
+                .zip(&self.observed)
+                .map(|(plan, observed)| DeviceReport {
                     name: plan.name.clone(),
-                    report: seen.report().clone(),
+                    report: observed.report().clone(),
                 })
                 .collect(),
             traffic: self.traffic(),
@@ -325,7 +331,7 @@ impl Run {
             return;
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.seen[index]
+            let found: Vec<String> = self.observed[index]
                 .report()
                 .client_faults()
                 .filter(|(code, _)| match &demand.allowed {

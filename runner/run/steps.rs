@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use sim_core::SimTime;
+use sim_core::fault::{Fault, FaultHandle};
 use sim_core::noise::Noise;
+use sim_core::rig::Rig;
 
 use super::agenda::Item;
 use super::effects::Undo;
 use super::judge::Expected;
 use super::{MOST_ROUNDS, Run};
-use crate::fault::{self, Fault, FaultHandle};
 use crate::scenario::{Action, Only, Scenario, Step, Trigger};
 
 /// How far a step has come.
@@ -32,7 +33,12 @@ pub(super) struct StepState {
 
 impl StepState {
     pub(super) fn all(scenario: &Scenario, seed: u64) -> Vec<Self> {
-        let of = |step: &Step| Self {
+        let steps = scenario.steps.iter();
+        steps.map(|step| Self::new(step, seed)).collect()
+    }
+
+    pub(super) fn new(step: &Step, seed: u64) -> Self {
+        Self {
             watching: matches!(step.trigger, Trigger::When(_)),
             begun: None,
             done: None,
@@ -43,8 +49,13 @@ impl StepState {
             faults: BTreeMap::new(),
             injected: 0,
             hits: 0,
-        };
-        scenario.steps.iter().map(of).collect()
+        }
+    }
+
+    /// How often its faults have hit something until now.
+    pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
+        let active = self.faults.values();
+        self.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
     }
 
     /// How often it brought its fault, and how often that hit something.
@@ -158,7 +169,7 @@ impl Run {
                 }
                 None
             }
-            Action::Operator(action) => self.operate(step.device, action),
+            Action::Operator(action) => self.operate(step.device, action.as_ref()),
             Action::World(action) => self.change_world(index, step.device, action, now),
             Action::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
@@ -187,7 +198,7 @@ impl Run {
                 state.injected = number;
                 state.faults.insert(number, handle);
                 self.hang_up(step.device, now);
-                if fault::disturbs_requests(fault) {
+                if fault.disturbs_requests() {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
                 Some(Undo::Fault(number))
@@ -222,7 +233,7 @@ impl Run {
         steps
             .filter(|(step, state)| step.device == device && !state.faults.is_empty())
             .any(
-                |(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_requests(f)),
+                |(step, _)| matches!(&step.action, Action::Fault(fault) if fault.disturbs_requests()),
             )
     }
 
