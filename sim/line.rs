@@ -152,6 +152,12 @@ impl SerialLine {
         most.saturating_sub(self.to_device.kept())
     }
 
+    /// How many bytes the line keeps for a client whose driver has no buffer of its own.
+    #[must_use]
+    pub fn space(&self) -> usize {
+        MOST_IN_FLIGHT.saturating_sub(self.to_device.kept())
+    }
+
     /// The client has set its end of the line. What is wrong with that is told when bytes pass, since
     /// many a client opens its port first and sets it then; that it hangs up is told at once.
     pub fn set_client_line(&mut self, now: SimTime, line: ClientLine) -> Option<LineEvent> {

@@ -97,6 +97,12 @@ impl Rig {
         self.line(port).and_then(SerialLine::next_for_client)
     }
 
+    /// How many bytes the line keeps for a client whose driver has no buffer of its own.
+    #[must_use]
+    pub fn space(&self, port: PortId) -> usize {
+        self.line(port).map_or(0, SerialLine::space)
+    }
+
     /// How many bytes the client's UART takes now.
     #[must_use]
     pub fn room(&self, port: PortId) -> usize {
