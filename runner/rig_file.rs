@@ -418,6 +418,15 @@ pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -
     table
 }
 
+/// The schema of the names of links.
+pub(crate) fn link_schema(devices: Devices) -> Value {
+    let links = devices.iter().flat_map(|device| device.links);
+    let mut names: Vec<&str> = links.map(|link| link.id).collect();
+    names.sort_unstable();
+    names.dedup();
+    json!({ "description": "A serial link of a device.", "type": "string", "enum": names })
+}
+
 /// The schema of all settings.
 pub(crate) fn settings_schema(devices: Devices) -> Value {
     sim_settings::schema_of(&SimSettings::new(devices)).to_value()
