@@ -11,6 +11,7 @@ mod print;
 mod ready_file;
 mod recording;
 mod replay;
+mod report;
 mod run;
 mod scenario_files;
 mod schema;
@@ -86,7 +87,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("r150");
         let exit = guarded(|| {
-            let _port = PtyPort::open_at(&path, 115_200).unwrap();
+            let _port = PtyPort::open_at(&path, sim_pty::PtySetup::raw(115_200)).unwrap();
             assert!(path.exists());
             panic!("as a test of what is done about it");
         });

@@ -245,7 +245,8 @@ pub(crate) struct DeviceText {
     /// Where it stands at the start; at the origin, looking along x, unless given.
     #[serde(default)]
     pose: PoseText,
-    /// Path of the pseudo-terminal of its main link; without one it has the system's name only.
+    /// Path of the pseudo-terminal of its main link, or a URL to listen at: rfc2217://HOST:PORT or
+    /// tcp://HOST:PORT. Without one it is a pseudo-terminal that has the system's name only.
     #[schemars(with = "Option<PathBuf>")]
     port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
