@@ -11,6 +11,7 @@ mod print;
 mod ready_file;
 mod recording;
 mod replay;
+mod report;
 mod run;
 mod scenario_files;
 mod schema;
@@ -40,6 +41,7 @@ use exit::{Exit, Failure};
 #[must_use]
 pub fn main(devices: Devices) -> ExitCode {
     guarded(|| {
+        sim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::read(devices);
         match &cli.command {
             Some(Command::Config(settings)) => config::print(devices, settings),
@@ -85,7 +87,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("r150");
         let exit = guarded(|| {
-            let _port = PtyPort::open_at(&path, 115_200).unwrap();
+            let _port = PtyPort::open_at(&path, sim_pty::PtySetup::raw(115_200)).unwrap();
             assert!(path.exists());
             panic!("as a test of what is done about it");
         });

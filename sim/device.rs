@@ -73,7 +73,7 @@ pub struct DeviceSpec {
 }
 
 impl DeviceSpec {
-    /// The name with which conditions begin, if there is one such.
+    /// What conditions call by this name, if it has such.
     pub fn find_name(&self, name: &str) -> Option<&'static NameInfo> {
         self.all_names().find(|info| info.name == name)
     }
@@ -251,10 +251,6 @@ pub trait Device: Any + Send + Sync {
     /// The machine was late by `by`: until then what clients send may come up to `by` closer
     /// together than they were sent. Of no concern to firmware without a rule against that.
     fn expect_burst(&mut self, _by: Duration, _until: SimTime) {}
-
-    /// The client of a link has left and its last byte has arrived: replies to it that are held
-    /// back are nobody's. Of no concern to firmware that holds nothing back.
-    fn client_left(&mut self, _now: SimTime, _link: usize) {}
 
     /// Its body in the world.
     fn body(&self) -> BodyId;

@@ -211,6 +211,8 @@ impl<'o> Replay<'o> {
                 baud,
                 stop_bits,
                 raw,
+                parity,
+                rts_cts,
             } => {
                 let at = self.client_acts(t)?;
                 self.run.advance(at)?;
@@ -218,6 +220,8 @@ impl<'o> Replay<'o> {
                     baud,
                     stop_bits,
                     raw,
+                    parity,
+                    rts_cts,
                 };
                 let port = self.port(port.into())?;
                 self.run.set_line(port, line);
