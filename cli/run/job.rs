@@ -118,12 +118,15 @@ impl<'a> Job<'a> {
 
     /// A run of it, and the file for its trace.
     pub(crate) fn begin(&self) -> Result<(Run, Option<TraceFile>), Failure> {
-        let run = self.loaded.run(RunOptions {
+        let mut run = self.loaded.run(RunOptions {
             seed: self.seed,
             wire: Wire::Paced,
             live: self.is_live(),
             trace: self.output.is_some(),
         })?;
+        if self.is_live() {
+            run.name_time(self.time_word());
+        }
         let trace = self
             .file("trace.jsonl")
             .map(TraceFile::create)

@@ -313,7 +313,6 @@ impl<'a> Tracer<'a> {
         match resume {
             Resume::Go(signal) => sys::go_on(tid, signal)?,
             Resume::Call { crept } => {
-                self.look_at_ports()?;
                 self.calls += 1;
                 let registers = Registers::of(tid)?;
                 let action = match self.call(tid, registers, crept) {

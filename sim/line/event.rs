@@ -35,6 +35,13 @@ pub enum LineEvent {
         /// The device's.
         device: u8,
     },
+    /// The client has set the modem lines of its end, which a cable of three wires does not carry.
+    ModemLines {
+        /// Data terminal ready.
+        dtr: bool,
+        /// Request to send.
+        rts: bool,
+    },
     /// The client sent more than the line holds, and the rest was lost.
     SentTooMuch {
         /// How many bytes were lost.
@@ -71,9 +78,10 @@ pub struct OnLine {
 impl EventKind for OnLine {
     fn level(&self) -> Level {
         match self.event {
-            LineEvent::Attached | LineEvent::Detached | LineEvent::BaudMatched { .. } => {
-                Level::Notice
-            }
+            LineEvent::Attached
+            | LineEvent::Detached
+            | LineEvent::BaudMatched { .. }
+            | LineEvent::ModemLines { .. } => Level::Notice,
             _ => Level::Warning,
         }
     }
@@ -86,6 +94,7 @@ impl EventKind for OnLine {
             LineEvent::BaudMatched { .. } => code::BAUD_MATCHED,
             LineEvent::NotRaw => code::LINE_NOT_RAW,
             LineEvent::StopBits { .. } => code::STOP_BITS,
+            LineEvent::ModemLines { .. } => code::MODEM_LINES,
             LineEvent::SentTooMuch { .. } => code::SENT_TOO_MUCH,
             LineEvent::SimulatorLate { .. } => code::SIMULATOR_LATE,
             LineEvent::SimulatorTooSlow => code::SIMULATOR_TOO_SLOW,
@@ -147,6 +156,15 @@ impl fmt::Display for LineEvent {
                 "the client has set {client} stop bits, the device uses {device}; open the port with \
                  {device}"
             ),
+            Self::ModemLines { dtr, rts } => {
+                let word = |set| if set { "on" } else { "off" };
+                write!(
+                    f,
+                    "the client has set DTR {} and RTS {}",
+                    word(*dtr),
+                    word(*rts)
+                )
+            }
             Self::SentTooMuch { bytes } => write!(
                 f,
                 "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
