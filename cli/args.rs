@@ -11,6 +11,7 @@ use clap::{
 };
 use sim_core::device::{DeviceSpec, Devices, LinkSpec};
 use sim_core::line::Wire;
+use sim_pty::{Defaults, ListenAddress, PtySetup};
 use sim_settings::Span;
 
 use crate::exit::Exit;
@@ -30,6 +31,9 @@ Examples:
       A nearly empty battery on a slope. `sim config` lists every setting.
   sim --pty /tmp/r150 --wire instant --log-format json | tee run.jsonl
       Bytes take no time on the line; one JSON object for each event.
+  sim --listen rfc2217://127.0.0.1:2217
+      On the network: serial_for_url('rfc2217://127.0.0.1:2217') in pyserial. For
+      containers, other systems, and clients that need modem lines.
   sim --serial /dev/ttyUSB0
       The same device on a real serial port, with your client at the other end of the cable.
   sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
@@ -121,12 +125,13 @@ fn command(devices: Devices) -> clap::Command {
     for (spec, link) in optional_links(devices) {
         let costs = link.optional.unwrap_or_default();
         let help = format!(
-            "Serve the {} link of {} too, on a second pseudo-terminal; {costs}",
+            "Serve the {} link of {} too, on a second pseudo-terminal or at a URL as --listen has; {costs}",
             link.name, spec.title
         );
         command = command.arg(
             Arg::new(link.id)
                 .long(format!("{}-pty", link.id))
+                .visible_alias(format!("{}-listen", link.id))
                 .value_name("PATH")
                 .value_parser(value_parser!(PathBuf))
                 .conflicts_with("rig")
@@ -337,8 +342,13 @@ pub(crate) struct ServeArgs {
     /// Serve on a real serial port.
     #[arg(long, value_name = "DEVICE")]
     pub(crate) serial: Option<PathBuf>,
+    /// Serve on the network: rfc2217://HOST:PORT with the settings and lines of a serial port, or
+    /// tcp://HOST:PORT with bytes alone. For containers, for clients on Windows and macOS, and for
+    /// those that need modem lines. One client at a time; port 0 is any that is free.
+    #[arg(long, value_name = "URL", conflicts_with_all = ["pty", "serial"], value_parser = listen)]
+    pub(crate) listen: Option<PathBuf>,
     /// Serve all devices of a rig file, in one world; --pty is the short form for one.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "serial", "device", "start"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "listen", "serial", "device", "start"])]
     pub(crate) rig: Option<PathBuf>,
     /// What to be.
     #[arg(long)]
@@ -346,6 +356,15 @@ pub(crate) struct ServeArgs {
     /// Paths of the links that are there only when they are asked for, by their ids.
     #[arg(skip)]
     pub(crate) link_ptys: Vec<(&'static str, PathBuf)>,
+    /// Who may open the pseudo-terminals: permissions in octal, such as 660 [default: the system's].
+    #[arg(long, value_name = "OCTAL", value_parser = mode)]
+    pub(crate) mode: Option<u32>,
+    /// The group of the pseudo-terminals, by name or number, such as dialout [default: the system's].
+    #[arg(long, value_name = "GROUP", value_parser = group)]
+    pub(crate) group: Option<u32>,
+    /// How pseudo-terminals are set until a client sets them.
+    #[arg(long, value_enum, default_value_t = TtyDefaults::Raw)]
+    pub(crate) tty_defaults: TtyDefaults,
     /// Build the world from a file; `worlds/` has some.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
@@ -399,7 +418,35 @@ impl From<WireArg> for Wire {
     }
 }
 
+/// How pseudo-terminals are set at first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TtyDefaults {
+    /// Raw and at the device's speed, so that `cat` and `printf` will do.
+    Raw,
+    /// As Linux sets a serial port: 9600 baud, with echo and editing, so that a client that forgets
+    /// to set it up fails here as it would there.
+    Kernel,
+}
+
 impl ServeArgs {
+    /// Where the first link is served, a path or a URL.
+    pub(crate) fn port(&self) -> Option<&PathBuf> {
+        self.pty.as_ref().or(self.listen.as_ref())
+    }
+
+    /// How pseudo-terminals are set up, but for the speed.
+    pub(crate) fn pty_setup(&self) -> PtySetup {
+        PtySetup {
+            baud: 0,
+            defaults: match self.tty_defaults {
+                TtyDefaults::Raw => Defaults::Raw,
+                TtyDefaults::Kernel => Defaults::Kernel,
+            },
+            mode: self.mode,
+            group: self.group,
+        }
+    }
+
     /// The wire as chosen, or as fits the port.
     pub(crate) fn wire(&self) -> Wire {
         match (self.wire, &self.serial) {
@@ -450,6 +497,34 @@ fn date(text: &str) -> Result<Duration, String> {
         .ok()
         .and_then(|date| date.duration_since(std::time::UNIX_EPOCH).ok())
         .ok_or_else(|| "wanted: a date since 1970, as in \"2025-01-31 12:00:00\"".to_owned())
+}
+
+fn listen(text: &str) -> Result<PathBuf, String> {
+    match ListenAddress::parse(text) {
+        Some(address) => address.map(|address| PathBuf::from(address.to_string())),
+        None => Err("allowed: rfc2217://HOST:PORT or tcp://HOST:PORT".to_owned()),
+    }
+}
+
+fn mode(text: &str) -> Result<u32, String> {
+    match u32::from_str_radix(text, 8) {
+        Ok(mode) if mode <= 0o777 => Ok(mode),
+        _ => Err("allowed: permissions in octal, 000 to 777".to_owned()),
+    }
+}
+
+/// The number of a group by its name in `/etc/group`, or by itself.
+fn group(text: &str) -> Result<u32, String> {
+    if let Ok(number) = text.parse() {
+        return Ok(number);
+    }
+    let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
+    let number = groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let number = (fields.next() == Some(text)).then(|| fields.nth(1))?;
+        number?.parse().ok()
+    });
+    number.ok_or_else(|| "no such group in /etc/group; a number will do as well".to_owned())
 }
 
 fn some_time(text: &str) -> Result<Span, String> {

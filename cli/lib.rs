@@ -85,7 +85,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("r150");
         let exit = guarded(|| {
-            let _port = PtyPort::open_at(&path, 115_200).unwrap();
+            let _port = PtyPort::open_at(&path, sim_pty::PtySetup::raw(115_200)).unwrap();
             assert!(path.exists());
             panic!("as a test of what is done about it");
         });

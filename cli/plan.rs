@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, anyhow};
 use sim_core::device::{DeviceSpec, Devices};
 use sim_physics::Pose;
+use sim_pty::ListenAddress;
 use sim_runner::{DevicePlan, RigPlan};
 use sim_settings::Source;
 
@@ -47,11 +48,14 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
     };
     // A flag is relative to where it was typed, a file's path to the file.
     let here = |path: &PathBuf| {
+        if ListenAddress::is_url(path) {
+            return Ok(path.clone());
+        }
         std::path::absolute(path)
             .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
             .map_err(Failure::system)
     };
-    if let Some(pty) = &args.pty {
+    if let Some(pty) = args.port() {
         first.ports[0] = Some(here(pty)?);
     }
     for (id, pty) in &args.link_ptys {
@@ -85,10 +89,11 @@ fn from_file(devices: Devices, file: &Path, args: &ServeArgs) -> Result<RigPlan,
 }
 
 fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {
-    if args.pty.is_none() && args.serial.is_none() {
+    if args.port().is_none() && args.serial.is_none() {
         return Err(Failure::usage(anyhow!(
             "say where to serve: --pty PATH for a pseudo-terminal, as in `sim --pty /tmp/r150`, \
-             --serial DEVICE for a real serial port, or --rig FILE for several devices \
+             --listen URL for the network, --serial DEVICE for a real serial port, or --rig FILE for \
+             several devices \
              (`sim --help` shows more)"
         )));
     }
@@ -101,7 +106,7 @@ fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {
             .collect::<Vec<_>>()
             .join(" or ")
     };
-    let mut ports = vec![args.pty.clone()];
+    let mut ports = vec![args.port().cloned()];
     for (id, pty) in &args.link_ptys {
         let Some(link) = spec.link(id) else {
             let able = able(&|device| device.link(id).is_some());

@@ -81,8 +81,14 @@ impl Session {
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
-        let ports = open_all(plan, &loaded.folder(), serial, &Elsewhere::Unlinked)
-            .map_err(Failure::system)?;
+        let ports = open_all(
+            plan,
+            &loaded.folder(),
+            serial,
+            &Elsewhere::Unlinked,
+            args.pty_setup(),
+        )
+        .map_err(Failure::system)?;
         waiter.check_headroom().map_err(Failure::system)?;
         let options = LogOptions {
             format: args.log_format,
@@ -226,6 +232,13 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
                         start.as_deref().unwrap_or_default(),
                     );
                 }
+            }
+            for port in ports.iter().filter(|port| port.is_public) {
+                text += &format!(
+                    "\n  warning: any machine that reaches this one can open {}; 127.0.0.1 keeps them \
+                     out",
+                    port.path.display()
+                );
             }
             text += &format!("\n  settings: {changed}");
             if let Some(loaded) = scenario {

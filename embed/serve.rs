@@ -20,9 +20,9 @@
 use std::time::{Duration, Instant};
 
 use sim_core::SimTime;
-use sim_core::line::ClientLine;
+use sim_core::line::{ClientLine, UART_FIFO};
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, Port, PortError, Waiter};
+use sim_pty::{Counters, Event, Parity, Port, PortError, Waiter};
 use sim_runner::{Run, RunError};
 
 use crate::clock::Clock;
@@ -51,7 +51,7 @@ const SLICE: Duration = Duration::from_millis(1);
 /// Reads of one port before the others have their turn.
 const MOST_READS: usize = 16;
 /// A port whose line was full is read again when it has room for so many bytes.
-const RESUME_ROOM: usize = 1024;
+const RESUME_ROOM: usize = UART_FIFO / 2;
 
 /// When simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -351,6 +351,7 @@ impl Server {
             return Ok(());
         }
         let to = self.clock.now();
+        self.set_lines(to)?;
         let begun = Instant::now();
         while self.now() < to && self.run.finished().is_none() {
             let slice = to.min(self.now() + SLICE);
@@ -411,23 +412,21 @@ impl Server {
             let event = port.read(&mut self.buffer[..room])?;
             match event {
                 Event::Idle => {
-                    if room == 0 {
-                        port.set_paused(true)?;
-                        served.paused = true;
-                    }
+                    served.paused = room == 0;
                     return Ok(());
                 }
                 Event::Attached => {
                     self.begin();
                     let now = self.catch_up()?;
                     self.run.attach(id, now)?;
+                    self.set_line(token)?;
                 }
                 Event::Detached => {
                     let now = self.catch_up()?;
                     self.run.detach(id, now)?;
                 }
                 Event::Data(count) => {
-                    set_line(&mut self.run, id, port)?;
+                    self.set_line(token)?;
                     let now = self.catch_up()?;
                     self.run.send(id, now, &self.buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
@@ -451,8 +450,6 @@ impl Server {
         if self.outgoing.is_empty() {
             return Ok(());
         }
-        // A client that only listens would else never be found to listen at a wrong speed.
-        set_line(&mut self.run, id, port)?;
         let lost = port.counters().dropped_full_bytes;
         let _ = port.write(&self.outgoing)?;
         // Who has left is not to blame for not reading.
@@ -465,14 +462,43 @@ impl Server {
 
     /// Reads those ports again whose line has room again.
     fn resume(&mut self) -> Result<(), ServeError> {
-        for served in &mut self.ports {
-            if served.paused
-                && let Some(port) = &mut served.port
-                && self.run.room(served.id) >= RESUME_ROOM
-            {
-                port.set_paused(false)?;
-                served.paused = false;
+        for token in 0..self.ports.len() {
+            let served = &self.ports[token];
+            if served.paused && self.run.room(served.id) >= RESUME_ROOM {
+                self.receive(token)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Tells the simulation how clients have set their ends, of which something passes by `to`. Nobody
+    /// is told when they change them.
+    fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
+        for token in 0..self.ports.len() {
+            let served = &self.ports[token];
+            if served.port.as_ref().is_some_and(Port::is_attached)
+                && self.run.rig().is_due(served.id, to)
+            {
+                self.set_line(token)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the simulation how the client of a port has set its end.
+    fn set_line(&mut self, token: usize) -> Result<(), ServeError> {
+        let served = &self.ports[token];
+        if let Some(port) = &served.port
+            && let Some(line) = port.client_line()?
+        {
+            let line = ClientLine {
+                baud: line.baud,
+                stop_bits: line.stop_bits,
+                raw: line.raw,
+                parity: line.parity != Parity::None,
+                rts_cts: line.rts_cts,
+            };
+            self.run.set_line(served.id, line);
         }
         Ok(())
     }
@@ -487,19 +513,4 @@ impl Server {
     fn now(&self) -> SimTime {
         self.run.rig().now()
     }
-}
-
-/// Tells the simulation how the client has set its end.
-fn set_line(run: &mut Run, id: PortId, port: &Port) -> Result<(), ServeError> {
-    if let Some(line) = port.client_line()? {
-        run.set_line(
-            id,
-            ClientLine {
-                baud: line.baud,
-                stop_bits: line.stop_bits,
-                raw: line.raw,
-            },
-        );
-    }
-    Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::thread::{Builder as ThreadBuilder, JoinHandle};
 
 use sim_core::rig::PortId;
-use sim_pty::Waiter;
+use sim_pty::{PtySetup, Waiter};
 use sim_runner::{Outcome, Run};
 
 use crate::error::Error;
@@ -33,7 +33,7 @@ impl Spawned {
         let plan = &run.scenario().rig;
         let names = plan.devices.iter().map(|device| device.name.clone());
         let names = names.collect();
-        let ports = open_all(plan, folder, None, &Elsewhere::Unlinked)?;
+        let ports = open_all(plan, folder, None, &Elsewhere::Unlinked, PtySetup::raw(0))?;
         let paths = ports.iter().map(|port| (port.id, port.path.clone()));
         let paths = paths.collect();
         let waiter = Waiter::new()?;

@@ -245,7 +245,8 @@ pub(crate) struct DeviceText {
     /// Where it stands at the start; at the origin, looking along x, unless given.
     #[serde(default)]
     pose: PoseText,
-    /// Path of the pseudo-terminal of its main link; without one it has the system's name only.
+    /// Path of the pseudo-terminal of its main link, or a URL to listen at: rfc2217://HOST:PORT or
+    /// tcp://HOST:PORT. Without one it is a pseudo-terminal that has the system's name only.
     #[schemars(with = "Option<PathBuf>")]
     port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
@@ -415,6 +416,15 @@ pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -
     });
     table["properties"]["settings"]["anyOf"] = own.collect();
     table
+}
+
+/// The schema of the names of links.
+pub(crate) fn link_schema(devices: Devices) -> Value {
+    let links = devices.iter().flat_map(|device| device.links);
+    let mut names: Vec<&str> = links.map(|link| link.id).collect();
+    names.sort_unstable();
+    names.dedup();
+    json!({ "description": "A serial link of a device.", "type": "string", "enum": names })
 }
 
 /// The schema of all settings.

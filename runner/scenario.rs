@@ -48,7 +48,7 @@ pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
 use crate::condition::Condition;
-use crate::rig_file::{RigFileError, RigPlan, device_schema, settings_schema};
+use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
 
 /// Most steps, and most conditions over time, of a file.
@@ -262,6 +262,7 @@ impl Scenario {
             ));
             vec![
                 ("DeviceText", device),
+                ("LinkName", link_schema(devices)),
                 ("SettingsText", settings_schema(devices)),
                 (
                     "CommandText",

@@ -123,6 +123,8 @@ impl Recorder {
             baud: line.baud,
             stop_bits: line.stop_bits,
             raw: line.raw,
+            parity: line.parity,
+            rts_cts: line.rts_cts,
         });
     }
 

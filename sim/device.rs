@@ -252,10 +252,6 @@ pub trait Device: Any + Send + Sync {
     /// together than they were sent. Of no concern to firmware without a rule against that.
     fn expect_burst(&mut self, _by: Duration, _until: SimTime) {}
 
-    /// The client of a link has left and its last byte has arrived: replies to it that are held
-    /// back are nobody's. Of no concern to firmware that holds nothing back.
-    fn client_left(&mut self, _now: SimTime, _link: usize) {}
-
     /// Its body in the world.
     fn body(&self) -> BodyId;
 

@@ -106,6 +106,17 @@ pub struct ParameterInfo {
     pub required: bool,
 }
 
+impl ParameterInfo {
+    /// One that many faults have, and that may be left out.
+    const fn shared(name: &'static str, description: &'static str) -> Self {
+        Self {
+            name,
+            description,
+            required: false,
+        }
+    }
+}
+
 impl Fault {
     /// Its `kind` in files.
     #[must_use]

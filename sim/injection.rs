@@ -6,7 +6,6 @@ mod stage;
 mod tally;
 mod traffic;
 mod wire;
-mod wire_parameters;
 
 use std::collections::BTreeMap;
 

@@ -242,10 +242,6 @@ impl Device for R150 {
         }
     }
 
-    fn client_left(&mut self, now: SimTime, _link: usize) {
-        self.device.client_left(now);
-    }
-
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
         self.device.poll_output().map(|frame| (0, frame))
     }

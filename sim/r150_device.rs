@@ -195,21 +195,6 @@ impl R150Device {
         earlier(next, self.replies.front().map(|(due, _)| *due))
     }
 
-    /// Whoever sent what has arrived by `now` is gone: the replies that are held back are dropped,
-    /// and so are those to requests inside a frame that was not finished.
-    pub fn client_left(&mut self, now: SimTime) {
-        if self.runs() && !self.defects.hung {
-            let mut found = Vec::new();
-            self.decoder.give_up(&mut |decoded| found.push(decoded));
-            self.handle(now, found);
-        } else {
-            self.decoder.clear();
-        }
-        self.output.clear();
-        self.replies.clear();
-        self.motors.forget_answer();
-    }
-
     /// Whether output or events wait to be taken.
     #[must_use]
     pub fn has_news(&self) -> bool {

@@ -170,6 +170,7 @@ impl Player {
                     baud: speeds[usize::from(*speed) % speeds.len()],
                     stop_bits: if *two_stop_bits { 2 } else { 1 },
                     raw: !cooked,
+                    ..ClientLine::at(0)
                 };
                 client.undisturbed = false;
                 self.rig.set_client_line(client.port, client.line);
@@ -244,7 +245,9 @@ impl Player {
         came.unwrap_or_else(|error| panic!("{error}"));
         let disturbed =
             |fault: &Injected| fault.armed && fault.disturbs && fault.device == client.port.device;
-        client.comes(self.now, !self.faults.iter().any(disturbed));
+        // What is under way to whoever is there began before this one came.
+        let idle = self.rig.next_for_client(client.port).is_none();
+        client.comes(self.now, idle && !self.faults.iter().any(disturbed));
     }
 
     fn injected(&mut self, handle: FaultHandle, device: usize, level: FaultLevel) {

@@ -1,5 +1,7 @@
 //! The device of one's own in `examples/` has what the shipped ones have.
 
+#![expect(clippy::unwrap_used, reason = "a test")]
+
 use std::sync::Arc;
 
 use sim_core::settings::SimSettings;

@@ -18,6 +18,7 @@ use crate::visible;
 use sim_core::rig::PortId;
 use sim_embed::ports::{Elsewhere, open_all, variable};
 use sim_embed::serve::{Begin, Ended, Server};
+use sim_pty::PtySetup;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
@@ -55,7 +56,14 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         .map_err(Failure::system)?;
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
-    let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere).map_err(Failure::system)?;
+    let ports = open_all(
+        plan,
+        &job.loaded.folder(),
+        None,
+        &elsewhere,
+        PtySetup::raw(0),
+    )
+    .map_err(Failure::system)?;
     let paths = ports.iter().map(|served| (served.id, served.path.clone()));
     let environment = environment(job, paths)?;
     let log = job.file("client.log").map(|path| {

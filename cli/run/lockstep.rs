@@ -333,6 +333,8 @@ fn client_line(line: LineSettings) -> ClientLine {
         baud: line.baud,
         stop_bits: u8::try_from(line.stop_bits).unwrap_or(1),
         raw: line.raw,
+        parity: false,
+        rts_cts: false,
     }
 }
 
@@ -360,7 +362,7 @@ impl World for Stage {
             return Ok(bytes.len());
         }
         self.run.set_line(id, client_line(line));
-        let count = self.run.room(id).min(bytes.len());
+        let count = self.run.space(id).min(bytes.len());
         self.wants_room = count < bytes.len();
         if let Some(taken) = bytes.get(..count).filter(|taken| !taken.is_empty()) {
             self.run.send(id, self.at(now), taken)?;

@@ -212,6 +212,8 @@ impl<'o> Replay<'o> {
                 baud,
                 stop_bits,
                 raw,
+                parity,
+                rts_cts,
             } => {
                 let at = self.client_acts(t)?;
                 self.run.advance(at)?;
@@ -219,6 +221,8 @@ impl<'o> Replay<'o> {
                     baud,
                     stop_bits,
                     raw,
+                    parity,
+                    rts_cts,
                 };
                 let port = self.port(port.into())?;
                 self.run.set_line(port, line);

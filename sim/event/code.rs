@@ -127,6 +127,12 @@ codes! {
     STOP_BITS = "stop_bits", Client;
     /// The client has set its modem lines.
     MODEM_LINES = "modem_lines", Nobody;
+    /// The client asks for a parity bit.
+    PARITY = "parity", Client;
+    /// The client waits for CTS.
+    FLOW_CONTROL = "flow_control", Client;
+    /// The client has set its speed to 0.
+    HUNG_UP = "hung_up", Client;
     /// The client sent more than the line holds.
     SENT_TOO_MUCH = "sent_too_much", Client;
     /// The simulator was held up.

@@ -1,7 +1,7 @@
 //! What a fault is about.
 
-use super::Fault;
 use super::parameters::{Direction, LinkName, Motors};
+use super::{Fault, FaultLevel};
 
 impl Fault {
     /// Whether its parameters make sense on any device.
@@ -33,49 +33,11 @@ impl Fault {
         }
     }
 
-    /// The link on which it acts, if it acts on one.
+    /// The link on which it acts, if it acts on one: the main one unless it says otherwise.
     #[must_use]
     pub fn link(&self) -> Option<LinkName> {
-        Some(match self {
-            Self::BitFlips { link, .. }
-            | Self::DroppedBytes { link, .. }
-            | Self::DuplicatedBytes { link, .. }
-            | Self::InsertedBytes { link, .. }
-            | Self::Burst { link, .. }
-            | Self::Delay { link, .. }
-            | Self::Fragmentation { link, .. }
-            | Self::Stall { link, .. }
-            | Self::Mute { link, .. }
-            | Self::WrongBaud { link, .. }
-            | Self::IdleNoise { link, .. }
-            | Self::CablePulled { link }
-            | Self::WrongCommand { link, .. }
-            | Self::WrongLength { link, .. }
-            | Self::TornReply { link, .. }
-            | Self::LateReply { link, .. }
-            | Self::ReplyTwice { link, .. }
-            | Self::MissingReply { link, .. }
-            | Self::PreviousReply { link, .. }
-            | Self::UnsolicitedFrame { link, .. } => *link,
-            Self::BadCrc { .. } => LinkName::Main,
-            _ => return None,
-        })
-    }
-
-    /// The command to whose replies it keeps, if it keeps to one.
-    #[must_use]
-    pub fn command(&self) -> Option<u8> {
-        match self {
-            Self::BadCrc { command, .. }
-            | Self::WrongCommand { command, .. }
-            | Self::WrongLength { command, .. }
-            | Self::TornReply { command, .. }
-            | Self::LateReply { command, .. }
-            | Self::ReplyTwice { command, .. }
-            | Self::MissingReply { command, .. }
-            | Self::PreviousReply { command, .. } => *command,
-            _ => None,
-        }
+        let on_link = matches!(self.level(), FaultLevel::Wire | FaultLevel::Protocol);
+        on_link.then(|| self.own_link().unwrap_or_default())
     }
 
     /// The motors or wheels that it is about, if it is about any.
@@ -99,23 +61,14 @@ impl Fault {
     /// like is not held against the client.
     #[must_use]
     pub fn disturbs_requests(&self) -> bool {
-        let reaches_device = |direction: &Direction| *direction != Direction::ToClient;
-        match self {
-            Self::BitFlips { direction, .. }
-            | Self::DroppedBytes { direction, .. }
-            | Self::DuplicatedBytes { direction, .. }
-            | Self::InsertedBytes { direction, .. }
-            | Self::Burst { direction, .. }
-            | Self::Delay { direction, .. }
-            | Self::Fragmentation { direction, .. }
-            | Self::Stall { direction, .. }
-            | Self::Mute { direction, .. }
-            | Self::IdleNoise { direction, .. } => reaches_device(direction),
-            Self::WrongBaud { .. }
-            | Self::CablePulled { .. }
-            | Self::Reset { .. }
-            | Self::Hang { .. } => true,
-            _ => false,
+        match self.level() {
+            FaultLevel::Wire => self.direction() != Direction::ToClient,
+            FaultLevel::Firmware => matches!(self, Self::Reset { .. } | Self::Hang { .. }),
+            FaultLevel::Protocol
+            | FaultLevel::Electrical
+            | FaultLevel::Mechanical
+            | FaultLevel::Operator
+            | FaultLevel::Sensor => false,
         }
     }
 }

@@ -153,13 +153,6 @@ words! {
         /// Either way.
         Both = "both",
     }
-    /// A serial link of a device.
-    LinkName default Main {
-        /// The R150's only one; the car's binary one.
-        Main = "main",
-        /// The car's ASCII one.
-        Ros = "ros",
-    }
     /// What of a frame's length is wrong.
     WrongLength default Parameters {
         /// Parameters are missing or added, and the rest of the frame fits them.
@@ -265,6 +258,42 @@ words! {
         Rear3 = "rear-3",
         /// Rightmost in the rear, `ut_b[3]`.
         Rear4 = "rear-4",
+    }
+}
+
+/// A serial link of a device, by the id that its row gives it.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(transparent)]
+pub struct LinkName(Cow<'static, str>);
+
+impl LinkName {
+    /// As it is in files.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+/// The main link, which every device has.
+impl Default for LinkName {
+    fn default() -> Self {
+        Self(Cow::Borrowed("main"))
+    }
+}
+
+impl fmt::Display for LinkName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl JsonSchema for LinkName {
+    fn schema_name() -> Cow<'static, str> {
+        "LinkName".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"type": "string"})
     }
 }
 

@@ -7,7 +7,7 @@ use sim_settings::SimTime;
 use super::tally::Tally;
 use crate::device::Framing;
 use crate::fault::Fault;
-use crate::fault::parameters::{Probability, WrongLength};
+use crate::fault::parameters::WrongLength;
 use crate::noise::Noise;
 
 /// Most frames that all faults together make of one.
@@ -49,79 +49,30 @@ impl FrameFault {
         framing: &'static dyn Framing,
         noise: Noise,
     ) -> Option<Self> {
-        let (command, probability, most, effect) = match fault {
-            Fault::BadCrc {
-                command,
-                probability,
-                count,
-            } => (*command, *probability, *count, Effect::Crc),
-            Fault::WrongCommand {
-                with,
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Command(*with)),
-            Fault::WrongLength {
-                by,
-                what,
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Length(*by, *what)),
-            Fault::TornReply {
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Torn),
-            Fault::LateReply {
-                by,
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Late(by.0)),
-            Fault::ReplyTwice {
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Twice),
-            Fault::MissingReply {
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Missing),
-            Fault::PreviousReply {
-                command,
-                probability,
-                count,
-                ..
-            } => (*command, *probability, *count, Effect::Previous(None)),
-            Fault::UnsolicitedFrame {
-                bytes,
-                every,
-                count,
-                ..
-            } => {
+        let effect = match fault {
+            Fault::BadCrc { .. } => Effect::Crc,
+            Fault::WrongCommand { with, .. } => Effect::Command(*with),
+            Fault::WrongLength { by, what, .. } => Effect::Length(*by, *what),
+            Fault::TornReply { .. } => Effect::Torn,
+            Fault::LateReply { by, .. } => Effect::Late(by.0),
+            Fault::ReplyTwice { .. } => Effect::Twice,
+            Fault::MissingReply { .. } => Effect::Missing,
+            Fault::PreviousReply { .. } => Effect::Previous(None),
+            Fault::UnsolicitedFrame { bytes, every, .. } => {
                 let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
-                let effect = Effect::Unsolicited {
+                Effect::Unsolicited {
                     bytes: bytes.unwrap_or_else(|| framing.unasked()),
                     every: every.map(|every| every.0.max(SHORTEST_EVERY)),
                     due: Some(now),
-                };
-                (None, Probability::ALWAYS, *count, effect)
+                }
             }
             _ => return None,
         };
         Some(Self {
             framing,
-            command,
-            chance: probability.get(),
-            most,
+            command: fault.command(),
+            chance: fault.probability().get(),
+            most: fault.most(),
             effect,
             noise,
         })

@@ -46,10 +46,6 @@ impl Stage {
         self.held.is_empty()
     }
 
-    pub(super) fn clear(&mut self) {
-        self.held.clear();
-    }
-
     /// Loses what has not arrived by `now`.
     pub(super) fn cut(&mut self, now: SimTime) {
         self.held.retain(|(at, _)| *at <= now);

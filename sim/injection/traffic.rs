@@ -77,18 +77,6 @@ impl Injection {
         }
     }
 
-    /// The client of a link is gone, and what was on its way to it.
-    pub(crate) fn detach(&mut self, link: usize) {
-        if let Some(stage) = self.stages.get_mut(link) {
-            stage[Way::ToClient.index()].clear();
-        }
-    }
-
-    /// What is put off for a client that has left is nobody's.
-    pub(crate) fn forget_late(&mut self, link: usize) {
-        self.late.retain(|_, (own, _)| *own != link);
-    }
-
     /// The client puts bytes on a line.
     pub(crate) fn client_sends(&mut self, link: usize, bytes: usize, garbled: bool) {
         self.note_sent(link, Way::ToDevice, bytes, garbled);

@@ -6,6 +6,7 @@ use sim_settings::SimTime;
 
 use super::stage::HELD_UP;
 use super::tally::Tally;
+use crate::fault::Fault;
 use crate::fault::parameters::Direction;
 use crate::noise::Noise;
 
@@ -71,7 +72,64 @@ pub(super) enum Effect {
     Baud(u32),
 }
 
+/// Longest mean time between two bytes of idle noise.
+const LONGEST_NOISE: Duration = Duration::from_hours(24 * 365);
+/// Shortest mean time between two bytes of idle noise.
+const SHORTEST_NOISE: Duration = Duration::from_millis(1);
+
 impl WireFault {
+    /// `stream` gives the random numbers of each way.
+    pub(super) fn new(
+        fault: &Fault,
+        link: usize,
+        now: SimTime,
+        stream: impl Fn(&str) -> Noise,
+    ) -> Option<Self> {
+        let chance = fault.probability().get();
+        let effect = match fault {
+            Fault::BitFlips { .. } => Effect::Flip(chance),
+            Fault::DroppedBytes { .. } => Effect::Drop(chance),
+            Fault::DuplicatedBytes { .. } => Effect::Double(chance),
+            Fault::InsertedBytes { .. } => Effect::Insert(chance),
+            Fault::Burst { length, .. } => Effect::Burst {
+                chance,
+                length: (*length).max(1),
+            },
+            Fault::Delay { by, jitter, .. } => Effect::Delay {
+                by: by.0,
+                jitter: jitter.0,
+            },
+            Fault::Fragmentation { size, pause, .. } => Effect::Fragment {
+                size: (*size).max(1),
+                pause: pause.0,
+            },
+            Fault::Stall { .. } => Effect::Stall,
+            Fault::Mute { .. } => Effect::Mute,
+            Fault::IdleNoise { every, .. } => Effect::Noise {
+                every: every.0.clamp(SHORTEST_NOISE, LONGEST_NOISE),
+            },
+            Fault::CablePulled { .. } => Effect::Cable,
+            Fault::WrongBaud { baud, .. } => Effect::Baud((*baud).max(1)),
+            _ => return None,
+        };
+        let mut own = Self {
+            link,
+            direction: fault.direction(),
+            most: fault.most(),
+            effect,
+            ways: ["to-device", "to-client"].map(|way| OneWay {
+                noise: stream(way),
+                counted: 0,
+                last: SimTime::ZERO,
+                noise_due: None,
+            }),
+        };
+        for way in Way::BOTH {
+            own.schedule_noise(now, way);
+        }
+        Some(own)
+    }
+
     fn acts(&self, way: Way) -> bool {
         match self.direction {
             Direction::Both => true,

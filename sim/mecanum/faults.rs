@@ -6,7 +6,7 @@ use sim_physics::mecanum::{
 };
 
 use super::Mecanum;
-use crate::fault::parameters::{LinkName, Motors, PortName};
+use crate::fault::parameters::{Motors, PortName};
 use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
 
@@ -30,7 +30,7 @@ pub(super) fn check(fault: &Fault) -> Result<(), String> {
         _ => {}
     }
     match fault.command() {
-        Some(_) if fault.link() == Some(LinkName::Ros) => {
+        Some(_) if fault.link().is_some_and(|link| link.as_str() == "ros") => {
             Err("`command`: the lines of the ROS link have none".to_owned())
         }
         Some(command) if command != 0 => Err(format!(

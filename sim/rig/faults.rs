@@ -1,5 +1,7 @@
 //! What goes wrong in a rig, on purpose.
 
+use sim_settings::SimTime;
+
 use super::{PortId, Rig, Slot};
 use crate::fault::{Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, MOST_ARMED, MOST_EVER};
 use crate::injection::Injection;
@@ -51,7 +53,7 @@ impl Rig {
             let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
             faults.pull_cable(now, link, attached);
         }
-        slot.follow_baud();
+        slot.follow_baud(now);
         self.after_change(device);
         Ok(handle)
     }
@@ -74,7 +76,7 @@ impl Rig {
         let own = slot.device.as_mut();
         let ended = faults.disarm(now, handle, own);
         faults.apply(now, own, &mut self.world);
-        slot.follow_baud();
+        slot.follow_baud(now);
         if let Some((name, id)) = ended {
             self.fault_event(device, &name, id, FaultPhase::Cleared);
         }
@@ -144,10 +146,10 @@ impl Rig {
 
 impl Slot {
     /// Has the device's ends of the lines run at the speeds that the faults say.
-    fn follow_baud(&mut self) {
+    fn follow_baud(&mut self, now: SimTime) {
         for (link, line) in self.lines.iter_mut().enumerate() {
             let faults = self.faults.as_ref();
-            line.set_faulty_baud(faults.and_then(|faults| faults.baud(link)));
+            line.set_faulty_baud(now, faults.and_then(|faults| faults.baud(link)));
         }
     }
 }

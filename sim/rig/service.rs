@@ -66,7 +66,6 @@ impl Rig {
             return;
         };
         let now = self.now;
-        say_farewell(now, slot);
         send(now, device, slot, &mut self.events);
         take_events(device, slot.device.as_mut(), &mut self.events);
         self.agenda.set(device, next(slot));
@@ -115,18 +114,6 @@ fn receive(
         } {
             unit.receive(now, link, &[byte]);
             between(unit);
-        }
-    }
-}
-
-/// Replies to a client that has left are nobody's once its last byte has arrived.
-fn say_farewell(now: SimTime, slot: &mut Slot) {
-    for (link, line) in slot.lines.iter_mut().enumerate() {
-        if line.take_former_done(now) {
-            slot.device.as_mut().client_left(now, link);
-            if let Some(faults) = &mut slot.faults {
-                faults.forget_late(link);
-            }
         }
     }
 }

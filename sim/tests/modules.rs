@@ -1,5 +1,7 @@
 //! How the modules of this crate depend on one another.
 
+#![expect(clippy::unwrap_used, reason = "a test")]
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;

@@ -68,6 +68,8 @@ pub(super) struct Client {
     pub(super) undisturbed: bool,
     pub(super) since: SimTime,
     pub(super) sent: usize,
+    /// Somebody before it has sent something.
+    heir: bool,
     read: usize,
     /// The beginning of something that is not whole yet.
     unread: Vec<u8>,
@@ -84,16 +86,20 @@ impl Client {
             undisturbed: true,
             since: SimTime::ZERO,
             sent: 0,
+            heir: false,
             read: 0,
             unread: Vec::new(),
         }
     }
 
-    /// Opens the port; whether its line is disturbed depends on its speed, too.
+    /// Opens the port; whether its line is disturbed depends on its speed, too, and on whether it may
+    /// get replies to one who was there before.
     pub(super) fn comes(&mut self, now: SimTime, undisturbed: bool) {
+        let heir = self.heir || self.sent > 0;
         *self = Self {
             attached: true,
-            undisturbed: undisturbed && self.line.baud == self.baud,
+            heir,
+            undisturbed: undisturbed && !heir && self.line.baud == self.baud,
             since: now,
             line: self.line,
             ..Self::new(self.port, self.baud, self.says)
