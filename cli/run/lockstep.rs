@@ -333,8 +333,8 @@ fn client_line(line: LineSettings) -> ClientLine {
         baud: line.baud,
         stop_bits: u8::try_from(line.stop_bits).unwrap_or(1),
         raw: line.raw,
-        parity: false,
-        rts_cts: false,
+        parity: line.parity,
+        rts_cts: line.rts_cts,
     }
 }
 
