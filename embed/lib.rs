@@ -21,7 +21,7 @@
 //! // The motor watchdog stops it half a second after the last command.
 //! sim.wait_until("truth.at_rest", Duration::from_secs(10))?;
 //! // Which is held against the client.
-//! assert!(r150.report().client_faults().any(|(code, _)| code == "watchdog_fired"));
+//! assert!(r150.report().held_against_client().any(|(code, _)| code == "watchdog_fired"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
