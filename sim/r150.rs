@@ -43,11 +43,13 @@ impl R150 {
     ) -> Self {
         let plant = R150Plant::with_name(name, &settings.plant, world, pose);
         let noise = Noise::new(seed, &format!("{name}.measurement_noise"));
+        let reply_time = Noise::new(seed, &format!("{name}.reply_time"));
         let device = R150Device::new(
             settings.firmware.clone(),
             start,
             plant.measurements(),
             noise,
+            reply_time,
         );
         let mut vehicle = Self {
             device,

@@ -187,11 +187,9 @@ impl fmt::Display for R150Event {
                 )
             }
             Self::BadValue { fault, .. } => write!(f, "{fault}"),
-            Self::OverRate { after } => write!(
+            Self::OverRate { commands } => write!(
                 f,
-                "motor command {:.3} ms after the last answered one; replies come no faster than \
-                 the reply interval",
-                after.as_secs_f64() * 1000.0
+                "{commands} motor commands within a second, which are more than can be answered"
             ),
             Self::AppInControl(command) => {
                 let name = name(*command).unwrap_or("?");
