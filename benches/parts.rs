@@ -97,7 +97,7 @@ fn ros_decode_order(bencher: Bencher) {
 fn line_carries_a_frame(bencher: Bencher) {
     let frame = MOTORS.encode();
     let mut line = SerialLine::new(115_200, Wire::Paced);
-    line.attach();
+    line.attach(SimTime::ZERO);
     let mut now = SimTime::ZERO;
     bencher.bench_local(|| {
         line.client_sends(now, &frame);

@@ -5,18 +5,20 @@ use std::io::{Read as _, Write as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
 use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_toml};
 
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
+use crate::visible;
 
 /// The largest file that is read.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Reads the settings that the flags name: the file, then single ones.
-pub(crate) fn load(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = load_file(args)?;
+pub(crate) fn load(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = load_file(devices, args)?;
     apply_flags(args, &mut settings)?;
     check(&settings)?;
     Ok(settings)
@@ -30,11 +32,11 @@ pub(crate) fn check(settings: &SimSettings) -> Result<(), Failure> {
 }
 
 /// Reads the settings file, if one is named.
-pub(crate) fn load_file(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = SimSettings::default();
+pub(crate) fn load_file(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = SimSettings::new(devices);
     if let Some(path) = &args.config {
         let text = read(path, "settings file")?;
-        load_toml(&text, &path.display().to_string(), &mut settings).map_err(|errors| {
+        load_toml(&text, &visible::name(path), &mut settings).map_err(|errors| {
             let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
             Failure::usage(anyhow!(lines.join("\n")))
         })?;
@@ -59,7 +61,7 @@ pub(crate) fn apply_flags(args: &SettingsArgs, settings: &mut SimSettings) -> Re
 
 /// Reads a file that a user wrote; `what` is what it should be.
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
-    let shown = path.display();
+    let shown = visible::name(path);
     let cannot = || format!("cannot read the {what} {shown}");
     // A device or a pipe has no length to be asked for, and may have no end.
     let mut text = String::new();
@@ -86,8 +88,8 @@ pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
 }
 
 /// The `config` subcommand.
-pub(crate) fn print(args: &SettingsArgs) -> Result<Exit, Failure> {
-    let settings = load(args)?;
+pub(crate) fn print(devices: Devices, args: &SettingsArgs) -> Result<Exit, Failure> {
+    let settings = load(devices, args)?;
     let text = format!(
         "# Settings of sim. \"documented\" is what the device's manual says; \"assumed\" is our\n\
          # decision where the manual is silent: check it against your hardware before you rely\n\

@@ -1,5 +1,7 @@
 //! Printing what happens, on a thread of its own so that a slow terminal never delays a reply.
 
+mod words;
+
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -7,13 +9,16 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use anstyle::{AnsiColor, Style};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
 use serde_json::json;
 use sim_core::SimTime;
-use sim_core::event::{Event, Hex, Level, Role};
+use sim_core::event::{Event, Level};
+
+pub(crate) use words::{DeviceName, Words};
 
 use crate::args::LogFormat;
+use crate::print::complain;
+use crate::visible;
 
 /// Most lines that wait to be printed; further ones are dropped and counted.
 const MOST_LINES: usize = 1 << 14;
@@ -27,13 +32,6 @@ const LAST_PATIENCE: Duration = Duration::from_secs(5);
 const GLANCE: Duration = Duration::from_millis(20);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
-
-/// What a device and its links are called.
-#[derive(Debug, Clone)]
-pub(crate) struct DeviceName {
-    pub(crate) name: String,
-    pub(crate) links: Vec<&'static str>,
-}
 
 /// What to print.
 #[derive(Debug, Clone, Copy)]
@@ -73,7 +71,7 @@ impl Log {
         let hurry = Arc::new(AtomicBool::new(false));
         let printer = Printer {
             options,
-            names,
+            words: Words(names),
             dropped: Arc::clone(&dropped),
             told_dropped: 0,
             repeats: BTreeMap::new(),
@@ -147,8 +145,7 @@ impl Log {
             None if !printed => "whoever reads it is too slow".to_owned(),
             None => return,
         };
-        // Nothing is left to do if standard error is closed, too.
-        let _ = writeln!(anstream::stderr(), "some output was not printed: {why}");
+        complain(&format!("some output was not printed: {why}"));
     }
 
     /// Waits until all is printed, up to a point; says whether it was.
@@ -186,7 +183,7 @@ impl Drop for Log {
 
 struct Printer {
     options: LogOptions,
-    names: Vec<DeviceName>,
+    words: Words,
     dropped: Arc<AtomicU64>,
     told_dropped: u64,
     /// When an event of a device and kind was last printed, and how many were not since.
@@ -217,7 +214,7 @@ impl Printer {
         }
         let mut printed = self.tell_dropped(&mut out);
         if let Ok(last) = self.last.try_recv() {
-            printed = printed.and_then(|()| writeln!(out, "{last}"));
+            printed = printed.and_then(|()| writeln!(out, "{}", visible::lines(&last)));
         }
         self.note(printed.and_then(|()| out.flush()));
     }
@@ -234,15 +231,15 @@ impl Printer {
 
     fn print(&mut self, out: &mut impl Write, line: Line) -> io::Result<()> {
         let event = match line {
-            Line::Text(text) => return writeln!(out, "{text}"),
+            Line::Text(text) => return writeln!(out, "{}", visible::lines(&text)),
             Line::Event(event) => event,
         };
         let Some(repeats) = self.due(&event) else {
             return Ok(());
         };
         match self.options.format {
-            LogFormat::Text => self.print_text(out, &event, repeats),
-            LogFormat::Json => self.print_json(out, &event),
+            LogFormat::Text => self.words.print(out, &event, repeats),
+            LogFormat::Json => writeln!(out, "{}", visible::json(&self.words.json(&event))),
         }
     }
 
@@ -267,71 +264,6 @@ impl Printer {
                 Some(0)
             }
         }
-    }
-
-    fn print_text(&self, out: &mut impl Write, event: &Event, repeats: u64) -> io::Result<()> {
-        let kind = &event.kind;
-        let (mark, style) = match (kind.level(), kind.role()) {
-            (Level::Traffic, Role::Request) => ("->", Style::new()),
-            (Level::Traffic, _) => ("<-", Style::new()),
-            (Level::Notice, _) => (" .", Style::new().bold()),
-            // Red is readable on dark and on light backgrounds.
-            (Level::Warning, _) => (" !", AnsiColor::Red.on_default().bold()),
-        };
-        let name = self.name(event);
-        let code = match kind.level() {
-            Level::Traffic => String::new(),
-            _ => format!(" [{}]", kind.code()),
-        };
-        // Some events name their bytes themselves.
-        let text = kind.to_string();
-        let bytes = kind
-            .bytes()
-            .map(|bytes| Hex(&bytes).to_string())
-            .unwrap_or_default();
-        let bytes = match text.contains(&bytes) {
-            true => String::new(),
-            false => format!("  | {bytes}"),
-        };
-        let repeats = match repeats {
-            0 => String::new(),
-            count => format!(" ({count} more since the last line)"),
-        };
-        let time = event.at;
-        writeln!(
-            out,
-            "{time:>12} {name} {style}{mark} {text}{style:#}{code}{bytes}{repeats}"
-        )
-    }
-
-    /// The device, and its link if it has several and the event is about one.
-    fn name(&self, event: &Event) -> String {
-        let Some(device) = self.names.get(event.device) else {
-            return "?".to_owned();
-        };
-        match self.link(event) {
-            Some(link) if device.links.len() > 1 => format!("{}/{link}", device.name),
-            _ => device.name.clone(),
-        }
-    }
-
-    fn link(&self, event: &Event) -> Option<&'static str> {
-        let device = self.names.get(event.device)?;
-        device.links.get(event.kind.link()?).copied()
-    }
-
-    fn print_json(&self, out: &mut impl Write, event: &Event) -> io::Result<()> {
-        let kind = &event.kind;
-        let line = json!({
-            "time_s": event.at.as_secs_f64(),
-            "device": self.names.get(event.device).map(|device| &device.name),
-            "link": self.link(event),
-            "level": kind.level().as_str(),
-            "code": kind.code().as_str(),
-            "text": kind.to_string(),
-            "bytes": kind.bytes().map(|bytes| Hex(&bytes).to_string()),
-        });
-        writeln!(out, "{line}")
     }
 
     fn tell_dropped(&mut self, out: &mut impl Write) -> io::Result<()> {

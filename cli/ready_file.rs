@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow};
 use serde_json::Value;
 
+use crate::visible;
+
 /// No ready file of ours is longer.
 const MOST_BYTES: u64 = 1 << 16;
 /// Names to try for the draft; all but the first are for leftovers of killed simulators.
@@ -23,7 +25,7 @@ impl ReadyFile {
     /// Writes `text` to a new file beside `path` and moves it there, so that nobody reads half. It
     /// replaces nothing but a ready file, which a simulator that was killed has left.
     pub(crate) fn write(path: &Path, text: &str) -> anyhow::Result<Self> {
-        let cannot = || format!("cannot write the ready file {}", path.display());
+        let cannot = || format!("cannot write the ready file {}", visible::name(path));
         let draft = draft(path, text).with_context(cannot)?;
         let placed = place(&draft, path);
         // Gone already where it was moved.

@@ -1,34 +1,43 @@
 //! The `run` and `check` subcommands: scenarios, played and judged.
 
+mod folder;
 mod job;
 mod junit;
 mod live;
+mod lockstep;
 mod pool;
 mod report;
 mod scripted;
 mod tell;
 mod trace_file;
+mod twice;
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
+use crate::report::Report;
 use crate::scenario_files::{Loaded, find, load_all};
 use crate::start::random_seed;
 use crate::supervise::adopt_orphans;
+use crate::visible;
 
-use job::{Job, JobResult};
-pub(crate) use tell::{verdict_json, verdict_text};
+use junit::Junit;
+use pool::Audience;
+
+pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
+pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 
 /// The `run` subcommand.
-pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    let mut loaded = load_all(&find(&args.files, args.filter.as_deref())?)?;
+pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
+    let mut loaded = load_all(devices, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
         loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
     }
@@ -42,17 +51,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         let text: Vec<String> = loaded.iter().map(tell::listed).collect();
         return print(&text.join("\n"));
     }
-    if args.client.is_empty() && args.speed.is_some() {
-        return Err(Failure::usage(anyhow!(
-            "--speed is for runs with a client; without one there is no real time, and a scenario \
-             takes as long as the machine needs"
-        )));
-    }
-    if args.output.is_some() {
+    check_time(args)?;
+    if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
     }
     let base = random_seed();
-    let jobs: Vec<Job> = loaded
+    let mut jobs: Vec<Job> = loaded
         .iter()
         .flat_map(|one| (0..args.repeat).map(move |repeat| Job::new(args, one, repeat, base)))
         .collect();
@@ -61,28 +65,82 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     prepare(args)?;
+    let report = args.report.as_deref();
+    let report = report
+        .map(|path| Report::begin(devices, path))
+        .transpose()?;
+    for job in &mut jobs {
+        job.report = report.as_ref();
+    }
+    let junit = args.junit.as_deref();
+    let mut audience = Told {
+        args,
+        jobs: &jobs,
+        progress: progress(jobs.len()),
+        junit: junit.map(|path| Junit::begin(path, &jobs)).transpose()?,
+    };
     adopt_orphans().map_err(Failure::system)?;
-    let progress = progress(jobs.len());
-    let results = pool::play_all(args, &jobs, |job, result| {
-        let text = tell::told(args, job, result);
-        progress.suspend(|| print(&text))?;
-        progress.inc(1);
-        Ok(())
-    });
-    progress.finish_and_clear();
+    let results = pool::play_all(args, &jobs, &mut audience);
+    audience.progress.finish_and_clear();
     let (results, wrong) = results?;
     let exit = finish(&results);
     // Also when the run was broken off.
-    if let Some(path) = &args.junit {
-        junit::write(path, &jobs, &results)?;
+    audience.junit.map_or(Ok(()), Junit::finish)?;
+    if let Some(report) = &report {
+        report.write(&jobs, &results)?;
     }
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
 }
 
+/// Refuses flags that the time of the run has no use for.
+fn check_time(args: &RunArgs) -> Result<(), Failure> {
+    let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
+    let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
+    if args.speed.is_some() && !is_real {
+        return Err(Failure::usage(anyhow!(
+            "--speed is for a client with --time real; in simulated time a scenario takes as long as \
+             the machine needs"
+        )));
+    }
+    if args.twice && !is_lockstep {
+        return Err(Failure::usage(anyhow!(
+            "--twice is for a client with --time lockstep, whose runs are the same each time"
+        )));
+    }
+    Ok(())
+}
+
+/// Prints results, and keeps them for the JUnit file.
+struct Told<'a> {
+    args: &'a RunArgs,
+    jobs: &'a [Job<'a>],
+    progress: indicatif::ProgressBar,
+    junit: Option<Junit>,
+}
+
+impl Audience for Told<'_> {
+    fn known(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
+        match &mut self.junit {
+            Some(junit) => junit.known(index, &self.jobs[index], result),
+            None => Ok(()),
+        }
+    }
+
+    fn idle(&mut self) -> Result<(), Failure> {
+        self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
+    }
+
+    fn told(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
+        let text = tell::told(self.args, &self.jobs[index], result);
+        self.progress.inc(1);
+        self.progress.suspend(|| print(&text)).map(|_| ())
+    }
+}
+
 /// The `check` subcommand: reads the files and plays nothing.
-pub(crate) fn check(files: &[PathBuf]) -> Result<Exit, Failure> {
-    let loaded = load_all(&find(files, None)?)?;
+pub(crate) fn check(devices: Devices, files: &[PathBuf]) -> Result<Exit, Failure> {
+    let loaded = load_all(devices, &find(files, None)?)?;
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),
@@ -95,10 +153,10 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
     for one in loaded {
         if let Some(other) = stems.insert(one.stem(), &one.path) {
             return Err(Failure::usage(anyhow!(
-                "{} and {} would write the same files into the folder of --output; rename one, or \
-                 run them apart",
-                other.display(),
-                one.path.display()
+                "{} and {} would write the same files for --output or --report; rename one, or run them \
+                 apart",
+                visible::name(&other),
+                visible::name(&one.path)
             )));
         }
     }
@@ -107,25 +165,21 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
-    let folder = |path: &std::path::Path| {
+    let folder = |path: &Path| {
         fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", path.display()))
+            .with_context(|| format!("cannot make the folder {}", visible::name(&path)))
             .map_err(Failure::usage)
     };
     if let Some(output) = &args.output {
         folder(output)?;
         tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", output.display()))
+            .with_context(|| format!("cannot write into the folder {}", visible::name(&output)))
             .map_err(Failure::usage)?;
     }
-    if let Some(junit) = &args.junit {
-        if let Some(parent) = junit.parent().filter(|p| !p.as_os_str().is_empty()) {
-            folder(parent)?;
-        }
-        // Emptied, lest the results of a former run be taken for this one's if it is killed.
-        fs::File::create(junit)
-            .with_context(|| format!("cannot write {}", junit.display()))
-            .map_err(Failure::usage)?;
+    if let Some(parent) = args.junit.as_deref().and_then(Path::parent)
+        && !parent.as_os_str().is_empty()
+    {
+        folder(parent)?;
     }
     Ok(())
 }
@@ -147,21 +201,29 @@ fn progress(count: usize) -> indicatif::ProgressBar {
 
 /// The last line, and the exit code.
 fn finish(results: &[Option<JobResult>]) -> Result<Exit, Failure> {
+    let verdicts = |verdict: Verdict| {
+        let results = results.iter().flatten();
+        let is = |one: &&JobResult| matches!(one, JobResult::Played(p) if p.verdict() == verdict);
+        results.filter(is).count()
+    };
     let count = |is: fn(&JobResult) -> bool| results.iter().flatten().filter(|r| is(r)).count();
-    let passed = count(JobResult::passed);
+    let [passed, failed, spoilt] =
+        [Verdict::Passed, Verdict::Failed, Verdict::Spoilt].map(verdicts);
     let broken = count(|result| matches!(result, JobResult::Broken(_)));
-    let failed = count(|result| matches!(result, JobResult::Played(_))) - passed;
     let broken_off = count(|result| matches!(result, JobResult::BrokenOff));
-    let skipped = results.len() - passed - failed - broken - broken_off;
+    let skipped = results.len() - passed - failed - spoilt - broken - broken_off;
     let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-    if broken > 0 {
-        text += &format!(", {broken} could not be played");
-    }
-    if broken_off > 0 {
-        text += &format!(", {broken_off} broken off");
+    for (count, what) in [
+        (spoilt, "spoilt by the machine"),
+        (broken, "could not be played"),
+        (broken_off, "broken off"),
+    ] {
+        if count > 0 {
+            text += &format!(", {count} {what}");
+        }
     }
     print(&text)?;
-    Ok(if broken > 0 || broken_off > 0 {
+    Ok(if spoilt + broken + broken_off > 0 {
         Exit::System
     } else if failed > 0 {
         Exit::Failed

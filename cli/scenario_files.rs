@@ -1,11 +1,13 @@
 //! Finding and reading scenario files.
 
 use std::collections::BTreeSet;
+use std::ffi::{OsStr, OsString};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
 use sim_runner::scenario::is_scenario_file;
 use sim_runner::{RigPlan, Run, RunOptions, Scenario};
@@ -13,6 +15,7 @@ use sim_settings::Source;
 
 use crate::config;
 use crate::exit::Failure;
+use crate::visible;
 
 /// Most scenario files of one call.
 const MOST_FILES: usize = 10_000;
@@ -35,7 +38,7 @@ impl Loaded {
     ) -> Result<Self, Failure> {
         let read = |path: &Path| {
             let text = config::read(path, "world file")?;
-            Ok((path.display().to_string(), text))
+            Ok((visible::name(path), text))
         };
         Ok(Self {
             path,
@@ -58,17 +61,14 @@ impl Loaded {
 
     /// What distinguishes it in names of files: the whole path, so that files of one name in two
     /// folders do not meet.
-    pub(crate) fn stem(&self) -> String {
-        let parts: Vec<String> = self
-            .path
-            .with_extension("")
-            .components()
-            .filter_map(|part| match part {
-                std::path::Component::Normal(part) => Some(part.to_string_lossy().into_owned()),
-                _ => None,
-            })
-            .collect();
-        parts.join("-")
+    pub(crate) fn stem(&self) -> OsString {
+        let path = self.path.with_extension("");
+        let parts = path.components().filter_map(|part| match part {
+            Component::Normal(part) => Some(part),
+            _ => None,
+        });
+        let parts: Vec<&OsStr> = parts.collect();
+        parts.join(OsStr::new("-"))
     }
 }
 
@@ -89,7 +89,7 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
         }
         if path.is_dir() {
             let entries = fs::read_dir(&path)
-                .with_context(|| format!("cannot look into {}", path.display()))
+                .with_context(|| format!("cannot look into {}", visible::name(&path)))
                 .map_err(Failure::usage)?;
             let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
             inside.retain(|path| {
@@ -102,7 +102,7 @@ pub(crate) fn find(paths: &[PathBuf], filter: Option<&str>) -> Result<Vec<PathBu
         }
     }
     if let Some(filter) = filter {
-        found.retain(|path| path.display().to_string().contains(filter));
+        found.retain(|path| visible::name(path).contains(filter));
     }
     if found.is_empty() {
         return Err(Failure::usage(match filter {
@@ -119,11 +119,11 @@ fn is_hidden(path: &Path) -> bool {
 }
 
 /// Reads all, or says what is wrong with each.
-pub(crate) fn load_all(files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
+pub(crate) fn load_all(devices: Devices, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
     let mut errors = Vec::new();
     let mut loaded = Vec::new();
     for path in files {
-        match load(path, &SimSettings::default()) {
+        match load(path, &SimSettings::new(devices)) {
             Ok(one) => loaded.push(one),
             Err(failure) => errors.push(format!("{:#}", failure.error)),
         }
@@ -138,7 +138,7 @@ pub(crate) fn load_all(files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
 /// Reads one, with `base` for what it does not set.
 pub(crate) fn load(path: &Path, base: &SimSettings) -> Result<Loaded, Failure> {
     let text = config::read(path, "scenario file")?;
-    let shown = path.display().to_string();
+    let shown = visible::name(path);
     let source = Source {
         file: &shown,
         text: &text,
@@ -155,7 +155,7 @@ pub(crate) fn load(path: &Path, base: &SimSettings) -> Result<Loaded, Failure> {
     if let Some(world) = loaded.scenario.world() {
         let world = loaded.folder().join(world);
         let text = config::read(&world, "world file")?;
-        loaded.world = Some((world.display().to_string(), text));
+        loaded.world = Some((visible::name(&world), text));
     }
     // A world that is wrong is found now, not when others have been played.
     loaded.run(RunOptions::scripted(0))?;

@@ -5,6 +5,7 @@ use std::hash::{BuildHasher as _, Hasher as _};
 
 use anyhow::Context as _;
 use serde_json::json;
+use sim_core::device::Devices;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
 use sim_runner::{DevicePlan, RigPlan, Run, RunOptions};
@@ -13,18 +14,19 @@ use sim_settings::show_duration;
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::log::{DeviceName, Log, LogOptions};
+use crate::log::{DeviceName, Log, LogOptions, Words};
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run;
 use crate::scenario_files::Loaded;
 use crate::summary::{self, DeviceSummary, RunSummary};
+use crate::visible;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
-pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let loaded = plan(args)?;
+pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure> {
+    let loaded = plan(devices, args)?;
     let seed = args.seed.or(loaded.scenario.rig.seed);
     let run = loaded.run(RunOptions {
         seed: seed.unwrap_or_else(random_seed),
@@ -46,7 +48,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
     let outcome = run.end().clone();
     let verdict = match args.log_format {
         LogFormat::Text => run::verdict_text(&outcome),
-        LogFormat::Json => run::verdict_json(&outcome).to_string(),
+        LogFormat::Json => visible::json(&run::verdict_json(&outcome)),
     };
     session.finish(Some(verdict));
     Ok(if broken_off {
@@ -79,21 +81,21 @@ impl Session {
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
-        let ports = open_all(plan, &loaded.folder(), serial, &Elsewhere::Unlinked)
-            .map_err(Failure::system)?;
+        let ports = open_all(
+            plan,
+            &loaded.folder(),
+            serial,
+            &Elsewhere::Unlinked,
+            args.pty_setup(),
+        )
+        .map_err(Failure::system)?;
         waiter.check_headroom().map_err(Failure::system)?;
         let options = LogOptions {
             format: args.log_format,
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let devices = plan.devices.iter();
-        let names: Vec<DeviceName> = devices
-            .map(|device| DeviceName {
-                name: device.name.clone(),
-                links: device.links().iter().map(|link| link.name).collect(),
-            })
-            .collect();
+        let Words(names) = Words::new(plan);
         let log = Log::start(options, names.clone())
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
@@ -118,7 +120,7 @@ impl Session {
             .map_err(Failure::usage)?;
         log.text(match log.format() {
             LogFormat::Text => "ready".to_owned(),
-            LogFormat::Json => ready.to_string(),
+            LogFormat::Json => visible::json(&ready),
         });
         Ok(Self {
             server,
@@ -178,7 +180,7 @@ impl Session {
             };
             match self.log.format() {
                 LogFormat::Text => summary::text(&run, &devices),
-                LogFormat::Json => summary::json(&run, &devices).to_string(),
+                LogFormat::Json => visible::json(&summary::json(&run, &devices)),
             }
         });
         let last: Vec<String> = summary.into_iter().chain(verdict).collect();
@@ -224,27 +226,34 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
                         "\n  {} ({} link) on {} at {} baud 8N{}{}",
                         port.device,
                         port.link,
-                        port.path.display(),
+                        visible::name(&port.path),
                         port.baud,
                         port.stop_bits,
                         start.as_deref().unwrap_or_default(),
                     );
                 }
             }
+            for port in ports.iter().filter(|port| port.is_public) {
+                text += &format!(
+                    "\n  warning: any machine that reaches this one can open {}; 127.0.0.1 keeps them \
+                     out",
+                    port.path.display()
+                );
+            }
             text += &format!("\n  settings: {changed}");
             if let Some(loaded) = scenario {
                 text += &format!(
                     "\n  scenario {}: {}\n  a good client: {}\n  time begins when a client opens a \
                      port, and ends after {}",
-                    loaded.path.display(),
-                    loaded.scenario.title,
-                    loaded.scenario.good_client,
+                    visible::name(&loaded.path),
+                    visible::line(&loaded.scenario.title),
+                    visible::line(&loaded.scenario.good_client),
                     show_duration(loaded.scenario.limit),
                 );
             }
             text
         }
-        LogFormat::Json => json!({
+        LogFormat::Json => visible::json(&json!({
             "code": "start",
             "version": version,
             "ports": ports.iter().map(ShownPort::json).collect::<Vec<_>>(),
@@ -253,9 +262,8 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
             "speed": args.speed,
             "seed": seed,
             "changed": changed,
-            "scenario": scenario.map(|loaded| &loaded.path),
-        })
-        .to_string(),
+            "scenario": scenario.map(|loaded| visible::path_value(&loaded.path)),
+        })),
     };
     log.text(text);
 }

@@ -4,37 +4,91 @@ use std::time::{Duration, Instant};
 
 use sim_core::SimTime;
 
-/// Runs `speed` times as fast as real time, but for the times when it was set back.
-pub(crate) struct Clock {
+/// Runs `speed` times as fast as real time, but for the times when it was set back, and while it is
+/// not stopped.
+#[derive(Debug)]
+pub struct Clock {
+    /// Simulated time at `start`.
+    base: SimTime,
     start: Instant,
     speed: f64,
-    /// Real time that did not count.
+    /// Real time since `start` that did not count.
     lost: Duration,
+    /// It shows no later time than this, at which it stops.
+    stop_at: Option<SimTime>,
+    stopped: bool,
 }
 
 impl Clock {
     /// Simulated time begins now.
     pub(crate) fn start(speed: f64) -> Self {
         Self {
+            base: SimTime::ZERO,
             start: Instant::now(),
             speed,
             lost: Duration::ZERO,
+            stop_at: None,
+            stopped: false,
         }
     }
 
     /// Simulated time begins only now.
     pub(crate) fn restart(&mut self) {
-        *self = Self::start(self.speed);
+        self.set(SimTime::ZERO);
+    }
+
+    /// Stops it at `now`, where the simulation is.
+    pub fn stop(&mut self, now: SimTime) {
+        self.set(now);
+        self.stop_at = None;
+        self.stopped = true;
+    }
+
+    /// Has it run on from `now`, where the simulation is: without end, or for `span` of simulated time.
+    pub fn go_on(&mut self, now: SimTime, span: Option<Duration>) {
+        self.set(now);
+        self.stop_at = span.map(|span| now + span);
+        self.stopped = false;
+    }
+
+    /// Changes its speed, from `now` on, where the simulation is.
+    pub fn set_speed(&mut self, now: SimTime, speed: f64) {
+        self.set(now);
+        self.speed = speed;
+    }
+
+    /// Simulated seconds for each second of real time.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// Whether it stands still until it is told to go on.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// Stops it when the simulation has come to where it is to stop.
+    pub(crate) fn arrive(&mut self, now: SimTime) {
+        if self.stop_at.is_some_and(|at| at <= now) {
+            self.stop(now);
+        }
     }
 
     pub(crate) fn now(&self) -> SimTime {
+        if self.stopped {
+            return self.base;
+        }
         let real = self.start.elapsed().saturating_sub(self.lost);
-        SimTime::ZERO + real.mul_f64(self.speed)
+        let now = self.base + real.mul_f64(self.speed);
+        self.stop_at.map_or(now, |at| at.min(now))
     }
 
-    /// Real time until `due`.
-    pub(crate) fn until(&self, due: SimTime) -> Duration {
-        due.since(self.now()).div_f64(self.speed)
+    /// Real time until `due`; `None` if that does not come by itself.
+    pub(crate) fn until(&self, due: SimTime) -> Option<Duration> {
+        let due = self.stop_at.map_or(due, |at| at.min(due));
+        (!self.stopped).then(|| due.since(self.now()).div_f64(self.speed))
     }
 
     /// Real time since `past`.
@@ -50,5 +104,51 @@ impl Clock {
     /// Simulated time in so much real time.
     pub(crate) fn simulated(&self, real: Duration) -> Duration {
         real.mul_f64(self.speed)
+    }
+
+    fn set(&mut self, now: SimTime) {
+        self.base = now;
+        self.start = Instant::now();
+        self.lost = Duration::ZERO;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    #[test]
+    fn it_stands_still_when_stopped_and_goes_on_from_there() {
+        let mut clock = Clock::start(1.0);
+        let at = SimTime::ZERO + SECOND;
+        clock.stop(at);
+        assert_eq!((clock.now(), clock.until(at + SECOND)), (at, None));
+        clock.go_on(at, None);
+        assert!(!clock.is_stopped());
+        assert!(clock.now() >= at && clock.until(at + SECOND) <= Some(SECOND));
+    }
+
+    #[test]
+    fn it_stops_exactly_where_it_is_to() {
+        let mut clock = Clock::start(1e9);
+        let (at, end) = (SimTime::ZERO, SimTime::ZERO + SECOND);
+        clock.go_on(at, Some(SECOND));
+        while clock.now() < end {}
+        assert_eq!(clock.now(), end);
+        clock.arrive(at);
+        assert!(!clock.is_stopped());
+        clock.arrive(end);
+        assert!(clock.is_stopped());
+    }
+
+    #[test]
+    fn another_speed_counts_from_where_the_simulation_is() {
+        let mut clock = Clock::start(1.0);
+        let at = SimTime::ZERO + SECOND;
+        clock.set_speed(at, 100.0);
+        let until = clock.until(at + SECOND * 100);
+        assert!(until.is_some_and(|until| until <= SECOND));
     }
 }

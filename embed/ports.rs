@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use sim_core::rig::PortId;
-use sim_pty::{Port, PtyPort, SerialPort};
+use sim_pty::{ListenAddress, Port, PtyPort, PtySetup, SerialPort};
 use sim_runner::RigPlan;
 
 use crate::served::Served;
@@ -18,8 +18,9 @@ pub enum Elsewhere<'a> {
     In(&'a Path),
 }
 
-/// Opens every port of the plan; relative paths are relative to `folder`. The first device's first
-/// link is served on the real port `serial`, if one is named.
+/// Opens every port of the plan; relative paths are relative to `folder`, and URLs are where to listen
+/// on the network. The first device's first link is served on the real port `serial`, if one is
+/// named. Pseudo-terminals are set up as `setup` says, but for the speed, which is the device's own.
 ///
 /// # Errors
 /// When a port cannot be made or opened.
@@ -28,6 +29,7 @@ pub fn open_all(
     folder: &Path,
     serial: Option<&Path>,
     elsewhere: &Elsewhere<'_>,
+    setup: PtySetup,
 ) -> Result<Vec<Served>, PortError> {
     let mut ports = Vec::new();
     for (device, planned) in plan.devices.iter().enumerate() {
@@ -36,21 +38,26 @@ pub fn open_all(
                 device,
                 link: link.index,
             };
+            let setup = PtySetup {
+                baud: link.baud,
+                ..setup
+            };
             let served = match (serial, &link.path, elsewhere) {
                 (Some(serial), ..) if device == 0 && link.index == 0 => {
                     SerialPort::open(serial, link.baud, link.stop_bits)
                         .map(|port| Served::new(id, Port::from(port)))
                 }
-                (_, Some(path), _) => Served::at(id, &folder.join(path), link.baud),
+                (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
+                (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
                 (_, None, Elsewhere::In(dir)) => {
                     let mut name = planned.name.clone();
                     if link.index > 0 {
                         name += &format!("-{}", link.name.to_lowercase());
                     }
-                    Served::at(id, &dir.join(name), link.baud)
+                    Served::at(id, &dir.join(name), setup)
                 }
                 (_, None, Elsewhere::Unlinked) => {
-                    PtyPort::open_unlinked(link.baud).map(|port| Served::new(id, Port::from(port)))
+                    PtyPort::open_unlinked(setup).map(|port| Served::new(id, Port::from(port)))
                 }
             };
             ports.push(served?);
@@ -69,6 +76,8 @@ pub struct ShownPort {
     pub index: usize,
     /// Where a client opens it.
     pub path: PathBuf,
+    /// Other machines can open it, too.
+    pub is_public: bool,
     /// Speed of the device's end.
     pub baud: u32,
     /// Stop bits of the device's end.
@@ -90,6 +99,7 @@ impl ShownPort {
             link,
             index: served.id.link,
             path: served.path.clone(),
+            is_public: matches!(&served.port, Some(Port::Net(port)) if !port.is_local()),
             baud,
             stop_bits,
         }
@@ -100,7 +110,7 @@ impl ShownPort {
         json!({
             "device": self.device,
             "link": self.link,
-            "path": self.path,
+            "path": self.path.to_string_lossy(),
             "baud": self.baud,
             "stop_bits": self.stop_bits,
         })

@@ -20,13 +20,14 @@
 use std::time::{Duration, Instant};
 
 use sim_core::SimTime;
-use sim_core::line::ClientLine;
+use sim_core::line::{ClientLine, UART_FIFO};
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, Port, PortError, Waiter};
+use sim_pty::{Counters, Event, Parity, Port, PortError, Waiter};
 use sim_runner::{Run, RunError};
 
 use crate::clock::Clock;
 use crate::served::Served;
+pub use crate::slowness::HeldUp;
 use crate::slowness::Slowness;
 
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
@@ -50,7 +51,7 @@ const SLICE: Duration = Duration::from_millis(1);
 /// Reads of one port before the others have their turn.
 const MOST_READS: usize = 16;
 /// A port whose line was full is read again when it has room for so many bytes.
-const RESUME_ROOM: usize = 1024;
+const RESUME_ROOM: usize = UART_FIFO / 2;
 
 /// When simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +61,37 @@ pub enum Begin {
     /// When a client first opens a port: whatever is planned waits for clients that are slow to
     /// start.
     WithClient,
+}
+
+/// Whoever looks at a run between two of its steps, and changes what happens in it and how its time
+/// passes.
+pub trait Attendant {
+    /// Called once a round; `woken` says that there is something to read where the attendant is to be
+    /// woken from. Says after how much real time at most it is to be called again.
+    ///
+    /// # Errors
+    /// When the run cannot go on.
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        clock: &mut Clock,
+        woken: bool,
+    ) -> Result<Option<Duration>, RunError>;
+}
+
+/// Takes what there is to be told, and does nothing else.
+struct Looking<F>(F);
+
+impl<F: FnMut(&mut Run)> Attendant for Looking<F> {
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        _clock: &mut Clock,
+        _woken: bool,
+    ) -> Result<Option<Duration>, RunError> {
+        (self.0)(run);
+        Ok(None)
+    }
 }
 
 /// Why the loop came to its end.
@@ -98,6 +130,7 @@ pub struct Server {
     /// When to stop in any case.
     until: Option<Instant>,
     slowness: Slowness,
+    held_up: HeldUp,
     buffer: Vec<u8>,
     outgoing: Vec<u8>,
 }
@@ -131,6 +164,7 @@ impl Server {
             waiting: begin == Begin::WithClient,
             until: None,
             slowness: Slowness::default(),
+            held_up: HeldUp::default(),
             buffer: vec![0; 4096],
             outgoing: Vec::new(),
         })
@@ -146,12 +180,25 @@ impl Server {
         &mut self.run
     }
 
+    /// For how long simulated time stood still so far.
+    pub fn held_up(&self) -> HeldUp {
+        self.held_up
+    }
+
     /// Ends the loop when `source` can be read or has come to its end.
     ///
     /// # Errors
     /// When it cannot be waited for.
     pub fn watch(&mut self, source: impl std::os::fd::AsFd) -> Result<(), ServeError> {
         Ok(self.waiter.watch(self.watched(), source)?)
+    }
+
+    /// Wakes the attendant when `source` can be read.
+    ///
+    /// # Errors
+    /// When it cannot be waited for.
+    pub fn wake_from(&mut self, source: impl std::os::fd::AsFd) -> Result<(), ServeError> {
+        Ok(self.waiter.watch(self.waking(), source)?)
     }
 
     /// Ends the loop after so much real time.
@@ -176,7 +223,15 @@ impl Server {
     ///
     /// # Errors
     /// When a port or the simulation fails.
-    pub fn serve(&mut self, mut look: impl FnMut(&mut Run)) -> Result<Ended, ServeError> {
+    pub fn serve(&mut self, look: impl FnMut(&mut Run)) -> Result<Ended, ServeError> {
+        self.attended(&mut Looking(look))
+    }
+
+    /// The same with somebody who may change what happens.
+    ///
+    /// # Errors
+    /// When a port or the simulation fails.
+    pub fn attended(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut awake_at = Instant::now();
         loop {
@@ -208,7 +263,8 @@ impl Server {
                 self.deliver(token)?;
             }
             self.resume()?;
-            look(&mut self.run);
+            let woken = ready.contains(&self.waking());
+            let again = attendant.attend(&mut self.run, &mut self.clock, woken)?;
             if self.run.finished().is_some() {
                 return Ok(Ended::Over);
             }
@@ -223,9 +279,10 @@ impl Server {
                 return Ok(Ended::Timeout);
             }
             let due = self.run.next_deadline().filter(|_| !self.waiting);
-            sleep_asked = due.map(|due| self.clock.until(due).max(SHORTEST_SLEEP));
-            if self.until.is_some() {
-                sleep_asked = Some(sleep_asked.unwrap_or(left).min(left));
+            sleep_asked = due.and_then(|due| self.clock.until(due));
+            sleep_asked = sleep_asked.map(|sleep| sleep.max(SHORTEST_SLEEP));
+            for other in [again, self.until.map(|_| left)].into_iter().flatten() {
+                sleep_asked = Some(sleep_asked.map_or(other, |sleep| sleep.min(other)));
             }
         }
     }
@@ -253,6 +310,11 @@ impl Server {
         self.ports.len()
     }
 
+    /// The token of what wakes the attendant.
+    fn waking(&self) -> usize {
+        self.ports.len() + 1
+    }
+
     /// Hangs ports up whose cable has been pulled, and makes those again whose cable is back.
     fn follow_cables(&mut self) -> Result<(), ServeError> {
         for (token, served) in self.ports.iter_mut().enumerate() {
@@ -271,6 +333,7 @@ impl Server {
             return;
         }
         self.clock.set_back(self.now());
+        self.held_up.note(by);
         self.run.held_up(by, self.clock.simulated(by));
     }
 
@@ -288,6 +351,7 @@ impl Server {
             return Ok(());
         }
         let to = self.clock.now();
+        self.set_lines(to)?;
         let begun = Instant::now();
         while self.now() < to && self.run.finished().is_none() {
             let slice = to.min(self.now() + SLICE);
@@ -297,6 +361,7 @@ impl Server {
                 return Ok(());
             }
         }
+        self.clock.arrive(self.now());
         Ok(())
     }
 
@@ -310,6 +375,7 @@ impl Server {
             self.was_held_up(by);
         } else {
             self.clock.set_back(self.now());
+            self.held_up.note(by);
             self.was_late(by);
         }
     }
@@ -346,23 +412,21 @@ impl Server {
             let event = port.read(&mut self.buffer[..room])?;
             match event {
                 Event::Idle => {
-                    if room == 0 {
-                        port.set_paused(true)?;
-                        served.paused = true;
-                    }
+                    served.paused = room == 0;
                     return Ok(());
                 }
                 Event::Attached => {
                     self.begin();
                     let now = self.catch_up()?;
                     self.run.attach(id, now)?;
+                    self.set_line(token)?;
                 }
                 Event::Detached => {
                     let now = self.catch_up()?;
                     self.run.detach(id, now)?;
                 }
                 Event::Data(count) => {
-                    set_line(&mut self.run, id, port)?;
+                    self.set_line(token)?;
                     let now = self.catch_up()?;
                     self.run.send(id, now, &self.buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
@@ -386,8 +450,6 @@ impl Server {
         if self.outgoing.is_empty() {
             return Ok(());
         }
-        // A client that only listens would else never be found to listen at a wrong speed.
-        set_line(&mut self.run, id, port)?;
         let lost = port.counters().dropped_full_bytes;
         let _ = port.write(&self.outgoing)?;
         // Who has left is not to blame for not reading.
@@ -400,14 +462,43 @@ impl Server {
 
     /// Reads those ports again whose line has room again.
     fn resume(&mut self) -> Result<(), ServeError> {
-        for served in &mut self.ports {
-            if served.paused
-                && let Some(port) = &mut served.port
-                && self.run.room(served.id) >= RESUME_ROOM
-            {
-                port.set_paused(false)?;
-                served.paused = false;
+        for token in 0..self.ports.len() {
+            let served = &self.ports[token];
+            if served.paused && self.run.room(served.id) >= RESUME_ROOM {
+                self.receive(token)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Tells the simulation how clients have set their ends, of which something passes by `to`. Nobody
+    /// is told when they change them.
+    fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
+        for token in 0..self.ports.len() {
+            let served = &self.ports[token];
+            if served.port.as_ref().is_some_and(Port::is_attached)
+                && self.run.rig().is_due(served.id, to)
+            {
+                self.set_line(token)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the simulation how the client of a port has set its end.
+    fn set_line(&mut self, token: usize) -> Result<(), ServeError> {
+        let served = &self.ports[token];
+        if let Some(port) = &served.port
+            && let Some(line) = port.client_line()?
+        {
+            let line = ClientLine {
+                baud: line.baud,
+                stop_bits: line.stop_bits,
+                raw: line.raw,
+                parity: line.parity != Parity::None,
+                rts_cts: line.rts_cts,
+            };
+            self.run.set_line(served.id, line);
         }
         Ok(())
     }
@@ -422,19 +513,4 @@ impl Server {
     fn now(&self) -> SimTime {
         self.run.rig().now()
     }
-}
-
-/// Tells the simulation how the client has set its end.
-fn set_line(run: &mut Run, id: PortId, port: &Port) -> Result<(), ServeError> {
-    if let Some(line) = port.client_line()? {
-        run.set_line(
-            id,
-            ClientLine {
-                baud: line.baud,
-                stop_bits: line.stop_bits,
-                raw: line.raw,
-            },
-        );
-    }
-    Ok(())
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Port, PortError, PtyPort, Waiter};
+use sim_pty::{Counters, Port, PortError, PtySetup, Waiter};
 
 /// A port and whose it is.
 pub struct Served {
@@ -13,8 +13,8 @@ pub struct Served {
     pub path: PathBuf,
     /// `None` while the cable is pulled.
     pub port: Option<Port>,
-    /// A pseudo-terminal that can be made again; a cable in a real serial port stays in.
-    baud: Option<u32>,
+    /// How it can be made again; a cable in a real serial port stays in.
+    setup: Option<PtySetup>,
     /// Totals of the times before the cable was pulled.
     before: Counters,
     /// Its line is full, and it is not read.
@@ -22,12 +22,15 @@ pub struct Served {
 }
 
 impl Served {
-    /// Serves on a pseudo-terminal at `path`.
-    pub fn at(id: PortId, path: &Path, baud: u32) -> Result<Self, PortError> {
-        let port = PtyPort::open_at(path, baud)?;
+    /// Serves on a pseudo-terminal at `path`, or on the network if that is a URL (`tcp://HOST:PORT`,
+    /// `rfc2217://HOST:PORT`).
+    ///
+    /// # Errors
+    /// When the port cannot be made.
+    pub fn at(id: PortId, path: &Path, setup: PtySetup) -> Result<Self, PortError> {
         Ok(Self {
-            baud: Some(baud),
-            ..Self::new(id, port.into())
+            setup: Some(setup),
+            ..Self::new(id, Port::open_at(path, setup)?)
         })
     }
 
@@ -37,7 +40,7 @@ impl Served {
             id,
             path: port.path().to_owned(),
             port: Some(port),
-            baud: None,
+            setup: None,
             before: Counters::default(),
             paused: false,
         }
@@ -45,7 +48,7 @@ impl Served {
 
     /// Closes the port, as when its cable is pulled; says whether a client had it open.
     pub fn hang_up(&mut self) -> bool {
-        let Some(port) = self.port.take_if(|_| self.baud.is_some()) else {
+        let Some(port) = self.port.take_if(|_| self.setup.is_some()) else {
             return false;
         };
         self.before = sum(self.before, port.counters());
@@ -55,8 +58,8 @@ impl Served {
 
     /// Makes the port again.
     pub fn reopen(&mut self, waiter: &mut Waiter, token: usize) -> Result<(), PortError> {
-        if let (None, Some(baud)) = (&self.port, self.baud) {
-            let mut port = Port::from(PtyPort::open_at(&self.path, baud)?);
+        if let (None, Some(setup)) = (&self.port, self.setup) {
+            let mut port = Port::open_at(&self.path, setup)?;
             waiter.add(token, &mut port)?;
             self.port = Some(port);
         }

@@ -1,4 +1,4 @@
-//! Whether the machine keeps up.
+//! Whether the machine keeps up, and for how long it did not.
 
 use std::time::{Duration, Instant};
 
@@ -6,6 +6,26 @@ use std::time::{Duration, Instant};
 const TOO_MANY_BUDGETS: u32 = 10;
 /// For how long used-up budgets are counted together.
 const COUNTED: Duration = Duration::from_secs(1);
+
+/// Real time for which simulated time stood still since the machine did not let the simulator run, or
+/// was too slow for it. A client's own clock went on meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct HeldUp {
+    /// How often that was.
+    pub times: u64,
+    /// For how long in all.
+    pub total: Duration,
+    /// For how long at the longest.
+    pub longest: Duration,
+}
+
+impl HeldUp {
+    pub(crate) fn note(&mut self, by: Duration) {
+        self.times += 1;
+        self.total = self.total.saturating_add(by);
+        self.longest = self.longest.max(by);
+    }
+}
 
 /// Notices when a machine is too slow for what is asked of it.
 #[derive(Default)]

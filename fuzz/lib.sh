@@ -7,6 +7,7 @@ targets() {
 r150_frames 700 100000
 mecanum_packets 400 100000
 ascii_lines 300 100000
+network 600 50000
 r150 2000 10000
 mecanum 2000 10000
 both 2000 8000

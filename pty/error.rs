@@ -43,6 +43,9 @@ pub enum PortErrorKind {
          remove the link or choose another path"
     )]
     CannotReplace,
+    /// The node may not be given to this group.
+    #[error("this user may not give it to that group; it has to be a group of the user's own")]
+    ForeignGroup,
     /// The baud rate is zero, which means "hang up".
     #[error("the baud rate is 0; give a positive one such as 115200")]
     ZeroBaud,
@@ -72,6 +75,15 @@ pub enum PortErrorKind {
          fs.inotify.max_user_watches with sysctl"
     )]
     WatchLimit,
+    /// The URL to listen at is incomplete.
+    #[error("{0}")]
+    BadUrl(String),
+    /// Something else listens at this address.
+    #[error("another program listens there; choose another port")]
+    AddressInUse,
+    /// The address belongs to another machine.
+    #[error("it is no address of this machine; 127.0.0.1 always is, and 0.0.0.0 stands for all")]
+    ForeignAddress,
     /// Any other refusal of the system.
     #[error("{call} failed: {source}")]
     System {

@@ -1,16 +1,17 @@
 //! Pseudo-terminals and serial ports: the only crate with system calls.
 //!
 //! A simulated device is reached over a [`Port`]: a pseudo-terminal that an
-//! unmodified client opens like a serial port ([`PtyPort`]), or a real serial
-//! port with the client at the other end of a cable ([`SerialPort`]). The
-//! caller treats both the same: a [`Waiter`] says which ports have news, and
+//! unmodified client opens like a serial port ([`PtyPort`]), a real serial
+//! port with the client at the other end of a cable ([`SerialPort`]), or one
+//! that clients reach over the network ([`NetPort`]). The
+//! caller treats all the same: a [`Waiter`] says which ports have news, and
 //! [`Port::read`] returns that news one [`Event`] at a time.
 //!
 //! ```no_run
-//! use sim_pty::{Event, Port, PtyPort, Waiter};
+//! use sim_pty::{Event, Port, PtyPort, PtySetup, Waiter};
 //!
 //! # fn main() -> Result<(), sim_pty::PortError> {
-//! let mut port = Port::from(PtyPort::open_at("/tmp/r150", 115_200)?);
+//! let mut port = Port::from(PtyPort::open_at("/tmp/r150", PtySetup::raw(115_200))?);
 //! let mut waiter = Waiter::new()?;
 //! waiter.catch_signals()?;
 //! waiter.add(0, &mut port)?;
@@ -37,9 +38,12 @@
 //! - A client that does not read never stalls the caller. The kernel keeps
 //!   about 20 kB for it; what does not fit is dropped and counted, as a UART
 //!   without flow control would lose it.
-//! - Bytes meant for one client are never handed to the next. Nor are bytes
-//!   of one client reported as another's; where two have come and gone so fast
-//!   that the bytes of both lie mixed in the kernel, all are the former's.
+//! - It is as with a cable: bytes that a client has written are read in order, whoever wrote them, and
+//!   what is sent goes to whoever has the port open. What a client has written and was not read when
+//!   it left is thrown away, and so is what it has not read itself; where another came before
+//!   anybody looked, as far as it is certain whose it was. No byte of a client that is there is lost.
+//! - What a client leaves behind at a terminal is undone: settings, locks, exclusive use, suspended
+//!   output.
 //! - Nobody else's file is replaced or removed; [`PtyPort::open_at`] says
 //!   which link counts as our own.
 //! - Waiting costs nothing while nobody is attached, and unless [`Waiter::set_busy_poll`] asks for
@@ -51,16 +55,20 @@ mod hub;
 mod line;
 mod link;
 mod lock;
+mod net_decoder;
+mod net_port;
 mod pair;
 mod port;
 mod pty_port;
 mod serial_port;
 mod signals;
-mod stash;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
-pub use line::{LineSettings, Parity};
+pub use line::{Defaults, LineSettings, Parity};
+pub use net_decoder::NetDecoder;
+pub use net_port::{ListenAddress, NetPort, Protocol};
+pub use pair::PtySetup;
 pub use port::{Counters, Event, Port, Written};
 pub use pty_port::PtyPort;
 pub use serial_port::SerialPort;

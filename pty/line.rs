@@ -2,11 +2,9 @@
 
 use std::fmt;
 
-use rustix::fd::AsFd;
 use rustix::io::Errno;
 use rustix::termios::{
-    ControlModes, InputModes, LocalModes, OptionalActions, OutputModes, SpecialCodeIndex, Termios,
-    tcgetattr, tcsetattr,
+    ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios,
 };
 
 /// The settings that a client gave its end of a pseudo-terminal.
@@ -20,10 +18,13 @@ pub struct LineSettings {
     pub baud: u32,
     /// Data bits. Linux forces a pseudo-terminal to 8.
     pub data_bits: u8,
-    /// Parity. Linux refuses any on a pseudo-terminal.
+    /// Parity. On a pseudo-terminal Linux strips even parity from the settings without a trace, and
+    /// leaves one of odd parity.
     pub parity: Parity,
     /// Stop bits, 1 or 2.
     pub stop_bits: u8,
+    /// Whether the client waits for CTS before it sends. A pseudo-terminal takes no notice.
+    pub rts_cts: bool,
     /// Whether bytes pass untouched. A client that leaves this off has its
     /// input echoed, edited by line or translated, and loses binary data.
     pub raw: bool,
@@ -41,12 +42,7 @@ pub enum Parity {
 }
 
 impl LineSettings {
-    /// Reads the client's settings through the master's end.
-    pub(crate) fn of(master: impl AsFd) -> Result<Self, Errno> {
-        Ok(Self::from_termios(&tcgetattr(master)?))
-    }
-
-    fn from_termios(termios: &Termios) -> Self {
+    pub(crate) fn from_termios(termios: &Termios) -> Self {
         let control = termios.control_modes;
         let size = control & ControlModes::CSIZE;
         // CS5 is the empty pattern, hence what remains.
@@ -60,9 +56,9 @@ impl LineSettings {
             control.contains(ControlModes::PARENB),
             control.contains(ControlModes::PARODD),
         ) {
-            (false, _) => Parity::None,
+            (false, false) => Parity::None,
             (true, false) => Parity::Even,
-            (true, true) => Parity::Odd,
+            (_, true) => Parity::Odd,
         };
         let translating = InputModes::ISTRIP
             | InputModes::INLCR
@@ -79,6 +75,7 @@ impl LineSettings {
             } else {
                 1
             },
+            rts_cts: control.contains(ControlModes::CRTSCTS),
             raw: !termios.input_modes.intersects(translating)
                 && !termios.output_modes.contains(OutputModes::OPOST)
                 && !termios.local_modes.intersects(interpreting),
@@ -102,71 +99,73 @@ impl fmt::Display for LineSettings {
     }
 }
 
-/// Makes the client's end raw, 8N1, at `baud`, and discards what waits there
-/// for the client.
-///
-/// A fresh pseudo-terminal echoes and edits lines, and so does one that a
-/// client has left that way: whoever opens it next with plain `cat` would
-/// have its replies echoed back into the device.
-pub(crate) fn set_raw_and_flush(master: impl AsFd, baud: u32) -> Result<(), Errno> {
-    let raw = made_raw(&tcgetattr(&master)?, baud)?;
-    tcsetattr(master, OptionalActions::Flush, &raw)
+/// How a port is set until a client sets it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Defaults {
+    /// Raw, 8N1, at the device's speed. A fresh pseudo-terminal echoes and edits lines, and so does
+    /// one that a client has left that way: whoever opened it next with plain `cat` would have its
+    /// replies echoed back into the device.
+    #[default]
+    Raw,
+    /// As Linux sets a serial port: 9600 baud, with echo, editing and translation.
+    Kernel,
 }
 
-/// The same after a client has left, unless nothing has to be changed or
-/// `is_taken` by the next one already.
-///
-/// Settings can only be written all at once, so that writing them undoes
-/// what a client changes at the same time. Hence they are not written
-/// without need, and whether they may be is asked at the last moment.
-pub(crate) fn restore_raw(
-    master: impl AsFd,
-    baud: u32,
-    is_taken: impl FnOnce() -> Result<bool, Errno>,
-) -> Result<(), Errno> {
-    let left = tcgetattr(&master)?;
-    let raw = made_raw(&left, baud)?;
-    if is_same(&left, &raw) || is_taken()? {
-        return Ok(());
+impl Defaults {
+    /// The settings, made of those of a fresh pseudo-terminal.
+    pub(crate) fn at(self, fresh: &Termios, baud: u32) -> Result<Termios, Errno> {
+        let mut termios = fresh.clone();
+        match self {
+            Self::Raw => {
+                termios.input_modes = InputModes::empty();
+                termios.output_modes = OutputModes::empty();
+                termios.local_modes = LocalModes::empty();
+                termios.control_modes |= ControlModes::CLOCAL;
+                termios.special_codes[SpecialCodeIndex::VMIN] = 1;
+                termios.special_codes[SpecialCodeIndex::VTIME] = 0;
+                termios.set_speed(baud)?;
+            }
+            Self::Kernel => {
+                termios.control_modes |= ControlModes::CLOCAL | ControlModes::HUPCL;
+                termios.set_speed(9_600)?;
+            }
+        }
+        Ok(termios)
     }
-    tcsetattr(master, OptionalActions::Flush, &raw)
 }
 
-fn is_same(one: &Termios, other: &Termios) -> bool {
-    let code = |termios: &Termios, index| termios.special_codes[index];
+/// Whether both are the same in all that a client can set.
+pub(crate) fn is_same(one: &Termios, other: &Termios) -> bool {
     one.input_modes == other.input_modes
         && one.output_modes == other.output_modes
         && one.local_modes == other.local_modes
         && one.control_modes == other.control_modes
         && one.input_speed() == other.input_speed()
         && one.output_speed() == other.output_speed()
-        && [SpecialCodeIndex::VMIN, SpecialCodeIndex::VTIME]
+        && SPECIAL_CODES
             .into_iter()
-            .all(|index| code(one, index) == code(other, index))
+            .all(|index| one.special_codes[index] == other.special_codes[index])
 }
 
-fn made_raw(termios: &Termios, baud: u32) -> Result<Termios, Errno> {
-    let mut termios = termios.clone();
-    termios.input_modes = InputModes::empty();
-    termios.output_modes = OutputModes::empty();
-    termios.local_modes = LocalModes::empty();
-    // Everything but the speed, which `set_speed` writes below.
-    termios.control_modes.remove(
-        ControlModes::CSIZE
-            | ControlModes::PARENB
-            | ControlModes::PARODD
-            | ControlModes::CSTOPB
-            | ControlModes::CRTSCTS
-            | ControlModes::CMSPAR,
-    );
-    termios
-        .control_modes
-        .insert(ControlModes::CS8 | ControlModes::CREAD | ControlModes::CLOCAL);
-    termios.special_codes[SpecialCodeIndex::VMIN] = 1;
-    termios.special_codes[SpecialCodeIndex::VTIME] = 0;
-    termios.set_speed(baud)?;
-    Ok(termios)
-}
+const SPECIAL_CODES: [SpecialCodeIndex; 17] = [
+    SpecialCodeIndex::VINTR,
+    SpecialCodeIndex::VQUIT,
+    SpecialCodeIndex::VERASE,
+    SpecialCodeIndex::VKILL,
+    SpecialCodeIndex::VEOF,
+    SpecialCodeIndex::VTIME,
+    SpecialCodeIndex::VMIN,
+    SpecialCodeIndex::VSWTC,
+    SpecialCodeIndex::VSTART,
+    SpecialCodeIndex::VSTOP,
+    SpecialCodeIndex::VSUSP,
+    SpecialCodeIndex::VEOL,
+    SpecialCodeIndex::VREPRINT,
+    SpecialCodeIndex::VDISCARD,
+    SpecialCodeIndex::VWERASE,
+    SpecialCodeIndex::VLNEXT,
+    SpecialCodeIndex::VEOL2,
+];
 
 #[cfg(test)]
 mod tests {
@@ -179,6 +178,7 @@ mod tests {
             data_bits: 8,
             parity: Parity::None,
             stop_bits: 1,
+            rts_cts: false,
             raw: true,
         };
         assert_eq!(line.to_string(), "115200 8N1");

@@ -5,52 +5,93 @@
 //!
 //! - With no client the master reads `EIO` and polls as hung up. A fresh pair
 //!   does not, until its node has been opened and closed once.
+//! - In packet mode each read begins with a byte that says whether data follow or what happened; a
+//!   client's `TCOFLUSH` is told before whatever it wrote afterwards. That flush empties what is on
+//!   its way to the master, but not the up to 4095 bytes that have arrived and wait to be read.
 //! - `TCOFLUSH` on the master empties what is on the way to the client but
-//!   not what has arrived and waits to be read; setting the attributes with
-//!   `TCSAFLUSH`, also on the master, empties the latter.
-//! - `TIOCEXCL` outlives the client that set it. The flag belongs to the
-//!   client's end: `TIOCNXCL` on the master does not reach it, a descriptor
-//!   opened with `O_PATH` takes no ioctl, and every way of opening the node,
-//!   `TIOCGPTPEER` included, gives `EBUSY` to all but root. Holding a
-//!   descriptor of our own would reach it, but also hide every hang-up.
+//!   not what has arrived and waits to be read.
+//! - What a client leaves at its end outlives it: settings, locked settings, suspended output,
+//!   the line discipline, `TIOCEXCL`. The master reaches the settings alone; a descriptor of the
+//!   client's end reaches all of it, but while it is open it hides every hang-up.
+//! - `TIOCEXCL` keeps out everybody but root, whichever way the node is opened.
 
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
-use rustix::fs::{Mode, OFlags};
-use rustix::io::{Errno, retry_on_intr};
+use rustix::ffi::c_int;
+use rustix::fs::{Gid, Mode, OFlags, fchmod, fchown};
+use rustix::io::{Errno, IoSliceMut, ioctl_fionread, retry_on_intr};
+use rustix::ioctl::{Opcode, Setter, ioctl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, QueueSelector, ioctl_tiocnxcl, tcflush};
-use rustix::termios::{tcgetattr, tcsetattr};
+use rustix::termios::{Action, OptionalActions, QueueSelector, Termios};
+use rustix::termios::{ioctl_tiocnxcl, tcflow, tcflush, tcgetattr, tcsetattr};
 
 use crate::error::PortErrorKind;
-use crate::line::{restore_raw, set_raw_and_flush};
+use crate::line::{Defaults, is_same};
 
-/// A pair whose client end is raw at the device's baud.
+/// What a read of a master in packet mode begins with, from `ioctl_tty(2)`.
+const DATA: u8 = 0;
+const FLUSH_WRITE: u8 = 2;
+/// How often to undo what clients do who come and go meanwhile.
+const MOST_VISITS: u32 = 8;
+/// Rounds in which bytes of clients that have left are thrown away, which are no more than the
+/// system keeps.
+const MOST_ROUNDS: usize = 64;
+
+/// How the client's end is to be when nobody has it open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PtySetup {
+    /// Bits per second of the device.
+    pub baud: u32,
+    /// How it is set until a client sets it.
+    pub defaults: Defaults,
+    /// Permissions of the node, such as `0o660`.
+    pub mode: Option<u32>,
+    /// The group that the node belongs to.
+    pub group: Option<u32>,
+}
+
+impl PtySetup {
+    /// Raw at `baud`, with the system's permissions.
+    #[must_use]
+    pub const fn raw(baud: u32) -> Self {
+        Self {
+            baud,
+            defaults: Defaults::Raw,
+            mode: None,
+            group: None,
+        }
+    }
+}
+
+/// A pair whose client end is set up.
 #[derive(Debug)]
 pub(crate) struct Pair {
     master: OwnedFd,
     slave: PathBuf,
-    baud: u32,
+    setup: PtySetup,
+    defaults: Termios,
 }
 
-/// Whether the next client may open the node.
+/// What there was to read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Access {
-    /// It may.
-    Open,
-    /// A flag that only root can clear keeps everybody out.
-    Locked,
+pub(crate) enum Read {
+    Bytes(usize),
+    /// A client has taken back what it had written and was not read.
+    Flushed,
+    /// Something else has happened that matters to nobody.
+    Other,
+    Nothing,
+    HungUp,
 }
 
 impl Pair {
     /// Opens a fresh pair. It looks exactly like one whose client has left.
-    pub(crate) fn open(baud: u32) -> Result<Self, PortErrorKind> {
-        if baud == 0 {
+    pub(crate) fn open(setup: PtySetup) -> Result<Self, PortErrorKind> {
+        if setup.baud == 0 {
             return Err(PortErrorKind::ZeroBaud);
         }
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
@@ -62,19 +103,32 @@ impl Pair {
         rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK)
             .map_err(PortErrorKind::call("fcntl"))?;
         grantpt(&master).map_err(PortErrorKind::call("grantpt"))?;
+        begin_packet_mode(&master).map_err(PortErrorKind::call("TIOCPKT"))?;
         // Settings come before the lock is taken off, so that no client can
-        // ever see an echoing terminal.
-        set_raw_and_flush(&master, baud).map_err(PortErrorKind::call("tcsetattr"))?;
+        // ever see another terminal.
+        let fresh = tcgetattr(&master).map_err(PortErrorKind::call("tcgetattr"))?;
+        let defaults = setup.defaults.at(&fresh, setup.baud);
+        let defaults = defaults.map_err(PortErrorKind::call("tcsetattr"))?;
+        tcsetattr(&master, OptionalActions::Flush, &defaults)
+            .map_err(PortErrorKind::call("tcsetattr"))?;
         unlockpt(&master).map_err(PortErrorKind::call("unlockpt"))?;
         let name = ptsname(&master, Vec::new()).map_err(PortErrorKind::call("ptsname"))?;
         let slave = PathBuf::from(OsString::from_vec(name.into_bytes()));
         let pair = Self {
             master,
             slave,
-            baud,
+            setup,
+            defaults,
         };
-        pair.clear_exclusive()?;
+        if let Some(slave) = pair.look_in()? {
+            pair.set_permissions(&slave)?;
+        }
         Ok(pair)
+    }
+
+    /// Another one like this.
+    pub(crate) fn again(&self) -> Result<Self, PortErrorKind> {
+        Self::open(self.setup)
     }
 
     /// The node that clients open.
@@ -83,82 +137,174 @@ impl Pair {
     }
 
     /// Whether a client has the node open or has left bytes behind.
-    pub(crate) fn has_client(&self) -> Result<bool, Errno> {
-        let flags = self.poll_flags()?;
-        Ok(!flags.contains(PollFlags::HUP) || flags.contains(PollFlags::IN))
+    pub(crate) fn has_client(&self) -> Result<bool, PortErrorKind> {
+        let flags = self.poll()?;
+        if !flags.contains(PollFlags::HUP) {
+            return Ok(true);
+        }
+        // What is to be read may be no more than a word of what has happened.
+        Ok(flags.contains(PollFlags::IN) && self.count()? > 0)
     }
 
     /// Whether nobody has the node open.
-    pub(crate) fn is_hung_up(&self) -> Result<bool, Errno> {
-        Ok(self.poll_flags()?.contains(PollFlags::HUP))
+    pub(crate) fn is_hung_up(&self) -> Result<bool, PortErrorKind> {
+        Ok(self.poll()?.contains(PollFlags::HUP))
     }
 
-    /// Whether there is anything to read.
-    pub(crate) fn has_bytes(&self) -> Result<bool, Errno> {
-        Ok(self.poll_flags()?.contains(PollFlags::IN))
-    }
-
-    /// Waits so long until nobody has the node open.
-    pub(crate) fn await_hang_up(&self, longest: Duration) -> Result<(), Errno> {
-        self.poll(PollFlags::empty(), longest).map(drop)
-    }
-
-    fn poll_flags(&self) -> Result<PollFlags, Errno> {
-        self.poll(PollFlags::IN, Duration::ZERO)
-    }
-
-    fn poll(&self, wanted: PollFlags, longest: Duration) -> Result<PollFlags, Errno> {
-        let mut fds = [PollFd::new(&self.master, wanted)];
-        let longest = Timespec::try_from(longest).ok();
-        retry_on_intr(|| poll(&mut fds, longest.as_ref()))?;
+    fn poll(&self) -> Result<PollFlags, PortErrorKind> {
+        let mut fds = [PollFd::new(&self.master, PollFlags::IN | PollFlags::PRI)];
+        retry_on_intr(|| poll(&mut fds, Some(&Timespec::default())))
+            .map_err(PortErrorKind::call("poll"))?;
         Ok(fds[0].revents())
     }
 
-    /// Takes back what is on the way to the client that has left, and gives
-    /// the line the device's own settings again. What has arrived for it is
-    /// for [`Self::clear_exclusive`] or [`Self::flush_output`].
-    ///
-    /// A next client that is there already keeps whatever it has set.
-    pub(crate) fn reset(&self) -> Result<(), Errno> {
-        tcflush(&self.master, QueueSelector::OFlush)?;
-        restore_raw(&self.master, self.baud, || Ok(!self.is_hung_up()?))
+    /// Reads what fits, or what has happened.
+    pub(crate) fn read(&self, buf: &mut [u8]) -> Result<Read, PortErrorKind> {
+        let mut kind = [DATA];
+        let read = retry_on_intr(|| {
+            let mut parts = [IoSliceMut::new(&mut kind), IoSliceMut::new(buf)];
+            rustix::io::readv(&self.master, &mut parts)
+        });
+        match read {
+            Ok(2..) if kind[0] == DATA => Ok(Read::Bytes(read.unwrap_or(1) - 1)),
+            Ok(1..) if kind[0] & FLUSH_WRITE != 0 => Ok(Read::Flushed),
+            Ok(1..) if kind[0] != DATA => Ok(Read::Other),
+            Ok(1..) | Err(Errno::AGAIN) => Ok(Read::Nothing),
+            Ok(0) | Err(Errno::IO) => Ok(Read::HungUp),
+            Err(errno) => Err(PortErrorKind::call("read")(errno)),
+        }
     }
 
-    /// Takes back every byte that was not read, but keeps the settings, for
-    /// a client who may be making its own right now.
-    ///
-    /// A descriptor of the client's end, held for a moment, can do that
-    /// without a word about settings. Where a client keeps us out, they are
-    /// written as they were just read, and what it changes in between is
-    /// undone.
-    pub(crate) fn flush_output(&self) -> Result<(), PortErrorKind> {
-        // In this order: nothing can arrive at the client's end once nothing
-        // is on the way to it.
-        tcflush(&self.master, QueueSelector::OFlush).map_err(PortErrorKind::call("tcflush"))?;
-        if let Some(slave) = self.look_in()? {
-            return tcflush(slave, QueueSelector::IFlush).map_err(PortErrorKind::call("tcflush"));
+    /// How many bytes wait to be read for certain that were written before any flush that has not been
+    /// read of; `None` if there is such a flush.
+    pub(crate) fn unread(&self) -> Result<Option<usize>, PortErrorKind> {
+        let count = self.count()?;
+        let flushed = self.poll()?.contains(PollFlags::PRI);
+        Ok((!flushed).then_some(count))
+    }
+
+    fn count(&self) -> Result<usize, PortErrorKind> {
+        let count = ioctl_fionread(&self.master).map_err(PortErrorKind::call("FIONREAD"))?;
+        Ok(usize::try_from(count).unwrap_or(0))
+    }
+
+    /// Throws away so many bytes of those that wait to be read.
+    pub(crate) fn discard(&self, mut count: usize) -> Result<(), PortErrorKind> {
+        let mut buf = [0; 4096];
+        while count > 0 {
+            let most = count.min(buf.len());
+            match self.read(&mut buf[..most])? {
+                Read::Bytes(n) => count -= n,
+                Read::Flushed | Read::Other => {}
+                Read::Nothing | Read::HungUp => break,
+            }
         }
-        tcgetattr(&self.master)
-            .and_then(|termios| tcsetattr(&self.master, OptionalActions::Flush, &termios))
+        Ok(())
+    }
+
+    /// Throws away what clients have left behind, as long as nobody is there.
+    pub(crate) fn discard_left_behind(&self) -> Result<(), PortErrorKind> {
+        let left = PollFlags::HUP | PollFlags::IN;
+        for _ in 0..MOST_ROUNDS {
+            if !self.poll()?.contains(left) {
+                break;
+            }
+            let count = self.count()?;
+            // Whoever has written what is counted has left, if there is nobody even now.
+            if !self.is_hung_up()? {
+                break;
+            }
+            match count {
+                0 => drop(self.read(&mut [])?),
+                count => self.discard(count)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes the client's end as it was before any client came; says whether it is, and how often it
+    /// was opened for that. The next client, who may come at any moment, keeps whatever it has set.
+    pub(crate) fn restore(&self) -> Result<(bool, u32), PortErrorKind> {
+        self.flush_output()?;
+        // Somebody may come and go meanwhile, and leave something again.
+        for visit in 0..MOST_VISITS {
+            self.restore_settings()?;
+            let Some(slave) = self.look_in()? else {
+                return Ok((self.is_taken()?, visit));
+            };
+            // Settings first, since those that end suspension by XOFF do so only while nothing else
+            // suspends.
+            set_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
+            ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
+            self.set_permissions(&slave)?;
+            resume_and_empty(&slave)?;
+            drop(slave);
+            if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
+                return Ok((true, visit + 1));
+            }
+        }
+        Ok((false, MOST_VISITS))
+    }
+
+    /// Undoes of that what a next client, who is there already, could not mend or would suffer from;
+    /// says how often it was opened for that.
+    pub(crate) fn restore_for_next(&self) -> Result<u32, PortErrorKind> {
+        self.flush_output()?;
+        // Nobody who wants to talk sets this, so it is not the next one's.
+        if self.settings()?.output_speed() == 0 {
+            self.write_defaults()?;
+        }
+        match self.look_in()? {
+            Some(slave) => resume_and_empty(&slave).map(|()| 1),
+            None => Ok(0),
+        }
+    }
+
+    fn flush_output(&self) -> Result<(), PortErrorKind> {
+        tcflush(&self.master, QueueSelector::OFlush).map_err(PortErrorKind::call("tcflush"))
+    }
+
+    /// Settings can only be written all at once, so that writing them undoes what a client changes at
+    /// the same time. Hence they are not written without need, and whether somebody has come is asked
+    /// at the last moment.
+    fn restore_settings(&self) -> Result<(), PortErrorKind> {
+        if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
+            return Ok(());
+        }
+        self.write_defaults()
+    }
+
+    fn write_defaults(&self) -> Result<(), PortErrorKind> {
+        tcsetattr(&self.master, OptionalActions::Now, &self.defaults)
             .map_err(PortErrorKind::call("tcsetattr"))
     }
 
-    /// Clears the exclusive flag by way of a descriptor held for a moment,
-    /// which root may open and anybody else if the flag is not set at all;
-    /// and takes back what waits at the client's end.
-    pub(crate) fn clear_exclusive(&self) -> Result<Access, PortErrorKind> {
-        let Some(slave) = self.look_in()? else {
-            return Ok(Access::Locked);
-        };
-        ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
-        tcflush(slave, QueueSelector::IFlush).map_err(PortErrorKind::call("tcflush"))?;
-        Ok(Access::Open)
+    /// The settings of the client's end.
+    pub(crate) fn settings(&self) -> Result<Termios, PortErrorKind> {
+        tcgetattr(&self.master).map_err(PortErrorKind::call("tcgetattr"))
+    }
+
+    fn is_taken(&self) -> Result<bool, PortErrorKind> {
+        Ok(!self.is_hung_up()?)
+    }
+
+    fn set_permissions(&self, slave: &OwnedFd) -> Result<(), PortErrorKind> {
+        if let Some(group) = self.setup.group {
+            fchown(slave, None, Some(Gid::from_raw(group))).map_err(|errno| match errno {
+                Errno::PERM => PortErrorKind::ForeignGroup,
+                errno => PortErrorKind::call("chown")(errno),
+            })?;
+        }
+        if let Some(mode) = self.setup.mode {
+            fchmod(slave, Mode::from_raw_mode(mode)).map_err(PortErrorKind::call("chmod"))?;
+        }
+        Ok(())
     }
 
     /// A descriptor of the client's end, unless it is locked.
     ///
-    /// It only reads, so that its closing is told apart from a client's by
-    /// whoever watches the node.
+    /// It only reads, so that its closing is told apart from that of most clients by whoever watches
+    /// the node.
     fn look_in(&self) -> Result<Option<OwnedFd>, PortErrorKind> {
         let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         match retry_on_intr(|| rustix::fs::open(&self.slave, flags, Mode::empty())) {
@@ -173,6 +319,28 @@ impl AsFd for Pair {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.master.as_fd()
     }
+}
+
+/// Has the client's output go on, and takes back what has arrived for it and was not read.
+fn resume_and_empty(slave: &OwnedFd) -> Result<(), PortErrorKind> {
+    tcflow(slave, Action::OOn).map_err(PortErrorKind::call("tcflow"))?;
+    tcflush(slave, QueueSelector::IFlush).map_err(PortErrorKind::call("tcflush"))
+}
+
+#[expect(unsafe_code, reason = "no library wraps this call")]
+fn begin_packet_mode(master: &OwnedFd) -> Result<(), Errno> {
+    const TIOCPKT: Opcode = 0x5420;
+    // SAFETY: TIOCPKT reads one int through its argument, which lives for the call.
+    unsafe { ioctl(master, Setter::<TIOCPKT, c_int>::new(1)) }
+}
+
+/// The usual line discipline again, which a client may have changed.
+#[expect(unsafe_code, reason = "no library wraps this call")]
+fn set_line_discipline(slave: &OwnedFd) -> Result<(), Errno> {
+    const TIOCSETD: Opcode = 0x5423;
+    const N_TTY: c_int = 0;
+    // SAFETY: TIOCSETD reads one int through its argument, which lives for the call.
+    unsafe { ioctl(slave, Setter::<TIOCSETD, c_int>::new(N_TTY)) }
 }
 
 #[cfg(test)]
@@ -192,40 +360,38 @@ mod tests {
     }
 
     fn speed(pair: &Pair) -> u32 {
-        tcgetattr(&pair.master)
-            .expect("there are settings")
-            .output_speed()
+        pair.settings().expect("there are settings").output_speed()
     }
 
     #[test]
-    fn a_client_that_has_come_before_the_reset_keeps_its_settings() {
-        let pair = Pair::open(115_200).expect("a pair");
+    fn a_client_that_has_come_before_settings_are_restored_keeps_its_own() {
+        let pair = Pair::open(PtySetup::raw(115_200)).expect("a pair");
         let former = client_of(&pair);
         set_speed(&former, 9_600);
         drop(former);
         let client = client_of(&pair);
         set_speed(&client, 57_600);
-        pair.reset().expect("the reset");
+        assert_eq!(pair.restore().ok(), Some((true, 1)));
+        assert_eq!(speed(&pair), 57_600);
+        pair.restore_for_next().expect("it is restored");
         assert_eq!(speed(&pair), 57_600);
         drop(client);
-        pair.reset().expect("the reset");
+        assert_eq!(pair.restore().ok(), Some((true, 1)));
         assert_eq!(speed(&pair), 115_200);
     }
 
     #[test]
-    fn what_waits_for_a_client_is_taken_back_without_its_settings() {
-        let pair = Pair::open(115_200).expect("a pair");
+    fn what_waits_for_a_client_is_taken_back() {
+        let pair = Pair::open(PtySetup::raw(115_200)).expect("a pair");
         let client = client_of(&pair);
-        set_speed(&client, 57_600);
         let mut buf = [0; 8];
-        for flush in [
-            Pair::flush_output as fn(&Pair) -> Result<(), PortErrorKind>,
-            |pair| pair.clear_exclusive().map(drop),
+        for restore in [
+            Pair::restore_for_next as fn(&Pair) -> Result<u32, PortErrorKind>,
+            |pair| pair.restore().map(|(_, visits)| visits),
         ] {
             assert_eq!(rustix::io::write(&pair.master, b"reply"), Ok(5));
-            flush(&pair).expect("the flush");
+            assert_eq!(restore(&pair).ok(), Some(1));
             assert_eq!(rustix::io::read(&client, &mut buf), Err(Errno::AGAIN));
-            assert_eq!(speed(&pair), 57_600);
         }
     }
 }

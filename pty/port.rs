@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use crate::error::PortError;
+use crate::error::{PortError, PortErrorKind};
 use crate::hub::Registration;
 use crate::line::LineSettings;
+use crate::net_port::{ListenAddress, NetPort};
+use crate::pair::PtySetup;
 use crate::pty_port::PtyPort;
 use crate::serial_port::SerialPort;
 
@@ -15,6 +17,8 @@ pub enum Port {
     Pty(PtyPort),
     /// A real serial port with the client at the other end of the cable.
     Serial(SerialPort),
+    /// A port that clients reach over the network.
+    Net(NetPort),
 }
 
 /// One piece of news from a port.
@@ -26,8 +30,8 @@ pub enum Event {
     Attached,
     /// So many bytes were received, never 0.
     Data(usize),
-    /// The client is gone and every byte that it sent was reported. What the
-    /// caller still meant to send to it is to be thrown away.
+    /// The client is gone. What it had sent and was not read by then is thrown away, as far as it is
+    /// certain that it was its own.
     Detached,
     /// There is nothing to report.
     Idle,
@@ -60,12 +64,30 @@ pub struct Counters {
 }
 
 impl Port {
+    /// Opens a port where `place` says: on the network if it is a URL ([`ListenAddress`]), else a
+    /// pseudo-terminal with a link at that path ([`PtyPort::open_at`]).
+    ///
+    /// # Errors
+    ///
+    /// When the URL lacks something, and as those do.
+    pub fn open_at(place: &Path, setup: PtySetup) -> Result<Self, PortError> {
+        match place.to_str().and_then(ListenAddress::parse) {
+            None => PtyPort::open_at(place, setup).map(Self::from),
+            Some(Ok(address)) => NetPort::open(&address, setup.baud).map(Self::from),
+            Some(Err(why)) => Err(PortError::new("serve", place, PortErrorKind::BadUrl(why))),
+        }
+    }
+
     /// Reports the next piece of news, without blocking. Received bytes are
     /// put at the start of `buf`.
     ///
     /// A port that a [`Waiter`](crate::Waiter) called ready must be read at
     /// least once. It need not be read until [`Event::Idle`]: the waiter
     /// calls it ready again while anything is left.
+    ///
+    /// A caller without room for bytes passes an empty buffer, which tells of clients that come and
+    /// go, and gets [`Event::Idle`] whether there are bytes or not. It has to read again by itself once
+    /// it has room.
     ///
     /// # Errors
     ///
@@ -74,25 +96,12 @@ impl Port {
         match self {
             Self::Pty(port) => port.read(buf),
             Self::Serial(port) => port.read(buf),
+            Self::Net(port) => port.read(buf),
         }
     }
 
-    /// Stops and starts the waiter's calling the port ready because of bytes
-    /// to be read, for a caller who has no room for them. Clients that leave
-    /// are still news, and reading with an empty buffer tells of them.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn set_paused(&mut self, paused: bool) -> Result<(), PortError> {
-        match self {
-            Self::Pty(port) => port.set_paused(paused),
-            Self::Serial(port) => port.set_paused(paused),
-        }
-    }
-
-    /// Sends what fits without blocking, and drops and counts the rest; all of it if the client has
-    /// left, although that may not have been reported yet.
+    /// Sends what fits without blocking, and drops and counts the rest; all of it if nobody is
+    /// attached.
     ///
     /// # Errors
     ///
@@ -101,10 +110,11 @@ impl Port {
         match self {
             Self::Pty(port) => port.write(bytes),
             Self::Serial(port) => port.write(bytes),
+            Self::Net(port) => Ok(port.write(bytes)),
         }
     }
 
-    /// The client's line settings, where they can be known: a client at the
+    /// The line settings of whoever has the port open now, where they can be known: a client at the
     /// end of a real cable keeps them to itself.
     ///
     /// One system call of well under a microsecond, meant to be made for
@@ -117,6 +127,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.client_line().map(Some),
             Self::Serial(_) => Ok(None),
+            Self::Net(port) => Ok(Some(port.client_line())),
         }
     }
 
@@ -126,15 +137,17 @@ impl Port {
         match self {
             Self::Pty(port) => port.is_attached(),
             Self::Serial(port) => port.is_attached(),
+            Self::Net(port) => port.is_attached(),
         }
     }
 
-    /// The path that a client opens, or of the serial device.
+    /// The path or URL that a client opens, or the path of the serial device.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
             Self::Pty(port) => port.path(),
             Self::Serial(port) => port.path(),
+            Self::Net(port) => port.path(),
         }
     }
 
@@ -144,6 +157,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.counters(),
             Self::Serial(port) => port.counters(),
+            Self::Net(port) => port.counters(),
         }
     }
 
@@ -151,6 +165,7 @@ impl Port {
         match self {
             Self::Pty(port) => port.register(registration),
             Self::Serial(port) => port.register(registration),
+            Self::Net(port) => port.register(registration),
         }
     }
 }
@@ -158,6 +173,12 @@ impl Port {
 impl From<PtyPort> for Port {
     fn from(port: PtyPort) -> Self {
         Self::Pty(port)
+    }
+}
+
+impl From<NetPort> for Port {
+    fn from(port: NetPort) -> Self {
+        Self::Net(port)
     }
 }
 

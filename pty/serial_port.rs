@@ -9,7 +9,7 @@ use rustix::io::{Errno, retry_on_intr};
 use serialport::{DataBits, FlowControl, StopBits, TTYPort};
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::Registration;
+use crate::hub::{IN, Registration};
 use crate::port::{Counters, Event, Written};
 use crate::pty_port::write_some;
 
@@ -87,6 +87,14 @@ impl SerialPort {
     ///
     /// When the port was unplugged or the system refuses.
     pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+        let event = self.next_event(buf)?;
+        if let Some(registration) = &self.registration {
+            registration.note(event == Event::Idle);
+        }
+        Ok(event)
+    }
+
+    fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         if !self.attached && self.counters.attached == 0 {
             self.attached = true;
             self.counters.attached = 1;
@@ -105,22 +113,6 @@ impl SerialPort {
             Ok(_) => Err(self.lost("read from", "read", Errno::IO)),
             Err(errno) => Err(self.lost("read from", "read", errno)),
         }
-    }
-
-    /// Stops and starts the waiter's calling the port ready; see
-    /// [`Port::set_paused`](crate::Port::set_paused). That the port was
-    /// unplugged is noticed only when it is not paused.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn set_paused(&mut self, paused: bool) -> Result<(), PortError> {
-        let Some(mut registration) = self.registration.take() else {
-            return Ok(());
-        };
-        let outcome = registration.set_paused(self.fd(), paused);
-        self.registration = Some(registration);
-        outcome.map_err(|kind| PortError::new("watch", &self.path, kind))
     }
 
     /// Sends what fits and drops the rest; see
@@ -143,29 +135,21 @@ impl SerialPort {
         }
     }
 
-    pub(crate) fn register(&mut self, mut registration: Registration) -> Result<(), PortError> {
-        self.deregister()
-            .map_err(|kind| PortError::new("watch", &self.path, kind))?;
+    pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
+        if let Some(old) = self.registration.take() {
+            old.forget(self.fd());
+        }
         registration
-            .poll_input(self.fd(), true)
+            .watch(self.fd(), IN)
             .map_err(|kind| PortError::new("watch", &self.path, kind))?;
         self.registration = Some(registration);
         Ok(())
-    }
-
-    fn deregister(&mut self) -> Result<(), PortErrorKind> {
-        self.registration
-            .take()
-            .map_or(Ok(()), |mut old| old.poll_input(self.fd(), false))
     }
 
     fn lost(&mut self, action: &'static str, call: &'static str, errno: Errno) -> PortError {
         let kind = match errno {
             Errno::IO | Errno::NXIO | Errno::NODEV | Errno::BADF => {
                 self.attached = false;
-                // A port that is gone is readable for ever and would keep
-                // every wait from waiting.
-                let _ = self.deregister();
                 PortErrorKind::Unplugged
             }
             errno => PortErrorKind::call(call)(errno),

@@ -169,9 +169,6 @@ impl Waiter {
             let elapsed = begun.elapsed();
             let left = timeout.map(|timeout| timeout.saturating_sub(elapsed));
             let looks = elapsed < busy;
-            if !looks {
-                self.hub.heed_writing();
-            }
             let sleeps = !looks && !self.hub.has_ready();
             self.take_events(if sleeps { left } else { Some(Duration::ZERO) })?;
             let news = self.has_news();

@@ -5,17 +5,14 @@
 //! Every number is a decimal one, so that `2` and `2.0` are the same.
 //!
 //! `t` is the time since the start in seconds. Every other name is the name of a device, a dot, and
-//! a name of [`names`]: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
+//! a name of the device: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
 //! a device's name is written `_`.
 //!
 //! All this is checked when the file is read: a condition that passed cannot fail for a name, a
 //! function or a type.
 
 mod check;
-mod mecanum;
-mod names;
-mod r150;
-mod seen;
+mod probe;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -24,16 +21,16 @@ use cel::common::types::{CelBool, CelDouble, DOUBLE_TYPE};
 use cel::common::value::CowVal;
 use cel::context::VariableResolver;
 use cel::parser::{Expression, Parser};
-use cel::{Context, Env, ExecutionError, Value};
+use cel::{Context, Env, ExecutionError};
+use sim_core::device::names::{Getter, Reading};
+use sim_core::device::{DeviceSpec, Observed, View};
 use sim_core::rig::Rig;
 
-pub use names::{NameInfo, Unit, names};
-pub use seen::Seen;
+pub use probe::{Probe, ProbeValue};
 
 pub(crate) use check::identifier;
 
 use check::Scope;
-use names::{Getter, Reading, View};
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
@@ -48,6 +45,15 @@ pub struct Condition {
     names: BTreeMap<String, Origin>,
 }
 
+/// What an expression gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Value {
+    /// A number, in the unit of its names.
+    Number(f64),
+    /// True or false.
+    Flag(bool),
+}
+
 /// Where the value of a name comes from.
 #[derive(Debug, Clone, Copy)]
 enum Origin {
@@ -56,15 +62,15 @@ enum Origin {
 }
 
 /// The devices that conditions can speak of: name and kind, by their index in the rig.
-pub type Devices<'a> = [(&'a str, crate::Kind)];
+pub type Devices<'a> = [(&'a str, &'static DeviceSpec)];
 
 /// What conditions are evaluated against.
 #[derive(Clone, Copy)]
 pub struct Situation<'a> {
     /// The devices and their world.
     pub rig: &'a Rig,
-    /// What has been seen of each device, by its index.
-    pub seen: &'a [Seen],
+    /// What has been observed of each device, by its index.
+    pub observed: &'a [Observed],
 }
 
 impl Condition {
@@ -73,6 +79,18 @@ impl Condition {
     /// # Errors
     /// Says in words what is wrong and what is allowed.
     pub fn parse(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
+        Self::parse_as(text, devices, check::condition)
+    }
+
+    /// Reads an expression that may be a number, too.
+    ///
+    /// # Errors
+    /// Says in words what is wrong and what is allowed.
+    pub fn parse_value(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
+        Self::parse_as(text, devices, check::value)
+    }
+
+    fn parse_as(text: &str, devices: &Devices<'_>, check: check::Check) -> Result<Self, String> {
         if text.len() > MOST_TEXT {
             return Err(format!("a condition has at most {MOST_TEXT} bytes"));
         }
@@ -88,7 +106,7 @@ impl Condition {
             )
         })?;
         let mut names = BTreeMap::new();
-        check::check(&mut expression, &Scope(devices), &mut names)?;
+        check(&mut expression, &Scope(devices), &mut names)?;
         Ok(Self {
             text: text.to_owned(),
             expression,
@@ -107,18 +125,30 @@ impl Condition {
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
     pub fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
+        match self.value(situation)? {
+            Value::Flag(holds) => Ok(holds),
+            Value::Number(_) => Err(format!("`{}` is neither true nor false", self.text)),
+        }
+    }
+
+    /// What it is now.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub fn value(&self, situation: Situation<'_>) -> Result<Value, String> {
         let resolver = Resolver {
             names: &self.names,
             situation,
         };
         let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
         context.set_variable_resolver(&resolver);
-        let value = Value::resolve_val(&self.expression, &context)
+        let value = cel::Value::resolve_val(&self.expression, &context)
             .map_err(|error| format!("`{}` has no value: {error}", self.text))?;
-        value
-            .downcast_ref::<CelBool>()
-            .map(|holds| *holds.inner())
-            .ok_or_else(|| format!("`{}` is neither true nor false", self.text))
+        let flag = value.downcast_ref::<CelBool>();
+        let flag = flag.map(|flag| Value::Flag(*flag.inner()));
+        let number = || value.downcast_ref::<CelDouble>();
+        flag.or_else(|| number().map(|number| Value::Number(*number.inner())))
+            .ok_or_else(|| format!("`{}` has no value", self.text))
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.
@@ -136,14 +166,18 @@ impl Origin {
     fn read(self, situation: Situation<'_>) -> Reading {
         match self {
             Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),
-            Self::Device(device, getter) => match situation.seen.get(device) {
-                Some(seen) => getter.read(&View {
-                    rig: situation.rig,
-                    device,
-                    seen,
-                }),
-                None => Reading::Number(0.0),
-            },
+            Self::Device(index, getter) => {
+                let Situation { rig, observed } = situation;
+                match (rig.any_device(index), observed.get(index)) {
+                    (Some(device), Some(observed)) => getter.read(&View {
+                        now: rig.now(),
+                        world: rig.world(),
+                        device,
+                        observed,
+                    }),
+                    _ => Reading::Number(0.0),
+                }
+            }
         }
     }
 }

@@ -19,6 +19,7 @@
 //! | `failure` | something was not as the file says |
 //! | `end` | the last line |
 
+mod onlooker;
 mod record;
 mod replay;
 
@@ -31,6 +32,7 @@ use sim_core::line::{ClientLine, Wire};
 use sim_core::rig::{PortId, Rig};
 use sim_settings::{Root, Source};
 
+pub use onlooker::Onlooker;
 pub use record::{Header, Hexed, PortRecord, Record, WorldRecord};
 pub use replay::{Difference, Replay, ReplayError};
 
@@ -114,6 +116,8 @@ impl Recorder {
             baud: line.baud,
             stop_bits: line.stop_bits,
             raw: line.raw,
+            parity: line.parity,
+            rts_cts: line.rts_cts,
         });
     }
 
@@ -206,9 +210,9 @@ impl Recorder {
         }
         self.poses.resize(rig.devices(), [f64::NAN; 3]);
         for device in 0..rig.devices() {
-            let r150 = rig.r150(device).map(|r150| r150.truth().pose);
-            let pose = r150.or_else(|| rig.mecanum(device).map(|car| car.truth().pose));
-            let Some(pose) = pose else { continue };
+            let Some(pose) = rig.motion(device).map(|motion| motion.pose) else {
+                continue;
+            };
             let place = [pose.x, pose.y, pose.heading];
             if std::mem::replace(&mut self.poses[device], place) != place {
                 self.write(&Record::Pose {

@@ -3,6 +3,7 @@
 mod direction;
 mod event;
 
+use std::mem::{Discriminant, discriminant};
 use std::time::Duration;
 
 use sim_settings::{SimTime, choices};
@@ -11,7 +12,7 @@ use crate::uart;
 
 pub use event::{LineEvent, OnLine};
 
-use direction::{Direction, matches};
+use direction::{Direction, Ends, matches};
 
 choices! {
     /// Whether bytes take time on the line.
@@ -34,20 +35,28 @@ impl Wire {
     }
 }
 
-/// Most bytes under way in one direction. Whoever asks for the room first keeps the client's
-/// further bytes waiting in its port's buffer; without asking they are lost. The device's further
-/// replies are dropped whole.
+/// Most bytes under way in one direction. A client that sends more without asking for the room loses
+/// the rest; the device's further replies are dropped whole.
 pub const MOST_IN_FLIGHT: usize = 4096;
+
+/// What the transmitter of a client's UART holds beside the byte that is going out, as the common
+/// 16550A does. A port is read no further ahead than that, and this is what still goes out when a
+/// client leaves.
+pub const UART_FIFO: usize = 16;
 
 /// How a client has set its end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientLine {
-    /// Bits per second.
+    /// Bits per second; with 0 the port has hung up, and nothing passes.
     pub baud: u32,
     /// Stop bits, 1 or 2.
     pub stop_bits: u8,
     /// Whether its port passes bytes on untouched, without echo, editing or translation.
     pub raw: bool,
+    /// Whether it asks for a parity bit. It has no effect but to be told.
+    pub parity: bool,
+    /// Whether it waits for the line CTS before it sends. Likewise.
+    pub rts_cts: bool,
 }
 
 impl ClientLine {
@@ -58,6 +67,8 @@ impl ClientLine {
             baud,
             stop_bits: 1,
             raw: true,
+            parity: false,
+            rts_cts: false,
         }
     }
 }
@@ -66,6 +77,9 @@ impl ClientLine {
 ///
 /// Whoever drives it passes the time in, and it never goes back. Bytes are taken off it one by one
 /// at their arrival times, so that a device sees each at the nanosecond at which its stop bit ends.
+///
+/// It is a cable: bytes that a client has handed over reach the device whoever is there by then, and
+/// what the device says reaches whoever has the port open when it arrives.
 #[derive(Debug, Clone)]
 pub struct SerialLine {
     device_baud: u32,
@@ -77,13 +91,8 @@ pub struct SerialLine {
     to_device: Direction,
     to_client: Direction,
     attached: bool,
-    told_mismatch: bool,
-    told_not_raw: bool,
-    told_stop_bits: bool,
-    /// Replies to a former client's bytes, which go nowhere: those sent until then.
-    mute_until: Option<SimTime>,
-    /// When the last byte of a client that has left arrives, until that is taken note of.
-    last_of_former: Option<SimTime>,
+    /// What has been told of this client's settings.
+    told: Vec<Discriminant<LineEvent>>,
 }
 
 impl SerialLine {
@@ -108,43 +117,23 @@ impl SerialLine {
             to_device: Direction::default(),
             to_client: Direction::default(),
             attached: false,
-            told_mismatch: false,
-            told_not_raw: false,
-            told_stop_bits: false,
-            mute_until: None,
-            last_of_former: None,
+            told: Vec::new(),
         }
     }
 
-    /// A client opened the port.
-    pub fn attach(&mut self) {
+    /// A client opened the port. What arrives from now on is its.
+    pub fn attach(&mut self, now: SimTime) {
+        self.settle(now);
         self.attached = true;
-        self.told_not_raw = false;
-        self.told_stop_bits = false;
-        self.to_client = Direction::default();
-        self.mute_until = self.last_under_way();
+        self.told.retain(|told| *told == mismatch());
     }
 
-    /// The client is gone; what was on its way to it is lost, and the line to the next one is free.
-    /// What it has sent still arrives.
-    pub fn detach(&mut self) {
+    /// The client is gone. What its UART holds still goes out, the rest of what it has sent does not.
+    pub fn detach(&mut self, now: SimTime) {
+        self.settle(now);
         self.attached = false;
-        self.to_client = Direction::default();
-        self.last_of_former = Some(self.last_under_way().unwrap_or(SimTime::ZERO));
-    }
-
-    /// Whether the last byte of a client that has left has arrived by `now`; true once for each
-    /// that has left. Replies to it that the device still holds back then are nobody's.
-    pub fn take_former_done(&mut self, now: SimTime) -> bool {
-        let done = self.last_of_former.is_some_and(|last| last <= now);
-        if done {
-            self.last_of_former = None;
-        }
-        done
-    }
-
-    fn last_under_way(&self) -> Option<SimTime> {
-        self.to_device.under_way.back().map(|(arrival, _)| *arrival)
+        self.to_client.lose_arrived();
+        self.to_device.discard_beyond(UART_FIFO);
     }
 
     /// Whether a client has the port open.
@@ -153,78 +142,96 @@ impl SerialLine {
         self.attached
     }
 
-    /// How many bytes the client may send now.
+    /// How many bytes the client's UART takes now.
     #[must_use]
     pub fn room(&self) -> usize {
-        MOST_IN_FLIGHT.saturating_sub(self.to_device.under_way.len())
+        let most = match self.wire {
+            Wire::Paced => 1 + UART_FIFO,
+            Wire::Instant => MOST_IN_FLIGHT,
+        };
+        most.saturating_sub(self.to_device.kept())
     }
 
-    /// The client has set its end of the line. What is wrong with that is told when bytes pass,
-    /// since many a client opens its port first and sets it then.
-    pub fn set_client_line(&mut self, line: ClientLine) -> Option<LineEvent> {
+    /// How many bytes the line keeps for a client whose driver has no buffer of its own.
+    #[must_use]
+    pub fn space(&self) -> usize {
+        MOST_IN_FLIGHT.saturating_sub(self.to_device.kept())
+    }
+
+    /// The client has set its end of the line. What is wrong with that is told when bytes pass, since
+    /// many a client opens its port first and sets it then; that it hangs up is told at once.
+    pub fn set_client_line(&mut self, now: SimTime, line: ClientLine) -> Option<LineEvent> {
+        if line == self.client {
+            return None;
+        }
+        self.settle(now);
         let baud = line.baud;
         let old = std::mem::replace(&mut self.client, line);
         if baud == old.baud {
             return None;
         }
         // Every new speed is a new story, so a further mismatch is told again.
-        let told = std::mem::take(&mut self.told_mismatch);
+        let told = self.told.len();
+        self.told.retain(|told| *told != mismatch());
+        if baud == 0 {
+            self.to_device.discard_beyond(0);
+            return Some(LineEvent::HungUp);
+        }
+        let told = self.told.len() < told;
         (told && matches(baud, self.device_baud)).then_some(LineEvent::BaudMatched { baud })
     }
 
     /// The client sends; gives what is to be told of it.
     pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<LineEvent> {
-        let (sent, lost) = bytes.split_at(bytes.len().min(self.room()));
-        let client = (self.client.baud, self.client.stop_bits);
-        self.to_device
-            .send(now, sent, client, self.device_end(), self.wire);
+        if self.client.baud == 0 {
+            return Vec::new();
+        }
+        let room = MOST_IN_FLIGHT.saturating_sub(self.to_device.waiting());
+        let (sent, lost) = bytes.split_at(bytes.len().min(room));
+        self.to_device.send(now, sent, self.to_device_ends());
+        let (client, device) = (self.client, self.device_baud);
+        let wrong = [
+            (!matches(client.baud, device)).then_some(LineEvent::BaudMismatch {
+                client: client.baud,
+                device,
+            }),
+            (!client.raw).then_some(LineEvent::NotRaw),
+            (client.stop_bits != self.device_stop_bits).then_some(LineEvent::StopBits {
+                client: client.stop_bits,
+                device: self.device_stop_bits,
+            }),
+            client.parity.then_some(LineEvent::Parity),
+            client.rts_cts.then_some(LineEvent::FlowControl),
+        ];
         let mut events = Vec::new();
-        let mut once = |wrong: bool, told: &mut bool, event| {
-            if wrong && !std::mem::replace(told, true) {
+        for event in wrong.into_iter().flatten() {
+            if !self.told.contains(&discriminant(&event)) {
+                self.told.push(discriminant(&event));
                 events.push(event);
             }
-        };
-        once(
-            !matches(self.client.baud, self.device_baud),
-            &mut self.told_mismatch,
-            LineEvent::BaudMismatch {
-                client: self.client.baud,
-                device: self.device_baud,
-            },
-        );
-        once(!self.client.raw, &mut self.told_not_raw, LineEvent::NotRaw);
-        once(
-            self.client.stop_bits != self.device_stop_bits,
-            &mut self.told_stop_bits,
-            LineEvent::StopBits {
-                client: self.client.stop_bits,
-                device: self.device_stop_bits,
-            },
-        );
+        }
         if !lost.is_empty() {
             events.push(LineEvent::SentTooMuch { bytes: lost.len() });
         }
         events
     }
 
-    /// The device sends; without a client the bytes go nowhere.
+    /// The device sends.
     pub fn device_sends(&mut self, now: SimTime, bytes: &[u8]) -> Option<LineEvent> {
-        if !self.attached || self.mute_until.is_some_and(|until| now <= until) {
-            return None;
+        self.settle(now);
+        if self.to_client.kept() + bytes.len() > MOST_IN_FLIGHT {
+            return self
+                .attached
+                .then_some(LineEvent::ReplyDropped { bytes: bytes.len() });
         }
-        self.mute_until = None;
-        if self.to_client.under_way.len() + bytes.len() > MOST_IN_FLIGHT {
-            return Some(LineEvent::ReplyDropped { bytes: bytes.len() });
-        }
-        let device = (self.device_end(), self.device_stop_bits);
-        self.to_client
-            .send(now, bytes, device, self.client.baud, self.wire);
+        self.to_client.send(now, bytes, self.to_client_ends());
         None
     }
 
     /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or
     /// no longer does.
-    pub fn set_faulty_baud(&mut self, baud: Option<u32>) {
+    pub fn set_faulty_baud(&mut self, now: SimTime, baud: Option<u32>) {
+        self.settle(now);
         self.faulty_baud = baud;
     }
 
@@ -238,29 +245,63 @@ impl SerialLine {
         self.faulty_baud.unwrap_or(self.device_baud)
     }
 
+    fn to_device_ends(&self) -> Ends {
+        Ends {
+            from_baud: self.client.baud,
+            stop_bits: self.client.stop_bits,
+            to_baud: self.device_end(),
+            wire: self.wire,
+        }
+    }
+
+    fn to_client_ends(&self) -> Ends {
+        Ends {
+            from_baud: self.device_end(),
+            stop_bits: self.device_stop_bits,
+            to_baud: self.client.baud,
+            wire: self.wire,
+        }
+    }
+
+    /// Brings both directions to where they are at `now`, before anything changes at an end.
+    fn settle(&mut self, now: SimTime) {
+        self.to_device.settle(now, self.to_device_ends());
+        self.to_client.settle(now, self.to_client_ends());
+        if !self.attached {
+            self.to_client.lose_arrived();
+        }
+    }
+
     /// The next byte that has arrived at the device by `now`.
     pub fn take_for_device(&mut self, now: SimTime) -> Option<u8> {
+        self.to_device.settle(now, self.to_device_ends());
         self.to_device.take(now)
     }
 
     /// Adds to `bytes` what has arrived at the client by `now`.
     pub fn take_for_client(&mut self, now: SimTime, bytes: &mut Vec<u8>) {
-        while let Some(byte) = self.to_client.take(now) {
-            bytes.push(byte);
-        }
+        self.settle(now);
+        bytes.extend(std::iter::from_fn(|| self.to_client.take(now)));
     }
 
-    /// When the next byte arrives at the device.
+    /// When the next byte arrives at the device; at another speed it may turn out to be none.
     #[must_use]
     pub fn next_for_device(&self) -> Option<SimTime> {
         self.to_device.next()
     }
 
-    /// When the next byte arrives at the client.
+    /// When the next byte arrives at a client that is there.
     #[must_use]
     pub fn next_for_client(&self) -> Option<SimTime> {
-        self.to_client.next()
+        self.to_client.next().filter(|_| self.attached)
     }
+}
+
+fn mismatch() -> Discriminant<LineEvent> {
+    discriminant(&LineEvent::BaudMismatch {
+        client: 0,
+        device: 0,
+    })
 }
 
 #[cfg(test)]
@@ -271,7 +312,10 @@ mod tests {
         let mut found = Vec::new();
         while let Some(at) = line.next_for_device() {
             assert_eq!(line.take_for_device(at - Duration::from_nanos(1)), None);
-            found.push((at.as_nanos(), line.take_for_device(at).unwrap()));
+            // What is sent at another speed may be nothing at the receiver.
+            if let Some(byte) = line.take_for_device(at) {
+                found.push((at.as_nanos(), byte));
+            }
         }
         found
     }
@@ -297,14 +341,14 @@ mod tests {
     #[test]
     fn a_baud_mismatch_is_told_once_for_each_speed_and_its_end_too() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
-        line.attach();
+        line.attach(SimTime::ZERO);
         let told = LineEvent::BaudMismatch {
             client: 9600,
             device: 115_200,
         };
         let matched = LineEvent::BaudMatched { baud: 115_200 };
         let mut set = |baud| {
-            let set = line.set_client_line(ClientLine::at(baud));
+            let set = line.set_client_line(SimTime::ZERO, ClientLine::at(baud));
             (set, line.client_sends(SimTime::ZERO, &[0xAA]))
         };
         assert_eq!(set(9600), (None, vec![told]));
@@ -318,16 +362,19 @@ mod tests {
     fn a_port_that_echoes_or_sends_two_stop_bits_is_told_once_for_each_client() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         for _ in 0..2 {
-            line.attach();
+            line.attach(SimTime::ZERO);
             let good = ClientLine::at(115_200);
-            line.set_client_line(ClientLine { raw: false, ..good });
+            line.set_client_line(SimTime::ZERO, ClientLine { raw: false, ..good });
             let told = line.client_sends(SimTime::ZERO, &[0xAA]);
             assert_eq!(told, [LineEvent::NotRaw]);
             assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
-            line.set_client_line(ClientLine {
-                stop_bits: 2,
-                ..good
-            });
+            line.set_client_line(
+                SimTime::ZERO,
+                ClientLine {
+                    stop_bits: 2,
+                    ..good
+                },
+            );
             let told = line.client_sends(SimTime::ZERO, &[0xAA]);
             let two = LineEvent::StopBits {
                 client: 2,
@@ -335,14 +382,14 @@ mod tests {
             };
             assert_eq!(told, [two]);
             assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
-            line.detach();
+            line.detach(SimTime::ZERO);
         }
     }
 
     #[test]
     fn with_two_stop_bits_a_byte_takes_eleven() {
         let mut line = SerialLine::with_stop_bits(10_000, 2, Wire::Paced);
-        line.attach();
+        line.attach(SimTime::ZERO);
         assert_eq!(line.client_sends(SimTime::ZERO, &[1, 2]), []);
         assert_eq!(line.device_sends(SimTime::ZERO, &[3]), None);
         let arrives = SimTime::ZERO + Duration::from_micros(1100);
@@ -351,7 +398,7 @@ mod tests {
         assert_eq!(line.take_for_device(arrives), Some(1));
         assert_eq!(line.next_for_client(), Some(arrives));
         // A client with one stop bit is told of it, and its bytes take ten.
-        line.set_client_line(ClientLine::at(10_000));
+        line.set_client_line(SimTime::ZERO, ClientLine::at(10_000));
         let told = line.client_sends(arrives + Duration::from_micros(1100), &[4]);
         assert_eq!(
             told,
@@ -378,35 +425,10 @@ mod tests {
     }
 
     #[test]
-    fn the_next_client_s_first_reply_does_not_wait_behind_the_last_one_s() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
-        line.attach();
-        line.device_sends(SimTime::ZERO, &[0; 1000]);
-        line.detach();
-        line.attach();
-        line.device_sends(SimTime::ZERO, &[1]);
-        assert_eq!(line.next_for_client(), Some(SimTime::from_nanos(86_806)));
-    }
-
-    #[test]
-    fn a_former_client_is_done_once_when_its_last_byte_has_arrived() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
-        line.attach();
-        line.client_sends(SimTime::ZERO, &[9, 9]);
-        assert!(!line.take_former_done(SimTime::MAX));
-        line.detach();
-        line.attach();
-        line.client_sends(SimTime::ZERO, &[1]);
-        assert!(!line.take_former_done(SimTime::from_nanos(2 * 86_806 - 1)));
-        assert!(line.take_former_done(SimTime::from_nanos(2 * 86_806)));
-        assert!(!line.take_former_done(SimTime::MAX));
-    }
-
-    #[test]
     fn a_mismatch_garbles_both_ways() {
         let mut line = SerialLine::new(115_200, Wire::Instant);
-        line.attach();
-        line.set_client_line(ClientLine::at(57_600));
+        line.attach(SimTime::ZERO);
+        line.set_client_line(SimTime::ZERO, ClientLine::at(57_600));
         line.client_sends(SimTime::ZERO, &[0xAA, 0x55]);
         let mut at_device = Vec::new();
         while let Some(byte) = line.take_for_device(SimTime::ZERO) {
@@ -426,18 +448,18 @@ mod tests {
         for baud in [4_800, 57_600, 110_000, 230_400, 921_600] {
             let whole = {
                 let mut line = SerialLine::new(115_200, Wire::Paced);
-                line.set_client_line(ClientLine::at(baud));
+                line.set_client_line(SimTime::ZERO, ClientLine::at(baud));
                 line.client_sends(SimTime::ZERO, &bytes);
                 arrivals(&mut line)
             };
             for piece in [1, 3, 17, 100] {
                 let mut line = SerialLine::new(115_200, Wire::Paced);
-                line.set_client_line(ClientLine::at(baud));
+                line.set_client_line(SimTime::ZERO, ClientLine::at(baud));
                 let mut now = SimTime::ZERO;
                 let mut found = Vec::new();
                 for piece in bytes.chunks(piece) {
                     while let Some(at) = line.next_for_device().filter(|at| *at <= now) {
-                        found.push((at.as_nanos(), line.take_for_device(at).unwrap()));
+                        found.extend(line.take_for_device(at).map(|byte| (at.as_nanos(), byte)));
                     }
                     line.client_sends(now, piece);
                     // Just before the line would be idle.
@@ -451,26 +473,9 @@ mod tests {
     }
 
     #[test]
-    fn a_new_client_gets_nothing_of_the_old_ones() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
-        line.attach();
-        line.device_sends(SimTime::ZERO, &[1, 2, 3]);
-        line.client_sends(SimTime::ZERO, &[9, 9]);
-        line.detach();
-        line.attach();
-        assert_eq!(line.next_for_client(), None);
-        // A reply to the old client's bytes, which were still on their way.
-        let last = SimTime::from_nanos(2 * 86_806);
-        line.device_sends(last, &[4]);
-        assert_eq!(line.next_for_client(), None);
-        line.device_sends(last + Duration::from_nanos(1), &[5]);
-        assert!(line.next_for_client().is_some());
-    }
-
-    #[test]
     fn a_full_line_drops_whole_replies() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
-        line.attach();
+        line.attach(SimTime::ZERO);
         let reply = [0; 82];
         let fits = MOST_IN_FLIGHT / reply.len();
         for _ in 0..fits {
@@ -478,5 +483,118 @@ mod tests {
         }
         let dropped = LineEvent::ReplyDropped { bytes: 82 };
         assert_eq!(line.device_sends(SimTime::ZERO, &reply), Some(dropped));
+    }
+
+    #[test]
+    fn what_a_client_s_uart_holds_still_goes_out_when_it_leaves_and_the_rest_does_not() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach(SimTime::ZERO);
+        assert_eq!(line.room(), 1 + UART_FIFO);
+        line.client_sends(SimTime::ZERO, &[9; 100]);
+        assert_eq!(line.room(), 0);
+        let byte = uart::byte_time(115_200, 1);
+        let left = SimTime::ZERO + byte * 10;
+        let before = std::iter::from_fn(|| line.take_for_device(left)).count();
+        assert_eq!(before, 10);
+        line.detach(left);
+        assert_eq!(line.room(), 0);
+        let after = arrivals(&mut line);
+        assert_eq!(after.len(), 1 + UART_FIFO);
+        let last = byte * u32::try_from(11 + UART_FIFO).unwrap();
+        assert_eq!(after.last().unwrap().0, (SimTime::ZERO + last).as_nanos());
+    }
+
+    #[test]
+    fn what_arrives_is_whoever_s_who_is_there_by_then() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let byte = uart::byte_time(115_200, 1);
+        let at = |bytes: u32| SimTime::ZERO + byte * bytes;
+        line.attach(SimTime::ZERO);
+        line.device_sends(SimTime::ZERO, &[1, 2, 3, 4, 5]);
+        let mut read = Vec::new();
+        line.take_for_client(at(1), &mut read);
+        assert_eq!(read, [1]);
+        // The second has arrived and is not read, nobody is there for the third and the fourth.
+        line.detach(at(2));
+        assert_eq!(line.next_for_client(), None);
+        line.attach(at(4));
+        read.clear();
+        line.take_for_client(at(5), &mut read);
+        assert_eq!(read, [5]);
+    }
+
+    #[test]
+    fn bytes_go_at_the_speed_that_is_set_when_their_turn_comes() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach(SimTime::ZERO);
+        line.set_client_line(SimTime::ZERO, ClientLine::at(9600));
+        line.client_sends(SimTime::ZERO, &[0; 17]);
+        let (slow, fast) = (uart::byte_time(9600, 1), uart::byte_time(115_200, 1));
+        // In the middle of the first one.
+        line.set_client_line(SimTime::ZERO + slow / 2, ClientLine::at(115_200));
+        let arrived = arrivals(&mut line);
+        let last = SimTime::ZERO + slow + fast * 16;
+        assert_eq!(arrived.last(), Some(&(last.as_nanos(), 0)));
+        // The first came at both speeds.
+        assert!(arrived.len() >= 16, "{arrived:?}");
+    }
+
+    #[test]
+    fn a_client_that_changes_its_speed_hears_what_follows() {
+        for wire in [Wire::Paced, Wire::Instant] {
+            let mut line = SerialLine::new(9600, wire);
+            line.attach(SimTime::ZERO);
+            line.set_client_line(SimTime::ZERO, ClientLine::at(115_200));
+            line.device_sends(SimTime::ZERO, &[0x56, 0x35]);
+            let set = SimTime::from_millis(100);
+            line.set_client_line(set, ClientLine::at(9600));
+            let mut read = Vec::new();
+            line.take_for_client(set, &mut read);
+            assert_ne!(read, [0x56, 0x35]);
+            read.clear();
+            line.device_sends(set, &[0x56, 0x35]);
+            line.take_for_client(SimTime::from_millis(200), &mut read);
+            assert_eq!(read, [0x56, 0x35]);
+        }
+    }
+
+    #[test]
+    fn at_speed_0_nothing_passes_and_nothing_waits() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach(SimTime::ZERO);
+        line.client_sends(SimTime::ZERO, &[1, 2, 3]);
+        let hung_up = line.set_client_line(SimTime::ZERO, ClientLine::at(0));
+        assert_eq!(hung_up, Some(LineEvent::HungUp));
+        assert_eq!(line.client_sends(SimTime::from_micros(1), &[4, 5]), []);
+        line.device_sends(SimTime::ZERO, &[6]);
+        let byte = uart::byte_time(115_200, 1);
+        let end = SimTime::ZERO + byte;
+        assert_eq!(line.next_for_device(), Some(end));
+        // Its end comes when there is no speed any more.
+        assert_eq!(line.take_for_device(end), None);
+        assert_eq!(line.next_for_device(), None);
+        let mut read = Vec::new();
+        line.take_for_client(end, &mut read);
+        assert!(read.is_empty());
+        line.set_client_line(end, ClientLine::at(115_200));
+        line.client_sends(end, &[7]);
+        assert_eq!(arrivals(&mut line), [((end + byte).as_nanos(), 7)]);
+    }
+
+    #[test]
+    fn parity_and_flow_control_are_told_once_for_each_client() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        for _ in 0..2 {
+            line.attach(SimTime::ZERO);
+            let set = ClientLine {
+                parity: true,
+                rts_cts: true,
+                ..ClientLine::at(115_200)
+            };
+            line.set_client_line(SimTime::ZERO, set);
+            let told = line.client_sends(SimTime::ZERO, &[0xAA]);
+            assert_eq!(told, [LineEvent::Parity, LineEvent::FlowControl]);
+            assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
+        }
     }
 }

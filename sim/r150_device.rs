@@ -17,8 +17,8 @@ mod bursts;
 pub mod codec;
 pub mod command;
 pub mod control;
+mod defects;
 mod event;
-mod flaws;
 pub mod motors;
 pub mod protection;
 pub mod reply;
@@ -41,7 +41,7 @@ use crate::noise::Noise;
 use crate::uart;
 use codec::Decoder;
 use control::{Control, FULL_DUTY, Parts};
-pub use event::{R150Event, ValueFault};
+pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
 use reply::{Reply, SystemInfo};
@@ -197,21 +197,6 @@ impl R150Device {
         let next = earlier(next, self.motors.answer_due());
         let next = earlier(next, self.protection.deadline());
         earlier(next, self.replies.front().map(|(due, _)| *due))
-    }
-
-    /// Whoever sent what has arrived by `now` is gone: the replies that are held back are dropped,
-    /// and so are those to requests inside a frame that was not finished.
-    pub fn client_left(&mut self, now: SimTime) {
-        if self.runs() && !self.defects.hung {
-            let mut found = Vec::new();
-            self.decoder.give_up(&mut |decoded| found.push(decoded));
-            self.handle(now, found);
-        } else {
-            self.decoder.clear();
-        }
-        self.output.clear();
-        self.replies.clear();
-        self.motors.forget_answer();
     }
 
     /// Whether output or events wait to be taken.

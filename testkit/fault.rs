@@ -5,10 +5,10 @@
 
 use std::sync::LazyLock;
 
-use sim_core::device_kind::DeviceKind;
+use sim_core::SHIPPED;
+use sim_core::device::DeviceSpec;
 use sim_core::fault::parameters::{
-    Direction, EchoSensor, FuseName, Key, LinkName, Motors, PairName, PortName, RailName,
-    WrongLength,
+    Direction, EchoSensor, FuseName, Key, Motors, PairName, PortName, RailName, WrongLength,
 };
 use sim_core::fault::{Fault, FaultInfo, catalogue};
 use toml::{Table, Value};
@@ -73,8 +73,8 @@ impl FaultChoice {
 
     /// Whether a device of this kind has it.
     #[must_use]
-    pub fn is_for(&self, kind: DeviceKind) -> bool {
-        self.info().0.devices.contains(&kind)
+    pub fn is_for(&self, device: &DeviceSpec) -> bool {
+        device.has_fault(self.info().0)
     }
 
     fn info(&self) -> &'static (&'static FaultInfo, Taken) {
@@ -137,7 +137,13 @@ static KINDS: LazyLock<Vec<(&'static FaultInfo, Taken)>> = LazyLock::new(|| {
                 Err(why) => why.contains("missing field"),
             }
         };
-        let of_parameter = |name| values.iter().filter(|v| takes(name, v)).cloned().collect();
+        let of_parameter = |name: &str| -> Vec<Value> {
+            if name == "link" {
+                let links = SHIPPED.iter().flat_map(|device| device.links);
+                return links.map(|link| Value::from(link.id)).collect();
+            }
+            values.iter().filter(|v| takes(name, v)).cloned().collect()
+        };
         let parameters = info.parameters.iter();
         (info, parameters.map(|own| of_parameter(own.name)).collect())
     };
@@ -150,7 +156,6 @@ fn values() -> Vec<Value> {
         all.iter().map(ToString::to_string)
     }
     let texts = words(Direction::ALL)
-        .chain(words(LinkName::ALL))
         .chain(words(WrongLength::ALL))
         .chain(words(RailName::ALL))
         .chain(words(PairName::ALL))

@@ -8,6 +8,7 @@
 //! | module | input | promises |
 //! |---|---|---|
 //! | [`stream`] | bytes and pauses, for each decoder | what an independent reading of the stream finds, however it is split |
+//! | [`network`] | bytes of a client on the network | all taken, in any pieces, and nothing lost |
 //! | [`operation`], [`fault`] | one thing that a client, an operator, a fault or the world does | – |
 //! | [`setting`] | any setting with any value that it takes | – |
 //! | [`session`] | a sequence of operations on devices in a world, with any settings | finite physics, time forward, bounded output, right frames |
@@ -23,6 +24,7 @@
 
 pub mod document;
 pub mod fault;
+pub mod network;
 pub mod operation;
 pub mod session;
 pub mod setting;

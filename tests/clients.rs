@@ -33,7 +33,7 @@ fn a_client_may_come_again_and_again() {
 }
 
 #[test]
-fn replies_to_one_client_never_reach_the_next() {
+fn what_a_client_has_not_read_is_gone_with_it() {
     let sim = Sim::start(&JSON);
     for round in 0..60 {
         let mut client = sim.client();
@@ -43,12 +43,12 @@ fn replies_to_one_client_never_reach_the_next() {
         // At different stages: requests under way, replies under way, replies waiting.
         std::thread::sleep(Duration::from_millis(round % 20 * 3));
         drop(client);
-        // The system keeps what a client has not read, and gives it to whoever opens the port before
-        // the simulator, which is woken by the hang-up, has taken it back; that is some tenths of a
-        // millisecond. Whoever comes so soon has to discard its input first, as pyserial does.
         let gone = usize::try_from(round).unwrap() * 2 + 1;
         sim.wait_events("client_detached", gone);
         let mut client = sim.client();
+        // What the module says to the last of it is on the cable for some more milliseconds.
+        std::thread::sleep(Duration::from_millis(50));
+        client.reset_input();
         assert_eq!(client.ask(0x07, &[]), [1], "round {round}");
         drop(client);
         sim.wait_events("client_detached", gone + 1);
@@ -57,58 +57,23 @@ fn replies_to_one_client_never_reach_the_next() {
 }
 
 #[test]
-fn a_reply_to_one_client_never_reaches_one_that_comes_at_once() {
-    let delayed = ["--set", "r150.over_rate=delay"];
-    let sim = Sim::start(&[&JSON[..], &delayed].concat());
-    for round in 0..50 {
-        let mut client = sim.client();
-        // Gone before any of it is answered.
-        client.send(&frame(0x06, &[]));
-        drop(client);
-        let mut client = sim.client();
-        let start = Instant::now();
-        loop {
-            client.send(&frame(0xF0, &[]));
-            // Where the bytes of both lie mixed in the system's buffer, they count as the former's
-            // and nothing comes: then, as with any lost byte, the client asks again.
-            if let Some((command, reply)) = client.receive_within(Duration::from_millis(200)) {
-                assert_eq!((command, reply.len()), (0xF0, 8), "round {round}");
-                break;
-            }
-            assert!(start.elapsed() < PATIENCE, "no reply in round {round}");
-        }
-        // What was answered late must not pass for a reply to the next round's first client.
-        drop(client);
-        sim.wait_events("client_detached", 2 * round + 2);
-    }
-    sim.stop().expect_clean();
-}
-
-#[test]
-fn a_hang_up_is_noticed_behind_more_than_the_line_holds() {
+fn what_had_not_begun_its_way_when_a_client_left_is_not_sent() {
     let sim = Sim::start(&JSON);
-    let mut client = sim.client();
-    let request = frame(0x07, &[]).repeat(2000);
-    client.send(&request);
-    drop(client);
-    // Until it is noticed, whoever opens the port may still read what the first client left.
-    sim.wait_event("client_detached");
-    let mut client = sim.client();
-    // All of that takes a second on the line, and none of it is answered to this one.
-    let start = Instant::now();
-    let reply = loop {
+    for (round, baud) in [BAUD, 9_600].into_iter().enumerate() {
+        let mut client = Client::open_at(sim.port(), baud);
+        client.send(&frame(0x07, &[]).repeat(1000));
+        // Of bytes that nobody has looked at before the next one comes, it is unknown whose they are.
+        sim.wait_events("client_attached", 2 * round + 1);
+        std::thread::sleep(Duration::from_millis(50));
+        drop(client);
+        let mut client = sim.client();
+        let begun = Instant::now();
         client.send(&frame(0xF0, &[]));
-        if let Some(reply) = client.receive_within(Duration::from_millis(500)) {
-            break reply;
-        }
-        assert!(start.elapsed() < PATIENCE, "no reply");
-    };
-    assert_eq!((reply.0, reply.1.len()), (0xF0, 8));
-    drop(client);
-    sim.wait_events("client_detached", 2);
-    assert_eq!(sim.wait_events("client_attached", 2).len(), 2);
+        assert!(client.skip_to(0xF0, PATIENCE).is_some());
+        println!("answered after {:?}", begun.elapsed());
+    }
     let summary = sim.stop().expect_clean().summary();
-    assert!(summary["requests"].as_u64() > Some(2000), "{summary}");
+    assert!(summary["requests"].as_u64() < Some(2000), "{summary}");
 }
 
 #[test]

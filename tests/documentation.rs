@@ -298,7 +298,7 @@ fn further_commands_are_understood() {
     }
 }
 
-/// Adds every key and every word of a schema, but what is a fault's.
+/// Adds every key and every word of a schema, but what is a fault's or a setting's.
 fn words(schema: &Value, found: &mut BTreeSet<String>) {
     match schema {
         Value::Object(object) => {
@@ -306,9 +306,8 @@ fn words(schema: &Value, found: &mut BTreeSet<String>) {
                 match (key.as_str(), value) {
                     ("properties", Value::Object(properties)) => {
                         found.extend(properties.keys().cloned());
-                        // `sim config` lists the settings.
-                        let others = properties.iter().filter(|(key, _)| *key != "settings");
-                        others.for_each(|(_, value)| words(value, found));
+                        let further = properties.iter().filter(|(key, _)| *key != "settings");
+                        further.for_each(|(_, value)| words(value, found));
                     }
                     ("const", Value::String(word)) => {
                         found.insert(word.clone());
@@ -316,7 +315,7 @@ fn words(schema: &Value, found: &mut BTreeSet<String>) {
                     ("enum", Value::Array(all)) => {
                         found.extend(all.iter().filter_map(Value::as_str).map(str::to_owned));
                     }
-                    ("Fault", _) => {}
+                    ("Fault" | "SettingsText", _) => {}
                     _ => words(value, found),
                 }
             }
@@ -368,7 +367,7 @@ fn the_reference_has_every_key_and_no_other() {
 fn the_client_report_of_the_reference_is_whole() {
     let reference = SCENARIOS.split_once("\n## Reference\n").unwrap().1;
     let told = quoted(reference);
-    for code in sim_runner::report::client_faults() {
+    for code in sim_runner::report::client_report_codes(sim_core::SHIPPED) {
         assert!(told.contains(code), "the reference lacks `{code}`");
     }
 }
@@ -392,7 +391,12 @@ fn anchor(heading: &str) -> String {
 #[test]
 fn links_lead_to_files_and_headings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let documents = ["docs/scenarios.md", "docs/ci.md", "docs/faults.md"];
+    let documents = [
+        "docs/scenarios.md",
+        "docs/ci.md",
+        "docs/faults.md",
+        "docs/rust.md",
+    ];
     for name in documents
         .into_iter()
         .chain(["README.md", "ARCHITECTURE.md"])

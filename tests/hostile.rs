@@ -8,11 +8,15 @@
 
 mod harness;
 
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::process::Signal;
 
+use harness::wire::frame;
 use harness::{Sim, command};
 
 /// A scenario of an hour with these steps.
@@ -86,4 +90,253 @@ fn the_time_allowed_and_signals_hold_in_files_that_have_something_every_nanoseco
         assert!(ended.out.contains("1 broken off"), "{}", ended.out);
         fs::remove_dir_all(folder.join("out")).unwrap();
     }
+}
+
+#[test]
+fn what_comes_all_at_once_is_counted_to_the_last() {
+    const REQUESTS: u64 = 3000;
+    let sim = Sim::start(&["--wire", "instant", "--log-format", "json"]);
+    let mut client = sim.client();
+    let request = frame(0x07, &[]);
+    let mut sent = 0;
+    let mut received = Vec::new();
+    let all = request.repeat(usize::try_from(REQUESTS).unwrap());
+    harness::until("all has been sent", || {
+        sent += client.send_some(&all[sent..]);
+        received.extend(client.read_for(Duration::from_millis(1)));
+        sent == all.len()
+    });
+    // The rest is on its way; a busy machine may take a while to bring it.
+    received.extend(client.read_for(Duration::from_secs(2)));
+    drop(client);
+    sim.wait_event("client_detached");
+    let finished = sim.stop();
+    let summary = finished.expect_clean().summary();
+    assert_eq!(summary["requests"].as_u64(), Some(REQUESTS), "{summary}");
+    assert_eq!(summary["replies"].as_u64(), Some(REQUESTS), "{summary}");
+    let lost = |code: &str| {
+        let events = harness::with_code(summary["events"].as_array().unwrap(), code);
+        events
+            .iter()
+            .filter_map(|event| event["lost_bytes"].as_u64())
+            .sum::<u64>()
+    };
+    let told = received.len() as u64 + lost("line_full") + lost("overrun");
+    assert_eq!(told, REQUESTS * 7, "{summary}");
+}
+
+/// A scenario of half a second that passes.
+fn short(title: &str) -> String {
+    scenario(title, "").replace("1 h", "500 ms")
+}
+
+/// A JUnit file, which must be well-formed.
+fn junit(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    let mut reader = quick_xml::Reader::from_str(&text);
+    loop {
+        match reader.read_event().unwrap() {
+            quick_xml::events::Event::Eof => break,
+            quick_xml::events::Event::Text(text) => {
+                text.xml10_content().unwrap();
+            }
+            _ => {}
+        }
+    }
+    let forbidden = |c: char| {
+        c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
+    };
+    assert!(!text.contains(forbidden), "{text}");
+    text
+}
+
+#[test]
+fn names_that_are_no_text_are_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let odd = OsStr::from_bytes(b"o\xffdd");
+    let folder = folder.path().join(odd);
+    fs::create_dir(&folder).unwrap();
+    let file = OsStr::from_bytes(b"s\xfe.toml");
+    fs::write(folder.join(file), short("Odd")).unwrap();
+    fs::write(folder.join("plain.toml"), short("Plain")).unwrap();
+    let rig = "schema = 1\n[[device]]\nkind = \"r150\"\nport = \"port\"\n";
+    fs::write(folder.join("rig.toml"), rig).unwrap();
+
+    let mut run = command();
+    run.arg("run").arg("--output").arg(folder.join(odd));
+    run.arg("--junit")
+        .arg(folder.join(OsStr::from_bytes(b"\xff.xml")));
+    run.arg(folder.join(file)).arg(folder.join("plain.toml"));
+    let client = "case \"$SIM_SCENARIO\" in *.toml) exec 3<>\"$SIM_R150_PORT\";; esac";
+    for client in [&[] as &[&str], &["--", "sh", "-c", client]] {
+        let ended = Sim::spawn(run.args(client), PathBuf::new(), None).wait();
+        assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+        assert!(ended.out.contains("s\\xfe.toml: Odd"), "{}", ended.out);
+        let results = junit(&folder.join(OsStr::from_bytes(b"\xff.xml")));
+        assert!(
+            results.contains("tests=\"2\" failures=\"0\" errors=\"0\""),
+            "{results}"
+        );
+        let reports = fs::read_dir(folder.join(odd)).unwrap();
+        assert_eq!(reports.count(), if client.is_empty() { 4 } else { 6 });
+    }
+
+    for args in [["--pty", "p\u{e9}"], ["--rig", "rig.toml"]] {
+        let mut serve = command();
+        serve.arg(args[0]).arg(folder.join(args[1]));
+        serve
+            .arg("--ready-file")
+            .arg(folder.join(odd).join("ready"));
+        let sim = Sim::spawn(&mut serve, PathBuf::new(), None);
+        sim.wait_line(&["o\\xffdd/p"]);
+        sim.wait_ready();
+        sim.stop().expect_clean();
+    }
+}
+
+#[test]
+fn what_goes_wrong_in_one_scenario_is_its_error_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for name in ["a", "b", "c"] {
+        fs::write(folder.join(format!("{name}.toml")), short(name)).unwrap();
+    }
+    // Something that no report can replace.
+    fs::create_dir_all(folder.join("out/b.report.json/full")).unwrap();
+    let args = ["run", "--junit", "r.xml", "--output", "out", "."];
+    let ended = start(folder, &args).wait();
+    assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+    assert!(
+        ended
+            .out
+            .contains("BROKEN  ./b.toml: cannot write the report"),
+        "{}",
+        ended.out
+    );
+    assert!(
+        ended
+            .out
+            .contains("2 passed, 0 failed, 0 skipped, 1 could not be"),
+        "{}",
+        ended.out
+    );
+    let results = junit(&folder.join("r.xml"));
+    assert!(
+        results.contains("tests=\"3\" failures=\"0\" errors=\"1\""),
+        "{results}"
+    );
+}
+
+#[test]
+fn a_killed_run_leaves_the_results_that_it_had() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("a.toml"), short("Known")).unwrap();
+    fs::write(folder.join("b.toml"), scenario("Endless", HEARTBEATS)).unwrap();
+    let sim = start(
+        folder,
+        &["run", "-j", "1", "--junit", "r.xml", "a.toml", "b.toml"],
+    );
+    sim.wait_line(&["ok", "a.toml"]);
+    harness::until("it is in the file", || {
+        junit(&folder.join("r.xml")).contains("skipped=\"0\"")
+    });
+    sim.signal(Signal::KILL);
+    sim.wait();
+    let results = junit(&folder.join("r.xml"));
+    assert!(
+        results.contains("tests=\"2\" failures=\"0\" errors=\"0\""),
+        "{results}"
+    );
+    assert_eq!(results.matches("<skipped").count(), 1, "{results}");
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 3);
+}
+
+#[test]
+fn results_replace_nothing_but_results() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("a.toml"), short("A")).unwrap();
+    let ended = start(folder, &["run", "--junit", "a.toml", "a.toml"]).wait();
+    ended.expect_refusal(2, &["a.toml", "left alone"]);
+    assert_eq!(
+        fs::read_to_string(folder.join("a.toml")).unwrap(),
+        short("A")
+    );
+    for _ in 0..2 {
+        let ended = start(folder, &["run", "--junit", "r.xml", "a.toml"]).wait();
+        assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    }
+    // A pipe that nobody reads is told of, and standard output is a pipe here.
+    rustix::fs::mknodat(
+        rustix::fs::CWD,
+        folder.join("pipe"),
+        rustix::fs::FileType::Fifo,
+        rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR,
+        0,
+    )
+    .unwrap();
+    let ended = start(folder, &["run", "--junit", "pipe", "a.toml"]).wait();
+    ended.expect_refusal(2, &["cannot write results to pipe"]);
+    let ended = start(folder, &["run", "--junit", "/dev/stdout", "a.toml"]).wait();
+    assert!(ended.out.contains("</testsuites>"), "{}", ended.out);
+}
+
+#[test]
+fn nothing_that_is_written_or_printed_commands_a_terminal_or_breaks_a_document() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bad = "\u{1b}]0;x\u{7}\u{1b}[2J\u{9b}2J\u{202e}\u{fffe}\u{ffff}";
+    let escaped: String = bad
+        .chars()
+        .map(|c| format!("\\U{:08x}", c as u32))
+        .collect();
+    let steps = format!(
+        "[[step]]\nname = \"s{escaped}\"\nat = \"1 ms\"\nexpect = {{ that = \"false\", message = \
+         \"m\\n{escaped}\" }}\n"
+    );
+    let file = folder.join(format!("a{}.toml", bad.replace('/', "")));
+    fs::write(&file, short(&format!("t\\n{escaped}")) + &steps).unwrap();
+    fs::write(folder.join("client"), bad).unwrap();
+    let client = "exec 3<>\"$SIM_R150_PORT\"; cat client; sleep 0.2; exit 1";
+    let name = file.file_name().unwrap().to_str().unwrap();
+    let safe = |text: &str| {
+        let found = text
+            .chars()
+            .find(|c| !c.is_ascii_graphic() && bad.contains(*c));
+        assert!(found.is_none(), "{found:?} in {text}");
+        text.to_owned()
+    };
+    for client in [&[] as &[&str], &["--", "sh", "-c", client]] {
+        for args in [
+            ["run", "--list"],
+            ["run", "--dry-run"],
+            ["run", "--junit=r.xml"],
+        ] {
+            let ended = start(folder, &[&args as &[&str], &[name], client].concat()).wait();
+            let out = safe(&ended.out);
+            assert!(out.contains("t\\n\\u{1b}]0;x"), "{out}");
+            assert_eq!(
+                out.lines().filter(|line| line.contains("t\\n")).count(),
+                1,
+                "{out}"
+            );
+            safe(&ended.err);
+        }
+        let results = safe(&junit(&folder.join("r.xml")));
+        assert!(results.contains("m\\n\\u{1b}]0;x") || results.contains("\\u{1b}]0;x"));
+    }
+    let sim = start(folder, &["--scenario", name, "--pty", "p"]);
+    sim.wait_ready();
+    safe(&sim.stop().out);
+    let sim = start(
+        folder,
+        &["--scenario", name, "--pty", "p", "--log-format", "json"],
+    );
+    sim.wait_ready();
+    safe(&sim.stop().out);
+    fs::write(&file, "schema = 1\n\"\u{202e}\" = 1").unwrap();
+    let ended = start(folder, &["check", name]).wait();
+    assert_eq!(ended.code(), Some(2));
+    safe(&ended.err);
 }

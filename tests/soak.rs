@@ -15,13 +15,15 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use harness::client::{BAUD, Client};
 use harness::wire::{frame, motors};
-use harness::{Sim, command};
+use harness::{PATIENCE, Sim, command};
+use rustix::termios::{Action, tcflow};
 
 /// Cycles without the variable.
 const FEW: u64 = 150;
@@ -31,6 +33,10 @@ const TOLD_EVERY: u64 = 500;
 const WARM_UP: u64 = 50;
 /// Memory may differ by this; a leak of 1 kB a cycle shows within the documented campaign.
 const MOST_GROWTH_KIB: u64 = 4096;
+
+/// Held while a process starts, which has open what others have until it has become another program:
+/// a port that one thread closes then is closed a moment later, when another may have it open.
+static STARTING: Mutex<()> = Mutex::new(());
 
 /// What a process has of the system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +70,7 @@ fn cycles() -> u64 {
 
 /// A client that does one bad thing and is gone.
 fn abuse(port: &Path, cycle: u64) {
-    match cycle % 5 {
+    match cycle % 10 {
         // Killed in the middle of a frame.
         0 => shell(port, r"printf '\252\125\004\022\350' >&3; kill -KILL $$"),
         // Killed while it floods and reads nothing.
@@ -85,34 +91,48 @@ fn abuse(port: &Path, cycle: u64) {
             let mut client = open(port);
             client.send_some(&motors(700, -700));
         }
-        // A good client for a change. Where the one before it left in the same instant, its first
-        // words may count as that one's last, so it asks again.
+        // At another speed, at speed 0, with its output held back, and at once away.
+        4 => drop(Client::try_open(port, 9_600).map(Client::over)),
+        5 => {
+            let mut client = Client::over(retry(port, 57_600));
+            client.send_some(&frame(0x06, &[]));
+        }
+        6 => shell(port, r"stty 0 <&3; printf '\252\125\000\006\116\225' >&3"),
+        7 => {
+            let _alone = STARTING.lock();
+            let client = fs::File::options().read(true).write(true).open(port);
+            let _ = tcflow(client.unwrap(), Action::OOff);
+        }
+        // Half a frame, and more than the line takes.
+        8 => {
+            let mut client = open(port);
+            client.send_some(&frame(0x06, &[]).repeat(400)[..2395]);
+        }
+        // A good client for a change, which is answered whoever was there before.
         _ => {
             let mut client = open(port);
-            let mut reply = None;
-            harness::until(
-                "a good client is answered, whoever was there before",
-                || {
-                    client.send(&frame(0x07, &[]));
-                    reply = client.skip_to(0x07, Duration::from_millis(50));
-                    reply.is_some()
-                },
-            );
-            assert_eq!(reply.as_deref(), Some([1].as_slice()));
+            client.send(&frame(0x07, &[]));
+            let reply = client.skip_to(0x07, PATIENCE);
+            assert_eq!(reply.as_deref(), Some([1].as_slice()), "cycle {cycle}");
         }
     }
 }
 
 fn open(port: &Path) -> Client {
+    Client::over(retry(port, BAUD))
+}
+
+fn retry(port: &Path, baud: u32) -> serialport::TTYPort {
     let mut opened = None;
     harness::until("the port can be opened", || {
-        opened = Client::try_open(port, BAUD).ok();
+        opened = Client::try_open(port, baud).ok();
         opened.is_some()
     });
-    Client::over(opened.unwrap())
+    opened.unwrap()
 }
 
 fn shell(port: &Path, script: &str) {
+    let alone = STARTING.lock();
     let mut child = Command::new("sh")
         .args(["-c", &format!("exec 3<>\"$PORT\" && {script}")])
         .env("PORT", port)
@@ -120,6 +140,7 @@ fn shell(port: &Path, script: &str) {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
+    drop(alone);
     child.wait().unwrap();
 }
 

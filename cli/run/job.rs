@@ -5,34 +5,55 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use sim_core::line::Wire;
+use sim_embed::serve::HeldUp;
 use sim_runner::{Outcome, Run, RunOptions};
 use sim_settings::show_duration;
 
-use crate::args::RunArgs;
+use crate::args::{RandomArg, RunArgs, TimeArg};
 use crate::exit::Failure;
+use crate::report::Report;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
+use crate::visible;
 
 use super::trace_file::TraceFile;
 
 /// Real time that a scenario may take beyond twice its own.
 const ALLOWANCE: Duration = Duration::from_secs(30);
 
+/// The date on which clients begin unless another is asked for: 2025-01-01.
+const DATE: Duration = Duration::from_secs(1_735_689_600);
+
 /// A scenario to be played.
+#[derive(Clone)]
 pub(crate) struct Job<'a> {
     pub(crate) loaded: &'a Loaded,
     pub(crate) seed: u64,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
+    /// Whose time the client has.
+    pub(crate) time: TimeArg,
+    /// What the client reads as random comes from the seed.
+    pub(crate) random_from_seed: bool,
+    /// The date on which the client begins, since 1970.
+    pub(crate) date: Duration,
+    /// The same as it was asked for, if it was.
+    dated: bool,
+    /// Played two times, to be compared.
+    pub(crate) twice: bool,
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
     /// Real time that it may take.
     pub(crate) allowed: Duration,
     /// The same as it was asked for.
     timeout: Option<Duration>,
+    /// How long the machine may hold it up before a failure counts as the machine's.
+    pub(crate) most_held_up: Duration,
     pub(crate) client: &'a [OsString],
     /// Where traces and reports go.
     pub(crate) output: Option<&'a Path>,
+    /// The page that shows it.
+    pub(crate) report: Option<&'a Report>,
 }
 
 impl<'a> Job<'a> {
@@ -47,11 +68,18 @@ impl<'a> Job<'a> {
             loaded,
             seed: seed.wrapping_add(u64::from(repeat)),
             repeat: (args.repeat > 1).then_some(repeat),
+            time: args.time,
+            random_from_seed: args.random == RandomArg::Seed,
+            date: args.date,
+            dated: args.date != DATE,
+            twice: args.twice,
             speed,
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
             timeout,
+            most_held_up: args.max_hold_up.0,
             client: &args.client,
             output: args.output.as_deref(),
+            report: None,
         }
     }
 
@@ -59,22 +87,60 @@ impl<'a> Job<'a> {
         !self.client.is_empty()
     }
 
+    /// Whether a real client plays in the simulator's time.
+    pub(crate) fn is_lockstep(&self) -> bool {
+        self.is_live() && self.time == TimeArg::Lockstep
+    }
+
+    /// What the time of the run is called.
+    pub(crate) fn time_word(&self) -> &'static str {
+        if self.is_live() {
+            self.time.word()
+        } else {
+            "simulated"
+        }
+    }
+
     /// The file's path, and which time it is.
     pub(crate) fn name(&self) -> String {
-        let path = self.loaded.path.display();
+        let path = visible::name(&self.loaded.path);
         match self.repeat {
             Some(repeat) => format!("{path} #{}", repeat + 1),
-            None => path.to_string(),
+            None => path,
         }
     }
 
     /// Where to write what ends with `end`, if anything is to be written.
     pub(crate) fn file(&self, end: &str) -> Option<PathBuf> {
+        Some(self.file_in(self.output?, end))
+    }
+
+    fn file_in(&self, folder: &Path, end: &str) -> PathBuf {
         let mut name = self.loaded.stem();
         if let Some(repeat) = self.repeat {
-            name += &format!("-{}", repeat + 1);
+            name.push(format!("-{}", repeat + 1));
         }
-        Some(self.output?.join(format!("{name}.{end}")))
+        name.push(format!(".{end}"));
+        folder.join(name)
+    }
+
+    /// The file of its trace, if anybody wants one.
+    pub(crate) fn recording(&self) -> Option<PathBuf> {
+        let wanted = self.file("trace.jsonl");
+        wanted.or_else(|| Some(self.file_in(self.report?.folder(), "trace.jsonl")))
+    }
+
+    /// Shows it on the page, if there is one.
+    pub(crate) fn show(&self, played: &Played) -> Result<(), Failure> {
+        let Some(report) = self.report else {
+            return Ok(());
+        };
+        report.add(self, played)?;
+        if let (None, Some(trace)) = (self.output, self.recording()) {
+            // A thousand of them need not be there at a time.
+            let _ = std::fs::remove_file(trace);
+        }
+        Ok(())
     }
 
     /// A run of it, and the file for its trace.
@@ -83,36 +149,39 @@ impl<'a> Job<'a> {
             seed: self.seed,
             wire: Wire::Paced,
             live: self.is_live(),
-            trace: self.output.is_some(),
+            trace: self.recording().is_some(),
         })?;
-        let trace = self
-            .file("trace.jsonl")
-            .map(TraceFile::create)
-            .transpose()?;
+        let trace = self.recording().map(TraceFile::create).transpose()?;
         Ok((run, trace))
     }
 
     /// What to type to see the same again.
     pub(crate) fn command(&self) -> String {
-        let mut words = vec!["sim".to_owned(), "run".to_owned()];
-        words.extend(["--seed".to_owned(), self.seed.to_string()]);
+        let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
+        words.push(self.seed.to_string().into());
+        if self.is_live() && self.time == TimeArg::Real {
+            words.extend(["--time".into(), self.time.word().into()]);
+        }
+        if self.is_lockstep() && self.dated {
+            let date = std::time::UNIX_EPOCH + self.date;
+            let date = humantime::format_rfc3339_seconds(date).to_string();
+            words.extend(["--date".into(), date.into()]);
+        }
+        if self.is_lockstep() && !self.random_from_seed {
+            words.extend(["--random".into(), "real".into()]);
+        }
         if self.is_live() && self.speed != 1.0 {
-            words.extend(["--speed".to_owned(), self.speed.to_string()]);
+            words.extend(["--speed".into(), self.speed.to_string().into()]);
         }
         if let Some(timeout) = self.timeout {
-            words.extend(["--timeout".to_owned(), show_duration(timeout)]);
+            words.extend(["--timeout".into(), show_duration(timeout).into()]);
         }
-        words.push(self.loaded.path.display().to_string());
+        words.push(self.loaded.path.clone().into());
         if self.is_live() {
-            words.push("--".to_owned());
-            let client = self
-                .client
-                .iter()
-                .map(|word| word.to_string_lossy().into_owned());
-            words.extend(client);
+            words.push("--".into());
+            words.extend(self.client.iter().cloned());
         }
-        // Only a zero byte cannot be quoted, and no argument has one.
-        shlex::try_join(words.iter().map(String::as_str)).unwrap_or_else(|_| words.join(" "))
+        visible::command(words.iter().map(OsString::as_os_str))
     }
 }
 
@@ -133,6 +202,30 @@ pub(crate) struct Played {
     pub(crate) client: Option<PlayedClient>,
     /// Real time that it took.
     pub(crate) took: Duration,
+    /// What the machine did to it; nothing can be done to what runs in simulated time.
+    pub(crate) held_up: Option<HeldUp>,
+    /// It failed, and the machine held it up for so long that this proves nothing.
+    pub(crate) is_spoilt: bool,
+}
+
+/// A verdict, and whom it is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    Passed,
+    /// The client failed, or the vehicle did what it should not.
+    Failed,
+    /// The machine held the simulator up so much that a failure says nothing of the client.
+    Spoilt,
+}
+
+impl Played {
+    pub(crate) fn verdict(&self) -> Verdict {
+        match (self.outcome.passed, self.is_spoilt) {
+            (true, _) => Verdict::Passed,
+            (false, true) => Verdict::Spoilt,
+            (false, false) => Verdict::Failed,
+        }
+    }
 }
 
 /// A client that has ended.
@@ -142,6 +235,10 @@ pub(crate) struct PlayedClient {
     pub(crate) stopped: bool,
     /// The end of what it wrote.
     pub(crate) output: String,
+    /// What it waited for outside of the simulation, for which the run is not repeatable.
+    pub(crate) outside: Vec<String>,
+    /// What lockstep refused it.
+    pub(crate) refused: Vec<String>,
 }
 
 impl JobResult {

@@ -3,38 +3,160 @@
 //! Each scenario is a test suite, with a test case for each time that it was played, since only
 //! suites can have properties everywhere.
 
-use std::fs;
-use std::path::Path;
-use std::time::Duration;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use quick_junit::{NonSuccessKind, Property, Report, TestCase, TestCaseStatus, TestSuite};
 
 use crate::exit::Failure;
+use crate::{visible, whole_file};
 
-use super::job::{Job, JobResult, Played};
+use super::job::{Job, JobResult, Played, Verdict};
 use super::tell;
 
-/// Writes the file, also of a run that was broken off.
-pub(crate) fn write(
-    path: &Path,
-    jobs: &[Job<'_>],
-    results: &[Option<JobResult>],
-) -> Result<(), Failure> {
-    let mut report = Report::new("sim");
-    let mut total = Duration::ZERO;
-    for (job, result) in jobs.iter().zip(results) {
-        let suite = suite(job, result.as_ref());
-        total += suite.time.unwrap_or_default();
-        report.add_test_suite(suite);
+/// How many times as long as the last writing took to play on before the next: with thousands of results
+/// the file is not written for each.
+const RARELY: u32 = 20;
+/// How much of a file that is there is looked at for results.
+const GLANCE: u64 = 4096;
+
+/// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a whole
+/// document.
+pub(crate) struct Junit {
+    path: PathBuf,
+    to: To,
+    report: Report,
+    /// When it was written, and how long that took.
+    written: Option<(Instant, Duration)>,
+    /// Something is known that is not written.
+    is_behind: bool,
+}
+
+enum To {
+    /// A file that is replaced each time.
+    File,
+    /// A pipe or a terminal, which takes it once, at the end.
+    Stream(File),
+}
+
+impl Junit {
+    /// A file in which nothing is known of the jobs.
+    ///
+    /// # Errors
+    /// When it cannot be written, or something else is there that is no file of results.
+    pub(crate) fn begin(path: &Path, jobs: &[Job<'_>]) -> Result<Self, Failure> {
+        let to = target(path)
+            .with_context(|| format!("cannot write results to {}", visible::name(path)))
+            .map_err(Failure::usage)?;
+        let mut report = Report::new("sim");
+        report.test_suites = jobs.iter().map(|job| suite(job, None)).collect();
+        let mut junit = Self {
+            path: path.to_owned(),
+            to,
+            report,
+            written: None,
+            is_behind: true,
+        };
+        junit
+            .update()
+            .map_err(|failure| Failure::usage(failure.error))?;
+        Ok(junit)
     }
-    report.set_time(total);
-    report
-        .to_string()
-        .map_err(anyhow::Error::from)
-        .and_then(|text| Ok(fs::write(path, without_skipped_total(&text))?))
-        .with_context(|| format!("cannot write {}", path.display()))
-        .map_err(Failure::system)
+
+    /// A job has a result.
+    pub(crate) fn known(
+        &mut self,
+        index: usize,
+        job: &Job<'_>,
+        result: &JobResult,
+    ) -> Result<(), Failure> {
+        self.report.test_suites[index] = suite(job, Some(result));
+        self.is_behind = true;
+        self.catch_up()
+    }
+
+    /// Writes what is known and not written, unless that was done just now.
+    pub(crate) fn catch_up(&mut self) -> Result<(), Failure> {
+        match self.written {
+            Some((at, took)) if !self.is_behind || at.elapsed() < took * RARELY => Ok(()),
+            _ => self.update(),
+        }
+    }
+
+    /// Writes all that is known.
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        if let To::Stream(_) = &self.to {
+            let text = self.text().map_err(Failure::system)?;
+            if let To::Stream(stream) = &mut self.to {
+                return stream
+                    .write_all(text.as_bytes())
+                    .with_context(|| format!("cannot write {}", visible::name(&self.path)))
+                    .map_err(Failure::system);
+            }
+        }
+        self.update()
+    }
+
+    fn update(&mut self) -> Result<(), Failure> {
+        if let To::Stream(_) = &self.to {
+            return Ok(());
+        }
+        let begun = Instant::now();
+        let text = self.text().map_err(Failure::system)?;
+        whole_file::write(&self.path, text.as_bytes())
+            .with_context(|| format!("cannot write {}", visible::name(&self.path)))
+            .map_err(Failure::system)?;
+        self.written = Some((Instant::now(), begun.elapsed()));
+        self.is_behind = false;
+        Ok(())
+    }
+
+    fn text(&mut self) -> anyhow::Result<String> {
+        let report = &mut self.report;
+        let sum = |of: fn(&TestSuite) -> usize| report.test_suites.iter().map(of).sum();
+        (report.tests, report.failures) = (sum(|suite| suite.tests), sum(|suite| suite.failures));
+        (report.errors, report.skipped) = (sum(|suite| suite.errors), sum(|suite| suite.skipped));
+        let times = report.test_suites.iter().filter_map(|suite| suite.time);
+        report.time = Some(times.sum());
+        Ok(without_skipped_total(&self.report.to_string()?))
+    }
+}
+
+/// What is to be written to. A file that holds something else than results is left alone.
+fn target(path: &Path) -> anyhow::Result<To> {
+    let metadata = match fs::metadata(path) {
+        Ok(metadata) => metadata,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(To::File),
+        Err(error) => return Err(error.into()),
+    };
+    if metadata.is_dir() {
+        return Err(anyhow!("it is a folder"));
+    }
+    if !metadata.is_file() {
+        // A named pipe that nobody reads would keep this waiting for ever.
+        let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+        let stream = OpenOptions::new()
+            .write(true)
+            .custom_flags(nonblocking)
+            .open(path)?;
+        let flags = rustix::fs::fcntl_getfl(&stream)?;
+        rustix::fs::fcntl_setfl(&stream, flags - rustix::fs::OFlags::NONBLOCK)?;
+        return Ok(To::Stream(stream));
+    }
+    let mut begin = Vec::new();
+    File::open(path)?.take(GLANCE).read_to_end(&mut begin)?;
+    let holds = |word: &[u8]| begin.windows(word.len()).any(|part| part == word);
+    if begin.is_empty() || holds(b"<testsuites") || holds(b"<testsuite ") {
+        return Ok(To::File);
+    }
+    Err(anyhow!(
+        "something else than JUnit results is there, which is left alone; remove it or choose \
+         another path"
+    ))
 }
 
 /// The schema that Jenkins publishes knows no total of skipped tests over all suites, and the
@@ -56,24 +178,39 @@ fn without_skipped_total(text: &str) -> String {
     }
 }
 
+/// Text as it may go into the document: shown as on a terminal, so that the library finds nothing to
+/// take out and XML nothing that it forbids.
+fn text(text: &str) -> String {
+    visible::lines(text).into_owned()
+}
+
 fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
     let mut suite = TestSuite::new(job.name());
     let mut properties = vec![
         ("sim.version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("sim.scenario", job.loaded.path.display().to_string()),
+        ("sim.scenario", visible::name(&job.loaded.path)),
         ("sim.seed", job.seed.to_string()),
+        ("sim.time", job.time_word().to_owned()),
         ("sim.command", job.command()),
     ];
     if let Some(trace) = job.file("trace.jsonl") {
-        properties.push(("sim.trace", trace.display().to_string()));
+        properties.push(("sim.trace", visible::name(&trace)));
     }
     if let Some(JobResult::Played(played)) = result {
+        for what in played.client.iter().flat_map(|client| &client.outside) {
+            properties.push(("sim.not_repeatable", what.clone()));
+        }
         for line in tell::client_report(&played.outcome) {
             properties.push(("sim.client_report", line));
         }
+        if let Some(held_up) = played.held_up {
+            let seconds = |time: Duration| format!("{:.3}", time.as_secs_f64());
+            properties.push(("sim.held_up_s", seconds(held_up.total)));
+            properties.push(("sim.held_up_longest_s", seconds(held_up.longest)));
+        }
     }
     for (name, value) in properties {
-        suite.add_property(Property::new(name, value));
+        suite.add_property(Property::new(name, text(&value)));
     }
     let case = case(job, result);
     suite.set_time(case.time.unwrap_or_default());
@@ -82,18 +219,19 @@ fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
 }
 
 fn case(job: &Job<'_>, result: Option<&JobResult>) -> TestCase {
-    let title = &job.loaded.scenario.title;
-    let mut case = TestCase::new(title.as_str(), status(result));
+    let title = visible::line(&job.loaded.scenario.title);
+    let mut case = TestCase::new(title, status(result));
     // Shown as a tree by its dots.
-    case.set_classname(format!("sim.{}", job.loaded.stem().replace('.', "_")));
+    let stem = visible::name(job.loaded.stem());
+    case.set_classname(format!("sim.{}", stem.replace('.', "_")));
     case.set_time(Duration::ZERO);
     if let Some(JobResult::Played(played)) = result {
         case.set_time(played.took);
         if let Some(client) = &played.client {
-            case.set_system_out(client.output.as_str());
+            case.set_system_out(text(&client.output));
         }
         if !played.outcome.passed {
-            case.set_system_err(played.outcome.traffic.join("\n"));
+            case.set_system_err(text(&played.outcome.traffic.join("\n")));
         }
     }
     case
@@ -101,11 +239,14 @@ fn case(job: &Job<'_>, result: Option<&JobResult>) -> TestCase {
 
 fn status(result: Option<&JobResult>) -> TestCaseStatus {
     match result {
-        Some(JobResult::Played(played)) if played.outcome.passed => TestCaseStatus::success(),
-        Some(JobResult::Played(played)) => failed(played),
+        Some(JobResult::Played(played)) => match played.verdict() {
+            Verdict::Passed => TestCaseStatus::success(),
+            Verdict::Failed => failed(played, NonSuccessKind::Failure, "scenario"),
+            Verdict::Spoilt => failed(played, NonSuccessKind::Error, "machine"),
+        },
         Some(JobResult::Broken(why)) => {
             let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
-            status.set_message(why.as_str()).set_type("simulator");
+            status.set_message(text(why)).set_type("simulator");
             status
         }
         Some(JobResult::BrokenOff) => {
@@ -122,19 +263,19 @@ fn status(result: Option<&JobResult>) -> TestCaseStatus {
     }
 }
 
-fn failed(played: &Played) -> TestCaseStatus {
-    let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
-    let lines: Vec<String> = played
-        .outcome
-        .failures
-        .iter()
-        .map(ToString::to_string)
-        .collect();
-    let first = lines.first().cloned().unwrap_or_default();
+fn failed(played: &Played, kind: NonSuccessKind, what: &str) -> TestCaseStatus {
+    let mut status = TestCaseStatus::non_success(kind);
+    let machine = played.held_up.and_then(tell::machines_part);
+    let failures = played.outcome.failures.iter().map(ToString::to_string);
+    let lines: Vec<String> = match played.is_spoilt {
+        true => machine.into_iter().chain(failures).collect(),
+        false => failures.chain(machine).collect(),
+    };
+    let first = lines.first().map(|line| text(line)).unwrap_or_default();
     status
         .set_message(first)
-        .set_type("scenario")
-        .set_description(lines.join("\n"));
+        .set_type(what)
+        .set_description(text(&lines.join("\n")));
     status
 }
 

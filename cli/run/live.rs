@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -14,9 +14,11 @@ use sim_settings::show_duration;
 use crate::client::Client;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
-use sim_embed::ports::{Elsewhere, ShownPort, open_all};
+use crate::visible;
+use sim_core::rig::PortId;
+use sim_embed::ports::{Elsewhere, open_all, variable};
 use sim_embed::serve::{Begin, Ended, Server};
-use sim_embed::served::Served;
+use sim_pty::PtySetup;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
@@ -54,11 +56,23 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         .map_err(Failure::system)?;
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
-    let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere).map_err(Failure::system)?;
-    let environment = environment(job, &ports)?;
+    let ports = open_all(
+        plan,
+        &job.loaded.folder(),
+        None,
+        &elsewhere,
+        PtySetup::raw(0),
+    )
+    .map_err(Failure::system)?;
+    let paths = ports.iter().map(|served| (served.id, served.path.clone()));
+    let environment = environment(job, paths)?;
     let log = job.file("client.log").map(|path| {
-        File::create(&path)
-            .with_context(|| format!("cannot write the client's output to {}", path.display()))
+        File::create(&path).with_context(|| {
+            format!(
+                "cannot write the client's output to {}",
+                visible::name(&path)
+            )
+        })
     });
     let log = log.transpose().map_err(Failure::system)?;
     let when = (Begin::WithClient, job.speed);
@@ -77,7 +91,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     if let Some(client) = &played
         && let ClientEnd::NotStarted(why) = &client.end
     {
-        let shown = job.client[0].display();
+        let shown = visible::name(&job.client[0]);
         return Err(Failure::usage(anyhow!(
             "cannot start the client {shown}: {why}"
         )));
@@ -86,30 +100,40 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let outcome = play.server.run_mut().end().clone();
     take(play.server.run_mut(), &mut play.trace);
     play.trace.map_or(Ok(()), TraceFile::finish)?;
+    let passed = outcome.passed;
+    let held_up = play.server.held_up();
     Ok(match played {
         None => JobResult::BrokenOff,
         Some(client) => JobResult::Played(Box::new(Played {
             outcome,
             client: Some(client),
             took: begun.elapsed(),
+            held_up: Some(held_up),
+            is_spoilt: !passed && held_up.total > job.most_held_up,
         })),
     })
 }
 
 /// What the client finds in its environment.
-fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)>, Failure> {
+pub(crate) fn environment(
+    job: &Job<'_>,
+    ports: impl Iterator<Item = (PortId, PathBuf)>,
+) -> Result<Vec<(String, OsString)>, Failure> {
     let plan = &job.loaded.scenario.rig;
     let mut environment: Vec<(String, OsString)> = Vec::new();
-    for served in ports {
-        let variable = ShownPort::new(served, plan).variable();
+    for (id, path) in ports {
+        let device = &plan.devices[id.device];
+        let links = device.links();
+        let link = links.iter().find(|link| link.index == id.link);
+        let variable = variable(&device.name, id.link, link.map_or("", |link| link.name));
         if environment.iter().any(|(other, _)| *other == variable) {
             return Err(Failure::usage(anyhow!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
                  differ in more than -, _ and the case of letters",
-                job.loaded.path.display()
+                visible::name(&job.loaded.path)
             )));
         }
-        environment.push((variable, absolute(&served.path)?));
+        environment.push((variable, absolute(&path)?));
     }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
     environment.push(("SIM_SCENARIO".to_owned(), absolute(&job.loaded.path)?));
@@ -120,7 +144,7 @@ fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)
 fn absolute(path: &Path) -> Result<OsString, Failure> {
     std::path::absolute(path)
         .map(std::path::PathBuf::into_os_string)
-        .with_context(|| format!("cannot tell where {} is", path.display()))
+        .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
         .map_err(Failure::system)
 }
 
@@ -164,6 +188,8 @@ impl LivePlay {
             end,
             stopped,
             output: self.client.output().text(),
+            outside: Vec::new(),
+            refused: Vec::new(),
         }))
     }
 
@@ -204,7 +230,7 @@ impl LivePlay {
 }
 
 /// Takes what the run has to tell.
-fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
+pub(crate) fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
     while run.poll_event().is_some() {}
     while let Some(line) = run.poll_trace() {
         if let Some(trace) = trace {

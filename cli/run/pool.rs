@@ -6,24 +6,39 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
+use crossbeam_channel::RecvTimeoutError;
 use sim_pty::Waiter;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
+use crate::print::complain;
 
-use super::job::{Job, JobResult};
-use super::{live, report, scripted};
+use super::job::{Job, JobResult, Verdict};
+use super::{live, lockstep, report, scripted, twice};
 
 /// How long everything may take to end after a second signal.
 const LAST_PATIENCE: Duration = Duration::from_secs(15);
 
-/// Plays all, and hands each result to `tell` in the order of the jobs. What was not played, since
-/// another failed or a signal came, has no result. An error that concerns all comes beside.
+/// How long to wait for a result before looking whether something is left to be done.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// Whoever wants to know of results. An error of theirs ends nothing; the first is told at the end.
+pub(crate) trait Audience {
+    /// A job has a result; they come as they come.
+    fn known(&mut self, index: usize, result: &JobResult) -> Result<(), Failure>;
+    /// The same in the order of the jobs.
+    fn told(&mut self, index: usize, result: &JobResult) -> Result<(), Failure>;
+    /// Nothing has come for a moment.
+    fn idle(&mut self) -> Result<(), Failure>;
+}
+
+/// Plays all. What was not played, since another failed or a signal came, has no result. An error that
+/// concerns all comes beside.
 pub(crate) fn play_all(
     args: &RunArgs,
     jobs: &[Job<'_>],
-    mut tell: impl FnMut(&Job<'_>, &JobResult) -> Result<(), Failure>,
+    audience: &mut dyn Audience,
 ) -> Result<(Vec<Option<JobResult>>, Option<Failure>), Failure> {
     let stop = broken_off_by_signals()?;
     let next = AtomicUsize::new(0);
@@ -32,10 +47,9 @@ pub(crate) fn play_all(
     let mut results: Vec<Option<JobResult>> = jobs.iter().map(|_| None).collect();
     let mut wrong = None;
     std::thread::scope(|scope| {
-        for _ in 0..threads(args, jobs.len()) {
-            let sender = sender.clone();
-            let (next, enough, stop) = (&next, &enough, &stop);
-            scope.spawn(move || {
+        let work = || {
+            let (sender, next, enough, stop) = (sender.clone(), &next, &enough, &stop);
+            move || {
                 while !enough.load(Ordering::Relaxed) && !stop.load(Ordering::Relaxed) {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(job) = jobs.get(index) else { return };
@@ -49,35 +63,60 @@ pub(crate) fn play_all(
                         return;
                     }
                 }
-            });
+            }
+        };
+        let wanted = threads(args, jobs.len());
+        for started in 0..wanted {
+            let thread = std::thread::Builder::new().name(format!("player {started}"));
+            if let Err(error) = thread.spawn_scoped(scope, work()) {
+                if started == 0 {
+                    let why = anyhow!(error).context("cannot start a thread to play in");
+                    wrong = Some(Failure::system(why));
+                } else {
+                    // Fewer take longer and lose nothing.
+                    complain(&format!(
+                        "{started} at a time instead of {wanted}: the system makes no more threads \
+                         ({error})"
+                    ));
+                }
+                break;
+            }
         }
         drop(sender);
         let mut told = 0;
-        for (index, result) in receiver {
-            match result {
-                Ok(result) => results[index] = Some(result),
-                Err(failure) => {
-                    results[index] = Some(JobResult::Broken(format!("{:#}", failure.error)));
-                    // The same for all that are left, as when the client does not exist.
-                    if failure.exit == Exit::Usage {
-                        wrong.get_or_insert(failure);
-                    }
-                }
+        let mut note = |outcome: Result<(), Failure>| {
+            if let Err(failure) = outcome {
+                wrong.get_or_insert(failure);
             }
-            while let Some(Some(result)) = results.get(told) {
-                if let Err(failure) = tell(&jobs[told], result) {
-                    stop.store(true, Ordering::Relaxed);
-                    wrong.get_or_insert(failure);
+        };
+        loop {
+            let (index, result) = match receiver.recv_timeout(GLANCE) {
+                Ok(news) => news,
+                Err(RecvTimeoutError::Timeout) => {
+                    note(audience.idle());
+                    continue;
                 }
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            let result = result.unwrap_or_else(|failure| {
+                let why = format!("{:#}", failure.error);
+                // The same for all that are left, as when the client does not exist.
+                if failure.exit == Exit::Usage {
+                    note(Err(failure));
+                }
+                JobResult::Broken(why)
+            });
+            note(audience.known(index, &result));
+            results[index] = Some(result);
+            while let Some(Some(result)) = results.get(told) {
+                note(audience.told(told, result));
                 told += 1;
             }
         }
         // After a gap that was never played.
-        for (job, result) in jobs.iter().zip(&results).skip(told) {
-            if let Some(result) = result
-                && let Err(failure) = tell(job, result)
-            {
-                wrong.get_or_insert(failure);
+        for (index, result) in results.iter().enumerate().skip(told) {
+            if let Some(result) = result {
+                note(audience.told(index, result));
             }
         }
     });
@@ -88,7 +127,9 @@ pub(crate) fn play_all(
 fn threads(args: &RunArgs, jobs: usize) -> usize {
     let asked = args.jobs.and_then(|jobs| usize::try_from(jobs).ok());
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let usual = if args.client.is_empty() { cores() } else { 1 };
+    // In real time one client must not make another late.
+    let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
+    let usual = if is_real { 1 } else { cores() };
     asked.unwrap_or(usual).min(jobs)
 }
 
@@ -115,23 +156,36 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// Plays one, and writes its report. A panic is a failure of the simulator; the others go on.
+/// Plays one, and writes its report. Whatever goes wrong is its own failure, a panic included; the
+/// others go on.
 fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
-    let played = catch_unwind(AssertUnwindSafe(|| {
-        if job.is_live() {
-            live::play(job, stop)
-        } else {
-            scripted::play(job, stop)
+    catch_unwind(AssertUnwindSafe(|| {
+        let mut result = play_once(job, stop)?;
+        if matches!(&result, JobResult::Played(played) if played.verdict() == Verdict::Spoilt) {
+            result = play_once(job, stop)?;
         }
-    }));
-    let result = match played {
-        Ok(result) => result?,
-        Err(panic) => JobResult::Broken(format!("the simulator panicked: {}", text(&*panic))),
-    };
-    if let JobResult::Played(played) = &result {
-        report::write(job, played)?;
+        if let JobResult::Played(played) = &result {
+            report::write(job, played)?;
+            job.show(played)?;
+        }
+        Ok(result)
+    }))
+    .unwrap_or_else(|panic| {
+        let why = format!("the simulator panicked: {}", text(&*panic));
+        Ok(JobResult::Broken(why))
+    })
+}
+
+fn play_once(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+    if job.twice {
+        twice::play(job, stop)
+    } else if job.is_lockstep() {
+        lockstep::play(job, stop)
+    } else if job.is_live() {
+        live::play(job, stop)
+    } else {
+        scripted::play(job, stop)
     }
-    Ok(result)
 }
 
 fn text(panic: &(dyn Any + Send)) -> &str {

@@ -1,15 +1,14 @@
 //! The report of a scenario as JSON.
 
-use std::fs;
-
 use anyhow::Context as _;
 use serde_json::{Value, json};
 
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
+use crate::{visible, whole_file};
 
 use super::job::{Job, Played};
-use super::tell::outcome_json;
+use super::tell::{machines_part_json, outcome_json};
 
 /// Writes it beside the trace, if anything is to be written.
 pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
@@ -17,12 +16,18 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
         return Ok(());
     };
     let mut report = outcome_json(&played.outcome);
-    report["scenario"] = json!(job.loaded.path);
+    report["scenario"] = json!(visible::path_value(&job.loaded.path));
     report["version"] = json!(env!("CARGO_PKG_VERSION"));
     report["took_s"] = json!(played.took.as_secs_f64());
+    report["time"] = json!(job.time_word());
     report["command"] = json!(job.command());
-    report["trace"] = json!(job.file("trace.jsonl"));
+    report["trace"] = json!(
+        job.file("trace.jsonl")
+            .map(|path| visible::path_value(&path))
+    );
     report["client"] = client(job, played);
+    report["held_up"] = machines_part_json(played.held_up);
+    report["spoilt"] = json!(played.is_spoilt);
     let devices: Vec<Value> = played
         .outcome
         .devices
@@ -32,13 +37,14 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
                 "device": device.name,
                 "requests": device.report.requests,
                 "replies": device.report.replies,
+                "distance_m": device.distance_m,
                 "events": crate::summary::events_json(&device.report),
             })
         })
         .collect();
     report["devices"] = json!(devices);
-    fs::write(&path, format!("{report:#}\n"))
-        .with_context(|| format!("cannot write the report {}", path.display()))
+    whole_file::write(&path, format!("{report:#}\n").as_bytes())
+        .with_context(|| format!("cannot write the report {}", visible::name(&path)))
         .map_err(Failure::system)
 }
 
@@ -55,6 +61,8 @@ fn client(job: &Job<'_>, played: &Played) -> Value {
         "exit_code": exit_code,
         "signal": signal,
         "stopped": client.stopped,
-        "output": job.file("client.log"),
+        "output": job.file("client.log").map(|path| visible::path_value(&path)),
+        "outside": client.outside,
+        "refused": client.refused,
     })
 }

@@ -47,5 +47,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         outcome,
         client: None,
         took: begun.elapsed(),
+        held_up: None,
+        is_spoilt: false,
     })))
 }

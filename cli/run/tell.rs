@@ -4,14 +4,16 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 use sim_core::event::Hex;
+use sim_embed::serve::HeldUp;
 use sim_runner::Outcome;
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::scenario_files::Loaded;
+use crate::visible;
 use sim_embed::ports;
 
-use super::job::{Job, JobResult, Played};
+use super::job::{Job, JobResult, Played, Verdict};
 
 /// How many of the last lines of traffic are shown of a scenario that failed.
 const TRAFFIC: usize = 12;
@@ -23,7 +25,11 @@ const MOST_CHARACTERS: usize = 300;
 /// A scenario in the list.
 pub(crate) fn listed(loaded: &Loaded) -> String {
     let scenario = &loaded.scenario;
-    let mut text = format!("{}: {}", loaded.path.display(), scenario.title);
+    let mut text = format!(
+        "{}: {}",
+        visible::name(&loaded.path),
+        visible::line(&scenario.title)
+    );
     if !scenario.tags.is_empty() {
         let _ = write!(text, " [{}]", scenario.tags.join(", "));
     }
@@ -34,14 +40,15 @@ pub(crate) fn listed(loaded: &Loaded) -> String {
 pub(crate) fn planned(job: &Job<'_>) -> String {
     let scenario = &job.loaded.scenario;
     let mut text = format!(
-        "{}: {}\n  seed {}, {} simulated",
+        "{}: {}\n  seed {}, {} simulated, {} time",
         job.name(),
-        scenario.title,
+        visible::line(&scenario.title),
         job.seed,
-        show_duration(scenario.limit)
+        show_duration(scenario.limit),
+        job.time_word()
     );
     for device in &scenario.rig.devices {
-        let _ = write!(text, "\n  device {} ({})", device.name, device.kind.word());
+        let _ = write!(text, "\n  device {} ({})", device.name, device.device.id);
         if job.is_live() {
             let variables: Vec<String> = device
                 .links()
@@ -61,41 +68,66 @@ pub(crate) fn told(args: &RunArgs, job: &Job<'_>, result: &JobResult) -> String 
     match result {
         JobResult::Played(played) => told_played(args, job, played),
         JobResult::BrokenOff => format!("broken off  {name}"),
-        JobResult::Broken(why) => format!("BROKEN  {name}: {why}"),
+        JobResult::Broken(why) => format!("BROKEN  {name}: {}", visible::line(why)),
     }
 }
 
 fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
     let outcome = &played.outcome;
-    let word = if outcome.passed { "ok    " } else { "FAILED" };
+    let word = match played.verdict() {
+        Verdict::Passed => "ok    ",
+        Verdict::Failed => "FAILED",
+        Verdict::Spoilt => "SPOILT",
+    };
     let mut text = format!(
         "{word}  {}: {} ({:.1} s simulated",
         job.name(),
-        outcome.title,
+        visible::line(&outcome.title),
         outcome.ended_at.as_secs_f64()
     );
     if job.is_live() {
-        let _ = write!(text, " in {:.1} s", played.took.as_secs_f64());
+        let _ = write!(
+            text,
+            " in {:.1} s, {} time",
+            played.took.as_secs_f64(),
+            job.time_word()
+        );
     }
     text += ")";
+    if outcome.passed {
+        let _ = write!(text, ", {}", worth(outcome));
+    }
     if args.repeat > 1 && outcome.passed {
         let _ = write!(text, ", seed {}", outcome.seed);
+    }
+    for what in played.client.iter().flat_map(|client| &client.outside) {
+        let _ = write!(text, "\n  not repeatable: it waited for {what}");
+    }
+    for what in played.client.iter().flat_map(|client| &client.refused) {
+        let _ = write!(text, "\n  refused: {what}");
     }
     // What a scripted client does wrong, it was told to do.
     if job.is_live() || !outcome.passed {
         for line in client_report(outcome) {
-            let _ = write!(text, "\n  client report: {line}");
+            let _ = write!(text, "\n  client report: {}", visible::line(&line));
         }
+    }
+    if let Some(held_up) = played.held_up.and_then(machines_part) {
+        let _ = write!(text, "\n  {held_up}");
     }
     if outcome.passed {
         return text;
+    }
+    if played.is_spoilt {
+        text +=
+            "\n  what follows may be the machine's doing (--max-hold-up), also in a second try:";
     }
     text += &failures(outcome);
     if !outcome.traffic.is_empty() {
         text += "\n  the last that happened:";
     }
     for line in last(&outcome.traffic, TRAFFIC) {
-        let _ = write!(text, "\n    {line}");
+        let _ = write!(text, "\n    {}", visible::line(line));
     }
     if let Some(client) = &played.client {
         let lines: Vec<String> = client.output.lines().map(shortened).collect();
@@ -109,7 +141,7 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
         }
     }
     if let Some(trace) = job.file("trace.jsonl") {
-        let _ = write!(text, "\n  trace: {}", trace.display());
+        let _ = write!(text, "\n  trace: {}", visible::name(&trace));
     }
     let _ = write!(text, "\n  again: {}", job.command());
     text
@@ -120,17 +152,17 @@ fn last(lines: &[String], count: usize) -> &[String] {
 }
 
 /// A line that may be of any length.
-fn shortened(line: &str) -> String {
+pub(crate) fn shortened(line: &str) -> String {
     match line.char_indices().nth(MOST_CHARACTERS) {
-        Some((end, _)) => format!("{} ({} bytes)", &line[..end], line.len()),
-        None => line.to_owned(),
+        Some((end, _)) => format!("{} ({} bytes)", visible::line(&line[..end]), line.len()),
+        None => visible::line(line).into_owned(),
     }
 }
 
 fn failures(outcome: &Outcome) -> String {
     let mut text = String::new();
     for failure in &outcome.failures {
-        let _ = write!(text, "\n  {failure}");
+        let _ = write!(text, "\n  {}", visible::line(&failure.to_string()));
     }
     if outcome.more_failures > 0 {
         let _ = write!(text, "\n  and {} more", outcome.more_failures);
@@ -138,18 +170,65 @@ fn failures(outcome: &Outcome) -> String {
     text
 }
 
+/// What an outcome was worth: `3 of 3 faults hit, 214 requests, 9.3 m`.
+pub(crate) fn worth(outcome: &Outcome) -> String {
+    let faults = outcome.faults.iter();
+    let armed: u64 = faults.clone().map(|fault| fault.armed).sum();
+    let hit: u64 = faults.map(|fault| fault.hit).sum();
+    let devices = outcome.devices.iter();
+    let requests: u64 = devices.clone().map(|device| device.report.requests).sum();
+    let distance: f64 = devices.map(|device| device.distance_m).sum();
+    let mut words = Vec::new();
+    if armed > 0 {
+        let plural = if armed == 1 { "" } else { "s" };
+        words.push(format!("{hit} of {armed} fault{plural} hit"));
+    }
+    let plural = if requests == 1 { "" } else { "s" };
+    words.push(format!("{requests} request{plural}"));
+    words.push(format!("{distance:.1} m"));
+    words.join(", ")
+}
+
 /// The client report for people: a line for each kind.
 pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
     let mut lines = Vec::new();
     for device in &outcome.devices {
-        for (code, tally) in device.report.client_faults() {
+        for (code, tally) in device.report.held_against_client() {
             lines.push(format!(
                 "{}: {code} {}x, first at {} s: {}",
-                device.name, tally.client_faults, tally.first_at, tally.first
+                device.name, tally.held_against_client, tally.first_at, tally.first
             ));
         }
     }
     lines
+}
+
+/// For how long the machine held a run up, in words; `None` if it did not.
+pub(crate) fn machines_part(held_up: HeldUp) -> Option<String> {
+    let HeldUp {
+        times,
+        total,
+        longest,
+    } = held_up;
+    (times > 0).then(|| {
+        format!(
+            "the machine was busy: simulated time stood still for {:.2} s in all, {:.2} s at the \
+             longest, while the client's clock went on",
+            total.as_secs_f64(),
+            longest.as_secs_f64()
+        )
+    })
+}
+
+/// The same for programs; null for a run in simulated time.
+pub(crate) fn machines_part_json(held_up: Option<HeldUp>) -> Value {
+    held_up.map_or(Value::Null, |held_up| {
+        json!({
+            "times": held_up.times,
+            "total_s": held_up.total.as_secs_f64(),
+            "longest_s": held_up.longest.as_secs_f64(),
+        })
+    })
 }
 
 /// The verdict of a scenario that was played against whatever client came, for people.
@@ -158,7 +237,7 @@ pub(crate) fn verdict_text(outcome: &Outcome) -> String {
     let time = outcome.ended_at.as_secs_f64();
     format!(
         "{word}: {} ({time:.1} s simulated, seed {}){}",
-        outcome.title,
+        visible::line(&outcome.title),
         outcome.seed,
         failures(outcome)
     )
@@ -192,6 +271,7 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
                 "step": fault.step,
                 "fault": fault.id,
                 "armed": fault.armed,
+                "hit": fault.hit,
                 "hits": fault.hits,
             })
         })
@@ -200,11 +280,11 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         .devices
         .iter()
         .flat_map(|device| {
-            device.report.client_faults().map(|(code, tally)| {
+            device.report.held_against_client().map(|(code, tally)| {
                 json!({
                     "device": device.name,
                     "code": code,
-                    "count": tally.client_faults,
+                    "count": tally.held_against_client,
                     "first_s": tally.first_at.as_secs_f64(),
                     "first": tally.first,
                     "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 
 use crate::exit::Failure;
+use crate::visible;
 
 /// A trace file; the first error is kept for the end.
 pub(crate) struct TraceFile {
@@ -19,7 +20,7 @@ impl TraceFile {
     /// Replaces what is there.
     pub(crate) fn create(path: PathBuf) -> Result<Self, Failure> {
         let file = File::create(&path)
-            .with_context(|| format!("cannot write the trace {}", path.display()))
+            .with_context(|| format!("cannot write the trace {}", visible::name(&path)))
             .map_err(Failure::system)?;
         Ok(Self {
             path,
@@ -38,7 +39,7 @@ impl TraceFile {
     /// Makes sure that all has been written.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
         let flushed = self.out.flush();
-        let shown = self.path.display();
+        let shown = visible::name(&self.path);
         self.error
             .map_or(flushed, Err)
             .with_context(|| format!("cannot write the trace {shown}; it is not complete"))

@@ -1,4 +1,4 @@
-//! Clients that follow one another faster than anybody can look.
+//! Clients that follow one another, seen or faster than anybody can look.
 
 #![allow(
     clippy::unwrap_used,
@@ -9,15 +9,16 @@
 
 mod common;
 
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
-use common::Bench;
+use common::{Bench, Client, PATIENCE};
 use rustix::io::Errno;
-use rustix::termios::LocalModes;
-use sim_pty::{Event, Port, PtyPort, Waiter};
+use rustix::termios::{QueueSelector, tcflush};
+use sim_pty::{Event, Port};
 
 /// Fills the kernel's buffer, and says with how much.
-fn fill(client: &common::Client) -> usize {
+fn fill(client: &Client) -> usize {
     let mut sent = 0;
     loop {
         match rustix::io::write(client, &[b'x'; 100]) {
@@ -28,192 +29,253 @@ fn fill(client: &common::Client) -> usize {
     }
 }
 
-#[test]
-fn the_last_words_of_one_client_are_not_the_next_one_s() {
-    let mut bench = Bench::unlinked();
-    for _ in 0..50 {
-        let first = bench.client();
-        bench.expect(Event::Attached);
-        bench.expect_quiet();
-        first.send(b"last words");
-        drop(first);
-        let second = bench.client();
-        assert_eq!(bench.expect_bytes(10), b"last words");
-        assert_eq!(bench.port.write(b"to nobody").unwrap().accepted, 0);
-        bench.expect(Event::Detached);
-        bench.expect(Event::Attached);
-        second.send(b"hello");
-        assert_eq!(bench.expect_bytes(5), b"hello");
-        assert_eq!(second.try_receive(), b"");
-        drop(second);
-        bench.expect(Event::Detached);
+/// All that the port has to tell until nothing is left, and the bytes.
+fn all(bench: &mut Bench) -> (Vec<Event>, Vec<u8>) {
+    let (mut events, mut bytes) = (Vec::new(), Vec::new());
+    let mut buf = [0; 4096];
+    let quiet = Duration::from_millis(20);
+    while !bench.waiter.wait(Some(quiet)).unwrap().ready().is_empty() {
+        match bench.port.read(&mut buf).unwrap() {
+            Event::Idle => {}
+            Event::Data(n) => bytes.extend_from_slice(&buf[..n]),
+            event => events.push(event),
+        }
     }
+    (events, bytes)
 }
 
-#[test]
-fn the_first_words_of_one_client_are_not_the_last_one_s() {
-    let mut bench = Bench::unlinked();
-    for _ in 0..50 {
-        let first = bench.client();
-        bench.expect(Event::Attached);
-        first.send(b"read");
-        assert_eq!(bench.expect_bytes(4), b"read");
-        bench.expect_quiet();
-        drop(first);
-        let second = bench.client();
-        second.send(b"hello");
-        // Even if it is gone, too, by the time anybody looks.
-        drop(second);
-        bench.expect(Event::Detached);
-        bench.expect(Event::Attached);
-        assert_eq!(bench.expect_bytes(5), b"hello");
-        bench.expect(Event::Detached);
-    }
-}
+const CHANGE: [Event; 2] = [Event::Detached, Event::Attached];
 
 #[test]
-fn the_first_words_of_one_who_stays_are_not_forgotten() {
+fn bytes_of_one_client_and_the_next_come_in_order() {
     let mut bench = Bench::unlinked();
-    let mut former = bench.client();
-    bench.expect(Event::Attached);
-    for _ in 0..50 {
-        former.send(b"read");
-        assert_eq!(bench.expect_bytes(4), b"read");
-        bench.expect_quiet();
-        drop(former);
-        let next = bench.client();
-        next.send(b"hello");
-        bench.expect(Event::Detached);
-        bench.expect(Event::Attached);
-        // Nothing but these bytes is left to wake anybody.
-        assert_eq!(bench.expect_bytes(5), b"hello");
-        former = next;
-    }
-}
-
-#[test]
-fn bytes_that_lie_mixed_are_the_former_client_s() {
-    let mut bench = Bench::unlinked();
-    let first = bench.client();
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-    first.send(b"one");
-    drop(first);
-    let second = bench.client();
-    second.send(b"two");
-    assert_eq!(bench.expect_bytes(6), b"onetwo");
-    bench.expect(Event::Detached);
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-}
-
-#[test]
-fn an_echo_of_one_client_s_port_is_not_another_client() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    client.set_termios(|termios| termios.local_modes |= LocalModes::ECHO);
-    client.send(b"x");
-    assert_eq!(bench.expect_bytes(1), b"x");
-    bench.expect_quiet();
-    let _ = bench.port.write(b"reply").unwrap();
-    common::until("the echo has come back", || {
-        rustix::io::ioctl_fionread(&client) == Ok(5)
-    });
-    drop(client);
-    assert_eq!(bench.expect_bytes(5), b"reply");
-    bench.expect(Event::Detached);
-    bench.expect_quiet();
-    assert_eq!(bench.port.counters().attached, 1);
-}
-
-#[test]
-fn settings_with_which_bytes_were_sent_are_told_with_them() {
-    let mut bench = Bench::unlinked();
-    let first = bench.client();
-    bench.expect(Event::Attached);
-    first.set_termios(|termios| termios.set_speed(9_600).unwrap());
-    first.send(b"slow");
-    drop(first);
-    assert_eq!(bench.expect_bytes(4), b"slow");
-    let line = bench.port.client_line().unwrap().unwrap();
-    assert_eq!(line.baud, 9_600);
-    bench.expect(Event::Detached);
-    let line = bench.port.client_line().unwrap().unwrap();
-    assert_eq!(line.baud, 115_200);
-}
-
-#[test]
-fn a_change_of_clients_is_noticed_behind_any_backlog() {
-    let mut bench = Bench::unlinked();
-    let first = bench.client();
-    bench.expect(Event::Attached);
-    let backlog = fill(&first);
-    drop(first);
-    // The hang-up is seen while all this is still to be read; the caller
-    // takes no more than a little of it, and the next client comes.
-    let mut buf = [0; 100];
-    assert_eq!(bench.port.read(&mut buf).unwrap(), Event::Data(100));
-    let second = bench.client();
-    second.send(b"hello");
-    assert_eq!(bench.expect_bytes(backlog - 100).len(), backlog - 100);
-    bench.expect(Event::Detached);
-    bench.expect(Event::Attached);
-    assert_eq!(bench.expect_bytes(5), b"hello");
-}
-
-/// No time-out is so short that a busy machine could not exceed it, so these
-/// are waits for nothing: long enough to show a spinning waiter.
-const A_WHILE: Duration = Duration::from_millis(50);
-
-#[test]
-fn a_paused_port_is_not_named_for_its_bytes_but_for_a_departure() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-    bench.port.set_paused(true).unwrap();
-    client.send(b"waits");
-    let mut other = Port::from(PtyPort::open_unlinked(9_600).unwrap());
-    bench.waiter.add(8, &mut other).unwrap();
-    assert_eq!(
-        bench.waiter.wait(Some(common::PATIENCE)).unwrap().ready(),
-        [8]
-    );
-    assert_eq!(other.read(&mut [0; 8]).unwrap(), Event::Idle);
-    let named = |waiter: &mut Waiter| !waiter.wait(Some(A_WHILE)).unwrap().ready().is_empty();
-    // Writing may be noticed, though nothing is made of it.
-    let wakes = (0..6).filter(|_| named(&mut bench.waiter)).count();
-    assert_eq!(wakes, 0);
-
-    drop(client);
-    let ready = bench.waiter.wait(Some(common::PATIENCE)).unwrap().ready();
-    assert_eq!(ready, [7]);
-    // There is no room for its last words, which come first.
-    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
-    let next = bench.client();
-    next.send(b"hello");
-    bench.port.set_paused(false).unwrap();
-    assert_eq!(bench.expect_bytes(5), b"waits");
-    bench.expect(Event::Detached);
-    bench.expect(Event::Attached);
-    assert_eq!(bench.expect_bytes(5), b"hello");
-}
-
-#[test]
-fn a_departure_without_last_words_is_told_to_a_caller_without_room() {
-    let mut bench = Bench::unlinked();
-    let client = bench.client();
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-    bench.port.set_paused(true).unwrap();
-    drop(client);
-    let ready = bench.waiter.wait(Some(common::PATIENCE)).unwrap().ready();
-    assert_eq!(ready, [7]);
-    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
-    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
-    bench.port.set_paused(false).unwrap();
     drop(bench.client());
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
+    for _ in 0..50 {
+        let first = bench.client();
+        bench.expect(Event::Attached);
+        bench.expect_quiet();
+        first.send(b"half a ");
+        drop(first);
+        let second = bench.client();
+        second.send(b"request");
+        let (events, bytes) = all(&mut bench);
+        assert_eq!(bytes, b"half a request");
+        assert_eq!(events, CHANGE);
+        assert_eq!(bench.port.write(b"reply").unwrap().accepted, 5);
+        assert_eq!(second.receive(5), b"reply");
+        drop(second);
+        bench.expect(Event::Detached);
+        assert!(!bench.port.is_attached());
+    }
+}
+
+#[test]
+fn what_a_client_has_not_read_is_not_the_next_one_s() {
+    let mut bench = Bench::unlinked();
+    for seen in [true, false] {
+        for size in [1, 4_096, 9_000, 100_000] {
+            let client = bench.client();
+            bench.expect(Event::Attached);
+            bench.expect_quiet();
+            assert!(bench.port.write(&vec![b'x'; size]).unwrap().accepted > 0);
+            drop(client);
+            if seen {
+                bench.expect(Event::Detached);
+                assert_eq!(bench.port.write(b"nobody there").unwrap().accepted, 0);
+            }
+            let next = bench.client();
+            next.send(b"hello");
+            let (events, bytes) = all(&mut bench);
+            assert_eq!(events, if seen { &CHANGE[1..] } else { &CHANGE[..] });
+            assert_eq!(bytes, b"hello");
+            assert_eq!(bench.port.write(b"fresh").unwrap().accepted, 5);
+            assert_eq!(next.receive(5), b"fresh");
+            drop(next);
+            bench.expect(Event::Detached);
+        }
+    }
+}
+
+#[test]
+fn a_reply_does_not_wait_behind_what_a_former_client_has_not_read() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    let _ = bench.port.write(b"for the first").unwrap();
+    drop(first);
+    let second = bench.client();
+    second.send(b"request");
+    // That it is another's is not even told before it is answered.
+    let mut buf = [0; 64];
+    assert_eq!(bench.port.read(&mut buf).unwrap(), Event::Data(7));
+    assert_eq!(bench.port.write(b"reply").unwrap().accepted, 5);
+    assert_eq!(second.receive(5), b"reply");
+    assert_eq!(all(&mut bench).0, CHANGE);
+    assert_eq!(second.try_receive(), b"");
+}
+
+#[test]
+fn what_was_not_read_before_a_client_left_is_thrown_away() {
+    let mut bench = Bench::unlinked();
+    for seen in [true, false] {
+        let first = bench.client();
+        bench.expect(Event::Attached);
+        let backlog = fill(&first);
+        assert!(backlog > 4_096);
+        let mut buf = [0; 16];
+        assert_eq!(bench.port.read(&mut buf).unwrap(), Event::Data(16));
+        // The caller has no room for more.
+        assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
+        drop(first);
+        if seen {
+            assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
+        }
+        let second = bench.client();
+        if !seen {
+            assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
+        }
+        second.send(b"hello");
+        let (_, bytes) = all(&mut bench);
+        assert!(bytes.ends_with(b"hello"));
+        if seen {
+            assert_eq!(bytes, b"hello");
+        } else {
+            // Of what was still on its way to where it can be counted nobody knows whose it is.
+            assert!(bytes.len() <= backlog - 16 - 4_095 + 16 + 5);
+        }
+        drop(second);
+        bench.expect(Event::Detached);
+    }
+}
+
+#[test]
+fn a_client_may_take_back_what_it_has_written_and_was_not_read() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    for count in [100, 1_000, 4_095, 20_000] {
+        let commands = vec![b'x'; count];
+        let written = rustix::io::write(&client, &commands).unwrap();
+        assert!(written >= count.min(4_095));
+        let mut buf = [0; 16];
+        assert_eq!(bench.waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
+        assert_eq!(bench.port.read(&mut buf).unwrap(), Event::Data(16));
+        assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
+        tcflush(&client, QueueSelector::OFlush).unwrap();
+        client.send(b"stop");
+        let bytes = all(&mut bench).1;
+        assert!(bytes.ends_with(b"stop"));
+        // What arrived since the last look may be from before or after.
+        assert!(bytes.len() <= 16 + 4, "{} of {count}", bytes.len());
+    }
+    // Without a look in between it is kept: nothing that comes after a flush may be lost.
+    client.send(b"before");
+    tcflush(&client, QueueSelector::OFlush).unwrap();
+    client.send(b"after");
+    assert!(all(&mut bench).1.ends_with(b"after"));
+}
+
+#[test]
+fn the_speed_is_that_of_whoever_has_the_port_open_now() {
+    let mut bench = Bench::unlinked();
+    let baud = |bench: &Bench| bench.port.client_line().unwrap().unwrap().baud;
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    first.set_termios(|termios| termios.set_speed(9_600).unwrap());
+    assert_eq!(baud(&bench), 9_600);
+    drop(first);
+    bench.expect(Event::Detached);
+    assert_eq!(baud(&bench), 115_200);
+    let second = bench.client();
+    bench.expect(Event::Attached);
+    second.set_termios(|termios| termios.set_speed(57_600).unwrap());
+    drop(second);
+    let third = bench.client();
+    third.set_termios(|termios| termios.set_speed(38_400).unwrap());
+    assert_eq!(all(&mut bench).0, CHANGE);
+    assert_eq!(baud(&bench), 38_400);
+}
+
+#[test]
+fn a_change_of_clients_is_told_to_a_caller_without_room() {
+    let mut bench = Bench::unlinked();
+    let client = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    drop(client);
+    let ready = bench.waiter.wait(Some(PATIENCE)).unwrap().ready();
+    assert_eq!(ready, [7]);
+    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
+    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    first.send(b"waits");
+    // Until it has arrived.
+    assert_eq!(bench.waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
+    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
+    drop(first);
+    let second = bench.client();
+    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Detached);
+    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Attached);
+    // What the caller had no room for was the first one's.
+    second.send(b"hello");
+    assert_eq!(bench.expect_bytes(5), b"hello");
+}
+
+/// Tells a thread to end, also when the test fails.
+struct Stop<'a>(&'a AtomicBool);
+
+impl Drop for Stop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Echoes until it is told to stop, asleep whenever there is nothing to do.
+fn echo(bench: &mut Bench, stop: &AtomicBool) {
+    let mut buf = [0; 64];
+    while !stop.load(Ordering::Relaxed) {
+        let wake = bench.waiter.wait(Some(Duration::from_millis(100)));
+        let called = !wake.unwrap().ready().is_empty();
+        if called && let Event::Data(n) = bench.port.read(&mut buf).unwrap() {
+            let _ = bench.port.write(&buf[..n]).unwrap();
+        }
+    }
+}
+
+/// After any number of clients that come and go as fast as they can, one that stays is heard.
+#[test]
+fn a_port_never_goes_deaf() {
+    const HANDOVERS: usize = 10_000;
+    let mut bench = Bench::unlinked();
+    let path = bench.port.path().to_owned();
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let server = scope.spawn(|| echo(&mut bench, &stop));
+        let stop = Stop(&stop);
+        for round in 0..HANDOVERS {
+            for visit in 0..round % 3 {
+                let visitor = Client::open(&path);
+                if visit == 1 {
+                    visitor.send(b"half");
+                }
+            }
+            let client = Client::open(&path);
+            client.send(b"!");
+            let start = Instant::now();
+            let mut heard = Vec::new();
+            while !heard.ends_with(b"!") {
+                heard.extend(client.try_receive());
+                assert!(start.elapsed() < PATIENCE, "deaf in round {round}");
+                std::thread::yield_now();
+            }
+        }
+        drop(stop);
+        server.join().unwrap();
+    });
+    assert!(matches!(bench.port, Port::Pty(_)));
 }

@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
-use sim_pty::{Event, LineSettings, Parity, PtyPort};
+use sim_pty::{Event, LineSettings, Parity, PtyPort, PtySetup};
 
 #[test]
 fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
     for baud in [115_200, 9_600, 250_000, 1_234_567] {
-        let port = PtyPort::open_unlinked(baud).unwrap();
+        let port = PtyPort::open_unlinked(PtySetup::raw(baud)).unwrap();
         let client = Client::open(port.path());
         let termios = client.termios();
         assert_eq!(termios.output_speed(), baud);
@@ -41,6 +41,7 @@ fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
                 data_bits: 8,
                 parity: Parity::None,
                 stop_bits: 1,
+                rts_cts: false,
                 raw: true
             }
         );
@@ -65,7 +66,9 @@ fn every_byte_passes_both_ways_and_none_is_echoed() {
 
 #[test]
 fn a_baud_rate_of_zero_is_refused_by_name() {
-    let error = PtyPort::open_unlinked(0).unwrap_err().to_string();
+    let error = PtyPort::open_unlinked(PtySetup::raw(0))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("baud rate is 0"), "{error}");
 }
 
@@ -95,7 +98,7 @@ fn a_client_that_only_listens_is_reported_too() {
 
 #[test]
 fn without_a_waiter_reading_tells_as_much() {
-    let mut port = PtyPort::open_unlinked(115_200).unwrap();
+    let mut port = PtyPort::open_unlinked(PtySetup::raw(115_200)).unwrap();
     let mut buf = [0; 16];
     for _ in 0..3 {
         assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
@@ -126,70 +129,6 @@ fn nothing_wakes_the_waiter_while_nobody_is_there() {
         }
         assert_eq!(wakes, 0);
     }
-}
-
-#[test]
-fn replies_to_one_client_never_reach_the_next() {
-    let mut bench = Bench::unlinked();
-    for size in [1, 4_096, 9_000, 100_000] {
-        let client = bench.client();
-        bench.expect(Event::Attached);
-        let written = bench.port.write(&vec![b'x'; size]).unwrap();
-        assert!(written.accepted > 0);
-        drop(client);
-        // Nobody is there, although that has not been reported yet.
-        let written = bench.port.write(b"late").unwrap();
-        assert_eq!((written.accepted, written.dropped), (0, 4));
-        bench.expect(Event::Detached);
-        let written = bench.port.write(b"nobody there").unwrap();
-        assert_eq!((written.accepted, written.dropped), (0, 12));
-
-        let next = bench.client();
-        bench.expect(Event::Attached);
-        let _ = bench.port.write(b"fresh").unwrap();
-        assert_eq!(next.receive(5), b"fresh");
-        drop(next);
-        bench.expect(Event::Detached);
-    }
-    assert_eq!(bench.port.counters().dropped_detached_bytes, 4 * (4 + 12));
-}
-
-#[test]
-fn a_reply_that_comes_after_its_client_does_not_go_to_the_one_after_it() {
-    let mut bench = Bench::unlinked();
-    let first = bench.client();
-    bench.expect(Event::Attached);
-    first.send(b"request");
-    // Nothing looks between this and the reply.
-    assert_eq!(bench.expect_bytes(7), b"request");
-    drop(first);
-    let second = bench.client();
-    let written = bench.port.write(b"reply").unwrap();
-    assert_eq!((written.accepted, written.dropped), (0, 5));
-    bench.expect(Event::Detached);
-    bench.expect(Event::Attached);
-    assert_eq!(second.try_receive(), b"");
-    assert_eq!(bench.port.write(b"fresh").unwrap().accepted, 5);
-    assert_eq!(second.receive(5), b"fresh");
-}
-
-#[test]
-fn a_change_of_clients_between_two_looks_is_noticed() {
-    let mut bench = Bench::unlinked();
-    let first = bench.client();
-    bench.expect(Event::Attached);
-    bench.expect_quiet();
-    let _ = bench.port.write(b"for the first").unwrap();
-    drop(first);
-    let second = bench.client();
-    second.set_termios(|termios| termios.set_speed(57_600).unwrap());
-    bench.expect(Event::Detached);
-    assert_eq!(bench.port.write(b"to nobody").unwrap().accepted, 0);
-    bench.expect(Event::Attached);
-    assert_eq!(second.try_receive(), b"");
-    assert_eq!(bench.port.client_line().unwrap().unwrap().baud, 57_600);
-    second.send(b"hello");
-    assert_eq!(bench.expect_bytes(5), b"hello");
 }
 
 #[test]
@@ -263,51 +202,6 @@ fn a_client_may_flush_what_it_has_not_read() {
     assert_eq!(client.try_receive(), b"");
     let _ = bench.port.write(b"new").unwrap();
     assert_eq!(client.receive(3), b"new");
-}
-
-/// Closing is reported a moment before the system hangs the node up, and whoever looks in between
-/// finds it open.
-#[test]
-fn a_client_that_is_about_to_be_gone_is_not_taken_for_the_next() {
-    const ROUNDS: u64 = 20_000;
-    let mut bench = Bench::unlinked();
-    let path = bench.port.path().to_owned();
-    let (go, told_to) = std::sync::mpsc::sync_channel(0);
-    let (gone, is_gone) = std::sync::mpsc::channel();
-    let clients = std::thread::spawn(move || {
-        while told_to.recv() == Ok(()) {
-            drop(Client::open(&path));
-            gone.send(()).unwrap();
-        }
-    });
-    let mut buf = [0; 64];
-    let mut quick = 0;
-    for _ in 0..ROUNDS {
-        let before = bench.pty().counters().attached;
-        go.send(()).unwrap();
-        let start = Instant::now();
-        let mut closed = false;
-        // All the time, so as to look at every moment sooner or later.
-        loop {
-            let is_idle = bench.port.read(&mut buf).unwrap() == Event::Idle;
-            if is_idle && closed && !bench.port.is_attached() {
-                break;
-            }
-            closed = closed || is_gone.try_recv().is_ok();
-            assert!(start.elapsed() < common::PATIENCE, "nobody left");
-            // Nothing else takes note of who comes and goes while nobody is there.
-            bench.waiter.wait(Some(Duration::ZERO)).unwrap();
-        }
-        // A client that waits for a processor while it closes is waited for no longer than 5 ms, so
-        // that a round in which one was not has taken longer.
-        if start.elapsed() < Duration::from_millis(5) {
-            assert_eq!(bench.pty().counters().attached, before + 1);
-            quick += 1;
-        }
-    }
-    assert!(quick > 0, "no round was quick");
-    drop(go);
-    clients.join().unwrap();
 }
 
 /// Two openings in a row are reported as one, so that it seems nobody is left when one of two leaves.

@@ -20,7 +20,7 @@ use std::process::{Command, Stdio};
 use common::{Bench, Client, unprivileged};
 use rustix::io::Errno;
 use rustix::termios::ioctl_tiocexcl;
-use sim_pty::{Event, PtyPort};
+use sim_pty::{Event, PtyPort, PtySetup};
 
 /// Opens the port exclusively in another process and kills that.
 fn be_killed_while_exclusive(bench: &mut Bench) {
@@ -57,7 +57,7 @@ fn an_ordinary_user_s_port_can_be_opened_again() {
 fn exclusive_flag_without_privileges() {
     assert!(!rustix::process::geteuid().is_root());
     let path = unprivileged::dir().join("r150");
-    let mut bench = Bench::new(PtyPort::open_at(&path, 115_200).unwrap());
+    let mut bench = Bench::new(PtyPort::open_at(&path, PtySetup::raw(115_200)).unwrap());
     for round in 0..5 {
         let before = bench.pty().slave_path().to_owned();
         be_killed_while_exclusive(&mut bench);
@@ -103,7 +103,7 @@ fn a_replaced_link_is_not_turned() {
 #[ignore = "run by another test in a process of its own"]
 fn replaced_link_is_not_turned() {
     let path = unprivileged::dir().join("r150");
-    let mut port = PtyPort::open_at(&path, 115_200).unwrap();
+    let mut port = PtyPort::open_at(&path, PtySetup::raw(115_200)).unwrap();
     let mut buf = [0; 16];
     let client = Client::open(&path);
     assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);

@@ -17,12 +17,12 @@ use std::sync::Barrier;
 
 use common::{Client, until};
 use rustix::termios::LocalModes;
-use sim_pty::{PortErrorKind, PtyPort};
+use sim_pty::{PortErrorKind, PtyPort, PtySetup};
 
-const BAUD: u32 = 115_200;
+const SETUP: PtySetup = PtySetup::raw(115_200);
 
 fn refused(path: &Path) -> (PortErrorKindName, String) {
-    let error = PtyPort::open_at(path, BAUD).expect_err("the path is refused");
+    let error = PtyPort::open_at(path, SETUP).expect_err("the path is refused");
     assert_eq!(error.path(), path);
     let name = match error.kind() {
         PortErrorKind::Occupied(_) => PortErrorKindName::Occupied,
@@ -56,7 +56,7 @@ fn names(dir: &Path) -> Vec<PathBuf> {
 fn the_link_leads_to_a_port_that_is_ready_and_goes_with_it() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = PtyPort::open_at(&path, 250_000).unwrap();
+    let port = PtyPort::open_at(&path, PtySetup::raw(250_000)).unwrap();
     assert_eq!(port.path(), path);
     assert_eq!(fs::read_link(&path).unwrap(), port.slave_path());
     assert!(fs::metadata(&path).unwrap().file_type().is_char_device());
@@ -79,11 +79,11 @@ fn whoever_sees_the_link_finds_a_raw_port() {
                 });
                 let termios = client.unwrap().termios();
                 assert!(!termios.local_modes.contains(LocalModes::ECHO));
-                assert_eq!(termios.output_speed(), BAUD);
+                assert_eq!(termios.output_speed(), SETUP.baud);
             }
         });
         while !watcher.is_finished() {
-            drop(PtyPort::open_at(&path, BAUD).unwrap());
+            drop(PtyPort::open_at(&path, SETUP).unwrap());
         }
     });
 }
@@ -134,7 +134,7 @@ fn a_file_a_directory_and_foreign_links_are_left_alone() {
 fn a_link_to_somebody_s_living_terminal_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let terminal = PtyPort::open_unlinked(BAUD).unwrap();
+    let terminal = PtyPort::open_unlinked(SETUP).unwrap();
     symlink(terminal.slave_path(), &path).unwrap();
     assert_eq!(refused(&path).0, Occupied);
     assert_eq!(fs::read_link(&path).unwrap(), terminal.slave_path());
@@ -145,7 +145,7 @@ fn a_link_to_a_terminal_that_is_gone_is_replaced() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     symlink("/dev/pts/4294967", &path).unwrap();
-    let port = PtyPort::open_at(&path, BAUD).unwrap();
+    let port = PtyPort::open_at(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.slave_path());
     drop(port);
     assert_eq!(names(dir.path()), [] as [PathBuf; 0]);
@@ -155,7 +155,7 @@ fn a_link_to_a_terminal_that_is_gone_is_replaced() {
 fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let terminal = PtyPort::open_unlinked(BAUD).unwrap();
+    let terminal = PtyPort::open_unlinked(SETUP).unwrap();
     let node = terminal.slave_path();
     symlink(node, &path).unwrap();
     fs::write(
@@ -163,7 +163,7 @@ fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
         format!("1\n{}\n", node.display()),
     )
     .unwrap();
-    let port = PtyPort::open_at(&path, BAUD).unwrap();
+    let port = PtyPort::open_at(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.slave_path());
     assert_ne!(port.slave_path(), node);
 }
@@ -172,7 +172,7 @@ fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
 fn a_second_simulator_is_refused_and_told_by_whom() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = PtyPort::open_at(&path, BAUD).unwrap();
+    let port = PtyPort::open_at(&path, SETUP).unwrap();
     let (kind, message) = refused(&path);
     assert_eq!(kind, InUse);
     assert!(
@@ -184,7 +184,7 @@ fn a_second_simulator_is_refused_and_told_by_whom() {
     fs::create_dir(dir.path().join("sub")).unwrap();
     assert_eq!(refused(&dir.path().join("sub/../r150")).0, InUse);
     drop(port);
-    drop(PtyPort::open_at(&path, BAUD).unwrap());
+    drop(PtyPort::open_at(&path, SETUP).unwrap());
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn of_many_that_start_at_once_one_wins() {
                 .map(|_| {
                     scope.spawn(|| {
                         start.wait();
-                        let port = PtyPort::open_at(&path, BAUD);
+                        let port = PtyPort::open_at(&path, SETUP);
                         end.wait();
                         match &port {
                             Ok(port) => {
@@ -231,14 +231,14 @@ fn of_many_that_start_at_once_one_wins() {
 fn a_link_that_somebody_replaced_is_not_removed() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
-    let port = PtyPort::open_at(&path, BAUD).unwrap();
+    let port = PtyPort::open_at(&path, SETUP).unwrap();
     fs::remove_file(&path).unwrap();
     fs::write(&path, "precious").unwrap();
     drop(port);
     assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
     fs::remove_file(&path).unwrap();
 
-    let port = PtyPort::open_at(&path, BAUD).unwrap();
+    let port = PtyPort::open_at(&path, SETUP).unwrap();
     fs::remove_file(&path).unwrap();
     symlink("/dev/null", &path).unwrap();
     drop(port);
@@ -286,7 +286,7 @@ fn a_directory_that_may_not_be_written_to_is_explained() {
 #[ignore = "run by another test in a process of its own"]
 fn unwritable_directory() {
     let dir = common::unprivileged::dir();
-    let error = PtyPort::open_at(dir.join("closed/r150"), BAUD).unwrap_err();
+    let error = PtyPort::open_at(dir.join("closed/r150"), SETUP).unwrap_err();
     assert!(
         matches!(error.kind(), PortErrorKind::NotWritable(_)),
         "{error:?}"
@@ -321,7 +321,7 @@ fn a_killed_simulator_s_link_is_replaced() {
         fs::symlink_metadata(&path).is_ok(),
         "nobody was there to remove the link"
     );
-    let port = PtyPort::open_at(&path, BAUD).unwrap();
+    let port = PtyPort::open_at(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.slave_path());
     drop(port);
     assert_eq!(names(dir.path()), [] as [PathBuf; 0]);
@@ -331,6 +331,6 @@ fn a_killed_simulator_s_link_is_replaced() {
 #[ignore = "run by another test in a process of its own"]
 fn simulator_to_be_killed() {
     let dir = common::unprivileged::dir();
-    let _port = PtyPort::open_at(dir.join("r150"), BAUD).unwrap();
+    let _port = PtyPort::open_at(dir.join("r150"), SETUP).unwrap();
     std::thread::sleep(common::PATIENCE * 3);
 }

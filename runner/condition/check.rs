@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use cel::common::ast::{CallExpr, Expr, IdedExpr, LiteralValue, operators};
 use cel::common::types::CelDouble;
+use sim_core::device::NameInfo;
+use sim_core::device::names::Unit;
 
-use super::names::{NameInfo, Unit, names};
 use super::{Devices, Origin};
 use crate::suggest::nearest;
 
@@ -31,8 +32,21 @@ const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
 /// What names mean.
 pub(super) struct Scope<'a>(pub(super) &'a Devices<'a>);
 
-/// Checks a condition, writes its whole numbers as decimal ones, and notes what its names mean.
-pub(super) fn check(
+/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean.
+pub(super) type Check =
+    fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<(), String>;
+
+/// Allows whatever has a value.
+pub(super) fn value(
+    expression: &mut IdedExpr,
+    scope: &Scope<'_>,
+    found: &mut BTreeMap<String, Origin>,
+) -> Result<(), String> {
+    type_of(expression, scope, found).map(|_| ())
+}
+
+/// Allows what is true or false.
+pub(super) fn condition(
     expression: &mut IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
@@ -170,7 +184,7 @@ fn qualified_name(expression: &Expr) -> Option<String> {
 }
 
 impl Scope<'_> {
-    fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
+    pub(super) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
         if name == "t" {
             return Ok((Origin::Time, Unit::Number("s")));
         }
@@ -178,23 +192,23 @@ impl Scope<'_> {
             .0
             .iter()
             .enumerate()
-            .filter_map(|(index, (own, kind))| {
+            .filter_map(|(index, (own, device))| {
                 let own = identifier(own);
                 let inner = name
                     .strip_prefix(&own)
                     .and_then(|rest| rest.strip_prefix('.'))
                     .or_else(|| (self.0.len() == 1).then_some(name))?;
-                let info = names(*kind).iter().find(|info| info.name == inner)?;
+                let info = device.find_name(inner)?;
                 Some((Origin::Device(index, info.getter()), info.unit))
             });
         candidates.next().ok_or_else(|| self.unknown(name))
     }
 
     fn unknown(&self, name: &str) -> String {
-        let all = self.0.iter().flat_map(|(own, kind)| {
+        let all = self.0.iter().flat_map(|(own, device)| {
             let own = identifier(own);
             let short = self.0.len() == 1 && !name.starts_with(&format!("{own}."));
-            names(*kind).iter().map(move |NameInfo { name, .. }| {
+            device.all_names().map(move |NameInfo { name, .. }| {
                 if short {
                     (*name).to_owned()
                 } else {

@@ -81,7 +81,13 @@ impl Run {
         }
     }
 
-    /// How many bytes the client may send now without filling the line.
+    /// As [`sim_core::rig::Rig::space`].
+    #[must_use]
+    pub fn space(&self, port: PortId) -> usize {
+        self.rig.space(port)
+    }
+
+    /// How many bytes the client's UART takes now.
     #[must_use]
     pub fn room(&self, port: PortId) -> usize {
         self.rig.room(port)

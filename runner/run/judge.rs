@@ -8,6 +8,7 @@ use sim_settings::show_duration;
 
 use super::agenda::Item;
 use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
+use super::steps::FaultCounts;
 use super::{MOST_RECENT, Run};
 use crate::condition::{Condition, Situation};
 use crate::scenario::{Action, Scenario, Trigger};
@@ -149,18 +150,24 @@ impl Run {
         }
     }
 
-    fn situation(&self) -> Situation<'_> {
+    pub(crate) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
-            seen: &self.seen,
+            observed: &self.observed,
         }
     }
 
-    fn holds(&self, condition: &Condition) -> Result<bool, String> {
+    /// Whether a condition holds now.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub fn holds(&self, condition: &Condition) -> Result<bool, String> {
         condition.holds(self.situation())
     }
 
-    fn explain(&self, condition: &Condition) -> String {
+    /// The values of the names in a condition now.
+    #[must_use]
+    pub fn explain(&self, condition: &Condition) -> String {
         condition.explain(self.situation())
     }
 
@@ -219,10 +226,12 @@ impl Run {
                 .rig
                 .devices
                 .iter()
-                .zip(&self.seen)
-                .map(|(plan, seen)| DeviceReport {
+                .zip(&self.observed)
+                .enumerate()
+                .map(|(device, (plan, observed))| DeviceReport {
                     name: plan.name.clone(),
-                    report: seen.report().clone(),
+                    report: observed.report().clone(),
+                    distance_m: self.rig.distance_m(device),
                 })
                 .collect(),
             traffic: self.traffic(),
@@ -272,8 +281,8 @@ impl Run {
             for number in self.active_faults(index) {
                 self.clear_fault(index, number);
             }
-            let (armed, hits) = self.steps[index].fault_counts();
-            if armed > 0 && hits == 0 && !step.may_not_trigger {
+            let FaultCounts { armed, hit, hits } = self.steps[index].fault_counts();
+            if armed > 0 && hit == 0 && !step.may_not_trigger {
                 let why = format!(
                     "the fault {} was there from {begun} s on and never hit anything; \
                      if that is all right, say `may_not_trigger = true`",
@@ -285,6 +294,7 @@ impl Run {
                 step: step.name.clone(),
                 id: fault.id(),
                 armed,
+                hit,
                 hits,
             });
         }
@@ -325,9 +335,9 @@ impl Run {
             return;
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.seen[index]
+            let found: Vec<String> = self.observed[index]
                 .report()
-                .client_faults()
+                .held_against_client()
                 .filter(|(code, _)| match &demand.allowed {
                     Some(allowed) => !allowed.iter().any(|kind| kind == code),
                     None => demand.forbidden.iter().any(|kind| kind == code),
@@ -335,7 +345,7 @@ impl Run {
                 .map(|(code, tally)| {
                     format!(
                         "{code} × {}, first at {} s: {}",
-                        tally.client_faults, tally.first_at, tally.first
+                        tally.held_against_client, tally.first_at, tally.first
                     )
                 })
                 .collect();

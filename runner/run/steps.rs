@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 
 use sim_core::SimTime;
+use sim_core::fault::{Fault, FaultHandle};
 use sim_core::noise::Noise;
+use sim_core::rig::Rig;
 
 use super::agenda::Item;
 use super::effects::Undo;
 use super::judge::Expected;
 use super::{MOST_ROUNDS, Run};
-use crate::fault::{self, Fault, FaultHandle};
 use crate::scenario::{Action, Only, Scenario, Step, Trigger};
 
 /// How far a step has come.
@@ -26,13 +27,27 @@ pub(super) struct StepState {
     chance: Noise,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
-    injected: u64,
-    hits: u64,
+    counts: FaultCounts,
+}
+
+/// How often a step has brought its fault.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FaultCounts {
+    pub(super) armed: u64,
+    /// How many of these times it hit anything.
+    pub(super) hit: u64,
+    /// How often it hit something, all times together.
+    pub(super) hits: u64,
 }
 
 impl StepState {
     pub(super) fn all(scenario: &Scenario, seed: u64) -> Vec<Self> {
-        let of = |step: &Step| Self {
+        let steps = scenario.steps.iter();
+        steps.map(|step| Self::new(step, seed)).collect()
+    }
+
+    pub(super) fn new(step: &Step, seed: u64) -> Self {
+        Self {
             watching: matches!(step.trigger, Trigger::When(_)),
             begun: None,
             done: None,
@@ -41,15 +56,18 @@ impl StepState {
             pending: 0,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             faults: BTreeMap::new(),
-            injected: 0,
-            hits: 0,
-        };
-        scenario.steps.iter().map(of).collect()
+            counts: FaultCounts::default(),
+        }
     }
 
-    /// How often it brought its fault, and how often that hit something.
-    pub(super) fn fault_counts(&self) -> (u64, u64) {
-        (self.injected, self.hits)
+    /// How often its faults have hit something until now.
+    pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
+        let active = self.faults.values();
+        self.counts.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
+    }
+
+    pub(super) fn fault_counts(&self) -> FaultCounts {
+        self.counts
     }
 }
 
@@ -158,7 +176,7 @@ impl Run {
                 }
                 None
             }
-            Action::Operator(action) => self.operate(step.device, action),
+            Action::Operator(action) => self.operate(step.device, action.as_ref()),
             Action::World(action) => self.change_world(index, step.device, action, now),
             Action::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
@@ -175,7 +193,7 @@ impl Run {
     }
 
     fn inject(&mut self, index: usize, step: &Step, fault: &Fault, now: SimTime) -> Option<Undo> {
-        let number = self.steps[index].injected + 1;
+        let number = self.steps[index].counts.armed + 1;
         // Its random numbers come from its name, and are not to be the same each time.
         let name = match number {
             1 => step.name.clone(),
@@ -184,10 +202,10 @@ impl Run {
         match self.rig.inject(step.device, &name, fault) {
             Ok(handle) => {
                 let state = &mut self.steps[index];
-                state.injected = number;
+                state.counts.armed = number;
                 state.faults.insert(number, handle);
                 self.hang_up(step.device, now);
-                if fault::disturbs_requests(fault) {
+                if fault.disturbs_requests() {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
                 Some(Undo::Fault(number))
@@ -204,7 +222,10 @@ impl Run {
         let Some(handle) = self.steps[index].faults.remove(&number) else {
             return;
         };
-        self.steps[index].hits += self.rig.fault_hits(handle);
+        let hits = self.rig.fault_hits(handle);
+        let counts = &mut self.steps[index].counts;
+        counts.hits += hits;
+        counts.hit += u64::from(hits > 0);
         self.rig.clear(handle);
         let device = self.scenario.steps[index].device;
         if !self.is_line_disturbed(device) && self.excused_until[device] == SimTime::MAX {
@@ -222,7 +243,7 @@ impl Run {
         steps
             .filter(|(step, state)| step.device == device && !state.faults.is_empty())
             .any(
-                |(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_requests(f)),
+                |(step, _)| matches!(&step.action, Action::Fault(fault) if fault.disturbs_requests()),
             )
     }
 

@@ -29,6 +29,10 @@ pub enum Record {
         baud: u32,
         stop_bits: u8,
         raw: bool,
+        #[serde(default, skip_serializing_if = "is_unset")]
+        parity: bool,
+        #[serde(default, skip_serializing_if = "is_unset")]
+        rts_cts: bool,
     },
     Late {
         t: u64,
@@ -80,6 +84,15 @@ pub enum Record {
         /// Lines that were lost because nobody took them.
         dropped: u64,
     },
+}
+
+/// Whether a setting is as it nearly always is, and not written.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_unset(value: &bool) -> bool {
+    !value
 }
 
 /// Everything that a second run needs.

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_core::SimTime;
+use sim_core::device::Devices;
 use sim_core::event::Hex;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::rig::PortId;
 use sim_core::settings::SimSettings;
 use sim_settings::{Source, load_toml, shorten};
 
+use super::onlooker::Onlooker;
 use super::record::{Header, Record};
 use super::{FORMAT, MOST_BYTES};
 use crate::run::{Run, RunError, RunOptions};
@@ -27,8 +29,9 @@ const NANOSECOND: Duration = Duration::from_nanos(1);
 ///
 /// The recorded client's bytes are sent at their recorded times, and what the devices send has to
 /// be the same bytes at the same times.
-pub struct Replay {
+pub struct Replay<'o> {
     run: Run,
+    onlooker: Option<&'o mut dyn Onlooker>,
     /// What was recorded and what came now, of each port, as far as they are not yet compared.
     streams: BTreeMap<PortId, Stream>,
     line: usize,
@@ -99,25 +102,28 @@ pub enum ReplayError {
     Run(#[from] RunError),
 }
 
-impl Replay {
-    /// Repeats a whole trace.
+impl<'o> Replay<'o> {
+    /// Repeats a whole trace of these devices.
     ///
     /// # Errors
     /// Where the second run first differs, or what is wrong with the trace.
-    pub fn all<'l>(lines: impl IntoIterator<Item = &'l str>) -> Result<(), ReplayError> {
+    pub fn all<'l>(
+        devices: Devices,
+        lines: impl IntoIterator<Item = &'l str>,
+    ) -> Result<(), ReplayError> {
         let mut lines = lines.into_iter();
-        let mut replay = Self::begin(lines.next().unwrap_or_default())?;
+        let mut replay = Self::begin(devices, lines.next().unwrap_or_default())?;
         for line in lines {
             replay.line(line)?;
         }
         replay.finish()
     }
 
-    /// Begins with the first line.
+    /// Begins with the first line of a trace of these devices.
     ///
     /// # Errors
     /// When it is no header, or the scenario in it cannot be read any more.
-    pub fn begin(line: &str) -> Result<Self, ReplayError> {
+    pub fn begin(devices: Devices, line: &str) -> Result<Self, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
         let Record::Header(header) = read(line, 1)? else {
             return Err(malformed("a trace begins with its header".to_owned()));
@@ -126,14 +132,35 @@ impl Replay {
             let why = format!("format {} is not known; allowed: {FORMAT}", header.format);
             return Err(malformed(why));
         }
-        let run = start(&header).map_err(malformed)?;
+        let run = start(devices, &header).map_err(malformed)?;
         Ok(Self {
             run,
+            onlooker: None,
             streams: BTreeMap::new(),
             line: 1,
             acted: 0,
             ended: false,
         })
+    }
+
+    /// The same with somebody who looks on from now.
+    #[must_use]
+    pub fn watched<'n>(self, onlooker: &'n mut dyn Onlooker) -> Replay<'n> {
+        let onlooker = Some(onlooker);
+        Replay { onlooker, ..self }
+    }
+
+    /// The second run, as far as it has come.
+    #[must_use]
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// Whether the onlooker wants no more of it.
+    #[must_use]
+    pub fn is_enough(&self) -> bool {
+        let onlooker = self.onlooker.as_ref();
+        onlooker.is_some_and(|onlooker| onlooker.has_enough())
     }
 
     /// Takes a further line.
@@ -145,7 +172,11 @@ impl Replay {
         if line.trim().is_empty() {
             return Ok(());
         }
-        match read(line, self.line)? {
+        let record = read(line, self.line)?;
+        if let Some(onlooker) = &mut self.onlooker {
+            onlooker.record(&record);
+        }
+        match record {
             Record::Host { .. }
             | Record::Event { .. }
             | Record::Pose { .. }
@@ -180,6 +211,8 @@ impl Replay {
                 baud,
                 stop_bits,
                 raw,
+                parity,
+                rts_cts,
             } => {
                 let at = self.client_acts(t)?;
                 self.run.advance(at)?;
@@ -187,6 +220,8 @@ impl Replay {
                     baud,
                     stop_bits,
                     raw,
+                    parity,
+                    rts_cts,
                 };
                 let port = self.port(port.into())?;
                 self.run.set_line(port, line);
@@ -256,10 +291,24 @@ impl Replay {
     fn advance(&mut self, to: SimTime) -> Result<(), ReplayError> {
         while self.run.rig().now() < to && self.run.finished().is_none() {
             let next = self.run.rig().now() + SLICE;
-            self.run.advance(next.min(to))?;
+            let look = self.look();
+            self.run.advance(next.min(look).min(to))?;
             self.compare()?;
         }
+        self.look();
         Ok(())
+    }
+
+    /// Lets the onlooker look if it is time, and says when it is time again.
+    fn look(&mut self) -> SimTime {
+        let Some(onlooker) = &mut self.onlooker else {
+            return SimTime::MAX;
+        };
+        if onlooker.next_look() <= self.run.rig().now() {
+            onlooker.look(&self.run);
+        }
+        // Whoever never looks later would stop the time.
+        onlooker.next_look().max(self.run.rig().now() + NANOSECOND)
     }
 
     /// A port that the scenario has.
@@ -284,7 +333,11 @@ impl Replay {
                 self.stream(port.into()).now.extend(bytes);
             }
         }
-        while self.run.poll_event().is_some() {}
+        while let Some(event) = self.run.poll_event() {
+            if let Some(onlooker) = &mut self.onlooker {
+                onlooker.event(&self.run, &event);
+            }
+        }
         Ok(())
     }
 
@@ -317,8 +370,8 @@ impl Replay {
     }
 }
 
-fn start(header: &Header) -> Result<Run, String> {
-    let mut base = SimSettings::default();
+fn start(devices: Devices, header: &Header) -> Result<Run, String> {
+    let mut base = SimSettings::new(devices);
     load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
         shorten(errors.join("; "))

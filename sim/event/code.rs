@@ -125,6 +125,12 @@ codes! {
     LINE_NOT_RAW = "line_not_raw", Client;
     /// The client has set two stop bits.
     STOP_BITS = "stop_bits", Client;
+    /// The client asks for a parity bit.
+    PARITY = "parity", Client;
+    /// The client waits for CTS.
+    FLOW_CONTROL = "flow_control", Client;
+    /// The client has set its speed to 0.
+    HUNG_UP = "hung_up", Client;
     /// The client sent more than the line holds.
     SENT_TOO_MUCH = "sent_too_much", Client;
     /// The simulator was held up.

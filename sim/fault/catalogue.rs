@@ -30,23 +30,27 @@ use super::parameters::{
     Probability, RailName, WrongLength,
 };
 use super::{FaultInfo, FaultLevel, ParameterInfo};
-use crate::device_kind::DeviceKind;
 
-const BOTH: &[DeviceKind] = &DeviceKind::ALL;
-const R150: &[DeviceKind] = &[DeviceKind::R150];
-const CAR: &[DeviceKind] = &[DeviceKind::Mecanum];
-
-/// Declares the type [`Fault`] and its catalogue. A parameter without `#[serde(…)]` must be given.
+/// Declares the type [`Fault`] and its catalogue.
+///
+/// A parameter without `#[serde(…)]` must be given. What many faults take stands behind their own
+/// parameters: `only` some command's replies, with what `chance`, how often at `most`, which `way`,
+/// `on` which link; each with its description, and where they differ with its default.
 macro_rules! faults {
     ({} $(
         $(#[doc = $summary:literal])+
-        $variant:ident = $id:literal, $level:ident, $devices:ident,
+        $variant:ident = $id:literal, $level:ident, $everywhere:literal,
         sees $sees:literal, counts $counts:literal,
         { $(
             $(#[doc = $about:literal])+
             $(#[serde($($serde:tt)*)])?
             $field:ident: $type:ty,
         )* }
+        $(only $only:literal)?
+        $(chance $chance:literal $usual_chance:literal)?
+        $(most $most:literal)?
+        $(way $way:literal $usual_way:literal)?
+        $(on $on:literal)?
     )+) => {
         /// Something that goes wrong. In files a table with the fault's id as `kind` and its
         /// parameters beside it.
@@ -55,11 +59,38 @@ macro_rules! faults {
         pub enum Fault { $(
             $(#[doc = $summary])+
             #[serde(rename = $id)]
-            $variant { $(
-                $(#[doc = $about])+
-                $(#[serde($($serde)*)])?
-                $field: $type,
-            )* },
+            $variant {
+                $(
+                    $(#[doc = $about])+
+                    $(#[serde($($serde)*)])?
+                    $field: $type,
+                )*
+                $(
+                    #[doc = $only]
+                    #[serde(default, skip_serializing_if = "Option::is_none")]
+                    command: Option<u8>,
+                )?
+                $(
+                    #[doc = $chance]
+                    #[serde(default = $usual_chance)]
+                    probability: Probability,
+                )?
+                $(
+                    #[doc = $most]
+                    #[serde(default, skip_serializing_if = "Option::is_none")]
+                    count: Option<u64>,
+                )?
+                $(
+                    #[doc = $way]
+                    #[serde(default = $usual_way)]
+                    direction: Direction,
+                )?
+                $(
+                    #[doc = $on]
+                    #[serde(default)]
+                    link: LinkName,
+                )?
+            },
         )+ }
 
         impl Fault {
@@ -75,24 +106,82 @@ macro_rules! faults {
                 )+
                 &CATALOGUE[place % CATALOGUE.len()]
             }
+
+            /// The command to whose replies it keeps, if it keeps to one.
+            #[must_use]
+            pub fn command(&self) -> Option<u8> {
+                match self {
+                    $( $( Self::$variant { command, .. } => taken!($only *command), )? )+
+                    _ => None,
+                }
+            }
+
+            /// How likely it is each time; without fail if that is not said.
+            #[must_use]
+            pub fn probability(&self) -> Probability {
+                match self {
+                    $( $( Self::$variant { probability, .. } => taken!($chance *probability), )? )+
+                    _ => Probability::ALWAYS,
+                }
+            }
+
+            /// How often it acts at most.
+            #[must_use]
+            pub fn most(&self) -> Option<u64> {
+                match self {
+                    $( $( Self::$variant { count, .. } => taken!($most *count), )? )+
+                    _ => None,
+                }
+            }
+
+            /// Which way it acts; both if that is not said.
+            #[must_use]
+            pub fn direction(&self) -> Direction {
+                match self {
+                    $( $( Self::$variant { direction, .. } => taken!($way *direction), )? )+
+                    _ => Direction::Both,
+                }
+            }
+
+            /// The link on which it acts, if it says so.
+            pub(super) fn own_link(&self) -> Option<LinkName> {
+                match self {
+                    $( $( Self::$variant { link, .. } => taken!($on Some(link.clone())), )? )+
+                    _ => None,
+                }
+            }
         }
 
         const CATALOGUE: &[FaultInfo] = &[$( FaultInfo {
             id: $id,
             level: FaultLevel::$level,
-            devices: $devices,
-            parameters: &[$( ParameterInfo {
-                name: stringify!($field),
-                description: concat!($($about),+).trim_ascii_start(),
-                required: {
-                    let given: &[&str] = &[$(stringify!($($serde)*),)?];
-                    given.is_empty()
-                },
-            } ),*],
+            everywhere: $everywhere,
+            parameters: &[
+                $( ParameterInfo {
+                    name: stringify!($field),
+                    description: concat!($($about),+).trim_ascii_start(),
+                    required: {
+                        let given: &[&str] = &[$(stringify!($($serde)*),)?];
+                        given.is_empty()
+                    },
+                }, )*
+                $( ParameterInfo::shared("command", $only), )?
+                $( ParameterInfo::shared("probability", $chance), )?
+                $( ParameterInfo::shared("count", $most), )?
+                $( ParameterInfo::shared("direction", $way), )?
+                $( ParameterInfo::shared("link", $on), )?
+            ],
             client_sees: $sees,
             counts: $counts,
             summary: concat!($($summary),+).trim_ascii_start(),
         } ),+];
+    };
+}
+
+/// The value of a parameter that a fault has, as its description says.
+macro_rules! taken {
+    ($about:literal $value:expr) => {
+        $value
     };
 }
 

@@ -23,6 +23,7 @@ macro_rules! defaults {
 }
 
 defaults! {
+    always: Probability = Probability::ALWAYS;
     rarely: Probability = share(0.01);
     ice: Probability = share(0.05);
     burst_length: u16 = 8;
@@ -32,6 +33,7 @@ defaults! {
     spread: u16 = 50;
     pulses: u16 = 20;
     yes: bool = true;
+    both: Direction = Direction::Both;
     to_client: Direction = Direction::ToClient;
     all_motors: Motors = Motors::All;
     pause: Span = millis(5);

@@ -10,120 +10,129 @@ use crate::uart::Receiver;
 /// Relative difference of the speeds beyond which bytes arrive wrong.
 const TOLERANCE: f64 = 0.035;
 
-/// Bytes under way in one direction, oldest first.
+/// How both ends of a direction are set at the moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ends {
+    pub(super) from_baud: u32,
+    pub(super) stop_bits: u8,
+    pub(super) to_baud: u32,
+    pub(super) wire: Wire,
+}
+
+/// What one end has handed over and the other has not taken yet.
+///
+/// The sender's shift register holds one byte at a time. A byte goes at the speeds that both ends
+/// have while it is under way, so whoever changes one has to [`settle`](Self::settle) first.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Direction {
-    pub(super) under_way: VecDeque<(SimTime, u8)>,
-    /// When the sender's shift register is empty.
+    /// The first of them is in the shift register.
+    waiting: VecDeque<u8>,
+    /// When that one has gone.
+    shifting: Option<SimTime>,
+    /// When the shift register was last empty.
     free_at: SimTime,
-    /// The last burst, if it went at a wrong speed.
-    garbled: Option<Burst>,
-}
-
-/// Bytes that follow one another at a speed that is not the receiver's.
-#[derive(Debug, Clone)]
-struct Burst {
-    receiver: Receiver,
-    /// Speeds of the sender and of the receiver.
-    bauds: [u32; 2],
-    begin: SimTime,
-    /// When all of it has been sent.
-    sent_at: SimTime,
-    /// How many of the last bytes under way are what they are only if nothing follows.
-    tentative: usize,
-    /// When the first of them arrives.
-    tentative_from: Option<SimTime>,
-}
-
-impl Burst {
-    fn new(begin: SimTime, bauds: [u32; 2]) -> Self {
-        let [from, to] = bauds;
-        Self {
-            receiver: Receiver::new(from, to),
-            bauds,
-            begin,
-            sent_at: begin,
-            tentative: 0,
-            tentative_from: None,
-        }
-    }
+    /// The receiver that listens at another speed, and both speeds.
+    garbled: Option<(Receiver, [u32; 2])>,
+    arrived: VecDeque<(SimTime, u8)>,
 }
 
 impl Direction {
-    /// `from` are the sender's speed and stop bits.
-    pub(super) fn send(
-        &mut self,
-        now: SimTime,
-        bytes: &[u8],
-        from: (u32, u8),
-        to_baud: u32,
-        wire: Wire,
-    ) {
-        let (from_baud, stop_bits) = from;
-        if !matches(from_baud, to_baud) {
-            return self.send_garbled(now, bytes, [from_baud, to_baud], wire);
-        }
-        self.garbled = None;
-        let byte_time = wire.byte_time(from_baud, stop_bits);
-        let mut arrival = self.free_at.max(now);
-        for &byte in bytes {
-            arrival += byte_time;
-            self.under_way.push_back((arrival, byte));
-        }
-        self.free_at = arrival;
+    /// How many bytes have been handed over and have not arrived.
+    pub(super) fn waiting(&self) -> usize {
+        self.waiting.len()
     }
 
-    /// Bytes at another speed than the receiver's. What it makes of them depends on where bytes
-    /// follow one another without a pause, as on a cable: not on the pieces in which they were
-    /// handed over.
-    fn send_garbled(&mut self, now: SimTime, bytes: &[u8], bauds: [u32; 2], wire: Wire) {
-        let goes_on = |burst: &Burst| {
-            let tentative = burst.tentative_from.is_none_or(|arrival| arrival > now);
-            let fits = burst.receiver.pending() < MOST_IN_FLIGHT;
-            burst.bauds == bauds && wire == Wire::Paced && now <= burst.sent_at && tentative && fits
-        };
-        let mut burst = match self.garbled.take().filter(goes_on) {
-            Some(burst) => {
-                // The line was not idle after all.
-                let kept = self.under_way.len().saturating_sub(burst.tentative);
-                self.under_way.truncate(kept);
-                burst
+    /// How many bytes it keeps.
+    pub(super) fn kept(&self) -> usize {
+        self.waiting.len() + self.arrived.len()
+    }
+
+    /// Hands bytes over.
+    pub(super) fn send(&mut self, now: SimTime, bytes: &[u8], ends: Ends) {
+        self.settle(now, ends);
+        self.waiting.extend(bytes);
+        self.shift(now, ends);
+        self.settle(now, ends);
+    }
+
+    /// Brings everything to where it is at `now` with the ends as they have been until then.
+    pub(super) fn settle(&mut self, now: SimTime, ends: Ends) {
+        while let Some(gone) = self.shifting.filter(|gone| *gone <= now) {
+            self.shifting = None;
+            self.free_at = gone;
+            let Some(byte) = self.waiting.pop_front() else {
+                return;
+            };
+            self.shift(gone, ends);
+            self.hear(byte, gone, ends);
+        }
+    }
+
+    /// The first byte that waits goes into the shift register if that is empty.
+    fn shift(&mut self, now: SimTime, ends: Ends) {
+        if self.shifting.is_none() && !self.waiting.is_empty() {
+            let begins = self.free_at.max(now);
+            let takes = ends.wire.byte_time(ends.from_baud, ends.stop_bits);
+            if begins > self.free_at {
+                self.garbled = None;
             }
-            None => Burst::new(self.free_at.max(now), bauds),
-        };
-        burst.receiver.hear(bytes);
-        // It is garbage with one stop bit or two.
-        let byte_time = wire.byte_time(bauds[0], 1);
-        let count = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
-        burst.sent_at += byte_time * count;
-        let begin = burst.begin;
-        let arrives = |after| match wire {
-            Wire::Paced => begin + after,
-            Wire::Instant => begin,
-        };
-        while let Some(received) = burst.receiver.next_settled() {
-            let arrival = arrives(received.after);
-            self.under_way.push_back((arrival, received.byte));
+            self.shifting = Some(begins + takes);
         }
-        let tentative = burst.receiver.if_idle();
-        burst.tentative = tentative.len();
-        burst.tentative_from = tentative.first().map(|first| arrives(first.after));
-        let tentative = tentative.iter().map(|r| (arrives(r.after), r.byte));
-        self.under_way.extend(tentative);
-        // A slow receiver may still be at its last byte when the sender has finished.
-        let last = self.under_way.back().map_or(begin, |(arrival, _)| *arrival);
-        self.free_at = last.max(burst.sent_at);
-        self.garbled = Some(burst);
     }
 
+    /// The receiver has heard a byte. At another speed, what it makes of it depends on what follows
+    /// without a pause, as on a cable, and not on the pieces in which bytes were handed over.
+    fn hear(&mut self, byte: u8, gone: SimTime, ends: Ends) {
+        let speeds = [ends.from_baud, ends.to_baud];
+        if speeds.contains(&0) {
+            // A port that has hung up neither sends nor hears.
+            self.garbled = None;
+            return;
+        }
+        if matches(ends.from_baud, ends.to_baud) {
+            self.garbled = None;
+            self.arrived.push_back((gone, byte));
+            return;
+        }
+        let kept = self.garbled.take();
+        let kept =
+            kept.filter(|(receiver, own)| *own == speeds && receiver.pending() < MOST_IN_FLIGHT);
+        let (mut receiver, _) =
+            kept.unwrap_or_else(|| (Receiver::new(ends.from_baud, ends.to_baud), speeds));
+        receiver.hear(&[byte]);
+        let settled = std::iter::from_fn(|| receiver.next_settled());
+        self.arrived.extend(settled.map(|found| (gone, found.byte)));
+        if self.shifting.is_some() {
+            self.garbled = Some((receiver, speeds));
+        } else {
+            // Nothing follows, so that the line is idle behind it.
+            let last = receiver.if_idle();
+            self.arrived
+                .extend(last.iter().map(|found| (gone, found.byte)));
+        }
+    }
+
+    /// Takes back all but so many of the bytes that have not begun their way.
+    pub(super) fn discard_beyond(&mut self, kept: usize) {
+        let begun = usize::from(self.shifting.is_some());
+        self.waiting.truncate(begun + kept);
+    }
+
+    /// Nobody is there to take what has arrived.
+    pub(super) fn lose_arrived(&mut self) {
+        self.arrived.clear();
+    }
+
+    /// The next byte that has arrived by `now`, as far as [`settle`](Self::settle) has got.
     pub(super) fn take(&mut self, now: SimTime) -> Option<u8> {
-        self.under_way
-            .pop_front_if(|(arrival, _)| *arrival <= now)
-            .map(|(_, byte)| byte)
+        let first = self.arrived.pop_front_if(|(at, _)| *at <= now);
+        first.map(|(_, byte)| byte)
     }
 
+    /// When something next arrives, or has arrived and was not taken.
     pub(super) fn next(&self) -> Option<SimTime> {
-        self.under_way.front().map(|(arrival, _)| *arrival)
+        let arrived = self.arrived.front().map(|(at, _)| *at);
+        arrived.or(self.shifting)
     }
 }
 

@@ -35,6 +35,12 @@ pub enum LineEvent {
         /// The device's.
         device: u8,
     },
+    /// The client asks for a parity bit.
+    Parity,
+    /// The client waits for CTS before it sends.
+    FlowControl,
+    /// The client has set its speed to 0, which hangs up.
+    HungUp,
     /// The client sent more than the line holds, and the rest was lost.
     SentTooMuch {
         /// How many bytes were lost.
@@ -86,6 +92,9 @@ impl EventKind for OnLine {
             LineEvent::BaudMatched { .. } => code::BAUD_MATCHED,
             LineEvent::NotRaw => code::LINE_NOT_RAW,
             LineEvent::StopBits { .. } => code::STOP_BITS,
+            LineEvent::Parity => code::PARITY,
+            LineEvent::FlowControl => code::FLOW_CONTROL,
+            LineEvent::HungUp => code::HUNG_UP,
             LineEvent::SentTooMuch { .. } => code::SENT_TOO_MUCH,
             LineEvent::SimulatorLate { .. } => code::SIMULATOR_LATE,
             LineEvent::SimulatorTooSlow => code::SIMULATOR_TOO_SLOW,
@@ -146,6 +155,18 @@ impl fmt::Display for LineEvent {
                 f,
                 "the client has set {client} stop bits, the device uses {device}; open the port with \
                  {device}"
+            ),
+            Self::Parity => f.write_str(
+                "the client asks for a parity bit, the device sends none: on the cable every byte \
+                 would be an error; open the port without parity (8N1)",
+            ),
+            Self::FlowControl => f.write_str(
+                "the client waits for CTS before it sends (CRTSCTS): on a cable of three wires it \
+                 never comes, and not a byte goes out; open the port without RTS/CTS flow control",
+            ),
+            Self::HungUp => f.write_str(
+                "the client has set its speed to 0, which hangs up: nothing passes until it sets \
+                 another",
             ),
             Self::SentTooMuch { bytes } => write!(
                 f,

@@ -12,7 +12,7 @@ use crate::r150_device::control::Parts;
 use crate::r150_device::protection::Cause;
 use crate::r150_device::reply::Reply;
 use crate::r150_device::settings::ProtectionAction;
-use crate::r150_device::{R150Event, ValueFault};
+use crate::r150_device::{R150Event, ValueError};
 
 crate::codes! {
     /// A whole frame with a wrong CRC.
@@ -86,10 +86,10 @@ impl EventKind for R150Event {
                 refusal: Refusal::WrongLength { .. },
                 ..
             } => WRONG_LENGTH,
-            Self::BadValue { fault, .. } => match fault {
-                ValueFault::DutyOutOfRange(_) => DUTY_OUT_OF_RANGE,
-                ValueFault::MotorsOutOfRange { .. } => MOTORS_OUT_OF_RANGE,
-                ValueFault::ReservedBits(_) => RESERVED_BITS,
+            Self::BadValue { error, .. } => match error {
+                ValueError::DutyOutOfRange(_) => DUTY_OUT_OF_RANGE,
+                ValueError::MotorsOutOfRange { .. } => MOTORS_OUT_OF_RANGE,
+                ValueError::ReservedBits(_) => RESERVED_BITS,
             },
             Self::OverRate { .. } => OVER_RATE,
             Self::AppInControl(_) => APP_IN_CONTROL,
@@ -186,7 +186,7 @@ impl fmt::Display for R150Event {
                     "0x{command:02X} {name} takes {wanted} parameter bytes, {found} came; nothing changed"
                 )
             }
-            Self::BadValue { fault, .. } => write!(f, "{fault}"),
+            Self::BadValue { error, .. } => write!(f, "{error}"),
             Self::OverRate { commands } => write!(
                 f,
                 "{commands} motor commands within a second, which are more than can be answered"
@@ -255,7 +255,7 @@ impl fmt::Display for R150Event {
     }
 }
 
-impl fmt::Display for ValueFault {
+impl fmt::Display for ValueError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::DutyOutOfRange(duty) => {

@@ -174,11 +174,6 @@ impl Motors {
         }
     }
 
-    /// Drops the delayed answer.
-    pub fn forget_answer(&mut self) {
-        self.answer_due = None;
-    }
-
     /// Takes the delayed answer if it is due at `now`.
     pub fn take_answer(&mut self, now: SimTime) -> bool {
         let due = self.answer_due.is_some_and(|due| due <= now);

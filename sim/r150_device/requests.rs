@@ -6,7 +6,7 @@ use super::R150Device;
 use super::codec::{self, Decoded, Frame};
 use super::command::{Refusal, Request, code};
 use super::control::FULL_DUTY;
-use super::event::{R150Event, ValueFault};
+use super::event::{R150Event, ValueError};
 use super::motors::{Answer, FULL};
 use super::reply::Reply;
 use super::settings::{
@@ -87,7 +87,7 @@ impl R150Device {
     }
 
     fn request(&mut self, now: SimTime, request: Request, frame: Vec<u8>) {
-        if let Some(fault) = ValueFault::of(request) {
+        if let Some(error) = ValueError::of(request) {
             self.event(
                 now,
                 R150Event::Request {
@@ -95,7 +95,7 @@ impl R150Device {
                     frame: frame.clone(),
                 },
             );
-            self.event(now, R150Event::BadValue { fault, frame });
+            self.event(now, R150Event::BadValue { error, frame });
         } else {
             self.event(now, R150Event::Request { request, frame });
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use sim_settings::SimTime;
 
 use super::{Rig, RigError};
-use crate::fault::Faults;
+use crate::injection::Injection;
 use crate::line::{ClientLine, LineEvent, SerialLine};
 
 /// One serial port: a link of a device.
@@ -25,25 +25,26 @@ impl Rig {
     /// As [`Rig::advance`].
     pub fn attach(&mut self, port: PortId, now: SimTime) -> Result<(), RigError> {
         self.advance(now)?;
+        if self.line(port).is_some_and(|line| !line.is_attached()) {
+            // What has arrived meanwhile is gone.
+            self.client_reads(port, &mut Vec::new());
+        }
         if let Some(line) = self.line_mut(port) {
-            line.attach();
+            line.attach(now);
             self.line_event(port, Some(LineEvent::Attached));
         }
         Ok(())
     }
 
-    /// The client closed the port at `now`, to which the rig advances first; what was on its way to
-    /// it is lost, what it has sent still arrives.
+    /// The client closed the port at `now`, to which the rig advances first. What its UART holds still
+    /// goes out.
     ///
     /// # Errors
     /// As [`Rig::advance`].
     pub fn detach(&mut self, port: PortId, now: SimTime) -> Result<(), RigError> {
         self.advance(now)?;
         if let Some(line) = self.line_mut(port) {
-            line.detach();
-            if let Some(faults) = self.faults_mut(port.device) {
-                faults.detach(port.link);
-            }
+            line.detach(now);
             self.line_event(port, Some(LineEvent::Detached));
             self.after_change(port.device);
         }
@@ -52,10 +53,12 @@ impl Rig {
 
     /// The client has set its end of the line.
     pub fn set_client_line(&mut self, port: PortId, line: ClientLine) {
+        let now = self.now;
         let event = self
             .line_mut(port)
-            .and_then(|own| own.set_client_line(line));
+            .and_then(|own| own.set_client_line(now, line));
         self.line_event(port, event);
+        self.reschedule(port.device);
     }
 
     /// The simulator was late by `by` of simulated time, so that up to and including `until` what
@@ -63,7 +66,7 @@ impl Rig {
     /// soon.
     pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         for slot in &mut self.slots {
-            slot.vehicle.unit_mut().expect_burst(by, until);
+            slot.device.expect_burst(by, until);
         }
     }
 
@@ -81,7 +84,26 @@ impl Rig {
         }
     }
 
-    /// How many bytes the client may send now without filling the line.
+    /// Whether the device may have something to say, or to hear, by `now`.
+    #[must_use]
+    pub fn is_due(&self, port: PortId, now: SimTime) -> bool {
+        let arrival = self.next_for_client(port).unwrap_or(SimTime::MAX);
+        self.agenda.of(port.device).min(arrival) <= now
+    }
+
+    /// When something next arrives at whoever has the port open.
+    #[must_use]
+    pub fn next_for_client(&self, port: PortId) -> Option<SimTime> {
+        self.line(port).and_then(SerialLine::next_for_client)
+    }
+
+    /// How many bytes the line keeps for a client whose driver has no buffer of its own.
+    #[must_use]
+    pub fn space(&self, port: PortId) -> usize {
+        self.line(port).map_or(0, SerialLine::space)
+    }
+
+    /// How many bytes the client's UART takes now.
     #[must_use]
     pub fn room(&self, port: PortId) -> usize {
         self.line(port).map_or(0, SerialLine::room)
@@ -116,10 +138,15 @@ impl Rig {
             return;
         };
         faults.pump_to_client(now, port.link, line);
+        let before = bytes.len();
         faults.take_for_client(now, port.link, bytes);
+        if !line.is_attached() {
+            // Nobody is there to hear what was delayed.
+            bytes.truncate(before);
+        }
     }
 
-    fn faults_mut(&mut self, device: usize) -> Option<&mut Faults> {
+    fn faults_mut(&mut self, device: usize) -> Option<&mut Injection> {
         self.slots.get_mut(device)?.faults.as_deref_mut()
     }
 

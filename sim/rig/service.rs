@@ -5,24 +5,35 @@ use sim_settings::SimTime;
 
 use super::events::Events;
 use super::{PortId, Rig, Slot};
+use crate::device::Device;
 use crate::event::Event;
-use crate::fault::Faults;
+use crate::injection::Injection;
 use crate::line::{LineEvent, OnLine, SerialLine};
-use crate::unit::Unit;
+
+/// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A device
+/// keeps a thousand events, and none of its frames is shorter than two bytes.
+const BYTES_BETWEEN: usize = 64;
 
 impl Rig {
     /// Does what is due for a device at the present time: arrivals, then deadlines.
     pub(super) fn serve(&mut self, device: usize) {
         let now = self.now;
         let slot = &mut self.slots[device];
-        let unit = slot.vehicle.unit_mut();
-        receive(now, unit, &mut slot.lines, slot.faults.as_deref_mut());
+        let unit = slot.device.as_mut();
+        let faults = slot.faults.as_deref_mut();
+        let mut told = 0;
+        receive(now, unit, &mut slot.lines, faults, &mut |unit| {
+            told += 1;
+            if told % BYTES_BETWEEN == 0 {
+                take_events(device, unit, &mut self.events);
+            }
+        });
         let due = unit.next_deadline().is_some_and(|due| due <= now);
         if due {
             unit.advance(now);
         }
         // Most bytes do no more than to lengthen a frame.
-        if due || unit.has_news() {
+        if due || told >= BYTES_BETWEEN || unit.has_news() {
             self.settle(device);
         }
         self.follow_up(device);
@@ -39,7 +50,7 @@ impl Rig {
         self.rest_to_grid(device);
         let now = self.now;
         if let Some(slot) = self.slots.get_mut(device) {
-            let unit = slot.vehicle.unit_mut();
+            let unit = slot.device.as_mut();
             unit.settle(now);
             if unit.next_deadline().is_some_and(|due| due <= now) {
                 // What the firmware answers to a measurement at once, such as a trip without delay.
@@ -55,14 +66,10 @@ impl Rig {
             return;
         };
         let now = self.now;
-        say_farewell(now, slot);
         send(now, device, slot, &mut self.events);
-        let unit = slot.vehicle.unit_mut();
-        while let Some((at, kind)) = unit.poll_event() {
-            self.events.keep_event(Event { at, device, kind });
-        }
+        take_events(device, slot.device.as_mut(), &mut self.events);
         self.agenda.set(device, next(slot));
-        if self.resting && !slot.vehicle.unit().at_rest() {
+        if self.resting && !slot.device.at_rest() {
             self.resting = false;
             self.physics_due = self
                 .physics_due
@@ -82,35 +89,31 @@ impl Rig {
     }
 }
 
-/// Hands a device the bytes that have arrived.
-fn receive(
-    now: SimTime,
-    unit: &mut dyn Unit,
-    lines: &mut [SerialLine],
-    mut faults: Option<&mut Faults>,
-) {
-    for (link, line) in lines.iter_mut().enumerate() {
-        let Some(faults) = &mut faults else {
-            while let Some(byte) = line.take_for_device(now) {
-                unit.receive(now, link, &[byte]);
-            }
-            continue;
-        };
-        faults.pump(now, link, line);
-        while let Some(byte) = faults.take_for_device(now, link) {
-            unit.receive(now, link, &[byte]);
-        }
+/// Takes what a device tells, before it has to forget any of it.
+fn take_events(device: usize, unit: &mut dyn Device, events: &mut Events) {
+    while let Some((at, kind)) = unit.poll_event() {
+        events.keep_event(Event { at, device, kind });
     }
 }
 
-/// Replies to a client that has left are nobody's once its last byte has arrived.
-fn say_farewell(now: SimTime, slot: &mut Slot) {
-    for (link, line) in slot.lines.iter_mut().enumerate() {
-        if line.take_former_done(now) {
-            slot.vehicle.unit_mut().client_left(now, link);
-            if let Some(faults) = &mut slot.faults {
-                faults.forget_late(link);
-            }
+/// Hands a device the bytes that have arrived; `between` is called after each.
+fn receive(
+    now: SimTime,
+    unit: &mut dyn Device,
+    lines: &mut [SerialLine],
+    mut faults: Option<&mut Injection>,
+    between: &mut dyn FnMut(&mut dyn Device),
+) {
+    for (link, line) in lines.iter_mut().enumerate() {
+        if let Some(faults) = &mut faults {
+            faults.pump(now, link, line);
+        }
+        while let Some(byte) = match &mut faults {
+            Some(faults) => faults.take_for_device(now, link),
+            None => line.take_for_device(now),
+        } {
+            unit.receive(now, link, &[byte]);
+            between(unit);
         }
     }
 }
@@ -128,14 +131,14 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
             events.keep(now, device, OnLine { link, event });
         }
     };
-    let unit = slot.vehicle.unit_mut();
+    let unit = slot.device.as_mut();
     let Some(faults) = &mut slot.faults else {
         while let Some((link, bytes)) = unit.poll_output() {
             put(&mut slot.lines[link], link, &bytes, true);
         }
         return;
     };
-    let mut put = |faults: &mut Faults, link: usize, frame: &[u8]| {
+    let mut put = |faults: &mut Injection, link: usize, frame: &[u8]| {
         let line = &mut slot.lines[link];
         faults.before_sending(now, link, frame.len(), line);
         put(line, link, frame, faults.has_room(link));
@@ -153,7 +156,7 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
 /// When a device next has something to do.
 fn next(slot: &Slot) -> SimTime {
     let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
-    let own = arrivals.chain(slot.vehicle.unit().next_deadline()).min();
+    let own = arrivals.chain(slot.device.next_deadline()).min();
     let Some(faults) = &slot.faults else {
         return own.unwrap_or(SimTime::MAX);
     };

@@ -111,6 +111,12 @@ impl Client {
         assert_eq!(self.ask(0x07, &[]), [1]);
     }
 
+    /// Throws away what has come, as `reset_input_buffer` of pyserial does.
+    pub fn reset_input(&mut self) {
+        self.port.clear(serialport::ClearBuffer::Input).unwrap();
+        self.unread.clear();
+    }
+
     /// Throws away what has come until a valid reply to `command` stands in the stream, if that
     /// comes within `patience`.
     pub fn skip_to(&mut self, command: u8, patience: Duration) -> Option<Vec<u8>> {

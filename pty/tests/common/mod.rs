@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
-use sim_pty::{Event, Port, PtyPort, Waiter};
+use sim_pty::{Event, Port, PtyPort, PtySetup, Waiter};
 
 /// How long a test waits for what must happen before it calls it a failure.
 /// Generous, since it is spent only on failure.
@@ -102,13 +102,13 @@ impl Bench {
     }
 
     pub fn unlinked() -> Self {
-        Self::new(PtyPort::open_unlinked(115_200).unwrap())
+        Self::new(PtyPort::open_unlinked(PtySetup::raw(115_200)).unwrap())
     }
 
     pub fn pty(&self) -> &PtyPort {
         match &self.port {
             Port::Pty(port) => port,
-            Port::Serial(_) => panic!("this is no pseudo-terminal"),
+            _ => panic!("this is no pseudo-terminal"),
         }
     }
 

@@ -5,43 +5,28 @@ macro_rules! protocol {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Replies have a wrong CRC.
-    BadCrc = "bad-crc", Protocol, R150,
+    BadCrc = "bad-crc", Protocol, false,
     sees "A reply that it must throw away.",
     counts "A reply was spoilt.",
-    {
-        /// Only replies to this command; to all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each reply; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-    }
+    {}
+    only "Only replies to this command; to all unless given."
+    chance "For each reply; 1 unless given." "defaults::always"
+    most "At most so many."
     /// Replies carry another command byte, packets another type, lines another letter; a CRC fits.
-    WrongCommand = "wrong-command", Protocol, BOTH,
+    WrongCommand = "wrong-command", Protocol, true,
     sees "A well-formed answer to something that it did not ask.",
     counts "A frame was changed.",
     {
         /// The byte to put there; the right one with its lowest bit flipped unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         with: Option<u8>,
-        /// Only replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    only "Only replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// Replies are too short or too long.
-    WrongLength = "wrong-length", Protocol, BOTH,
+    WrongLength = "wrong-length", Protocol, true,
     sees "A well-formed frame with parameters missing or too many; or one whose length field lies.",
     counts "A frame was changed.",
     {
@@ -51,114 +36,62 @@ macro_rules! protocol {
         /// Whether `parameters` are missing, or the `field` lies; parameters unless given.
         #[serde(default)]
         what: WrongLength,
-        /// Only replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    only "Only replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// Only the first half of a reply is sent.
-    TornReply = "torn-reply", Protocol, BOTH,
+    TornReply = "torn-reply", Protocol, true,
     sees "A frame that never ends; the next one seems to be its rest.",
     counts "A frame was cut.",
-    {
-        /// Only replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    only "Only replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// Replies are sent late. A later one may overtake them.
-    LateReply = "late-reply", Protocol, BOTH,
+    LateReply = "late-reply", Protocol, true,
     sees "No reply in time, and one that it no longer waits for.",
     counts "A frame was put off.",
     {
         /// By how much; 500 ms unless given.
         #[serde(default = "defaults::late")]
         by: Span,
-        /// Only replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    only "Only replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// Replies are sent twice.
-    ReplyTwice = "reply-twice", Protocol, BOTH,
+    ReplyTwice = "reply-twice", Protocol, true,
     sees "The same frame again at once, which it may take for the answer to its next request.",
     counts "A frame was sent twice.",
-    {
-        /// Only replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    only "Only replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// Replies are not sent.
-    MissingReply = "missing-reply", Protocol, BOTH,
+    MissingReply = "missing-reply", Protocol, true,
     sees "No reply, although the command took effect.",
     counts "A frame was not sent.",
-    {
-        /// Only replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    only "Only replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// The frame before is sent again in place of the right one.
-    PreviousReply = "previous-reply", Protocol, BOTH,
+    PreviousReply = "previous-reply", Protocol, true,
     sees "An old answer: other values than asked for, or the answer to another command.",
     counts "An old frame was sent. The first one after the start has none before it.",
-    {
-        /// Only in place of replies to this command, or packets of this type; all unless given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        command: Option<u8>,
-        /// For each frame; 1 unless given.
-        #[serde(default)]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    only "Only in place of replies to this command, or packets of this type; all unless given."
+    chance "For each frame; 1 unless given." "defaults::always"
+    most "At most so many."
+    on "On which link; main unless given."
     /// The device sends something that nobody asked for.
-    UnsolicitedFrame = "unsolicited-frame", Protocol, BOTH,
+    UnsolicitedFrame = "unsolicited-frame", Protocol, true,
     sees "A frame without a request: a heartbeat reply, a status packet of zeros, or a line.",
     counts "The frame was sent.",
     {
@@ -168,13 +101,9 @@ macro_rules! protocol {
         /// Again after this; once unless given. At least 1 ms.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         every: Option<Span>,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    most "At most so many."
+    on "On which link; main unless given."
 
     } };
 }

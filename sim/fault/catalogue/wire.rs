@@ -5,100 +5,56 @@ macro_rules! wire {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Single bits change on the wire.
-    BitFlips = "bit-flips", Wire, BOTH,
+    BitFlips = "bit-flips", Wire, true,
     sees "Frames whose CRC is wrong, or packets with wrong values; its own requests get no answer.",
     counts "A bit was flipped.",
-    {
-        /// For each byte; 0.01 unless given.
-        #[serde(default = "defaults::rarely")]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    chance "For each byte; 0.01 unless given." "defaults::rarely"
+    most "At most so many."
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// Bytes are lost on the wire.
-    DroppedBytes = "dropped-bytes", Wire, BOTH,
+    DroppedBytes = "dropped-bytes", Wire, true,
     sees "Frames that are too short, so that the next one is taken for their end.",
     counts "A byte was lost.",
-    {
-        /// For each byte; 0.01 unless given.
-        #[serde(default = "defaults::rarely")]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    chance "For each byte; 0.01 unless given." "defaults::rarely"
+    most "At most so many."
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// Bytes arrive twice.
-    DuplicatedBytes = "duplicated-bytes", Wire, BOTH,
+    DuplicatedBytes = "duplicated-bytes", Wire, true,
     sees "Frames with a byte too many.",
     counts "A byte was doubled.",
-    {
-        /// For each byte; 0.01 unless given.
-        #[serde(default = "defaults::rarely")]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    chance "For each byte; 0.01 unless given." "defaults::rarely"
+    most "At most so many."
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// Random bytes appear between the others.
-    InsertedBytes = "inserted-bytes", Wire, BOTH,
+    InsertedBytes = "inserted-bytes", Wire, true,
     sees "Frames with a foreign byte in or before them.",
     counts "A byte was inserted.",
-    {
-        /// Before each byte; 0.01 unless given.
-        #[serde(default = "defaults::rarely")]
-        probability: Probability,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    chance "Before each byte; 0.01 unless given." "defaults::rarely"
+    most "At most so many."
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// Interference makes several bytes in a row random.
-    Burst = "burst", Wire, BOTH,
+    Burst = "burst", Wire, true,
     sees "Runs of garbage inside frames and across them.",
     counts "A burst began.",
     {
         /// Bytes of a burst; 8 unless given.
         #[serde(default = "defaults::burst_length")]
         length: u16,
-        /// That a burst begins, for each byte; 0.01 unless given.
-        #[serde(default = "defaults::rarely")]
-        probability: Probability,
-        /// At most so many bursts.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    chance "That a burst begins, for each byte; 0.01 unless given." "defaults::rarely"
+    most "At most so many bursts."
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// Bytes take longer, all by the same or by a random time. They never overtake one another.
-    Delay = "delay", Wire, BOTH,
+    Delay = "delay", Wire, true,
     sees "Replies that come late; frames torn by pauses if there is jitter.",
     counts "A byte came late.",
     {
@@ -108,15 +64,11 @@ macro_rules! wire {
         /// Most of what a random further delay adds to each byte; none unless given.
         #[serde(default)]
         jitter: Span,
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// Pauses tear what is sent in one piece.
-    Fragmentation = "fragmentation", Wire, BOTH,
+    Fragmentation = "fragmentation", Wire, true,
     sees "A reply that comes in pieces over several reads.",
     counts "A pause was put between two bytes.",
     {
@@ -126,76 +78,51 @@ macro_rules! wire {
         /// Pause after each; 5 ms unless given. The R150 gives an unfinished request up after 20 ms.
         #[serde(default = "defaults::pause")]
         pause: Span,
-        /// Which way; to-client unless given.
-        #[serde(default = "defaults::to_client")]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    way "Which way; to-client unless given." "defaults::to_client"
+    on "On which link; main unless given."
     /// Bytes stop, and all come at once when the stall ends, as with a busy USB adapter.
-    Stall = "stall", Wire, BOTH,
+    Stall = "stall", Wire, true,
     sees "Silence, then everything at once, old replies first.",
     counts "A byte was held up.",
-    {
-        /// Which way; both unless given.
-        #[serde(default)]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    way "Which way; both unless given." "defaults::both"
+    on "On which link; main unless given."
     /// One wire of the cable is broken: nothing arrives that way.
-    Mute = "mute", Wire, BOTH,
+    Mute = "mute", Wire, true,
     sees "No replies; to-device, a vehicle that does nothing and whose watchdog fires.",
     counts "A byte was lost.",
-    {
-        /// Which way; to-client unless given.
-        #[serde(default = "defaults::to_client")]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    way "Which way; to-client unless given." "defaults::to_client"
+    on "On which link; main unless given."
     /// The device's serial port runs at a wrong speed.
-    WrongBaud = "wrong-baud", Wire, BOTH,
+    WrongBaud = "wrong-baud", Wire, true,
     sees "Garbage instead of replies, and no answer to what it sends.",
     counts "Something was sent at mismatched speeds.",
     {
         /// Bits per second of the device's end; 9600 unless given.
         #[serde(default = "defaults::wrong_baud")]
         baud: u32,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    on "On which link; main unless given."
     /// Random bytes come out of an idle line.
-    IdleNoise = "idle-noise", Wire, BOTH,
+    IdleNoise = "idle-noise", Wire, true,
     sees "Bytes between replies that belong to nothing.",
     counts "A byte came out of nothing.",
     {
         /// Mean time between two; 100 ms unless given, at least 1 ms.
         #[serde(default = "defaults::noise_every")]
         every: Span,
-        /// At most so many.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        count: Option<u64>,
-        /// Which way; to-client unless given.
-        #[serde(default = "defaults::to_client")]
-        direction: Direction,
-        /// On which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
     }
+    most "At most so many."
+    way "Which way; to-client unless given." "defaults::to_client"
+    on "On which link; main unless given."
     /// The cable is pulled, and plugged in again at the end.
-    CablePulled = "cable-pulled", Wire, BOTH,
+    CablePulled = "cable-pulled", Wire, true,
     sees "Its port hangs up, as a pulled USB adapter does, and can be opened again afterwards.",
     counts "A client had the port open, or something was sent.",
-    {
-        /// Of which link; main unless given.
-        #[serde(default)]
-        link: LinkName,
-    }
+    {}
+    on "Of which link; main unless given."
 
     } };
 }

@@ -1,0 +1,115 @@
+//! Events in the words of the log.
+
+use std::io::{self, Write};
+
+use anstyle::{AnsiColor, Style};
+use serde_json::{Value, json};
+use sim_core::event::{Event, Hex, Level, Role};
+use sim_runner::RigPlan;
+
+use crate::visible;
+
+/// What a device and its links are called.
+#[derive(Debug, Clone)]
+pub(crate) struct DeviceName {
+    pub(crate) name: String,
+    pub(crate) links: Vec<&'static str>,
+}
+
+/// Puts events into words; what the devices are called, by index.
+#[derive(Debug, Clone)]
+pub(crate) struct Words(pub(crate) Vec<DeviceName>);
+
+impl Words {
+    /// For the devices of a rig.
+    pub(crate) fn new(rig: &RigPlan) -> Self {
+        let name = |device: &sim_runner::DevicePlan| DeviceName {
+            name: device.name.clone(),
+            links: device.links().iter().map(|link| link.name).collect(),
+        };
+        Self(rig.devices.iter().map(name).collect())
+    }
+
+    /// A line for people; `repeats` like it were left out before it.
+    pub(crate) fn print(
+        &self,
+        out: &mut impl Write,
+        event: &Event,
+        repeats: u64,
+    ) -> io::Result<()> {
+        let kind = &event.kind;
+        let (mark, style) = match (kind.level(), kind.role()) {
+            (Level::Traffic, Role::Request) => ("->", Style::new()),
+            (Level::Traffic, _) => ("<-", Style::new()),
+            (Level::Notice, _) => (" .", Style::new().bold()),
+            // Red is readable on dark and on light backgrounds.
+            (Level::Warning, _) => (" !", AnsiColor::Red.on_default().bold()),
+        };
+        let name = self.name(event);
+        let code = match kind.level() {
+            Level::Traffic => String::new(),
+            _ => format!(" [{}]", kind.code()),
+        };
+        let (text, bytes) = told(event);
+        let repeats = match repeats {
+            0 => String::new(),
+            count => format!(" ({count} more since the last line)"),
+        };
+        let time = event.at;
+        writeln!(
+            out,
+            "{time:>12} {name} {style}{mark} {}{style:#}{code}{bytes}{repeats}",
+            visible::line(&text)
+        )
+    }
+
+    /// The device, and its link if it has several and the event is about one.
+    fn name(&self, event: &Event) -> String {
+        let Some(device) = self.0.get(event.device) else {
+            return "?".to_owned();
+        };
+        match self.link(event) {
+            Some(link) if device.links.len() > 1 => format!("{}/{link}", device.name),
+            _ => device.name.clone(),
+        }
+    }
+
+    fn link(&self, event: &Event) -> Option<&'static str> {
+        let device = self.0.get(event.device)?;
+        device.links.get(event.kind.link()?).copied()
+    }
+
+    /// The same for programs.
+    pub(crate) fn json(&self, event: &Event) -> Value {
+        let kind = &event.kind;
+        json!({
+            "time_s": event.at.as_secs_f64(),
+            "device": self.0.get(event.device).map(|device| &device.name),
+            "link": self.link(event),
+            "level": kind.level().as_str(),
+            "code": kind.code().as_str(),
+            "text": kind.to_string(),
+            "bytes": kind.bytes().map(|bytes| Hex(&bytes).to_string()),
+        })
+    }
+
+    /// A line for people without colours.
+    pub(crate) fn plain(&self, event: &Event) -> String {
+        let mut line = Vec::new();
+        // Writing to memory cannot fail.
+        let _ = self.print(&mut anstream::StripStream::new(&mut line), event, 0);
+        String::from_utf8_lossy(line.trim_ascii_end()).into_owned()
+    }
+}
+
+/// An event in words, and its bytes unless the words have them.
+fn told(event: &Event) -> (String, String) {
+    let text = event.kind.to_string();
+    let bytes = event.kind.bytes();
+    let bytes = bytes.map_or_else(String::new, |bytes| Hex(&bytes).to_string());
+    let shown = match text.contains(&bytes) {
+        true => String::new(),
+        false => format!("  | {bytes}"),
+    };
+    (text, shown)
+}

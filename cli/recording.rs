@@ -1,0 +1,106 @@
+//! Recordings of runs, read and played again.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
+use std::path::Path;
+
+use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
+use sim_runner::Run;
+use sim_runner::trace::{Onlooker, Replay, ReplayError};
+
+use crate::exit::Failure;
+use crate::visible;
+
+/// Most bytes of a line of a trace; the first holds the scenario and its world.
+const MOST_LINE: u64 = 16 << 20;
+
+/// What came of playing a recording again.
+pub(crate) type Played = Result<(), ReplayError>;
+
+/// The lines of a recording.
+pub(crate) struct Lines<'a> {
+    path: &'a Path,
+    file: BufReader<fs::File>,
+    line: String,
+}
+
+impl<'a> Lines<'a> {
+    pub(crate) fn open(path: &'a Path) -> Result<Self, Failure> {
+        let file = fs::File::open(path)
+            .with_context(|| format!("cannot read the trace {}", visible::name(path)))
+            .map_err(Failure::usage)?;
+        Ok(Self {
+            path,
+            file: BufReader::new(file),
+            line: String::new(),
+        })
+    }
+
+    /// The next line; `None` at the end.
+    pub(crate) fn next(&mut self) -> Result<Option<&str>, Failure> {
+        let shown = visible::name(&self.path);
+        self.line.clear();
+        // What is no trace may be one line without an end.
+        let mut some = self.file.by_ref().take(MOST_LINE + 1);
+        let read = some.read_line(&mut self.line).map_err(|error| {
+            let is_text = error.kind() != ErrorKind::InvalidData;
+            let told = anyhow!(error).context(format!("cannot read the trace {shown}"));
+            if is_text {
+                Failure::system(told)
+            } else {
+                Failure::usage(told)
+            }
+        })?;
+        if read as u64 > MOST_LINE {
+            let why = anyhow!("{shown} is no trace: a line of it is too long");
+            return Err(Failure::usage(why));
+        }
+        let line = self.line.trim_end_matches(['\r', '\n']);
+        Ok((read > 0).then_some(line))
+    }
+
+    /// The first line.
+    fn first(&mut self) -> Result<&str, Failure> {
+        let empty = Failure::usage(anyhow!("the trace {} is empty", visible::name(&self.path)));
+        self.next()?.ok_or(empty)
+    }
+}
+
+/// Plays a recording again and compares.
+pub(crate) fn compare(devices: Devices, path: &Path) -> Result<Played, Failure> {
+    let mut lines = Lines::open(path)?;
+    match Replay::begin(devices, lines.first()?) {
+        Ok(replay) => play(&mut lines, replay),
+        Err(error) => Ok(Err(error)),
+    }
+}
+
+/// Plays a recording again for somebody who looks on, and who is made when it is known what it is
+/// a recording of.
+pub(crate) fn view<V: Onlooker>(
+    devices: Devices,
+    path: &Path,
+    viewer: impl FnOnce(&Run) -> Result<V, Failure>,
+) -> Result<(V, Played), Failure> {
+    let mut lines = Lines::open(path)?;
+    let begun = Replay::begin(devices, lines.first()?);
+    let replay = begun
+        .with_context(|| visible::name(path))
+        .map_err(Failure::usage)?;
+    let mut viewer = viewer(replay.run())?;
+    let played = play(&mut lines, replay.watched(&mut viewer))?;
+    Ok((viewer, played))
+}
+
+fn play(lines: &mut Lines<'_>, mut replay: Replay<'_>) -> Result<Played, Failure> {
+    while let Some(line) = lines.next()? {
+        if let Err(error) = replay.line(line) {
+            return Ok(Err(error));
+        }
+        if replay.is_enough() {
+            return Ok(Ok(()));
+        }
+    }
+    Ok(replay.finish())
+}

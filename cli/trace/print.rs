@@ -1,0 +1,136 @@
+//! A recording in the words of the log.
+
+use std::collections::VecDeque;
+use std::io::{self, BufWriter, Write as _};
+
+use serde_json::json;
+use sim_core::SimTime;
+use sim_core::event::Event;
+use sim_runner::Run;
+use sim_runner::trace::{Onlooker, Record};
+use sim_settings::show_duration;
+
+use super::Part;
+use crate::args::{LogFormat, TraceArgs};
+use crate::exit::Failure;
+use crate::log::Words;
+use crate::visible;
+
+/// Prints what happens as it comes.
+pub(super) struct Printer {
+    part: Part,
+    words: Words,
+    format: LogFormat,
+    out: BufWriter<anstream::Stdout>,
+    written: io::Result<()>,
+    /// What the recording tells of times to which the second run has not come.
+    told: VecDeque<(SimTime, String)>,
+    now: SimTime,
+}
+
+impl Printer {
+    pub(super) fn new(args: &TraceArgs, run: &Run) -> Result<Self, Failure> {
+        let mut printer = Self {
+            part: Part::new(args, run)?,
+            words: Words::new(&run.scenario().rig),
+            format: args.log_format,
+            out: BufWriter::new(anstream::stdout()),
+            written: Ok(()),
+            told: VecDeque::new(),
+            now: SimTime::ZERO,
+        };
+        if args.log_format == LogFormat::Text {
+            let scenario = run.scenario();
+            let (title, file, seed) = (&scenario.title, &scenario.file, run.seed());
+            let client = match run.is_live() {
+                true => "a real client",
+                false => "the scripted client",
+            };
+            let (title, file) = (visible::line(title), visible::line(file));
+            printer.line(&format!("{title}\n  {file}, seed {seed}, {client}"));
+        }
+        Ok(printer)
+    }
+
+    /// Prints the rest.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        self.catch_up(SimTime::MAX);
+        self.written.and_then(|()| self.out.flush())
+    }
+
+    fn line(&mut self, line: &str) {
+        if self.written.is_ok() {
+            self.written = writeln!(self.out, "{}", visible::lines(line));
+        }
+    }
+
+    /// Prints what the recording tells up to a time.
+    fn catch_up(&mut self, to: SimTime) {
+        while let Some((at, line)) = self.told.pop_front_if(|(at, _)| *at <= to) {
+            if self.part.has(at, None) {
+                self.line(&line);
+            }
+        }
+    }
+
+    fn tell(&mut self, t: u64, code: &'static str, text: &str) {
+        let at = SimTime::from_nanos(t);
+        let line = match self.format {
+            LogFormat::Text => format!("{at:>12} == {text}"),
+            LogFormat::Json => {
+                json!({"time_s": at.as_secs_f64(), "code": code, "text": text}).to_string()
+            }
+        };
+        self.told.push_back((at, line));
+    }
+}
+
+impl Onlooker for Printer {
+    fn record(&mut self, record: &Record) {
+        match record {
+            Record::Step { t, step, what } => {
+                self.tell(*t, "step", &format!("step \"{step}\" {what}"));
+            }
+            Record::Failure { t, step, what } => {
+                let step = step.as_ref().map(|step| format!("\"{step}\": "));
+                let text = format!("FAILED: {}{what}", step.unwrap_or_default());
+                self.tell(*t, "failure", &text);
+            }
+            Record::Late { t, by, .. } => {
+                let by = show_duration(std::time::Duration::from_nanos(*by));
+                self.tell(
+                    *t,
+                    "late",
+                    &format!("the machine held the simulator up for {by}"),
+                );
+            }
+            Record::End { t, passed, .. } => {
+                let word = if *passed { "passed" } else { "FAILED" };
+                self.tell(*t, "end", &format!("the end: {word}"));
+            }
+            _ => {}
+        }
+    }
+
+    fn event(&mut self, _: &Run, event: &Event) {
+        self.now = event.at;
+        self.catch_up(event.at);
+        if self.written.is_err() || !self.part.has(event.at, Some(event.device)) {
+            return;
+        }
+        self.written = match self.format {
+            LogFormat::Text => self.words.print(&mut self.out, event, 0),
+            LogFormat::Json => writeln!(self.out, "{}", visible::json(&self.words.json(event))),
+        };
+    }
+
+    fn next_look(&self) -> SimTime {
+        SimTime::MAX
+    }
+
+    fn look(&mut self, _: &Run) {}
+
+    fn has_enough(&self) -> bool {
+        self.now > self.part.to || self.written.is_err()
+    }
+}

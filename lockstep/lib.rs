@@ -1,0 +1,215 @@
+//! Unmodified programs in a time that somebody else drives.
+//!
+//! [`run`] starts a program and traces it with everything that it starts. Its clocks show simulated
+//! time, its sleeps, timeouts and timers end in simulated time. While it computes, simulated time
+//! stands still; when all of it waits, a [`World`] says what happens next and when, and time goes on
+//! to that or to the program's own next deadline. Nothing is preloaded, so that static programs and
+//! any language will do.
+//!
+//! # How it works
+//!
+//! - A seccomp filter stops threads at the calls that matter: clocks, sleeps, waits, and whatever may
+//!   wait for others. All other calls run at full speed.
+//! - One thread runs at a time, until it waits; then the one that began first of those that can run.
+//!   So the order of everything is the same on each run, whatever else the machine does.
+//! - Waits never reach the kernel. A thread stays stopped until what it waits for is there, which is
+//!   found out on duplicates of its descriptors, or until its deadline.
+//! - What a program reads that is random comes from the run's seed.
+//!
+//! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, since
+//! bytes pass them at the kernel's leisure: [`Port::deliver`] returns when they are there.
+//!
+//! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is in
+//! `traced/x86_64.rs`.
+
+mod port;
+#[cfg(target_arch = "x86_64")]
+mod traced;
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+pub use port::{LineSettings, Port, modem};
+
+/// A program and what it finds.
+#[derive(Debug)]
+pub struct Program<'a> {
+    /// Its name, looked up in `PATH`, and its arguments.
+    pub words: &'a [OsString],
+    /// Variables beside those of this program.
+    pub environment: &'a [(String, OsString)],
+    /// Where it writes both of its streams.
+    pub output: File,
+}
+
+/// How to run it.
+#[derive(Debug)]
+pub struct Options<'a> {
+    /// What is random comes from this seed; `None` leaves it random.
+    pub seed: Option<u64>,
+    /// Its date when it begins, since 1970.
+    pub date: Duration,
+    /// When it is ended in any case, by the real clock.
+    pub until: Option<Instant>,
+    /// Ends it when it becomes true.
+    pub stop: &'a AtomicBool,
+}
+
+/// What stands at the other end of the ports.
+///
+/// Times are nanoseconds since the program began. What happens to one port is told in the order in
+/// which it happens.
+pub trait World {
+    /// A client opened a port that nobody had open.
+    ///
+    /// # Errors
+    /// When the world has broken down; that ends the run.
+    fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken>;
+
+    /// The last client closed a port.
+    ///
+    /// # Errors
+    /// When the world has broken down.
+    fn closed(&mut self, port: usize, now: u64) -> Result<(), Broken>;
+
+    /// A client sends; says how many of the bytes there was room for. The others are sent again when
+    /// time has gone on.
+    ///
+    /// # Errors
+    /// When the world has broken down.
+    fn sent(
+        &mut self,
+        port: usize,
+        line: LineSettings,
+        now: u64,
+        bytes: &[u8],
+    ) -> Result<usize, Broken>;
+
+    /// A client has set the modem lines of a port, in the bits of [`modem`].
+    ///
+    /// # Errors
+    /// When the world has broken down.
+    fn modem_lines(&mut self, port: usize, now: u64, lines: u32) -> Result<(), Broken>;
+
+    /// All programs wait. Goes on to the first time, `until` at the latest, at which something
+    /// happens at a port, and does that.
+    ///
+    /// # Errors
+    /// When the world has broken down.
+    fn advance(&mut self, ports: &mut [Port], now: u64, until: Option<u64>)
+    -> Result<Step, Broken>;
+}
+
+/// Why a world cannot go on.
+pub type Broken = Box<dyn std::error::Error + Send + Sync>;
+
+/// How far a world has gone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// To this time.
+    To(u64),
+    /// To its end; the programs are asked to end.
+    Over,
+    /// Nothing will ever happen in it, and no deadline was given.
+    Never,
+}
+
+/// How a program ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// With this code.
+    Exited(i32),
+    /// By this signal.
+    Killed(i32),
+}
+
+/// What brought a run to its end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reason {
+    /// The program ended.
+    Itself,
+    /// The world came to its end.
+    Over,
+    /// The real time allowed was over; what it was doing.
+    OutOfTime(String),
+    /// Everything waited for nothing; for what.
+    Deadlock(String),
+    /// It was asked for.
+    Stopped,
+}
+
+/// What came of a run.
+#[derive(Debug, Clone)]
+pub struct Ending {
+    /// How the program ended, which it does in any case.
+    pub end: End,
+    /// What brought that about.
+    pub reason: Reason,
+    /// What was waited for outside of the run; it is not repeatable if there is anything.
+    pub outside: BTreeSet<String>,
+    /// What was refused, and may explain a failure.
+    pub refused: BTreeSet<String>,
+    /// When it ended, in nanoseconds since it began.
+    pub at: u64,
+    /// Calls at which it was stopped.
+    pub calls: u64,
+}
+
+/// Why a program could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The system does not let programs be traced, or cannot.
+    #[error("{0}")]
+    Unsupported(String),
+    /// The program could not be started.
+    #[error("{0}")]
+    NotStarted(io::Error),
+    /// Something in it cannot be run in simulated time.
+    #[error("{0}")]
+    Refused(String),
+    /// The world broke down.
+    #[error(transparent)]
+    World(Broken),
+    /// The system failed.
+    #[error("{what}: {error}")]
+    System {
+        /// What was being done.
+        what: &'static str,
+        /// What came of it.
+        error: io::Error,
+    },
+}
+
+/// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends before.
+///
+/// # Errors
+/// When it cannot be traced or started, holds something that cannot be run, or the world fails.
+#[cfg(target_arch = "x86_64")]
+pub fn run(
+    program: Program<'_>,
+    options: &Options<'_>,
+    ports: &mut [Port],
+    world: &mut dyn World,
+) -> Result<Ending, Error> {
+    traced::run(program, options, ports, world)
+}
+
+/// Refuses.
+///
+/// # Errors
+/// Always.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn run(
+    _program: Program<'_>,
+    _options: &Options<'_>,
+    _ports: &mut [Port],
+    _world: &mut dyn World,
+) -> Result<Ending, Error> {
+    Err(Error::Unsupported(
+        "a program can be run in simulated time on x86-64 only".to_owned(),
+    ))
+}

@@ -1,0 +1,412 @@
+//! A pseudo-terminal in step with its client: whatever has been written to it is there to be read.
+
+use std::collections::VecDeque;
+use std::ffi::OsString;
+use std::io;
+use std::mem::MaybeUninit;
+use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStringExt as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
+use rustix::fs::{CWD, Mode, OFlags};
+use rustix::io::Errno;
+use rustix::pty::OpenptFlags;
+use rustix::termios::{
+    ControlModes, LocalModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios,
+};
+
+/// Most bytes in the kernel, whose own limit is 4095; more would be moved up when it pleases.
+const MOST_IN_KERNEL: u64 = 3072;
+/// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
+const MOST_WAITING: usize = 20_480;
+/// How long bytes may take through the kernel, which is a matter of microseconds.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Modem lines, as `TIOCM_*` has them.
+pub mod modem {
+    /// Data terminal ready: set by the client.
+    pub const DTR: u32 = 0x002;
+    /// Request to send: set by the client.
+    pub const RTS: u32 = 0x004;
+    /// What an adapter with a cable of three wires reads: clear to send, carrier, data set ready.
+    pub const READ: u32 = 0x020 | 0x040 | 0x100;
+}
+
+/// How a client has set its end of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LineSettings {
+    /// Bits a second.
+    pub baud: u32,
+    /// 1 or 2.
+    pub stop_bits: u32,
+    /// Bytes go through unchanged.
+    pub raw: bool,
+}
+
+/// When a read comes to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ReadRule {
+    /// Bytes that it waits for, `VMIN`; `None` if it waits for a line.
+    pub(crate) least: Option<usize>,
+    /// `VTIME`.
+    pub(crate) patience: Option<Duration>,
+}
+
+/// A port that clients of a run open under the path of a link.
+pub struct Port {
+    link: PathBuf,
+    baud: u32,
+    pair: Option<Pair>,
+    waiting: VecDeque<u8>,
+    lost: u64,
+    /// Open descriptions of it that clients hold.
+    pub(crate) opened: usize,
+    pub(crate) modem: u32,
+}
+
+/// Both ends of a pseudo-terminal. Our own descriptor of the client's end lets us see what it sees.
+struct Pair {
+    master: OwnedFd,
+    slave: OwnedFd,
+    device: u64,
+    watch: OwnedFd,
+}
+
+/// A client opened or closed a port.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Change {
+    Opened,
+    Closed,
+}
+
+impl Port {
+    /// A port at `baud`; `link` must not exist, and leads to it while the cable is in.
+    ///
+    /// # Errors
+    /// When the system refuses a pseudo-terminal or the link.
+    pub fn new(link: PathBuf, baud: u32) -> io::Result<Self> {
+        let mut port = Self {
+            link,
+            baud,
+            pair: None,
+            waiting: VecDeque::new(),
+            lost: 0,
+            opened: 0,
+            modem: 0,
+        };
+        port.plug()?;
+        Ok(port)
+    }
+
+    /// Where a client finds it.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.link
+    }
+
+    /// Whether a client has it open.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.opened > 0
+    }
+
+    /// Whether the cable is in.
+    #[must_use]
+    pub fn is_plugged(&self) -> bool {
+        self.pair.is_some()
+    }
+
+    /// Bytes lost since the last time, because the client did not read.
+    pub fn take_lost(&mut self) -> u64 {
+        std::mem::take(&mut self.lost)
+    }
+
+    /// Puts the cable in; another pseudo-terminal is behind the link then.
+    ///
+    /// # Errors
+    /// When the system refuses a pseudo-terminal or the link.
+    pub fn plug(&mut self) -> io::Result<()> {
+        if self.pair.is_some() {
+            return Ok(());
+        }
+        let (pair, node) = Pair::open(self.baud)?;
+        std::os::unix::fs::symlink(node, &self.link)?;
+        self.pair = Some(pair);
+        Ok(())
+    }
+
+    /// Pulls the cable: a client that has it open is told that it is gone, and nobody finds it any
+    /// more. Says whether it was open.
+    pub fn unplug(&mut self) -> bool {
+        if self.pair.take().is_none() {
+            return false;
+        }
+        // Nobody else has removed it; if so, it is gone as it should be.
+        let _ = std::fs::remove_file(&self.link);
+        self.waiting.clear();
+        self.modem = 0;
+        std::mem::take(&mut self.opened) > 0
+    }
+
+    /// Hands the client bytes; they are there to be read when this returns.
+    ///
+    /// # Errors
+    /// When the pseudo-terminal does not take them.
+    pub fn deliver(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if !self.is_open() || self.pair.is_none() {
+            return Ok(());
+        }
+        let room = MOST_WAITING.saturating_sub(self.waiting.len());
+        let (kept, lost) = bytes.split_at(bytes.len().min(room));
+        self.lost += lost.len() as u64;
+        self.waiting.extend(kept);
+        self.top_up()
+    }
+
+    /// Moves on what waits for room in the kernel.
+    pub(crate) fn top_up(&mut self) -> io::Result<()> {
+        let Some(pair) = &self.pair else {
+            return Ok(());
+        };
+        while !self.waiting.is_empty() {
+            let unread = pair.unread()?;
+            let room = usize::try_from(MOST_IN_KERNEL.saturating_sub(unread)).unwrap_or(0);
+            if room == 0 {
+                return Ok(());
+            }
+            let (first, _) = self.waiting.as_slices();
+            let chunk = first.get(..first.len().min(room)).unwrap_or(first);
+            let count = match rustix::io::write(&pair.master, chunk) {
+                Ok(count) => count,
+                Err(Errno::AGAIN) => return Ok(()),
+                Err(Errno::INTR) => continue,
+                Err(error) => return Err(error.into()),
+            };
+            self.waiting.drain(..count);
+            pair.wait_until_there(unread + count as u64)?;
+        }
+        Ok(())
+    }
+
+    /// How the client has set it.
+    ///
+    /// # Errors
+    /// When the system cannot tell.
+    pub fn line(&self) -> io::Result<Option<LineSettings>> {
+        let Some(pair) = &self.pair else {
+            return Ok(None);
+        };
+        let termios = rustix::termios::tcgetattr(&pair.slave)?;
+        let two = termios.control_modes.contains(ControlModes::CSTOPB);
+        Ok(Some(LineSettings {
+            baud: termios.input_speed(),
+            stop_bits: if two { 2 } else { 1 },
+            raw: is_raw(&termios),
+        }))
+    }
+
+    /// Whether it is the character device with this number.
+    pub(crate) fn is_device(&self, device: u64) -> bool {
+        self.pair.as_ref().is_some_and(|pair| pair.device == device)
+    }
+
+    /// What a client has done with it since the last time.
+    pub(crate) fn changes(&mut self) -> Vec<Change> {
+        let mut changes = Vec::new();
+        let Some(pair) = &self.pair else {
+            return changes;
+        };
+        let mut buffer = [MaybeUninit::uninit(); 2048];
+        let mut reader = inotify::Reader::new(&pair.watch, &mut buffer);
+        while let Ok(event) = reader.next() {
+            let closed = ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE;
+            if event.events().contains(ReadFlags::OPEN) {
+                changes.push(Change::Opened);
+            } else if event.events().intersects(closed) {
+                changes.push(Change::Closed);
+            }
+        }
+        changes
+    }
+
+    /// The last client has left; what it has not read is not for the next.
+    pub(crate) fn forget_client(&mut self) {
+        self.waiting.clear();
+        self.modem = 0;
+        if let Some(pair) = &self.pair {
+            // Both cannot fail on a terminal that is there.
+            let _ = rustix::termios::tcflush(&pair.slave, QueueSelector::IFlush);
+            let _ = rustix::termios::ioctl_tiocnxcl(&pair.slave);
+        }
+    }
+
+    /// The client throws away what it has not read.
+    pub(crate) fn flush_input(&mut self) {
+        self.waiting.clear();
+    }
+
+    /// When a read of the client ends.
+    pub(crate) fn read_rule(&self) -> ReadRule {
+        let termios = self
+            .pair
+            .as_ref()
+            .and_then(|pair| rustix::termios::tcgetattr(&pair.slave).ok());
+        let Some(termios) = termios else {
+            return ReadRule {
+                least: Some(1),
+                patience: None,
+            };
+        };
+        if termios.local_modes.contains(LocalModes::ICANON) {
+            return ReadRule {
+                least: None,
+                patience: None,
+            };
+        }
+        let tenths = termios.special_codes[SpecialCodeIndex::VTIME];
+        ReadRule {
+            least: Some(termios.special_codes[SpecialCodeIndex::VMIN].into()),
+            patience: (tenths > 0).then(|| Duration::from_millis(100 * u64::from(tenths))),
+        }
+    }
+
+    /// Bytes that the client could read at once.
+    pub(crate) fn unread(&self) -> usize {
+        let unread = self.pair.as_ref().and_then(|pair| pair.unread().ok());
+        unread.and_then(|n| usize::try_from(n).ok()).unwrap_or(0)
+    }
+
+    /// Whether a read of so many bytes ends at once.
+    pub(crate) fn can_be_read(&self, rule: ReadRule, count: usize) -> bool {
+        match rule.least {
+            None => self.is_readable(),
+            Some(0) if rule.patience.is_none() => true,
+            Some(least) => self.unread() >= least.min(count).max(1),
+        }
+    }
+
+    /// Whether a descriptor's path, as the system tells it, leads to it.
+    pub(crate) fn leads_to(&self, path: &str) -> bool {
+        std::fs::read_link(&self.link).is_ok_and(|node| node.as_os_str() == path)
+    }
+
+    /// Whether the client would read something, by the terminal's own rules.
+    pub(crate) fn is_readable(&self) -> bool {
+        self.pair.as_ref().is_none_or(|pair| {
+            let mut poll = [PollFd::new(&pair.slave, PollFlags::IN)];
+            rustix::event::poll(&mut poll, Some(&Timespec::default())).is_ok_and(|n| n > 0)
+        })
+    }
+
+    /// Takes what the client could read.
+    pub(crate) fn read(&self, most: usize) -> Vec<u8> {
+        let mut bytes = vec![0; most.min(4096)];
+        let pair = self.pair.as_ref();
+        let count = pair.and_then(|pair| rustix::io::read(&pair.slave, &mut bytes[..]).ok());
+        bytes.truncate(count.unwrap_or(0));
+        bytes
+    }
+
+    /// What a terminal makes of bytes that are written to it.
+    pub(crate) fn cooked(&self, bytes: &[u8]) -> Vec<u8> {
+        use rustix::termios::OutputModes;
+        let pair = self.pair.as_ref();
+        let termios = pair.and_then(|pair| rustix::termios::tcgetattr(&pair.slave).ok());
+        let modes = termios.map_or(OutputModes::empty(), |termios| termios.output_modes);
+        if !modes.contains(OutputModes::OPOST | OutputModes::ONLCR) {
+            return bytes.to_vec();
+        }
+        let mut cooked = Vec::with_capacity(bytes.len() + 8);
+        for &byte in bytes {
+            if byte == b'\n' {
+                cooked.push(b'\r');
+            }
+            cooked.push(byte);
+        }
+        cooked
+    }
+
+    /// What the terminal itself sends back, as an echo of what came.
+    pub(crate) fn take_echo(&self) -> Vec<u8> {
+        let mut bytes = vec![0; 4096];
+        let pair = self.pair.as_ref();
+        let count = pair.and_then(|pair| rustix::io::read(&pair.master, &mut bytes[..]).ok());
+        bytes.truncate(count.unwrap_or(0));
+        bytes
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        self.unplug();
+    }
+}
+
+fn is_raw(termios: &Termios) -> bool {
+    let cooking = LocalModes::ICANON | LocalModes::ECHO;
+    !termios.local_modes.intersects(cooking)
+}
+
+impl Pair {
+    fn open(baud: u32) -> io::Result<(Self, PathBuf)> {
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = rustix::pty::openpt(flags)?;
+        rustix::pty::grantpt(&master)?;
+        rustix::pty::unlockpt(&master)?;
+        rustix::io::ioctl_fionbio(&master, true)?;
+        let node = rustix::pty::ptsname(&master, Vec::new())?.into_bytes();
+        let node = PathBuf::from(OsString::from_vec(node));
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+        let slave = rustix::fs::openat(CWD, &node, flags, Mode::empty())?;
+        let mut termios = rustix::termios::tcgetattr(&slave)?;
+        termios.make_raw();
+        termios.set_speed(baud)?;
+        rustix::termios::tcsetattr(&slave, OptionalActions::Now, &termios)?;
+        let device = rustix::fs::fstat(&slave)?.st_rdev;
+        let watch = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC)?;
+        let events = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
+        inotify::add_watch(&watch, &node, events)?;
+        let pair = Self {
+            master,
+            slave,
+            device,
+            watch,
+        };
+        Ok((pair, node))
+    }
+
+    fn unread(&self) -> io::Result<u64> {
+        Ok(rustix::io::ioctl_fionread(&self.slave)?)
+    }
+
+    /// Bytes pass through the kernel at its leisure. A poll of an empty terminal waits for that; one
+    /// with something in it is looked at again.
+    fn wait_until_there(&self, unread: u64) -> io::Result<()> {
+        let begun = Instant::now();
+        // What a terminal keeps until a line is complete cannot be counted.
+        let lines = rustix::termios::tcgetattr(&self.slave)
+            .is_ok_and(|termios| termios.local_modes.contains(LocalModes::ICANON));
+        let patience = if lines {
+            Duration::from_millis(5)
+        } else {
+            PATIENCE
+        };
+        while self.unread()? < unread {
+            let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
+            let _ = rustix::event::poll(&mut poll, Some(&Timespec::default()));
+            if self.unread()? >= unread || (lines && begun.elapsed() > patience) {
+                break;
+            }
+            if begun.elapsed() > patience {
+                return Err(io::Error::other(
+                    "bytes do not arrive in the pseudo-terminal",
+                ));
+            }
+            std::thread::yield_now();
+        }
+        Ok(())
+    }
+}

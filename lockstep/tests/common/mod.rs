@@ -1,0 +1,265 @@
+//! Programs against a small device: it answers each line after a while, in capitals.
+
+#![allow(dead_code, reason = "each test program uses a part of it")]
+#![allow(
+    clippy::expect_used,
+    clippy::print_stderr,
+    reason = "clippy takes it for no test; what is skipped is named"
+)]
+
+use std::collections::VecDeque;
+use std::ffi::OsString;
+use std::fs;
+use std::io::{Read as _, Seek as _};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use sim_lockstep::{Broken, Ending, Error, LineSettings, Options, Port, Program, Step, World};
+
+/// How long the device takes to answer.
+pub const ANSWER: u64 = 50_000_000;
+/// When it comes to its end, after the program began.
+pub const END: u64 = 100_000_000_000;
+/// The date on which programs begin: 2030-01-01.
+pub const DATE: Duration = Duration::from_secs(1_893_456_000);
+
+/// The device and its cable.
+#[derive(Default)]
+pub struct Device {
+    pub line: Vec<u8>,
+    pub answers: VecDeque<(u64, Vec<u8>)>,
+    /// When the cable is pulled, and when it is back.
+    pub cable: Option<(u64, u64)>,
+    /// Bytes that there is room for at a time; all of them if that is 0.
+    pub room: usize,
+    /// Everything that has happened.
+    pub trace: Vec<String>,
+}
+
+impl Device {
+    fn note(&mut self, now: u64, what: &str) {
+        self.trace.push(format!("{now} {what}"));
+    }
+}
+
+impl World for Device {
+    fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken> {
+        self.note(now, &format!("opened {port}"));
+        Ok(())
+    }
+
+    fn closed(&mut self, port: usize, now: u64) -> Result<(), Broken> {
+        self.note(now, &format!("closed {port}"));
+        Ok(())
+    }
+
+    fn sent(
+        &mut self,
+        _port: usize,
+        line: LineSettings,
+        now: u64,
+        bytes: &[u8],
+    ) -> Result<usize, Broken> {
+        let count = match self.room {
+            0 => bytes.len(),
+            room => bytes.len().min(room),
+        };
+        let bytes = &bytes[..count];
+        let shown = String::from_utf8_lossy(bytes).into_owned();
+        self.note(now, &format!("sent {shown:?} at {} baud", line.baud));
+        for &byte in bytes {
+            self.line.push(byte.to_ascii_uppercase());
+            if byte == b'\n' {
+                let line = std::mem::take(&mut self.line);
+                self.answers.push_back((now + ANSWER, line));
+            }
+        }
+        Ok(count)
+    }
+
+    fn modem_lines(&mut self, _port: usize, now: u64, lines: u32) -> Result<(), Broken> {
+        self.note(now, &format!("modem lines {lines:#x}"));
+        Ok(())
+    }
+
+    fn advance(
+        &mut self,
+        ports: &mut [Port],
+        now: u64,
+        until: Option<u64>,
+    ) -> Result<Step, Broken> {
+        let cable = self
+            .cable
+            .map(|(pulled, back)| if ports[0].is_plugged() { pulled } else { back });
+        let cable = cable.filter(|at| *at >= now || !ports[0].is_plugged());
+        let answer = self.answers.front().map(|answer| answer.0);
+        // A client that waits for room is asked again after a while.
+        let next = [cable, answer, until].into_iter().flatten().min();
+        let Some(next) = next else {
+            return Ok(Step::Never);
+        };
+        let next = next.max(now);
+        if next >= END {
+            return Ok(Step::Over);
+        }
+        if cable == Some(next) {
+            if ports[0].is_plugged() {
+                self.note(next, "cable pulled");
+                ports[0].unplug();
+                self.answers.clear();
+            } else {
+                self.note(next, "cable back");
+                ports[0].plug()?;
+                self.cable = None;
+            }
+        } else if answer == Some(next)
+            && let Some((_, line)) = self.answers.pop_front()
+        {
+            self.note(
+                next,
+                &format!("answered {:?}", String::from_utf8_lossy(&line)),
+            );
+            ports[0].deliver(&line)?;
+        }
+        Ok(Step::To(next))
+    }
+}
+
+/// What came of a program.
+#[derive(Debug)]
+pub struct Played {
+    pub ending: Ending,
+    pub output: String,
+    pub trace: Vec<String>,
+    pub took: Duration,
+}
+
+/// How to play it.
+pub struct Stage {
+    pub seed: Option<u64>,
+    pub device: Device,
+    pub environment: Vec<(String, OsString)>,
+    pub allowed: Duration,
+}
+
+impl Default for Stage {
+    fn default() -> Self {
+        Self {
+            seed: Some(7),
+            device: Device::default(),
+            environment: Vec::new(),
+            allowed: Duration::from_secs(60),
+        }
+    }
+}
+
+/// Runs a program with the device at `$PORT`.
+pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("port");
+    let mut ports = vec![Port::new(link.clone(), 115_200).expect("a port")];
+    let mut output = tempfile::tempfile_in(folder.path()).expect("a file");
+    let words: Vec<OsString> = words.iter().map(OsString::from).collect();
+    let mut environment = stage.environment;
+    environment.push(("PORT".to_owned(), link.into_os_string()));
+    let program = Program {
+        words: &words,
+        environment: &environment,
+        output: output.try_clone().expect("the same file"),
+    };
+    let begun = Instant::now();
+    let stop = AtomicBool::new(false);
+    let options = Options {
+        seed: stage.seed,
+        date: DATE,
+        until: Some(begun + stage.allowed),
+        stop: &stop,
+    };
+    let mut device = stage.device;
+    let ending = sim_lockstep::run(program, &options, &mut ports, &mut device)?;
+    let took = begun.elapsed();
+    let mut text = Vec::new();
+    output.rewind().expect("the beginning");
+    output.read_to_end(&mut text).expect("what it wrote");
+    Ok(Played {
+        ending,
+        output: String::from_utf8_lossy(&text).into_owned(),
+        trace: device.trace,
+        took,
+    })
+}
+
+/// The same on the usual stage.
+pub fn play(words: &[&str]) -> Played {
+    play_on(Stage::default(), words).expect("it can be run")
+}
+
+/// A program in Python; `None` where there is none, which is said.
+pub fn python(code: &str) -> Option<Played> {
+    python_on(Stage::default(), code)
+}
+
+/// The same on a stage of its own.
+pub fn python_on(stage: Stage, code: &str) -> Option<Played> {
+    let python = program("python3")?;
+    let python = python.to_str().expect("a path of letters");
+    Some(play_on(stage, &[python, "-c", code]).expect("it can be run"))
+}
+
+/// A program of this machine.
+pub fn program(name: &str) -> Option<PathBuf> {
+    let found = Command::new(name).arg("--version").output().is_ok();
+    if !found {
+        eprintln!("skipped: there is no {name} here");
+        return None;
+    }
+    Some(PathBuf::from(name))
+}
+
+/// Compiles C; `None` where there is no compiler, which is said.
+pub fn c(code: &str, flags: &[&str]) -> Option<(tempfile::TempDir, PathBuf)> {
+    compiled("cc", "c", code, flags)
+}
+
+/// Compiles C++ likewise.
+pub fn cpp(code: &str, flags: &[&str]) -> Option<(tempfile::TempDir, PathBuf)> {
+    compiled("c++", "cc", code, flags)
+}
+
+fn compiled(
+    compiler: &str,
+    ending: &str,
+    code: &str,
+    flags: &[&str],
+) -> Option<(tempfile::TempDir, PathBuf)> {
+    program(compiler)?;
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = folder.path().join("client").with_extension(ending);
+    fs::write(&source, code).expect("a source file");
+    let binary = folder.path().join("client");
+    let built = Command::new(compiler)
+        .args(["-O1", "-pthread", "-o"])
+        .arg(&binary)
+        .arg(&source)
+        .args(flags)
+        .output()
+        .expect("a compiler that runs");
+    assert!(
+        built.status.success(),
+        "{}",
+        String::from_utf8_lossy(&built.stderr)
+    );
+    Some((folder, binary))
+}
+
+/// Compiles and plays.
+pub fn c_played(code: &str) -> Option<Played> {
+    let (_folder, binary) = c(code, &["-lrt"])?;
+    Some(play(&[text(&binary)]))
+}
+
+pub fn text(path: &Path) -> &str {
+    path.to_str().expect("a path of letters")
+}

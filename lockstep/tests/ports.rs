@@ -1,0 +1,200 @@
+//! Ports: reads, writes, settings, modem lines, and cables.
+
+mod common;
+
+use common::{Device, Stage, play_on, python, python_on};
+use sim_lockstep::{End, Reason};
+
+#[test]
+fn a_shell_script_talks_to_the_device() {
+    let code = "stty -F $PORT 115200 raw -echo; exec 3<>$PORT; echo hello >&3; sleep 1; echo again >&3; head -n 2 <&3";
+    let played = play_on(Stage::default(), &["sh", "-c", code]).expect("it can be run");
+    assert_eq!(played.output, "HELLO\nAGAIN\n", "{:?}", played);
+    assert_eq!(played.ending.at, 1_050_000_000);
+}
+
+#[test]
+fn reads_end_as_vmin_and_vtime_have_it() {
+    let code = r#"
+import os, termios, time
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 3)
+def wait(least, tenths):
+    settings = termios.tcgetattr(fd)
+    settings[6][termios.VMIN], settings[6][termios.VTIME] = least, tenths
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+wait(0, 20); print(os.read(fd, 10), at())
+os.write(fd, b"abc\n"); print(os.read(fd, 10), at())
+wait(0, 0); print(os.read(fd, 10), at())
+wait(6, 0); os.write(fd, b"abc\n"); os.write(fd, b"def\n"); print(os.read(fd, 20), at())
+wait(6, 5); os.write(fd, b"abc\n"); print(os.read(fd, 20), at())
+wait(1, 0); os.write(fd, b"abc\n"); print(os.read(fd, 2), os.read(fd, 20), at())
+"#;
+    let Some(played) = python(code) else { return };
+    assert_eq!(
+        played.output,
+        "b'' 2.0\nb'ABC\\n' 2.05\nb'' 2.05\nb'ABC\\nDEF\\n' 2.1\nb'ABC\\n' 2.65\nb'AB' b'C\\n' 2.7\n",
+        "{:?}",
+        played.ending
+    );
+}
+
+#[test]
+fn modem_lines_are_kept_and_told() {
+    let code = r#"
+import fcntl, os, struct, termios
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+def get(): return hex(struct.unpack("I", fcntl.ioctl(fd, termios.TIOCMGET, b"\0\0\0\0"))[0])
+print(get())
+fcntl.ioctl(fd, termios.TIOCMBIC, struct.pack("I", termios.TIOCM_DTR)); print(get())
+fcntl.ioctl(fd, termios.TIOCMSET, struct.pack("I", 0)); print(get())
+fcntl.ioctl(fd, termios.TIOCMBIS, struct.pack("I", termios.TIOCM_RTS | termios.TIOCM_DTR)); print(get())
+print(any(fcntl.ioctl(fd, 0x545D, bytes(80))))
+"#;
+    let Some(played) = python(code) else { return };
+    assert_eq!(
+        played.output, "0x166\n0x164\n0x160\n0x166\nFalse\n",
+        "{:?}",
+        played.ending
+    );
+    let lines: Vec<&String> = played
+        .trace
+        .iter()
+        .filter(|line| line.contains("modem"))
+        .collect();
+    assert_eq!(
+        lines,
+        [
+            "0 modem lines 0x4",
+            "0 modem lines 0x0",
+            "0 modem lines 0x6"
+        ]
+    );
+}
+
+#[test]
+fn a_client_loses_the_cable_and_comes_back() {
+    let code = r#"
+import os, select, time
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 3)
+path = os.environ["PORT"]
+fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+os.write(fd, b"one\n"); print(os.read(fd, 10))
+poll = select.poll(); poll.register(fd, select.POLLIN)
+events = poll.poll(); print(events[0][1] & select.POLLHUP != 0, at())
+print(os.read(fd, 10))
+try: os.write(fd, b"lost\n")
+except OSError as error: print(error.errno, os.path.exists(path))
+os.close(fd)
+while not os.path.exists(path): time.sleep(0.25)
+print("back", at())
+fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
+os.write(fd, b"two\n"); print(os.read(fd, 10), at())
+"#;
+    let stage = Stage {
+        device: Device {
+            cable: Some((3_000_000_000, 4_900_000_000)),
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let Some(played) = python_on(stage, code) else {
+        return;
+    };
+    assert_eq!(
+        played.output, "b'ONE\\n'\nTrue 3.0\nb''\n5 False\nback 5.0\nb'TWO\\n' 5.05\n",
+        "{:?}",
+        played.ending
+    );
+}
+
+#[test]
+fn bytes_for_a_client_that_has_left_are_not_for_the_next() {
+    let code = r#"
+import os, time
+def one():
+    fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+    return fd
+fd = one(); os.write(fd, b"unread\n"); time.sleep(1); os.close(fd)
+fd = one(); os.write(fd, b"read\n"); print(os.read(fd, 100))
+"#;
+    let Some(played) = python(code) else { return };
+    assert_eq!(played.output, "b'READ\\n'\n", "{:?}", played.ending);
+    let kinds: Vec<&str> = played
+        .trace
+        .iter()
+        .filter_map(|line| line.split(' ').nth(1))
+        .collect();
+    assert_eq!(
+        kinds,
+        [
+            "opened", "sent", "answered", "closed", "opened", "sent", "answered", "closed"
+        ]
+    );
+}
+
+#[test]
+fn much_comes_through_in_order_and_a_full_line_holds_a_write_up() {
+    let code = r#"
+import os, threading
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+lines = b"".join(b"line %04d\n" % n for n in range(2000))
+got = bytearray()
+def read():
+    while len(got) < len(lines): got.extend(os.read(fd, 4096))
+reader = threading.Thread(target=read); reader.start()
+sent = 0
+while sent < len(lines): sent += os.write(fd, lines[sent:sent + 7000])
+reader.join(); print(bytes(got) == lines.upper())
+"#;
+    let stage = Stage {
+        device: Device {
+            room: 64,
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let Some(played) = python_on(stage, code) else {
+        return;
+    };
+    assert_eq!(played.output, "True\n", "{:?}", played.ending);
+}
+
+#[test]
+fn a_client_that_waits_for_nothing_is_told_so_at_once() {
+    let code = "import os; fd = os.open(os.environ['PORT'], os.O_RDWR); os.read(fd, 1)";
+    let Some(played) = python(code) else { return };
+    assert_eq!(played.ending.end, End::Killed(15));
+    let Reason::Deadlock(what) = &played.ending.reason else {
+        panic!("{:?}", played.ending)
+    };
+    assert!(what.contains("waited for bytes from "), "{what}");
+    assert!(played.took.as_secs() < 10);
+}
+
+#[test]
+fn who_looks_busily_at_the_clock_or_the_port_lets_time_creep() {
+    let code = r#"
+import fcntl, os, struct, termios, time
+start = time.monotonic()
+while time.monotonic() < start + 0.5: pass
+print("clock")
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+os.write(fd, b"hello\n")
+def unread(): return struct.unpack("i", fcntl.ioctl(fd, termios.FIONREAD, b"\0\0\0\0"))[0]
+while unread() < 6: pass
+print(os.read(fd, 10))
+os.write(fd, b"again\n")
+while True:
+    try: print(os.read(fd, 10)); break
+    except BlockingIOError: os.sched_yield()
+"#;
+    let Some(played) = python(code) else { return };
+    assert_eq!(
+        played.output, "clock\nb'HELLO\\n'\nb'AGAIN\\n'\n",
+        "{:?}",
+        played.ending
+    );
+}

@@ -1,0 +1,349 @@
+//! Each way to wait, and each clock: simulated time passes, real time does not.
+
+mod common;
+
+use common::{play, python};
+use sim_lockstep::{End, Reason};
+
+#[test]
+fn a_sleep_takes_simulated_time_and_next_to_no_real_time() {
+    let played = play(&["sleep", "30"]);
+    assert_eq!(played.ending.end, End::Exited(0));
+    assert_eq!(played.ending.reason, Reason::Itself);
+    assert_eq!(played.ending.at, 30_000_000_000);
+    assert!(played.took.as_secs() < 20, "{:?}", played.took);
+}
+
+#[test]
+fn clocks_agree_on_how_long_a_sleep_was() {
+    let code = r#"
+import time
+names = "REALTIME MONOTONIC MONOTONIC_RAW BOOTTIME TAI REALTIME_COARSE MONOTONIC_COARSE".split()
+coarse = {"REALTIME_COARSE": 5, "MONOTONIC_COARSE": 6}
+clocks = {n: getattr(time, "CLOCK_" + n, coarse.get(n)) for n in names}
+before = {n: time.clock_gettime_ns(c) for n, c in clocks.items()}
+wall = time.time_ns()
+time.sleep(12.5)
+for n, c in clocks.items():
+    print(n, time.clock_gettime_ns(c) - before[n])
+print("time", time.time_ns() - wall, time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime()))
+"#;
+    let Some(played) = python(code) else { return };
+    for line in played.output.lines().take(7) {
+        assert!(line.ends_with(" 12500000000"), "{}", played.output);
+    }
+    assert!(
+        played
+            .output
+            .ends_with("time 12500000000 2030-01-01 00:00:12\n"),
+        "{}",
+        played.output
+    );
+}
+
+/// Plays a program in Python that prints what is expected.
+fn prints(code: &str, expected: &str) {
+    let Some(played) = python(code) else { return };
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert_eq!(played.ending.end, End::Exited(0));
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    assert!(played.took.as_secs() < 20, "{:?}", played.took);
+}
+
+/// Plays a program in C likewise.
+fn c_prints(code: &str, expected: &str) {
+    let Some(played) = common::c_played(code) else {
+        return;
+    };
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert_eq!(played.ending.end, End::Exited(0));
+    assert!(played.took.as_secs() < 20, "{:?}", played.took);
+}
+
+#[test]
+fn threads_wait_for_one_another_in_simulated_time() {
+    prints(
+        r#"
+import threading, time
+start = time.monotonic()
+event, condition, log = threading.Event(), threading.Condition(), []
+def at(): return round(time.monotonic() - start, 6)
+def waiter():
+    log.append(("timeout", event.wait(2.5), at()))
+    log.append(("set", event.wait(100), at()))
+def setter():
+    time.sleep(7)
+    event.set()
+    with condition: condition.notify_all()
+def conditional():
+    with condition: log.append(("notified", condition.wait(50), at()))
+    with condition: log.append(("late", condition.wait(1.25), at()))
+threads = [threading.Thread(target=f) for f in (waiter, setter, conditional)]
+for t in threads: t.start()
+for t in threads: t.join()
+for entry in sorted(log, key=lambda e: (e[2], e[0])): print(*entry)
+"#,
+        "timeout False 2.5\nnotified True 7.0\nset True 7.0\nlate False 8.25\n",
+    );
+}
+
+#[test]
+fn asyncio_sleeps_and_times_out() {
+    prints(
+        r#"
+import asyncio, time
+async def main():
+    start = time.monotonic()
+    await asyncio.gather(*(asyncio.sleep(n) for n in (1, 5, 3)))
+    print(round(time.monotonic() - start, 3))
+    try:
+        await asyncio.wait_for(asyncio.Event().wait(), 20)
+    except asyncio.TimeoutError:
+        print("timeout", round(time.monotonic() - start, 3))
+    print(await asyncio.get_running_loop().run_in_executor(None, lambda: time.sleep(4) or "slept"))
+asyncio.run(main())
+"#,
+        "5.0\ntimeout 25.0\nslept\n",
+    );
+}
+
+#[test]
+fn polls_of_all_kinds_time_out_in_simulated_time() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <poll.h>
+#include <stdio.h>
+#include <sys/epoll.h>
+#include <sys/select.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1000 + t.tv_nsec / 1000000; }
+int main(void) {
+  int p[2]; pipe(p);
+  long start = now();
+  struct pollfd f = {p[0], POLLIN, 77};
+  int n = poll(&f, 1, 1500); printf("poll %d %d %ld\n", n, f.revents, now() - start);
+  struct timespec two = {2, 0};
+  f.revents = 77;
+  n = ppoll(&f, 1, &two, 0); printf("ppoll %d %d %ld\n", n, f.revents, now() - start);
+  fd_set set; FD_ZERO(&set); FD_SET(p[0], &set);
+  struct timeval three = {3, 0};
+  n = select(p[0] + 1, &set, 0, 0, &three);
+  printf("select %d %d %ld %ld\n", n, FD_ISSET(p[0], &set), (long)three.tv_sec, now() - start);
+  FD_SET(p[0], &set);
+  n = pselect(p[0] + 1, &set, 0, 0, &two, 0);
+  printf("pselect %d %d %ld\n", n, FD_ISSET(p[0], &set), now() - start);
+  int e = epoll_create1(0); struct epoll_event ev = {EPOLLIN, {0}}; epoll_ctl(e, EPOLL_CTL_ADD, p[0], &ev);
+  n = epoll_wait(e, &ev, 1, 250); printf("epoll_wait %d %ld\n", n, now() - start);
+  n = epoll_pwait(e, &ev, 1, 250, 0); printf("epoll_pwait %d %ld\n", n, now() - start);
+  write(p[1], "x", 1);
+  n = poll(&f, 1, 1500); printf("ready %d %d\n", n, f.revents);
+  n = epoll_wait(e, &ev, 1, -1); printf("ready %d %ld\n", n, now() - start);
+}
+"#,
+        "poll 0 0 1500\nppoll 0 0 3500\nselect 0 0 0 6500\npselect 0 0 8500\nepoll_wait 0 8750\n\
+         epoll_pwait 0 9000\nready 1 1\nready 1 9000\n",
+    );
+}
+
+#[test]
+fn select_tells_the_time_that_is_left() {
+    c_prints(
+        r#"
+#include <stdio.h>
+#include <sys/select.h>
+#include <unistd.h>
+int main(void) {
+  int p[2]; pipe(p);
+  if (!fork()) { sleep(1); write(p[1], "x", 1); _exit(0); }
+  fd_set set; FD_ZERO(&set); FD_SET(p[0], &set);
+  struct timeval five = {5, 0};
+  int n = select(p[0] + 1, &set, 0, 0, &five);
+  printf("%d %ld.%06ld\n", n, (long)five.tv_sec, (long)five.tv_usec);
+}
+"#,
+        "1 4.000000\n",
+    );
+}
+
+#[test]
+fn timer_descriptors_run_out_in_simulated_time_and_count() {
+    c_prints(
+        r#"
+#include <poll.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1000 + t.tv_nsec / 1000000; }
+int main(void) {
+  long start = now(); uint64_t n;
+  int t = timerfd_create(CLOCK_MONOTONIC, 0);
+  struct itimerspec every = {{1, 0}, {2, 500000000}}, left;
+  timerfd_settime(t, 0, &every, 0);
+  read(t, &n, 8); printf("%lu at %ld\n", n, now() - start);
+  struct pollfd f = {t, POLLIN, 0};
+  int r = poll(&f, 1, -1); printf("%d at %ld\n", r, now() - start);
+  read(t, &n, 8); printf("%lu at %ld\n", n, now() - start);
+  sleep(5); read(t, &n, 8); printf("%lu at %ld\n", n, now() - start);
+  usleep(300000); timerfd_gettime(t, &left);
+  printf("left %ld\n", left.it_value.tv_nsec / 1000000);
+  struct itimerspec off = {{0, 0}, {0, 0}}; timerfd_settime(t, 0, &off, 0);
+  printf("%d\n", poll(&f, 1, 10000));
+  int d = timerfd_create(CLOCK_REALTIME, TFD_NONBLOCK);
+  struct timespec date; clock_gettime(CLOCK_REALTIME, &date); date.tv_sec += 4;
+  struct itimerspec at = {{0, 0}, date}; timerfd_settime(d, TFD_TIMER_ABSTIME, &at, 0);
+  start = now(); f.fd = d; poll(&f, 1, -1); printf("date at %ld\n", now() - start);
+}
+"#,
+        "1 at 2500\n1 at 3500\n1 at 3500\n5 at 8500\nleft 700\n0\ndate at 4000\n",
+    );
+}
+
+#[test]
+fn alarms_and_timers_send_their_signals_in_simulated_time() {
+    c_prints(
+        r#"
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+#include <errno.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1000 + t.tv_nsec / 1000000; }
+static volatile int hits; static long start;
+static void hit(int s) { hits++; }
+static void on_thread(union sigval v) { printf("thread %d at %ld\n", v.sival_int, now() - start); fflush(stdout); }
+int main(void) {
+  start = now(); setvbuf(stdout, 0, _IOLBF, 0);
+  signal(SIGALRM, hit); signal(SIGUSR1, hit);
+  alarm(3); pause(); printf("alarm %d at %ld\n", hits, now() - start);
+  alarm(100); sleep(30); printf("left %u\n", alarm(0));
+  struct itimerval every = {{0, 500000}, {1, 0}}; setitimer(ITIMER_REAL, &every, 0);
+  hits = 0; while (hits < 4) pause();
+  printf("interval at %ld\n", now() - start);
+  struct itimerval off = {{0, 0}, {0, 0}}; setitimer(ITIMER_REAL, &off, 0);
+  struct sigevent e = {0}; e.sigev_notify = SIGEV_SIGNAL; e.sigev_signo = SIGUSR1;
+  timer_t t; timer_create(CLOCK_MONOTONIC, &e, &t);
+  struct itimerspec two = {{0, 0}, {2, 0}}; timer_settime(t, 0, &two, 0);
+  struct timespec ten = {10, 0}, rest;
+  int r = nanosleep(&ten, &rest); printf("nanosleep %d %d rest %ld at %ld\n", r, errno == EINTR, (long)rest.tv_sec, now() - start);
+  e.sigev_notify = SIGEV_THREAD; e.sigev_notify_function = on_thread; e.sigev_value.sival_int = 42;
+  timer_t u; timer_create(CLOCK_REALTIME, &e, &u); timer_settime(u, 0, &two, 0);
+  sleep(5);
+  sigset_t set; sigemptyset(&set); sigaddset(&set, SIGUSR2); sigprocmask(SIG_BLOCK, &set, 0);
+  struct timespec six = {6, 0};
+  r = sigtimedwait(&set, 0, &six); printf("sigtimedwait %d %d at %ld\n", r, errno == EAGAIN, now() - start);
+  kill(getpid(), SIGUSR2); printf("%d\n", sigtimedwait(&set, 0, &six) == SIGUSR2);
+}
+"#,
+        "alarm 1 at 3000\nleft 70\ninterval at 35500\nnanosleep -1 1 rest 8 at 37500\n\
+         thread 42 at 39500\nsigtimedwait -1 1 at 48500\n1\n",
+    );
+}
+
+#[test]
+fn children_pipes_and_locks_are_waited_for() {
+    prints(
+        r#"
+import fcntl, os, subprocess, tempfile, time, signal
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 3)
+subprocess.run(["sleep", "3"]); print("run", at())
+print(subprocess.run("sleep 2; echo piped", shell=True, capture_output=True, text=True).stdout.strip(), at())
+try:
+    subprocess.run(["sleep", "60"], timeout=4)
+except subprocess.TimeoutExpired:
+    print("timeout", at())
+file = tempfile.TemporaryFile()
+r, w = os.pipe()
+if os.fork() == 0:
+    os.close(r)
+    other = os.open(f"/proc/self/fd/{file.fileno()}", os.O_RDWR)
+    fcntl.flock(other, fcntl.LOCK_EX); os.write(w, b"x"); time.sleep(2.5); os._exit(3)
+os.read(r, 1); fcntl.flock(file, fcntl.LOCK_EX); print("lock", at())
+print(os.waitstatus_to_exitcode(os.wait()[1]), at())
+child = subprocess.Popen(["sleep", "60"]); time.sleep(1); child.kill(); print(child.wait(), at())
+"#,
+        "run 3.0\npiped 5.0\ntimeout 9.0\nlock 11.5\n3 11.5\n-9 12.5\n",
+    );
+}
+
+#[test]
+fn sockets_inside_and_their_timeouts() {
+    prints(
+        r#"
+import socket, threading, time
+start = time.monotonic()
+def at(): return round(time.monotonic() - start, 3)
+server = socket.create_server(("127.0.0.1", 0))
+def serve():
+    connection, _ = server.accept()
+    while data := connection.recv(100):
+        time.sleep(2)
+        connection.sendall(data.upper())
+threading.Thread(target=serve, daemon=True).start()
+client = socket.create_connection(server.getsockname())
+client.sendall(b"hello"); print(client.recv(100), at())
+client.settimeout(7)
+try: client.recv(1)
+except TimeoutError: print("timeout", at())
+client.settimeout(None)
+import struct
+client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 3, 0))
+try: client.recv(1)
+except BlockingIOError: print("again", at())
+a, b = socket.socketpair()
+threading.Timer(1, lambda: b.send(b"pair")).start()
+print(a.recv(10), at())
+"#,
+        "b'HELLO' 2.0\ntimeout 9.0\nagain 12.0\nb'pair' 13.0\n",
+    );
+}
+
+#[test]
+fn queues_and_semaphores_of_system_v_and_posix() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <mqueue.h>
+#include <semaphore.h>
+#include <stdio.h>
+#include <sys/ipc.h>
+#include <sys/mman.h>
+#include <sys/sem.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1000 + t.tv_nsec / 1000000; }
+int main(void) {
+  long start = now();
+  int s = semget(IPC_PRIVATE, 1, 0600);
+  struct sembuf take = {0, -1, 0}, give = {0, 1, 0}; struct timespec two = {2, 0};
+  int r = semtimedop(s, &take, 1, &two); printf("semtimedop %d %d at %ld\n", r, errno == EAGAIN, now() - start);
+  fflush(stdout);
+  if (!fork()) { sleep(3); semop(s, &give, 1); _exit(0); }
+  r = semop(s, &take, 1); printf("semop %d at %ld\n", r, now() - start); semctl(s, 0, IPC_RMID);
+  sem_t *shared = mmap(0, 4096, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  sem_init(shared, 1, 0); fflush(stdout);
+  if (!fork()) { sleep(4); sem_post(shared); _exit(0); }
+  sem_wait(shared); printf("sem_wait at %ld\n", now() - start);
+  struct mq_attr a = {0, 1, 8, 0}; char name[32]; sprintf(name, "/lockstep-%d", getpid());
+  mqd_t q = mq_open(name, O_CREAT | O_RDWR, 0600, &a); mq_unlink(name);
+  struct timespec at; clock_gettime(CLOCK_REALTIME, &at); at.tv_sec += 5; char b[8];
+  r = mq_timedreceive(q, b, 8, 0, &at); printf("mq %d %d at %ld\n", r, errno == ETIMEDOUT, now() - start);
+  while (wait(0) > 0);
+}
+"#,
+        "semtimedop -1 1 at 2000\nsemop 0 at 5000\nsem_wait at 9000\nmq -1 1 at 14000\n",
+    );
+}

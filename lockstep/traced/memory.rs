@@ -1,0 +1,116 @@
+//! The memory of a client's thread.
+
+use std::io;
+
+use crate::traced::sys::{self, Tid};
+
+/// The memory that a thread sees, while it is stopped.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Memory(pub(crate) Tid);
+
+fn fault() -> io::Error {
+    io::Error::from_raw_os_error(libc::EFAULT)
+}
+
+impl Memory {
+    /// Reads all of `bytes`.
+    pub(crate) fn read(self, address: u64, bytes: &mut [u8]) -> io::Result<()> {
+        if bytes.is_empty() || sys::read_memory(self.0, address, bytes)? == bytes.len() {
+            Ok(())
+        } else {
+            Err(fault())
+        }
+    }
+
+    /// Writes all of `bytes`.
+    pub(crate) fn write(self, address: u64, bytes: &[u8]) -> io::Result<()> {
+        if bytes.is_empty() || sys::write_memory(self.0, address, bytes)? == bytes.len() {
+            Ok(())
+        } else {
+            Err(fault())
+        }
+    }
+
+    /// A number of 32 bits.
+    pub(crate) fn read_u32(self, address: u64) -> io::Result<u32> {
+        let mut bytes = [0; 4];
+        self.read(address, &mut bytes)?;
+        Ok(u32::from_ne_bytes(bytes))
+    }
+
+    /// A number of 64 bits.
+    pub(crate) fn read_u64(self, address: u64) -> io::Result<u64> {
+        let mut bytes = [0; 8];
+        self.read(address, &mut bytes)?;
+        Ok(u64::from_ne_bytes(bytes))
+    }
+
+    /// Two numbers of 64 bits, as in `timespec`, `timeval` and `iovec`.
+    pub(crate) fn read_pair(self, address: u64) -> io::Result<(i64, i64)> {
+        let mut bytes = [0; 16];
+        self.read(address, &mut bytes)?;
+        let (first, second) = bytes.split_at(8);
+        let number = |part: &[u8]| part.try_into().map(i64::from_ne_bytes).unwrap_or_default();
+        Ok((number(first), number(second)))
+    }
+
+    /// The parts of a read or write: where each is, and how long.
+    pub(crate) fn read_parts(self, address: u64, count: u64) -> io::Result<Vec<(u64, u64)>> {
+        /// The system takes no more.
+        const MOST: u64 = 1024;
+        (0..count.min(MOST))
+            .map(|index| {
+                let (base, length) = self.read_pair(address + 16 * index)?;
+                Ok((base.cast_unsigned(), length.cast_unsigned()))
+            })
+            .collect()
+    }
+
+    /// Writes two numbers of 64 bits.
+    pub(crate) fn write_pair(self, address: u64, first: i64, second: i64) -> io::Result<()> {
+        let mut bytes = [0; 16];
+        bytes[..8].copy_from_slice(&first.to_ne_bytes());
+        bytes[8..].copy_from_slice(&second.to_ne_bytes());
+        self.write(address, &bytes)
+    }
+}
+
+/// Words of memory one after the other.
+pub(crate) struct Words {
+    memory: Memory,
+    address: u64,
+    chunk: Vec<u8>,
+    at: usize,
+}
+
+impl Words {
+    pub(crate) fn new(memory: Memory, address: u64) -> Self {
+        Self {
+            memory,
+            address,
+            chunk: Vec::new(),
+            at: 0,
+        }
+    }
+
+    /// Where the next one lies.
+    pub(crate) fn address(&self) -> u64 {
+        self.address
+    }
+
+    /// The next one.
+    pub(crate) fn next(&mut self) -> io::Result<u64> {
+        if self.at + 8 > self.chunk.len() {
+            // To the end of the page, beyond which there may be nothing.
+            let left = 4096 - self.address % 4096;
+            self.chunk.resize(usize::try_from(left).unwrap_or(8), 0);
+            self.memory.read(self.address, &mut self.chunk)?;
+            self.at = 0;
+        }
+        let word = self.chunk.get(self.at..self.at + 8);
+        let word = word.and_then(|word| word.try_into().ok());
+        self.at += 8;
+        self.address += 8;
+        word.map(u64::from_ne_bytes).ok_or_else(fault)
+    }
+}

@@ -1,0 +1,356 @@
+//! Looking at waits: whether what they are for is there, or their time is over.
+
+use rustix::event::PollFlags;
+
+use crate::traced::arch::Registers;
+use crate::traced::clock::{parts, parts_micros};
+use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tree::{Resume, State};
+use crate::traced::wait::{Late, Wait};
+
+/// Most descriptors in one call; beyond that the system decides.
+const MOST: usize = 4096;
+
+/// What a look at a wait says.
+enum Look {
+    /// It goes on.
+    Waits,
+    /// The call is made as it is.
+    Make,
+    /// The call returns this.
+    Answer(i64),
+    /// The call is made again, since it is at its end.
+    Again,
+    /// The call is looked at from its beginning.
+    Call,
+}
+
+impl Tracer<'_> {
+    /// Looks at everybody who waits; whether anybody can go on.
+    pub(crate) fn look_at_waits(&mut self) -> Result<bool, Halt> {
+        let mut any = false;
+        for tid in self.unlooked() {
+            any |= self.look_at(tid)?;
+        }
+        Ok(any)
+    }
+
+    fn look_at(&mut self, tid: Tid) -> Result<bool, Halt> {
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return Ok(false);
+        };
+        let process = thread.process;
+        let State::Held(hold) = &mut thread.state else {
+            return Ok(false);
+        };
+        hold.looked_at = self.happened;
+        let mut registers = hold.registers;
+        let deadline = hold.deadline;
+        // Taken out for the look, and put back if it goes on.
+        let mut wait = std::mem::replace(&mut hold.wait, Wait::Forever);
+        let mut look = self.look(
+            process,
+            &mut wait,
+            deadline.is_some_and(|at| at <= self.now),
+        )?;
+        let deadline = self.new_deadline(&mut wait, deadline);
+        if matches!(look, Look::Waits) && deadline.is_some_and(|at| at <= self.now) {
+            look = self.late(tid, &wait)?;
+        } else if let (Look::Make, Wait::Poll { late, .. }, Some(deadline)) =
+            (&look, &wait, deadline)
+        {
+            self.write_rest(tid, *late, deadline)?;
+        }
+        let next = match look {
+            Look::Waits => {
+                if let Some(thread) = self.threads.get_mut(&tid)
+                    && let State::Held(hold) = &mut thread.state
+                {
+                    hold.wait = wait;
+                    hold.deadline = deadline;
+                }
+                return Ok(false);
+            }
+            Look::Make => Resume::Go(0),
+            Look::Answer(result) => {
+                registers.answer(result);
+                registers.set(tid)?;
+                Resume::Go(0)
+            }
+            Look::Again => {
+                if let Some(thread) = self.threads.get_mut(&tid) {
+                    thread.retries = true;
+                    thread.again_until = deadline;
+                }
+                registers.make_again();
+                registers.set(tid)?;
+                Resume::Go(0)
+            }
+            Look::Call => Resume::Call { crept: true },
+        };
+        self.set_state(tid, State::Ready(next));
+        Ok(true)
+    }
+
+    /// Whether what is waited for is there.
+    fn look(&mut self, process: Tid, wait: &mut Wait, is_late: bool) -> Result<Look, Halt> {
+        Ok(match wait {
+            Wait::Poll { set, .. } => {
+                if self.is_one_ready(process, set) {
+                    Look::Make
+                } else {
+                    Look::Waits
+                }
+            }
+            Wait::Descriptor {
+                fd, flags, room, ..
+            } => match self.descriptor(process, *fd) {
+                Some(descriptor) if flags.contains(PollFlags::OUT) => {
+                    if descriptor.has_room(*room) {
+                        Look::Make
+                    } else {
+                        Look::Waits
+                    }
+                }
+                Some(descriptor) if !descriptor.is_ready(*flags) => Look::Waits,
+                // Perhaps a timer, which has more to it.
+                Some(descriptor) if descriptor.is_anonymous() => Look::Call,
+                _ => Look::Make,
+            },
+            Wait::PortRead {
+                port,
+                device,
+                count,
+                rule,
+                ..
+            } => match self.ports.get(*port) {
+                Some(port) if port.is_device(*device) => {
+                    if port.can_be_read(*rule, *count) {
+                        Look::Make
+                    } else {
+                        Look::Waits
+                    }
+                }
+                // The system says that it is gone.
+                _ => Look::Make,
+            },
+            Wait::PortWrite {
+                port,
+                device,
+                bytes,
+                sent,
+                count,
+            } => {
+                if !self
+                    .ports
+                    .get(*port)
+                    .is_some_and(|port| port.is_device(*device))
+                {
+                    return Ok(Look::Answer(-i64::from(libc::EIO)));
+                }
+                *sent += self.send(*port, bytes.get(*sent..).unwrap_or_default())?;
+                if *sent < bytes.len() {
+                    Look::Waits
+                } else {
+                    Look::Answer(i64::try_from(*count).unwrap_or(i64::MAX))
+                }
+            }
+            // Each time something has happened; but not when it is too late.
+            Wait::Again { .. } if is_late => Look::Waits,
+            Wait::Child | Wait::Again { .. } => Look::Again,
+            Wait::Signal { .. }
+            | Wait::Sleep { .. }
+            | Wait::Creep
+            | Wait::Futex { .. }
+            | Wait::Vfork { .. }
+            | Wait::Forever => Look::Waits,
+        })
+    }
+
+    /// A read that has a time between bytes waits anew after each.
+    fn new_deadline(&self, wait: &mut Wait, deadline: Option<u64>) -> Option<u64> {
+        if let Wait::PortRead {
+            port, seen, rule, ..
+        } = wait
+            && let (Some(port), Some(patience)) = (self.ports.get(*port), rule.patience)
+            && rule.least.is_some_and(|least| least > 0)
+        {
+            let unread = port.unread();
+            if unread > *seen {
+                *seen = unread;
+                return Some(
+                    self.now
+                        .saturating_add(crate::traced::clock::nanoseconds(patience)),
+                );
+            }
+        }
+        deadline
+    }
+
+    /// The time of a wait is over.
+    fn late(&mut self, tid: Tid, wait: &Wait) -> Result<Look, Halt> {
+        Ok(match wait {
+            Wait::Creep => Look::Call,
+            Wait::Sleep { .. } => Look::Answer(0),
+            Wait::Poll { late, .. } => {
+                write_nothing(Memory(tid), *late)?;
+                Look::Answer(0)
+            }
+            Wait::Descriptor { late, .. } => Look::Answer(*late),
+            Wait::Again { late } => {
+                // At its end; what it returned is replaced.
+                let mut registers = Registers::of(tid)?;
+                registers.set_result(*late);
+                registers.set(tid)?;
+                Look::Make
+            }
+            Wait::PortRead {
+                port, count, into, ..
+            } => match (self.ports.get(*port), into) {
+                (Some(port), Some(into)) if port.unread() > 0 => {
+                    let bytes = port.read(*count);
+                    Memory(tid).write(*into, &bytes)?;
+                    Look::Answer(i64::try_from(bytes.len()).unwrap_or(0))
+                }
+                _ => Look::Answer(0),
+            },
+            Wait::Futex { .. } => Look::Answer(-i64::from(libc::ETIMEDOUT)),
+            Wait::Signal { .. } => Look::Answer(-i64::from(libc::EAGAIN)),
+            Wait::PortWrite { .. } | Wait::Child | Wait::Vfork { .. } | Wait::Forever => {
+                Look::Waits
+            }
+        })
+    }
+
+    /// `select` tells how much of its time is left.
+    fn write_rest(&self, tid: Tid, late: Late, deadline: u64) -> Result<(), Halt> {
+        if let Late::Sets { time, micros, .. } = late
+            && time != 0
+        {
+            let left = deadline.saturating_sub(self.now);
+            let (seconds, part) = if micros {
+                parts_micros(left)
+            } else {
+                parts(left)
+            };
+            Memory(tid).write_pair(time, seconds, part)?;
+        }
+        Ok(())
+    }
+
+    /// `poll` and `ppoll`; `deadline` has been worked out.
+    pub(crate) fn poll(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        (address, count): (u64, u64),
+        (deadline, mask): (Option<u64>, Option<u64>),
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
+            return Ok(Action::Make);
+        };
+        let mut bytes = vec![0; 8 * count];
+        Memory(tid).read(address, &mut bytes)?;
+        let set = bytes.chunks_exact(8).filter_map(|one| {
+            let fd = i32::from_ne_bytes(one.get(..4)?.try_into().ok()?);
+            let events = u16::from_ne_bytes(one.get(4..6)?.try_into().ok()?);
+            (fd >= 0).then_some((fd, PollFlags::from_bits_retain(events)))
+        });
+        let late = Late::Revents { address, count };
+        let set = set.collect();
+        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
+    }
+
+    /// `select` and `pselect`.
+    pub(crate) fn select(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        (count, sets, time, micros): (u64, [u64; 3], u64, bool),
+        (deadline, mask): (Option<u64>, Option<u64>),
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
+            return Ok(Action::Make);
+        };
+        let bytes = count.div_ceil(64) * 8;
+        let kinds = [
+            PollFlags::IN | PollFlags::HUP | PollFlags::ERR,
+            PollFlags::OUT | PollFlags::ERR,
+            PollFlags::PRI,
+        ];
+        let mut set = Vec::new();
+        for (address, flags) in sets.into_iter().zip(kinds) {
+            if address == 0 {
+                continue;
+            }
+            let mut bits = vec![0; bytes];
+            Memory(tid).read(address, &mut bits)?;
+            for fd in 0..count {
+                if bits
+                    .get(fd / 8)
+                    .is_some_and(|byte| byte >> (fd % 8) & 1 != 0)
+                {
+                    set.push((i32::try_from(fd).unwrap_or(-1), flags));
+                }
+            }
+        }
+        let late = Late::Sets {
+            sets,
+            bytes,
+            time,
+            micros,
+        };
+        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
+    }
+
+    /// Waits for one of a set of descriptors.
+    pub(crate) fn poll_set(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        set: Vec<(i32, PollFlags)>,
+        late: Late,
+        (deadline, mask): (Option<u64>, Option<u64>),
+        crept: bool,
+    ) -> Action {
+        if self.is_one_ready(process, &set) {
+            return Action::Make;
+        }
+        if deadline.is_some_and(|deadline| deadline <= self.now) {
+            return self.ask(tid, crept).unwrap_or(Action::Make);
+        }
+        Action::Hold(Wait::Poll { set, late, mask }, deadline)
+    }
+}
+
+/// Writes that nothing has happened.
+fn write_nothing(memory: Memory, late: Late) -> std::io::Result<()> {
+    match late {
+        Late::Nothing => Ok(()),
+        Late::Revents { address, count } => {
+            let mut bytes = vec![0; 8 * count];
+            memory.read(address, &mut bytes)?;
+            for one in bytes.chunks_exact_mut(8) {
+                if let Some(happened) = one.get_mut(6..) {
+                    happened.fill(0);
+                }
+            }
+            memory.write(address, &bytes)
+        }
+        Late::Sets {
+            sets, bytes, time, ..
+        } => {
+            for address in sets.into_iter().filter(|address| *address != 0) {
+                memory.write(address, &vec![0; bytes])?;
+            }
+            if time != 0 {
+                memory.write_pair(time, 0, 0)?;
+            }
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Starting the program so that it is traced from its first instruction on.
+
+use std::ffi::{CString, OsStr, OsString};
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::AsRawFd as _;
+use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+
+use crate::traced::arch;
+use crate::traced::sys::{self, Tid, child::Image};
+use crate::{Error, Program};
+
+/// A program on its way: traced, and let go.
+pub(crate) struct Starting {
+    pub(crate) pid: Tid,
+    /// Closed when the program begins; before that it tells why it cannot.
+    line: UnixStream,
+}
+
+impl Starting {
+    /// Why the program did not begin, if it did not; it has, or has ended.
+    pub(crate) fn failure(&mut self) -> Option<io::Error> {
+        let mut error = [0; 4];
+        self.line.read_exact(&mut error).ok()?;
+        Some(io::Error::from_raw_os_error(i32::from_ne_bytes(error)))
+    }
+}
+
+/// Starts it; this thread is its tracer from then on.
+pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Error> {
+    let system = |what| move |error| Error::System { what, error };
+    let (name, _) = program
+        .words
+        .split_first()
+        .ok_or_else(|| Error::NotStarted(io::Error::other("no program is named")))?;
+    let words = program.words.iter().map(|word| word.as_bytes().to_vec());
+    let words = strings(words).map_err(Error::NotStarted)?;
+    let environment = strings(environment(program)).map_err(Error::NotStarted)?;
+    let file = CString::new(file(name).into_os_string().into_vec());
+    let file = file.map_err(|error| Error::NotStarted(error.into()))?;
+    let input = std::fs::File::open("/dev/null").map_err(system("cannot open /dev/null"))?;
+    let (mut line, theirs) =
+        UnixStream::pair().map_err(system("cannot make a line to the program"))?;
+    let image = Image::new(&file, &words, &environment, arch::filter(random), random);
+    let ends = (theirs.as_raw_fd(), line.as_raw_fd());
+    let streams = (input.as_raw_fd(), program.output.as_raw_fd());
+    let pid = sys::child::fork(&image, ends, streams)
+        .map_err(system("cannot start a process for the program"))?;
+    drop(theirs);
+    if let Err(error) = sys::seize(pid) {
+        // It ends when the line does.
+        drop(line);
+        sys::reap_soon(pid);
+        return Err(Error::Unsupported(format!(
+            "this system does not let a program be traced ({error})"
+        )));
+    }
+    line.write_all(b".")
+        .map_err(system("cannot let the program begin"))?;
+    Ok(Starting { pid, line })
+}
+
+fn strings(bytes: impl Iterator<Item = Vec<u8>>) -> io::Result<Vec<CString>> {
+    bytes
+        .map(|bytes| CString::new(bytes).map_err(io::Error::from))
+        .collect()
+}
+
+/// This program's environment, with the program's own variables.
+fn environment(program: &Program<'_>) -> impl Iterator<Item = Vec<u8>> {
+    let own = program.environment;
+    let inherited = std::env::vars_os()
+        .filter(|(name, _)| !own.iter().any(|(other, _)| name == OsStr::new(other)));
+    let own = own
+        .iter()
+        .map(|(name, value)| (OsString::from(name), value.clone()));
+    inherited.chain(own).map(|(mut name, value)| {
+        name.push("=");
+        name.push(value);
+        name.into_vec()
+    })
+}
+
+/// The file that a program is: looked up in `PATH` unless it names a folder.
+fn file(name: &OsStr) -> PathBuf {
+    let named = Path::new(name).to_owned();
+    if name.as_bytes().contains(&b'/') {
+        return named;
+    }
+    let path = std::env::var_os("PATH").unwrap_or_else(|| "/usr/local/bin:/usr/bin:/bin".into());
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|file| {
+            std::fs::metadata(file)
+                .is_ok_and(|found| found.is_file() && found.permissions().mode() & 0o111 != 0)
+        })
+        .unwrap_or(named)
+}

@@ -1,0 +1,449 @@
+//! The system calls that no library wraps as they are needed here.
+//!
+//! `nix` has most of them, but its `waitpid` loses stops for real-time signals, which every
+//! `pthread_cancel` and every POSIX timer of glibc sends.
+#![expect(
+    unsafe_code,
+    reason = "tracing has no safe interface; each call says why it is sound"
+)]
+
+use std::io;
+use std::mem::MaybeUninit;
+use std::os::fd::RawFd;
+use std::ptr;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+/// The number of a thread, as the system knows it.
+pub(crate) type Tid = libc::pid_t;
+
+fn check(result: libc::c_long) -> io::Result<libc::c_long> {
+    if result < 0 {
+        Err(io::Error::last_os_error())
+    } else {
+        Ok(result)
+    }
+}
+
+/// A request whose address and data are plain numbers.
+fn request(request: libc::c_uint, tid: Tid, address: usize, data: usize) -> io::Result<()> {
+    // SAFETY: none of the requests that are made through here writes to this program's memory.
+    check(unsafe { libc::ptrace(request, tid, address, data) }).map(drop)
+}
+
+/// Begins to trace a thread and whatever it starts; all of them are killed when this thread ends.
+pub(crate) fn seize(tid: Tid) -> io::Result<()> {
+    let options = libc::PTRACE_O_EXITKILL
+        | libc::PTRACE_O_TRACECLONE
+        | libc::PTRACE_O_TRACEFORK
+        | libc::PTRACE_O_TRACEVFORK
+        | libc::PTRACE_O_TRACEEXEC
+        | libc::PTRACE_O_TRACESECCOMP
+        | libc::PTRACE_O_TRACESYSGOOD;
+    let options = usize::try_from(options).unwrap_or_default();
+    request(libc::PTRACE_SEIZE, tid, 0, options)
+}
+
+fn with_signal(what: libc::c_uint, tid: Tid, signal: i32) -> io::Result<()> {
+    request(what, tid, 0, usize::try_from(signal).unwrap_or_default())
+}
+
+/// Lets a stopped thread go on, with a signal if that is not 0.
+pub(crate) fn go_on(tid: Tid, signal: i32) -> io::Result<()> {
+    with_signal(libc::PTRACE_CONT, tid, signal)
+}
+
+/// Lets a stopped thread go on to the end of its call.
+pub(crate) fn go_on_to_end_of_call(tid: Tid) -> io::Result<()> {
+    with_signal(libc::PTRACE_SYSCALL, tid, 0)
+}
+
+/// Leaves a thread stopped by job control until it is continued.
+pub(crate) fn listen(tid: Tid) -> io::Result<()> {
+    request(libc::PTRACE_LISTEN, tid, 0, 0)
+}
+
+/// The registers of a stopped thread.
+pub(crate) fn registers(tid: Tid) -> io::Result<libc::user_regs_struct> {
+    let mut registers = MaybeUninit::<libc::user_regs_struct>::uninit();
+    // SAFETY: the request fills the whole structure, and it is read only if it did.
+    unsafe {
+        check(libc::ptrace(
+            libc::PTRACE_GETREGS,
+            tid,
+            0,
+            registers.as_mut_ptr(),
+        ))?;
+        Ok(registers.assume_init())
+    }
+}
+
+/// Sets them.
+pub(crate) fn set_registers(tid: Tid, registers: &libc::user_regs_struct) -> io::Result<()> {
+    // SAFETY: the request only reads the structure.
+    check(unsafe { libc::ptrace(libc::PTRACE_SETREGS, tid, 0, ptr::from_ref(registers)) }).map(drop)
+}
+
+/// What goes with the event that a thread has stopped for.
+pub(crate) fn event_message(tid: Tid) -> io::Result<Tid> {
+    let mut message: libc::c_ulong = 0;
+    // SAFETY: the request writes one number to where it is told, which outlives the call.
+    check(unsafe {
+        libc::ptrace(
+            libc::PTRACE_GETEVENTMSG,
+            tid,
+            0,
+            ptr::from_mut(&mut message),
+        )
+    })?;
+    Tid::try_from(message).map_err(io::Error::other)
+}
+
+/// What may be waited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Whom {
+    /// Whatever this thread traces.
+    Anybody,
+    /// One thread of those.
+    One(Tid),
+}
+
+/// Waits for a thread that this thread traces; `None` if none of them has news and `block` is not
+/// set.
+pub(crate) fn wait(whom: Whom, block: bool) -> io::Result<Option<(Tid, i32)>> {
+    let mut status = 0;
+    let pid = match whom {
+        Whom::Anybody => -1,
+        Whom::One(tid) => tid,
+    };
+    let mut options = libc::__WALL | libc::__WNOTHREAD;
+    if !block {
+        options |= libc::WNOHANG;
+    }
+    // SAFETY: the status outlives the call.
+    let tid = check(unsafe { libc::waitpid(pid, &raw mut status, options) }.into())?;
+    let tid = Tid::try_from(tid).map_err(io::Error::other)?;
+    Ok((tid != 0).then_some((tid, status)))
+}
+
+/// Reaps a process that has become a child of this program, if it has ended.
+pub(crate) fn reap(pid: Tid) {
+    // SAFETY: no status is asked for.
+    unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL | libc::WNOHANG) };
+}
+
+/// Reads memory of a stopped thread; says how much of it could be read.
+pub(crate) fn read_memory(tid: Tid, address: u64, bytes: &mut [u8]) -> io::Result<usize> {
+    let local = libc::iovec {
+        iov_base: bytes.as_mut_ptr().cast(),
+        iov_len: bytes.len(),
+    };
+    let remote = libc::iovec {
+        iov_base: ptr::without_provenance_mut(usize::try_from(address).unwrap_or_default()),
+        iov_len: bytes.len(),
+    };
+    // SAFETY: the local part is a slice that may be written; the remote one is checked by the
+    // system.
+    let count =
+        unsafe { libc::process_vm_readv(tid, &raw const local, 1, &raw const remote, 1, 0) };
+    count_of(count)
+}
+
+/// Writes memory of a stopped thread; says how much of it could be written.
+pub(crate) fn write_memory(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<usize> {
+    let local = libc::iovec {
+        iov_base: bytes.as_ptr().cast_mut().cast(),
+        iov_len: bytes.len(),
+    };
+    let remote = libc::iovec {
+        iov_base: ptr::without_provenance_mut(usize::try_from(address).unwrap_or_default()),
+        iov_len: bytes.len(),
+    };
+    // SAFETY: the local part is only read; the remote one is checked by the system.
+    let count =
+        unsafe { libc::process_vm_writev(tid, &raw const local, 1, &raw const remote, 1, 0) };
+    count_of(count)
+}
+
+fn count_of(count: libc::ssize_t) -> io::Result<usize> {
+    usize::try_from(count).map_err(|_| io::Error::last_os_error())
+}
+
+/// Sends a signal to a process, or to a group if it is negative.
+pub(crate) fn kill(pid: Tid, signal: i32) -> io::Result<()> {
+    // SAFETY: takes numbers only.
+    check(unsafe { libc::kill(pid, signal) }.into()).map(drop)
+}
+
+/// The process group of a process.
+pub(crate) fn group_of(pid: Tid) -> Option<Tid> {
+    // SAFETY: takes a number only.
+    let group = unsafe { libc::getpgid(pid) };
+    (group > 0).then_some(group)
+}
+
+/// Sends the signal of a POSIX timer to a process, or to one of its threads.
+pub(crate) fn queue_timer_signal(
+    pid: Tid,
+    tid: Option<Tid>,
+    signal: i32,
+    timer: i32,
+    value: u64,
+) -> io::Result<()> {
+    /// As the system lays `siginfo_t` out for timers, 128 bytes.
+    #[repr(C)]
+    struct TimerInfo {
+        signal: i32,
+        error: i32,
+        code: i32,
+        padding: i32,
+        timer: i32,
+        overrun: i32,
+        value: u64,
+        rest: [u64; 12],
+    }
+    let info = TimerInfo {
+        signal,
+        error: 0,
+        code: libc::SI_TIMER,
+        padding: 0,
+        timer,
+        overrun: 0,
+        value,
+        rest: [0; 12],
+    };
+    let info = ptr::from_ref(&info);
+    // SAFETY: the structure is as long as the system reads, and is only read.
+    let result = unsafe {
+        match tid {
+            None => libc::syscall(libc::SYS_rt_sigqueueinfo, pid, signal, info),
+            Some(tid) => libc::syscall(libc::SYS_rt_tgsigqueueinfo, pid, tid, signal, info),
+        }
+    };
+    check(result).map(drop)
+}
+
+/// Interrupts waits of this thread again and again, so that it can look at the clock; until it is
+/// dropped.
+pub(crate) struct Ticks(libc::timer_t);
+
+extern "C" fn nothing(_signal: i32) {}
+
+impl Ticks {
+    /// Begins. The signal is one that nobody else sends to this program, and that would be ignored.
+    pub(crate) fn start(every: Duration) -> io::Result<Self> {
+        static HANDLED: OnceLock<bool> = OnceLock::new();
+        let handled = *HANDLED.get_or_init(|| {
+            // SAFETY: the handler does nothing, so that it may run at any time; without SA_RESTART
+            // a wait ends with EINTR. All fields of the structure may be zero.
+            unsafe {
+                let mut action: libc::sigaction = std::mem::zeroed();
+                action.sa_sigaction = nothing as extern "C" fn(i32) as usize;
+                libc::sigaction(libc::SIGURG, &raw const action, ptr::null_mut()) == 0
+            }
+        });
+        if !handled {
+            return Err(io::Error::other("cannot handle SIGURG"));
+        }
+        let nanos = i64::from(every.subsec_nanos());
+        let every = libc::timespec {
+            tv_sec: i64::try_from(every.as_secs()).unwrap_or(i64::MAX),
+            tv_nsec: nanos,
+        };
+        let times = libc::itimerspec {
+            it_interval: every,
+            it_value: every,
+        };
+        // SAFETY: all fields of the event may be zero, and those that matter are set; the timer is
+        // deleted once, on drop.
+        unsafe {
+            let mut event: libc::sigevent = std::mem::zeroed();
+            event.sigev_notify = libc::SIGEV_THREAD_ID;
+            event.sigev_signo = libc::SIGURG;
+            event.sigev_notify_thread_id = libc::gettid();
+            let mut timer: libc::timer_t = ptr::null_mut();
+            let made = libc::timer_create(libc::CLOCK_MONOTONIC, &raw mut event, &raw mut timer);
+            check(made.into())?;
+            let ticks = Self(timer);
+            let set = libc::timer_settime(timer, 0, &raw const times, ptr::null_mut());
+            check(set.into())?;
+            Ok(ticks)
+        }
+    }
+}
+
+impl Drop for Ticks {
+    fn drop(&mut self) {
+        // SAFETY: the timer was made by `start` and is deleted only here.
+        unsafe { libc::timer_delete(self.0) };
+    }
+}
+
+/// A hundred years, of which the system's clocks can show three times as much.
+const NEVER_S: i64 = 1 << 32;
+
+/// Sets a timer descriptor so that it becomes readable at once, or never if `ready` is not set. The
+/// interval is the mark by which it is known again.
+pub(crate) fn mark_timer(timer: RawFd, mark: i64, ready: bool) -> io::Result<()> {
+    let times = libc::itimerspec {
+        it_interval: libc::timespec {
+            tv_sec: NEVER_S + mark,
+            tv_nsec: 0,
+        },
+        it_value: libc::timespec {
+            tv_sec: if ready { 0 } else { NEVER_S },
+            tv_nsec: i64::from(ready),
+        },
+    };
+    // SAFETY: the structure is only read.
+    let set = unsafe { libc::timerfd_settime(timer, 0, &raw const times, ptr::null_mut()) };
+    check(set.into()).map(drop)
+}
+
+/// The mark of a timer descriptor, if it has one.
+pub(crate) fn timer_mark(timer: RawFd) -> Option<i64> {
+    let mut times = MaybeUninit::<libc::itimerspec>::uninit();
+    // SAFETY: the call fills the whole structure, and it is read only if it did.
+    let interval = unsafe {
+        check(libc::timerfd_gettime(timer, times.as_mut_ptr()).into()).ok()?;
+        times.assume_init().it_interval.tv_sec
+    };
+    interval.checked_sub(NEVER_S).filter(|mark| *mark >= 0)
+}
+
+/// Reaps a child that is about to end.
+pub(crate) fn reap_soon(pid: Tid) {
+    // SAFETY: no status is asked for.
+    unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL) };
+}
+
+/// Stops a thread that runs.
+pub(crate) fn interrupt(tid: Tid) -> io::Result<()> {
+    request(libc::PTRACE_INTERRUPT, tid, 0, 0)
+}
+
+/// What a child does between fork and exec.
+pub(crate) mod child {
+    use super::{Tid, check};
+    use std::ffi::{CString, c_char};
+    use std::io;
+    use std::os::fd::RawFd;
+    use std::ptr;
+
+    /// All that a child needs, made before it comes to be: it must take no memory.
+    pub(crate) struct Image<'a> {
+        file: &'a CString,
+        words: Vec<*const c_char>,
+        environment: Vec<*const c_char>,
+        filter: Vec<libc::sock_filter>,
+        fixed_addresses: bool,
+    }
+
+    impl<'a> Image<'a> {
+        pub(crate) fn new(
+            file: &'a CString,
+            words: &'a [CString],
+            environment: &'a [CString],
+            filter: Vec<libc::sock_filter>,
+            fixed_addresses: bool,
+        ) -> Self {
+            let pointers = |strings: &[CString]| {
+                let pointers = strings.iter().map(|string| string.as_ptr());
+                pointers.chain([ptr::null()]).collect()
+            };
+            Self {
+                file,
+                words: pointers(words),
+                environment: pointers(environment),
+                filter,
+                fixed_addresses,
+            }
+        }
+    }
+
+    /// Forks. The child waits at `line` until it is traced, and becomes the program with these streams;
+    /// `line` is closed then, or tells the number of the error. `theirs` is its other end.
+    pub(crate) fn fork(
+        image: &Image<'_>,
+        (line, theirs): (RawFd, RawFd),
+        (input, output): (RawFd, RawFd),
+    ) -> io::Result<Tid> {
+        // SAFETY: the child makes plain calls only, takes no lock and no memory, and never returns.
+        unsafe {
+            let parent = libc::getpid();
+            let pid = check(libc::fork().into())?;
+            if pid != 0 {
+                return Tid::try_from(pid).map_err(io::Error::other);
+            }
+            libc::close(theirs);
+            wait_to_be_traced(line, parent);
+            if let Err(error) = become_program(image, input, output) {
+                let number = error.raw_os_error().unwrap_or(libc::EINVAL).to_ne_bytes();
+                libc::write(line, number.as_ptr().cast(), number.len());
+            }
+            libc::_exit(127)
+        }
+    }
+
+    /// # Safety
+    /// Only for a child that has been forked.
+    unsafe fn wait_to_be_traced(line: RawFd, parent: Tid) {
+        let mut poll = libc::pollfd {
+            fd: line,
+            events: libc::POLLIN,
+            revents: 0,
+        };
+        let mut go = 0_u8;
+        // SAFETY: the structure and the byte outlive the calls.
+        unsafe {
+            // Another child may hold the other end open when the tracer is killed.
+            while libc::poll(&raw mut poll, 1, 50) != 1 {
+                if libc::getppid() != parent {
+                    libc::_exit(127);
+                }
+            }
+            if libc::read(line, (&raw mut go).cast(), 1) != 1 {
+                libc::_exit(127);
+            }
+        }
+    }
+
+    /// Returns only if it fails.
+    ///
+    /// # Safety
+    /// Only for a child that has been forked.
+    unsafe fn become_program(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<()> {
+        let program = libc::sock_fprog {
+            len: u16::try_from(image.filter.len()).map_err(|_| io::ErrorKind::InvalidInput)?,
+            filter: image.filter.as_ptr().cast_mut(),
+        };
+        // SAFETY: takes numbers, and strings and a filter that are only read and outlive the calls.
+        unsafe {
+            // Ctrl-C is for the tracer, which then ends it.
+            check(libc::setpgid(0, 0).into())?;
+            check(libc::dup2(input, 0).into())?;
+            check(libc::dup2(output, 1).into())?;
+            check(libc::dup2(output, 2).into())?;
+            // What this program ignores or blocks is its own affair.
+            libc::signal(libc::SIGPIPE, libc::SIG_DFL);
+            let mut none = std::mem::MaybeUninit::<libc::sigset_t>::uninit();
+            libc::sigemptyset(none.as_mut_ptr());
+            libc::sigprocmask(libc::SIG_SETMASK, none.as_ptr(), ptr::null_mut());
+            let mut persona = libc::personality(0xFFFF_FFFF);
+            // The tracer writes how much time is left of `select`, and not the system.
+            persona |= libc::STICKY_TIMEOUTS;
+            if image.fixed_addresses {
+                persona |= libc::ADDR_NO_RANDOMIZE;
+            }
+            let persona = libc::c_ulong::from(persona.unsigned_abs());
+            check(libc::personality(persona).into())?;
+            check(libc::prctl(libc::PR_SET_TSC, libc::PR_TSC_SIGSEGV).into())?;
+            check(libc::prctl(libc::PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0).into())?;
+            let set = libc::SECCOMP_SET_MODE_FILTER;
+            check(libc::syscall(libc::SYS_seccomp, set, 0, &raw const program))?;
+            let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
+            libc::execve(image.file.as_ptr(), words, environment);
+        }
+        Err(io::Error::last_os_error())
+    }
+}

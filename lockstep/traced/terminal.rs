@@ -1,0 +1,287 @@
+//! Calls on ports: reads, writes, and requests.
+
+use rustix::event::PollFlags;
+
+use crate::modem;
+use crate::port::Change;
+use crate::traced::call::request;
+use crate::traced::descriptor::Descriptor;
+use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::wait::Wait;
+
+/// Most bytes of one write that are taken; the call then says that it was so many.
+const MOST_WRITTEN: usize = 1 << 20;
+
+impl Tracer<'_> {
+    /// A read of a port. `into` is where the bytes go if it is one place.
+    pub(crate) fn read_port(
+        &mut self,
+        tid: Tid,
+        index: usize,
+        descriptor: &Descriptor,
+        (count, into): (usize, Option<u64>),
+        crept: bool,
+    ) -> Action {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Action::Make;
+        };
+        // Room that a former read has made is for what still waits; if that fails, so does the read.
+        let _ = port.top_up();
+        let rule = port.read_rule();
+        let unread = port.unread();
+        let at_once =
+            descriptor.is_nonblocking() || (rule.least == Some(0) && rule.patience.is_none());
+        if unread == 0 && at_once {
+            return self.ask(tid, crept).unwrap_or(Action::Make);
+        }
+        if count == 0 || at_once || port.can_be_read(rule, count) {
+            return Action::Make;
+        }
+        let patience = rule
+            .patience
+            .filter(|_| rule.least == Some(0) || unread > 0);
+        let deadline = patience.map(|patience| {
+            self.now
+                .saturating_add(crate::traced::clock::nanoseconds(patience))
+        });
+        let wait = Wait::PortRead {
+            port: index,
+            device: descriptor.stat.st_rdev,
+            seen: unread,
+            count,
+            rule,
+            into,
+        };
+        Action::Hold(wait, deadline)
+    }
+
+    /// A write to a port: the line takes the bytes, and not the system.
+    pub(crate) fn write_port(
+        &mut self,
+        tid: Tid,
+        index: usize,
+        descriptor: &Descriptor,
+        parts: &[(u64, u64)],
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let mut bytes = Vec::new();
+        for (address, length) in parts {
+            let length = usize::try_from(*length).unwrap_or(usize::MAX);
+            let from = bytes.len();
+            bytes.resize(from + length.min(MOST_WRITTEN - from), 0);
+            Memory(tid).read(*address, bytes.get_mut(from..).unwrap_or_default())?;
+        }
+        let count = bytes.len();
+        if let Some(port) = self.ports.get(index) {
+            bytes = port.cooked(&bytes);
+        }
+        let sent = self.send(index, &bytes)?;
+        let result = |count: usize| Action::Answer(i64::try_from(count).unwrap_or(i64::MAX));
+        if sent == bytes.len() {
+            if let Some(thread) = self.threads.get_mut(&tid) {
+                thread.asks = 0;
+            }
+            return Ok(result(count));
+        }
+        if descriptor.is_nonblocking() {
+            if sent > 0 {
+                return Ok(result(sent.min(count)));
+            }
+            let answer = Action::Answer(-i64::from(libc::EAGAIN));
+            return Ok(self.ask(tid, crept).unwrap_or(answer));
+        }
+        let wait = Wait::PortWrite {
+            port: index,
+            device: descriptor.stat.st_rdev,
+            bytes,
+            sent,
+            count,
+        };
+        Ok(Action::Hold(wait, None))
+    }
+
+    /// Hands bytes to the world; how many it took.
+    pub(crate) fn send(&mut self, index: usize, bytes: &[u8]) -> Result<usize, Halt> {
+        let Some(port) = self.ports.get(index) else {
+            return Ok(bytes.len());
+        };
+        let Some(line) = port.line()? else {
+            return Ok(bytes.len());
+        };
+        if bytes.is_empty() {
+            return Ok(0);
+        }
+        Ok(self.world.sent(index, line, self.now, bytes)?)
+    }
+
+    /// What a terminal that echoes has sent back by itself goes to the world as well.
+    pub(crate) fn send_echoes(&mut self) -> Result<(), Halt> {
+        for index in 0..self.ports.len() {
+            let Some(port) = self.ports.get(index).filter(|port| port.is_open()) else {
+                continue;
+            };
+            let echo = port.take_echo();
+            // What there is no room for is lost, as on a line that is full.
+            self.send(index, &echo)?;
+        }
+        Ok(())
+    }
+
+    /// A request to a port, or one that only asks.
+    pub(crate) fn request(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        (fd, request, argument): (i32, u32, u64),
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let port = self
+            .descriptor(process, fd)
+            .and_then(|descriptor| self.port_of(&descriptor));
+        if request == request::FIONREAD {
+            return Ok(self.ask(tid, crept).unwrap_or(Action::Make));
+        }
+        let Some(index) = port else {
+            return Ok(Action::Make);
+        };
+        let memory = Memory(tid);
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(Action::Make);
+        };
+        match request {
+            request::TCSETSF | request::TCSETAF | request::TCSETSF2 => {
+                port.flush_input();
+                return Ok(Action::Make);
+            }
+            request::TCFLSH => {
+                if matches!(argument, 0 | 2) {
+                    port.flush_input();
+                }
+                return Ok(Action::Make);
+            }
+            request::TIOCMGET => {
+                memory.write(argument, &(port.modem | modem::READ).to_ne_bytes())?;
+            }
+            request::TIOCMBIS | request::TIOCMBIC | request::TIOCMSET => {
+                let given = memory.read_u32(argument)? & (modem::DTR | modem::RTS);
+                let lines = match request {
+                    request::TIOCMBIS => port.modem | given,
+                    request::TIOCMBIC => port.modem & !given,
+                    _ => given,
+                };
+                if lines != port.modem {
+                    port.modem = lines;
+                    self.world.modem_lines(index, self.now, lines)?;
+                }
+            }
+            request::TIOCMIWAIT => return Ok(Action::Hold(Wait::Forever, None)),
+            // Counters of changes and errors: none.
+            request::TIOCGICOUNT => memory.write(argument, &[0; 80])?,
+            request::TIOCGSERIAL => {
+                // An adapter: type 16550A with its queue of 16 bytes, at 115200 baud.
+                let mut serial = [0_u32; 18];
+                serial[0] = 4;
+                serial[5] = 16;
+                serial[7] = 115_200;
+                let bytes: Vec<u8> = serial.iter().flat_map(|word| word.to_ne_bytes()).collect();
+                memory.write(argument, &bytes)?;
+            }
+            request::TIOCSSERIAL => {}
+            _ => return Ok(Action::Make),
+        }
+        Ok(Action::Answer(0))
+    }
+
+    /// A read or write that may wait, of something that is no port.
+    pub(crate) fn may_wait(
+        &mut self,
+        tid: Tid,
+        fd: i32,
+        descriptor: &Descriptor,
+        (flags, room): (PollFlags, usize),
+        (at_once, deadline, late): (bool, Option<u64>, i64),
+        crept: bool,
+    ) -> Action {
+        let ready = if flags.contains(PollFlags::OUT) {
+            descriptor.has_room(room)
+        } else {
+            descriptor.is_ready(flags)
+        };
+        if ready {
+            return Action::Make;
+        }
+        if at_once || descriptor.is_nonblocking() {
+            return self.ask(tid, crept).unwrap_or(Action::Make);
+        }
+        let wait = Wait::Descriptor {
+            fd,
+            flags,
+            room,
+            late,
+        };
+        Action::Hold(wait, deadline)
+    }
+
+    /// Tells the world which ports have been opened and closed.
+    pub(crate) fn look_at_ports(&mut self) -> Result<(), Halt> {
+        for index in 0..self.ports.len() {
+            let Some(port) = self.ports.get_mut(index) else {
+                break;
+            };
+            let changes = port.changes();
+            if changes.is_empty() {
+                continue;
+            }
+            for change in changes {
+                match change {
+                    Change::Opened => self.port_opened(index)?,
+                    Change::Closed => self.port_closed(index)?,
+                }
+            }
+            // The system tells of two opens in a row as of one.
+            let held = self.holds_port(index);
+            let opened = self.ports.get(index).map_or(0, |port| port.opened);
+            if held && opened == 0 {
+                self.port_opened(index)?;
+            } else if !held && opened > 0 {
+                if let Some(port) = self.ports.get_mut(index) {
+                    port.opened = 1;
+                }
+                self.port_closed(index)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn port_opened(&mut self, index: usize) -> Result<(), Halt> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        port.opened += 1;
+        if port.opened == 1 {
+            // An adapter raises both.
+            port.modem = modem::DTR | modem::RTS;
+            self.happened += 1;
+            self.world.opened(index, self.now)?;
+        }
+        Ok(())
+    }
+
+    fn port_closed(&mut self, index: usize) -> Result<(), Halt> {
+        let Some(port) = self.ports.get_mut(index) else {
+            return Ok(());
+        };
+        if port.opened == 0 {
+            return Ok(());
+        }
+        port.opened -= 1;
+        if port.opened == 0 {
+            port.forget_client();
+            self.happened += 1;
+            self.world.closed(index, self.now)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,448 @@
+//! Timers that programs set: alarms, POSIX timers, timer descriptors.
+
+use std::io;
+use std::os::fd::AsRawFd as _;
+use std::time::Duration;
+
+use rustix::event::PollFlags;
+
+use crate::traced::arch::Registers;
+use crate::traced::clock::{parts, parts_micros, span, span_micros};
+use crate::traced::descriptor::Descriptor;
+use crate::traced::memory::Memory;
+use crate::traced::sys::{self, Tid};
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tree::{AtEnd, TimerEvent};
+
+/// Most timers of a run; a program that makes more is told so.
+const MOST: usize = 4096;
+
+/// All timers of a run.
+#[derive(Default)]
+pub(crate) struct Timers {
+    all: Vec<Timer>,
+    marks: i64,
+}
+
+struct Timer {
+    process: Tid,
+    kind: Kind,
+    /// When it next runs out.
+    next: Option<u64>,
+    /// How long after that again; 0 for never.
+    interval: u64,
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    /// The alarm of a process.
+    Alarm,
+    /// A POSIX timer.
+    Posix {
+        id: i32,
+        event: TimerEvent,
+        clock: i32,
+    },
+    /// A timer descriptor: the mark by which its file is known again, one of the descriptors, and how
+    /// often it has run out since it was read.
+    Descriptor { mark: i64, fd: i32, count: u64 },
+}
+
+impl Timers {
+    /// When the first runs out.
+    pub(crate) fn next(&self) -> Option<u64> {
+        self.all.iter().filter_map(|timer| timer.next).min()
+    }
+
+    /// A process has another program, which ends its POSIX timers.
+    pub(crate) fn forget_posix(&mut self, process: Tid) {
+        self.all
+            .retain(|timer| timer.process != process || !matches!(timer.kind, Kind::Posix { .. }));
+    }
+
+    /// A process has ended; others may hold its timer descriptors.
+    pub(crate) fn forget(&mut self, process: Tid) {
+        self.all.retain(|timer| {
+            timer.process != process || matches!(timer.kind, Kind::Descriptor { .. })
+        });
+    }
+
+    fn find(&mut self, is: impl Fn(&Timer) -> bool) -> Option<&mut Timer> {
+        self.all.iter_mut().find(|timer| is(timer))
+    }
+}
+
+impl Timer {
+    /// What is left of it, and its interval.
+    fn setting(&self, now: u64) -> (u64, u64) {
+        let left = self.next.map_or(0, |next| next.saturating_sub(now).max(1));
+        (left, self.interval)
+    }
+}
+
+impl Tracer<'_> {
+    fn alarm_of(&mut self, process: Tid) -> &mut Timer {
+        let at = self
+            .timers
+            .all
+            .iter()
+            .position(|timer| timer.process == process && matches!(timer.kind, Kind::Alarm));
+        let at = at.unwrap_or_else(|| {
+            self.timers.all.push(Timer {
+                process,
+                kind: Kind::Alarm,
+                next: None,
+                interval: 0,
+            });
+            self.timers.all.len() - 1
+        });
+        &mut self.timers.all[at]
+    }
+
+    /// `alarm`: the seconds that were left.
+    pub(crate) fn alarm(&mut self, process: Tid, seconds: u64) -> Action {
+        let now = self.now;
+        let timer = self.alarm_of(process);
+        let left = timer.setting(now).0.div_ceil(1_000_000_000);
+        let seconds = seconds & 0xFFFF_FFFF;
+        timer.next = (seconds > 0).then(|| now.saturating_add(seconds * 1_000_000_000));
+        timer.interval = 0;
+        Action::Answer(i64::try_from(left).unwrap_or(i64::MAX))
+    }
+
+    /// `setitimer` and `getitimer` of real time.
+    pub(crate) fn interval_timer(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        new: Option<u64>,
+        old: u64,
+    ) -> Result<Action, Halt> {
+        let now = self.now;
+        let mut setting = None;
+        if let Some(new) = new.filter(|new| *new != 0) {
+            let interval = span_micros(Memory(tid).read_pair(new)?);
+            let value = span_micros(Memory(tid).read_pair(new + 16)?);
+            let (Some(interval), Some(value)) = (interval, value) else {
+                return Ok(Action::Make);
+            };
+            setting = Some((interval, value));
+        }
+        let timer = self.alarm_of(process);
+        let (left, interval) = timer.setting(now);
+        match (new, setting) {
+            (_, Some((interval, value))) => {
+                timer.next = (value > 0).then(|| now.saturating_add(value));
+                timer.interval = interval;
+            }
+            (Some(_), None) => timer.next = None,
+            (None, None) => {}
+        }
+        if old != 0 {
+            let (seconds, micros) = parts_micros(interval);
+            Memory(tid).write_pair(old, seconds, micros)?;
+            let (seconds, micros) = parts_micros(left);
+            Memory(tid).write_pair(old + 16, seconds, micros)?;
+        }
+        Ok(Action::Answer(0))
+    }
+
+    /// `timer_create`: made by the system, which never sets it.
+    pub(crate) fn timer_create(&mut self, tid: Tid, registers: Registers) -> Result<Action, Halt> {
+        let [clock, event, address, ..] = registers.arguments();
+        let clock = i32::try_from(clock & 0xFFFF_FFFF).unwrap_or(-1);
+        if self.clocks.show(clock, self.now).is_none() {
+            return Ok(Action::Make);
+        }
+        if self.timers.all.len() >= MOST {
+            return Ok(Action::Answer(-i64::from(libc::EAGAIN)));
+        }
+        let event = if event == 0 {
+            TimerEvent {
+                signal: Some(libc::SIGALRM),
+                thread: None,
+                value: None,
+            }
+        } else {
+            let value = Memory(tid).read_u64(event)?;
+            let signal = Memory(tid).read_u32(event + 8)?.cast_signed();
+            let notify = Memory(tid).read_u32(event + 12)?.cast_signed();
+            let thread = Memory(tid).read_u32(event + 16)?.cast_signed();
+            TimerEvent {
+                signal: (notify != libc::SIGEV_NONE).then_some(signal),
+                thread: (notify == libc::SIGEV_THREAD_ID).then_some(thread),
+                value: Some(value),
+            }
+        };
+        let at_end = AtEnd::TimerCreate { address, event };
+        Ok(Action::ToEnd(registers, at_end))
+    }
+
+    /// It has been made, by a call whose registers these are.
+    pub(crate) fn timer_created(
+        &mut self,
+        tid: Tid,
+        registers: Registers,
+        address: u64,
+        event: TimerEvent,
+    ) -> Result<(), Halt> {
+        if registers.result() != 0 {
+            return Ok(());
+        }
+        let id = Memory(tid).read_u32(address)?.cast_signed();
+        let clock = i32::try_from(registers.arguments()[0] & 0xFFFF_FFFF).unwrap_or(-1);
+        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
+        self.timers.all.push(Timer {
+            process,
+            kind: Kind::Posix { id, event, clock },
+            next: None,
+            interval: 0,
+        });
+        Ok(())
+    }
+
+    /// `timer_settime`, or `timer_gettime` without `new`.
+    pub(crate) fn posix_timer(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        id: u64,
+        new: Option<(u64, u64)>,
+        old: u64,
+    ) -> Result<Action, Halt> {
+        let now = self.now;
+        let id = i32::try_from(id & 0xFFFF_FFFF).unwrap_or(-1);
+        let is_it = |timer: &Timer| {
+            timer.process == process
+                && matches!(timer.kind, Kind::Posix { id: own, .. } if own == id)
+        };
+        let Some(timer) = self.timers.find(is_it) else {
+            return Ok(Action::Make);
+        };
+        let (setting, kind) = (timer.setting(now), timer.kind);
+        let Kind::Posix { clock, .. } = kind else {
+            return Ok(Action::Make);
+        };
+        if let Some((flags, new)) = new {
+            let Some((next, interval)) = self.timer_setting(tid, clock, flags, new)? else {
+                return Ok(Action::Make);
+            };
+            if let Some(timer) = self.timers.find(is_it) {
+                (timer.next, timer.interval) = (next, interval);
+            }
+        }
+        write_setting(tid, old, setting)?;
+        self.fire_timers()?;
+        Ok(Action::Answer(0))
+    }
+
+    /// `timer_delete`; the system deletes its own.
+    pub(crate) fn timer_delete(&mut self, process: Tid, id: u64) -> Action {
+        let id = i32::try_from(id & 0xFFFF_FFFF).unwrap_or(-1);
+        self.timers.all.retain(|timer| {
+            timer.process != process
+                || !matches!(timer.kind, Kind::Posix { id: own, .. } if own == id)
+        });
+        Action::Make
+    }
+
+    /// `timerfd_settime`, or `timerfd_gettime` without `new`.
+    pub(crate) fn timer_descriptor(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        fd: i32,
+        new: Option<(u64, u64)>,
+        old: u64,
+    ) -> Result<Action, Halt> {
+        let now = self.now;
+        let Some(descriptor) = self.descriptor(process, fd) else {
+            return Ok(Action::Make);
+        };
+        let timer = descriptor.file.as_raw_fd();
+        let info = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}"));
+        let info = info.unwrap_or_default();
+        let clock = info.lines().find_map(|line| line.strip_prefix("clockid:"));
+        // Not a timer.
+        let Some(clock) = clock.and_then(|clock| clock.trim().parse().ok()) else {
+            return Ok(Action::Make);
+        };
+        let known = sys::timer_mark(timer);
+        let known = known.filter(|mark| self.timers.find(has_mark(*mark)).is_some());
+        let Some((flags, new)) = new else {
+            let setting = known.and_then(|mark| self.timers.find(has_mark(mark)));
+            let setting = setting.map_or((0, 0), |timer| timer.setting(now));
+            write_setting(tid, old, setting)?;
+            return Ok(Action::Answer(0));
+        };
+        let Some((next, interval)) = self.timer_setting(tid, clock, flags, new)? else {
+            return Ok(Action::Make);
+        };
+        let mark = match known {
+            Some(mark) => mark,
+            None if self.timers.all.len() >= MOST => {
+                return Ok(Action::Answer(-i64::from(libc::ENOMEM)));
+            }
+            None => {
+                self.timers.marks += 1;
+                let kind = Kind::Descriptor {
+                    mark: self.timers.marks,
+                    fd,
+                    count: 0,
+                };
+                self.timers.all.push(Timer {
+                    process,
+                    kind,
+                    next: None,
+                    interval: 0,
+                });
+                self.timers.marks
+            }
+        };
+        let mut setting = (0, 0);
+        if let Some(timer) = self.timers.find(has_mark(mark)) {
+            setting = timer.setting(now);
+            (timer.next, timer.interval) = (next, interval);
+            timer.kind = Kind::Descriptor { mark, fd, count: 0 };
+            timer.process = process;
+        }
+        sys::mark_timer(timer, mark, false)?;
+        drop(descriptor);
+        write_setting(tid, old, setting)?;
+        self.fire_timers()?;
+        Ok(Action::Answer(0))
+    }
+
+    /// A read of a timer descriptor that has run out more than once returns how often.
+    pub(crate) fn read_timer(
+        &mut self,
+        tid: Tid,
+        descriptor: &Descriptor,
+        into: u64,
+    ) -> Result<Option<Action>, Halt> {
+        let timer = descriptor.file.as_raw_fd();
+        let Some(mark) = sys::timer_mark(timer) else {
+            return Ok(None);
+        };
+        let Some(found) = self.timers.find(has_mark(mark)) else {
+            return Ok(None);
+        };
+        let Kind::Descriptor { fd, count, .. } = found.kind else {
+            return Ok(None);
+        };
+        if count == 0 {
+            return Ok(None);
+        }
+        Memory(tid).write(into, &count.to_ne_bytes())?;
+        found.kind = Kind::Descriptor { mark, fd, count: 0 };
+        sys::mark_timer(timer, mark, false)?;
+        Ok(Some(Action::Answer(8)))
+    }
+
+    /// When a setting of a timer has it run out, and its interval; `None` if it is none.
+    fn timer_setting(
+        &self,
+        tid: Tid,
+        clock: i32,
+        flags: u64,
+        new: u64,
+    ) -> io::Result<Option<(Option<u64>, u64)>> {
+        let interval = span(Memory(tid).read_pair(new)?);
+        let value = span(Memory(tid).read_pair(new + 16)?);
+        let (Some(interval), Some(value)) = (interval, value) else {
+            return Ok(None);
+        };
+        let next = match value {
+            0 => None,
+            // TIMER_ABSTIME, which TFD_TIMER_ABSTIME is as well.
+            _ if flags & 1 != 0 => self.clocks.when(clock, value, self.now),
+            _ => Some(self.now.saturating_add(value)),
+        };
+        Ok(Some((next, interval)))
+    }
+
+    /// Lets those timers run out whose time has come.
+    pub(crate) fn fire_timers(&mut self) -> Result<(), Halt> {
+        let now = self.now;
+        for index in 0..self.timers.all.len() {
+            let Some(timer) = self.timers.all.get_mut(index) else {
+                break;
+            };
+            let Some(next) = timer.next.filter(|next| *next <= now) else {
+                continue;
+            };
+            let times = (now - next).checked_div(timer.interval).unwrap_or(0) + 1;
+            timer.next = (timer.interval > 0)
+                .then(|| next.saturating_add(timer.interval.saturating_mul(times)));
+            let process = timer.process;
+            if let Kind::Descriptor { count, .. } = &mut timer.kind {
+                *count += times;
+            }
+            let kind = timer.kind;
+            match kind {
+                Kind::Alarm => {
+                    let _ = sys::kill(process, libc::SIGALRM);
+                    self.signalled = true;
+                }
+                Kind::Posix { id, event, .. } => {
+                    if let Some(signal) = event.signal {
+                        let value = event.value.unwrap_or(u64::from(id.unsigned_abs()));
+                        let _ = sys::queue_timer_signal(process, event.thread, signal, id, value);
+                        self.signalled = true;
+                    }
+                }
+                Kind::Descriptor { mark, fd, .. } => self.fire_descriptor(process, mark, fd)?,
+            }
+            self.happened += 1;
+        }
+        Ok(())
+    }
+
+    /// Has a timer descriptor be readable.
+    fn fire_descriptor(&mut self, process: Tid, mark: i64, fd: i32) -> Result<(), Halt> {
+        let is_it = |descriptor: &Descriptor| {
+            descriptor.is_anonymous() && sys::timer_mark(descriptor.file.as_raw_fd()) == Some(mark)
+        };
+        let found = self.descriptor(process, fd).filter(is_it).or_else(|| {
+            // It has another number, or another process has it.
+            let mut others = self.processes.keys().flat_map(|pid| {
+                let entries = std::fs::read_dir(format!("/proc/{pid}/fd"));
+                let numbers = entries
+                    .into_iter()
+                    .flatten()
+                    .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse::<i32>().ok());
+                numbers.map(|fd| (*pid, fd)).collect::<Vec<_>>()
+            });
+            others.find_map(|(pid, fd)| self.descriptor(pid, fd).filter(is_it))
+        });
+        let Some(descriptor) = found else {
+            // Closed; nobody will ever read it.
+            self.timers.all.retain(|timer| !has_mark(mark)(timer));
+            return Ok(());
+        };
+        sys::mark_timer(descriptor.file.as_raw_fd(), mark, true)?;
+        // A nanosecond is over before long.
+        for _ in 0..1000 {
+            if descriptor.is_ready(PollFlags::IN) {
+                return Ok(());
+            }
+            std::thread::sleep(Duration::from_micros(10));
+        }
+        Err(io::Error::other("a timer of the system does not run out").into())
+    }
+}
+
+fn has_mark(wanted: i64) -> impl Fn(&Timer) -> bool {
+    move |timer| matches!(timer.kind, Kind::Descriptor { mark, .. } if mark == wanted)
+}
+
+/// Writes what is left of a timer and its interval, if that is asked for.
+fn write_setting(tid: Tid, old: u64, (left, interval): (u64, u64)) -> io::Result<()> {
+    if old == 0 {
+        return Ok(());
+    }
+    let (seconds, nanoseconds) = parts(interval);
+    Memory(tid).write_pair(old, seconds, nanoseconds)?;
+    let (seconds, nanoseconds) = parts(left);
+    Memory(tid).write_pair(old + 16, seconds, nanoseconds)
+}

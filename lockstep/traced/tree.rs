@@ -1,0 +1,173 @@
+//! The processes and threads of a run, and what each of them is at.
+
+use std::collections::BTreeMap;
+use std::os::fd::OwnedFd;
+use std::path::PathBuf;
+
+use crate::traced::arch::Registers;
+use crate::traced::sys::Tid;
+use crate::traced::wait::Hold;
+
+/// A process.
+pub(crate) struct Process {
+    /// Which memory it has: a child of `vfork` has its parent's.
+    pub(crate) memory: u64,
+    pub(crate) handle: OwnedFd,
+    /// It is on its way out, and nobody else runs until it has gone.
+    pub(crate) dying: bool,
+}
+
+/// A thread.
+pub(crate) struct Thread {
+    /// Its place among all threads of the run, in the order in which they began.
+    pub(crate) number: u64,
+    pub(crate) process: Tid,
+    pub(crate) state: State,
+    /// Who gives way is behind the others.
+    pub(crate) turn: u64,
+    /// Calls in a row that only asked, and waited for nothing.
+    pub(crate) asks: u32,
+    /// It makes a call again that may have to wait on; that alone changes nothing for others.
+    pub(crate) retries: bool,
+    /// The deadline of a wait that is a call made again.
+    pub(crate) again_until: Option<u64>,
+    /// What to look at when the call that it is in comes to its end.
+    pub(crate) at_end: Option<AtEnd>,
+}
+
+/// What a thread is at.
+pub(crate) enum State {
+    /// It runs.
+    Running,
+    /// It is stopped, and goes on when it is its turn.
+    Ready(Resume),
+    /// It waits.
+    Held(Box<Hold>),
+    /// Job control has stopped it.
+    Stopped,
+    /// It waits in the kernel for something that is not known, outside of what is simulated.
+    Blocked,
+}
+
+/// How a thread goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Resume {
+    /// With this signal, or none.
+    Go(i32),
+    /// Its call is still to be looked at. `crept` says that it has paid for its asking.
+    Call { crept: bool },
+}
+
+/// What is done at the end of a call.
+pub(crate) enum AtEnd {
+    /// A wait for a child, made without waiting; as its registers were.
+    Child(Registers),
+    /// Some other call, made without waiting, which says with one of these that it would have to; and
+    /// memory to put back.
+    Again {
+        before: Registers,
+        would_wait: &'static [i32],
+        restore: Option<(u64, Vec<u8>)>,
+        deadline: Option<u64>,
+        late: i64,
+    },
+    /// An argument has been changed for the call alone; as its registers were.
+    Restore(Registers),
+    /// A POSIX timer has been made.
+    TimerCreate { address: u64, event: TimerEvent },
+    /// A signal has been sent; a process that SIGKILL ends is waited for.
+    Kill { target: Tid, signal: i32 },
+}
+
+/// How a POSIX timer tells that it is time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TimerEvent {
+    pub(crate) signal: Option<i32>,
+    pub(crate) thread: Option<Tid>,
+    /// Its own number, unless the program has given another.
+    pub(crate) value: Option<u64>,
+}
+
+impl Thread {
+    pub(crate) fn new(number: u64, process: Tid, state: State) -> Self {
+        Self {
+            number,
+            process,
+            state,
+            turn: 0,
+            asks: 0,
+            retries: false,
+            again_until: None,
+            at_end: None,
+        }
+    }
+
+    pub(crate) fn is_ready(&self) -> bool {
+        matches!(self.state, State::Ready(_))
+    }
+
+    pub(crate) fn is_running(&self) -> bool {
+        matches!(self.state, State::Running)
+    }
+
+    pub(crate) fn hold(&self) -> Option<&Hold> {
+        match &self.state {
+            State::Held(hold) => Some(hold),
+            _ => None,
+        }
+    }
+}
+
+/// Threads by their number for the system.
+pub(crate) type Threads = BTreeMap<Tid, Thread>;
+
+/// The name of the program of a thread.
+pub(crate) fn name_of(tid: Tid) -> String {
+    let name = std::fs::read_to_string(format!("/proc/{tid}/comm")).unwrap_or_default();
+    name.trim_end().to_owned()
+}
+
+/// The letter that says what the kernel has a thread do.
+pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?;
+    // The name before it is in parentheses, and may hold any character.
+    stat.rsplit_once(')')?.1.trim_start().chars().next()
+}
+
+/// The signals of a thread, as sets with signal 1 in the lowest bit.
+pub(crate) struct Signals {
+    pub(crate) pending: u64,
+    pub(crate) blocked: u64,
+    pub(crate) ignored: u64,
+    pub(crate) caught: u64,
+}
+
+impl Signals {
+    pub(crate) fn of(process: Tid, tid: Tid) -> Option<Self> {
+        let text = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
+        let set = |name: &str| {
+            let line = text.lines().find_map(|line| line.strip_prefix(name));
+            line.and_then(|set| u64::from_str_radix(set.trim(), 16).ok())
+                .unwrap_or(0)
+        };
+        Some(Self {
+            pending: set("SigPnd:") | set("ShdPnd:"),
+            blocked: set("SigBlk:"),
+            ignored: set("SigIgn:"),
+            caught: set("SigCgt:"),
+        })
+    }
+
+    /// Those that would interrupt a wait. `mask` takes the place of what is blocked.
+    pub(crate) fn interrupting(&self, mask: Option<u64>) -> u64 {
+        /// SIGCHLD, SIGCONT, SIGURG and SIGWINCH do nothing unless they are caught.
+        const USUALLY_IGNORED: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
+        let ignored = self.ignored | (USUALLY_IGNORED & !self.caught);
+        self.pending & !mask.unwrap_or(self.blocked) & !ignored
+    }
+}
+
+/// Which file a descriptor of a process leads to.
+pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
+    std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()
+}

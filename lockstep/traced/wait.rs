@@ -1,0 +1,103 @@
+//! What a thread may wait for.
+
+use rustix::event::PollFlags;
+
+use crate::port::ReadRule;
+use crate::traced::arch::Registers;
+
+/// A wait.
+pub(crate) struct Hold {
+    /// As they were at the call.
+    pub(crate) registers: Registers,
+    pub(crate) wait: Wait,
+    /// When it ends in any case.
+    pub(crate) deadline: Option<u64>,
+    /// The order in which waits began.
+    pub(crate) since: u64,
+    /// It has been looked at when so much had happened.
+    pub(crate) looked_at: u64,
+}
+
+/// What ends a wait, beside its deadline and signals.
+pub(crate) enum Wait {
+    /// Nothing else. Where the rest of the time goes if it is interrupted.
+    Sleep { rest: Option<u64> },
+    /// A while for having asked much; then the call is looked at.
+    Creep,
+    /// One of these descriptors, if that is said of it.
+    Poll {
+        set: Vec<(i32, PollFlags)>,
+        late: Late,
+        mask: Option<u64>,
+    },
+    /// A descriptor on which a call can then be made; room for so many bytes, if it is a pipe. What
+    /// the call returns at the deadline.
+    Descriptor {
+        fd: i32,
+        flags: PollFlags,
+        room: usize,
+        late: i64,
+    },
+    /// Bytes for a read of a port.
+    PortRead {
+        port: usize,
+        device: u64,
+        /// Bytes that have been there.
+        seen: usize,
+        count: usize,
+        rule: ReadRule,
+        /// Where they go, if they go to one place.
+        into: Option<u64>,
+    },
+    /// Room on the line for the rest of what a client sends.
+    PortWrite {
+        port: usize,
+        device: u64,
+        bytes: Vec<u8>,
+        sent: usize,
+        /// What the call returns when all have been sent.
+        count: usize,
+    },
+    /// Somebody who wakes those who wait there.
+    Futex {
+        key: FutexKey,
+        address: u64,
+        expected: u32,
+        bits: u32,
+    },
+    /// A signal of this set, or any.
+    Signal { set: Option<u64>, mask: Option<u64> },
+    /// A child that changes.
+    Child,
+    /// Whatever somebody else does; then the call is made again. What it returns at the deadline.
+    Again { late: i64 },
+    /// The child of `vfork`, until it has a memory of its own.
+    Vfork { child: i32 },
+    /// Nothing at all.
+    Forever,
+}
+
+/// What is written when the time of a poll is over.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Late {
+    /// `revents` of so many descriptors there.
+    Revents { address: u64, count: usize },
+    /// Three sets of so many bytes, and the time that is left, in microseconds or nanoseconds.
+    Sets {
+        sets: [u64; 3],
+        bytes: usize,
+        time: u64,
+        micros: bool,
+    },
+    /// Nothing.
+    Nothing,
+}
+
+/// What identifies a futex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FutexKey {
+    /// An address in a memory.
+    Private(u64, u64),
+    /// A place in a file that several memories share: device, inode, offset.
+    Shared(u64, u64, u64),
+}

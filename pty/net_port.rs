@@ -1,0 +1,403 @@
+//! A port that clients reach over the network: for containers and other systems, and for clients
+//! that need the lines of a modem, which a pseudo-terminal does not have.
+//!
+//! What is connected is the far end of the cable. Bytes that a client has sent are taken ahead of
+//! the line, as a bridge does, for what it says about them (purge) stands behind them in its
+//! stream; they are kept here, up to a bound, beyond which the network holds them back.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::io::{ErrorKind, Read as _};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::retry_on_intr;
+use rustix::net::sockopt;
+
+use crate::error::{PortError, PortErrorKind};
+use crate::hub::{BOTH, IN, Registration};
+use crate::line::LineSettings;
+use crate::net_decoder::{MOST_AHEAD, NetDecoder};
+use crate::port::{Counters, Event, Written};
+use crate::pty_port::write_some;
+
+/// After so long a silence a client is asked whether it is still there.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// How bytes go over the connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// As they are. The client cannot set the line.
+    Tcp,
+    /// With the settings and lines of a serial port, RFC 2217.
+    Rfc2217,
+}
+
+/// Where to listen, written `tcp://HOST:PORT` or `rfc2217://HOST:PORT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ListenAddress {
+    /// How bytes go over the connection.
+    pub protocol: Protocol,
+    address: String,
+}
+
+impl ListenAddress {
+    /// The address that `text` is, or `None` if it is no URL of these kinds, but a path perhaps.
+    ///
+    /// # Errors
+    ///
+    /// What is missing, in words.
+    pub fn parse(text: &str) -> Option<Result<Self, String>> {
+        let schemes = [("tcp", Protocol::Tcp), ("rfc2217", Protocol::Rfc2217)];
+        let (scheme, rest) = text.split_once("://")?;
+        let (_, protocol) = schemes.into_iter().find(|(name, _)| *name == scheme)?;
+        let port = rest
+            .rsplit_once(':')
+            .map(|(host, port)| (host, port.parse::<u16>()));
+        Some(match port {
+            Some((host, Ok(_))) if !host.is_empty() => Ok(Self {
+                protocol,
+                address: rest.to_owned(),
+            }),
+            _ => Err(format!(
+                "`{text}` lacks a host or a port; give both, as in {scheme}://127.0.0.1:2217"
+            )),
+        })
+    }
+
+    /// Whether `path` is a URL of these kinds.
+    #[must_use]
+    pub fn is_url(path: &Path) -> bool {
+        path.to_str().and_then(Self::parse).is_some()
+    }
+
+    fn at(&self, address: SocketAddr) -> Self {
+        Self {
+            protocol: self.protocol,
+            address: address.to_string(),
+        }
+    }
+}
+
+impl fmt::Display for ListenAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let scheme = match self.protocol {
+            Protocol::Tcp => "tcp",
+            Protocol::Rfc2217 => "rfc2217",
+        };
+        write!(f, "{scheme}://{}", self.address)
+    }
+}
+
+/// A port that waits for one client at a time to connect.
+#[derive(Debug)]
+pub struct NetPort {
+    registration: Option<Registration>,
+    listener: TcpListener,
+    address: ListenAddress,
+    local: bool,
+    path: PathBuf,
+    baud: u32,
+    client: Option<Connection>,
+    /// Has come in the place of one whose end was not read yet.
+    next: Option<TcpStream>,
+    counters: Counters,
+}
+
+impl NetPort {
+    /// Listens at `address`, for a device that runs at `baud`. With port 0 the system chooses one,
+    /// which [`address`](Self::address) tells.
+    ///
+    /// # Errors
+    ///
+    /// When the address is not this machine's, is taken, or the system refuses.
+    pub fn open(address: &ListenAddress, baud: u32) -> Result<Self, PortError> {
+        let open = || -> std::io::Result<_> {
+            let listener = bind(&address.address)?;
+            listener.set_nonblocking(true)?;
+            let local = listener.local_addr()?;
+            Ok((listener, local))
+        };
+        let (listener, local) = open().map_err(|source| {
+            let kind = match source.kind() {
+                ErrorKind::AddrInUse => PortErrorKind::AddressInUse,
+                ErrorKind::AddrNotAvailable => PortErrorKind::ForeignAddress,
+                _ => PortErrorKind::System {
+                    call: "listening",
+                    source,
+                },
+            };
+            PortError::new("serve", address.to_string(), kind)
+        })?;
+        let address = address.at(local);
+        Ok(Self {
+            registration: None,
+            listener,
+            local: local.ip().is_loopback(),
+            path: PathBuf::from(address.to_string()),
+            address,
+            baud,
+            client: None,
+            next: None,
+            counters: Counters::default(),
+        })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> &ListenAddress {
+        &self.address
+    }
+
+    /// Whether only this machine can connect.
+    #[must_use]
+    pub fn is_local(&self) -> bool {
+        self.local
+    }
+
+    /// The URL that clients open.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether a client is connected, as far as events were reported.
+    #[must_use]
+    pub fn is_attached(&self) -> bool {
+        self.client.is_some()
+    }
+
+    /// Totals since the port was opened.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// The line settings that the client has asked for.
+    #[must_use]
+    pub fn client_line(&self) -> LineSettings {
+        match &self.client {
+            Some(client) => client.decoder.settings(),
+            None => NetDecoder::new(self.address.protocol, self.baud).settings(),
+        }
+    }
+
+    /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+        let event = self.next_event(buf)?;
+        if let Some(registration) = &self.registration {
+            registration.note(event == Event::Idle);
+        }
+        Ok(event)
+    }
+
+    /// Sends what fits and drops the rest; see
+    /// [`Port::write`](crate::Port::write).
+    pub fn write(&mut self, bytes: &[u8]) -> Written {
+        let Some(client) = &mut self.client else {
+            self.counters.dropped_detached_bytes += bytes.len() as u64;
+            return Written {
+                accepted: 0,
+                dropped: bytes.len(),
+            };
+        };
+        let accepted = client.write(bytes);
+        let written = Written {
+            accepted,
+            dropped: bytes.len() - accepted,
+        };
+        self.counters.written(written);
+        written
+    }
+
+    pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
+        if let Some(old) = self.registration.take() {
+            old.forget(&self.listener);
+            self.client
+                .iter()
+                .for_each(|client| old.forget(&client.stream));
+        }
+        let watch = || {
+            registration.watch(&self.listener, IN)?;
+            let mut clients = self.client.iter();
+            clients.try_for_each(|client| registration.watch(&client.stream, BOTH))
+        };
+        watch().map_err(|kind| PortError::new("watch", &self.path, kind))?;
+        self.registration = Some(registration);
+        Ok(())
+    }
+
+    fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+        let Some(client) = &mut self.client else {
+            return self.accept();
+        };
+        client.take_ahead();
+        let taken = client.take(buf);
+        if taken > 0 {
+            self.counters.received(taken);
+            return Ok(Event::Data(taken));
+        }
+        // What is left of a client that is gone will not be sent.
+        if client.ended {
+            self.client = None;
+            return Ok(Event::Detached);
+        }
+        // One at a time: whoever comes meanwhile is told so by being let go, unless the other has left
+        // since it was read.
+        while let (None, Ok((stream, _))) = (&self.next, self.listener.accept()) {
+            self.next = has_ended(&client.stream).then_some(stream);
+        }
+        match self.next {
+            Some(_) => self.next_event(buf),
+            None => Ok(Event::Idle),
+        }
+    }
+
+    fn accept(&mut self) -> Result<Event, PortError> {
+        loop {
+            let next = match self.next.take() {
+                Some(stream) => Ok(stream),
+                None => self.listener.accept().map(|(stream, _)| stream),
+            };
+            let stream = match next {
+                Ok(stream) => stream,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(Event::Idle),
+                // Gone again, or interrupted.
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        ErrorKind::ConnectionAborted | ErrorKind::Interrupted
+                    ) =>
+                {
+                    continue;
+                }
+                Err(source) => {
+                    let call = "accept";
+                    let kind = PortErrorKind::System { call, source };
+                    return Err(PortError::new("serve", &self.path, kind));
+                }
+            };
+            let Ok(client) = Connection::new(stream, self.address.protocol, self.baud) else {
+                continue;
+            };
+            if let Some(registration) = &self.registration {
+                registration
+                    .watch(&client.stream, BOTH)
+                    .map_err(|kind| PortError::new("watch", &self.path, kind))?;
+            }
+            self.client = Some(client);
+            self.counters.attached += 1;
+            return Ok(Event::Attached);
+        }
+    }
+}
+
+/// As the standard library does, but without the wait for a name server to matter more than once.
+fn bind(address: &str) -> std::io::Result<TcpListener> {
+    let addresses: Vec<SocketAddr> = address.to_socket_addrs()?.collect();
+    TcpListener::bind(&addresses[..])
+}
+
+/// A client that is connected.
+#[derive(Debug)]
+struct Connection {
+    stream: TcpStream,
+    decoder: NetDecoder,
+    /// Bytes for the device.
+    ahead: VecDeque<u8>,
+    /// What was read and the decoder has not taken.
+    input: VecDeque<u8>,
+    ended: bool,
+}
+
+impl Connection {
+    fn new(stream: TcpStream, protocol: Protocol, baud: u32) -> std::io::Result<Self> {
+        stream.set_nonblocking(true)?;
+        stream.set_nodelay(true)?;
+        // One that has vanished must not keep the others out for ever.
+        sockopt::set_socket_keepalive(&stream, true)?;
+        sockopt::set_tcp_keepidle(&stream, SILENCE)?;
+        sockopt::set_tcp_keepintvl(&stream, SILENCE)?;
+        sockopt::set_tcp_keepcnt(&stream, 3)?;
+        let mut connection = Self {
+            stream,
+            decoder: NetDecoder::new(protocol, baud),
+            ahead: VecDeque::new(),
+            input: VecDeque::new(),
+            ended: false,
+        };
+        connection.flush();
+        Ok(connection)
+    }
+
+    /// Takes what the client has sent, as far as there is room.
+    fn take_ahead(&mut self) {
+        let mut buf = [0; 1024];
+        self.flush();
+        while !self.ended && self.ahead.len() < MOST_AHEAD {
+            if self.input.is_empty() {
+                match self.stream.read(&mut buf) {
+                    Ok(0) => self.ended = true,
+                    Ok(n) => self.input.extend(&buf[..n]),
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                    Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                    // However it ended.
+                    Err(_) => self.ended = true,
+                }
+            }
+            let consumed = self
+                .decoder
+                .take(self.input.make_contiguous(), &mut self.ahead);
+            self.input.drain(..consumed);
+            self.flush();
+            if consumed == 0 && !self.input.is_empty() {
+                // The client does not read the answers to what it asks.
+                break;
+            }
+        }
+        self.ended |= self.ahead.len() >= MOST_AHEAD && has_ended(&self.stream);
+    }
+
+    fn take(&mut self, buf: &mut [u8]) -> usize {
+        let count = self.ahead.len().min(buf.len());
+        for (place, byte) in buf.iter_mut().zip(self.ahead.drain(..count)) {
+            *place = byte;
+        }
+        count
+    }
+
+    /// Sends what the connection takes, and says how much that was.
+    fn write(&mut self, bytes: &[u8]) -> usize {
+        let mut accepted = 0;
+        while accepted < bytes.len() {
+            let taken = self.decoder.put(&bytes[accepted..]);
+            accepted += taken;
+            if !self.flush() && taken == 0 {
+                break;
+            }
+        }
+        accepted
+    }
+
+    /// Sends what there is to say, as much as the connection takes; says whether it took anything.
+    fn flush(&mut self) -> bool {
+        // If it has failed, reading tells.
+        let written = write_some(&self.stream, self.decoder.output()).unwrap_or(0);
+        self.decoder.consume_output(written);
+        written > 0
+    }
+}
+
+/// Whether the client has closed its side, be there something to read before or not.
+fn has_ended(stream: &TcpStream) -> bool {
+    let mut fds = [PollFd::new(stream, PollFlags::RDHUP)];
+    let _ = retry_on_intr(|| poll(&mut fds, Some(&Timespec::default())));
+    let ends = PollFlags::RDHUP | PollFlags::HUP | PollFlags::ERR;
+    fds[0].revents().intersects(ends)
+}

@@ -1,0 +1,30 @@
+//! Looking on while a recording is played again.
+
+use sim_core::SimTime;
+use sim_core::event::Event;
+
+use super::Record;
+use crate::run::Run;
+
+/// Looks on while a recording is played again ([`super::Replay::watched`]).
+///
+/// Events come in the order of time, each before the first look at or behind its time. Records come as
+/// they stand in the recording, which is before the second run goes past their times.
+pub trait Onlooker {
+    /// A line of the recording, the header aside.
+    fn record(&mut self, record: &Record);
+
+    /// Something happened in the second run.
+    fn event(&mut self, run: &Run, event: &Event);
+
+    /// When to look next; the end of time for never. After a look it has to be later.
+    fn next_look(&self) -> SimTime;
+
+    /// The second run has come to that time.
+    fn look(&mut self, run: &Run);
+
+    /// Whether the rest is of no use.
+    fn has_enough(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,60 @@
+//! Bytes that faults of the wire hold back, between the line and whoever reads it.
+
+use std::collections::VecDeque;
+
+use sim_settings::SimTime;
+
+/// Most bytes held in one direction; further ones are lost, as in a full adapter.
+const MOST_HELD: usize = 16_384;
+
+/// One direction of one link. Bytes never overtake one another.
+#[derive(Debug, Default)]
+pub(super) struct Stage {
+    held: VecDeque<(SimTime, u8)>,
+}
+
+/// A byte that is held until something lets it go.
+pub(super) const HELD_UP: SimTime = SimTime::MAX;
+
+impl Stage {
+    pub(super) fn push(&mut self, at: SimTime, byte: u8) {
+        let last = self.held.back().map_or(SimTime::ZERO, |(at, _)| *at);
+        if self.held.len() < MOST_HELD {
+            self.held.push_back((at.max(last), byte));
+        }
+    }
+
+    /// How many more bytes it can hold.
+    pub(super) fn room(&self) -> usize {
+        MOST_HELD - self.held.len()
+    }
+
+    pub(super) fn take(&mut self, now: SimTime) -> Option<u8> {
+        self.held
+            .pop_front_if(|(at, _)| *at <= now)
+            .map(|(_, byte)| byte)
+    }
+
+    pub(super) fn next(&self) -> Option<SimTime> {
+        self.held
+            .front()
+            .map(|(at, _)| *at)
+            .filter(|at| *at < HELD_UP)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.held.is_empty()
+    }
+
+    /// Loses what has not arrived by `now`.
+    pub(super) fn cut(&mut self, now: SimTime) {
+        self.held.retain(|(at, _)| *at <= now);
+    }
+
+    /// Lets everything go that was held up.
+    pub(super) fn release(&mut self, now: SimTime) {
+        for (at, _) in self.held.iter_mut().filter(|(at, _)| *at == HELD_UP) {
+            *at = now;
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! What passes between a device and its clients while faults are armed: bytes off the line, frames
+//! on their way to it.
+
+use sim_settings::SimTime;
+
+use super::tally::Tally;
+use super::wire::{Way, WireFault};
+use super::{Injection, Work};
+use crate::line::{MOST_IN_FLIGHT, SerialLine};
+
+/// Most frames that wait for their time.
+const MOST_LATE: usize = 256;
+
+impl Injection {
+    /// Takes what has arrived on a link by `now` off its line.
+    pub(crate) fn pump(&mut self, now: SimTime, link: usize, line: &mut SerialLine) {
+        while let Some(byte) = line.take_for_device(now) {
+            self.pass(now, link, Way::ToDevice, byte);
+        }
+        self.pump_to_client(now, link, line);
+        let idle = [
+            line.next_for_device().is_none(),
+            line.next_for_client().is_none() && line.is_attached(),
+        ];
+        for way in Way::BOTH {
+            let Some(stage) = self.stages.get_mut(link) else {
+                return;
+            };
+            for armed in &mut self.armed {
+                if let Work::Wire(wire) = &mut armed.work
+                    && wire.link == link
+                    && let Some(byte) =
+                        wire.make_noise(now, way, idle[way.index()], &mut armed.tally)
+                {
+                    stage[way.index()].push(now, byte);
+                }
+            }
+        }
+    }
+
+    /// Takes what has arrived at the client of a link by `now` off its line.
+    pub(crate) fn pump_to_client(&mut self, now: SimTime, link: usize, line: &mut SerialLine) {
+        let mut bytes = Vec::new();
+        line.take_for_client(now, &mut bytes);
+        for byte in bytes {
+            self.pass(now, link, Way::ToClient, byte);
+        }
+    }
+
+    /// Whether all that a line carries can wait for the client of a link, who does not read.
+    pub(crate) fn has_room(&self, link: usize) -> bool {
+        let stages = self.stages.get(link);
+        stages.is_none_or(|own| own[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
+    }
+
+    fn pass(&mut self, now: SimTime, link: usize, way: Way, byte: u8) {
+        let mut bytes = vec![(now, byte)];
+        for (wire, tally) in self.wires_mut(link) {
+            wire.pass(way, &mut bytes, tally);
+        }
+        if let Some(stage) = self.stages.get_mut(link) {
+            for (at, byte) in bytes {
+                stage[way.index()].push(at, byte);
+            }
+        }
+    }
+
+    pub(crate) fn take_for_device(&mut self, now: SimTime, link: usize) -> Option<u8> {
+        self.stages.get_mut(link)?[Way::ToDevice.index()].take(now)
+    }
+
+    pub(crate) fn take_for_client(&mut self, now: SimTime, link: usize, bytes: &mut Vec<u8>) {
+        if let Some(stage) = self.stages.get_mut(link) {
+            bytes.extend(std::iter::from_fn(|| {
+                stage[Way::ToClient.index()].take(now)
+            }));
+        }
+    }
+
+    /// The client puts bytes on a line.
+    pub(crate) fn client_sends(&mut self, link: usize, bytes: usize, garbled: bool) {
+        self.note_sent(link, Way::ToDevice, bytes, garbled);
+    }
+
+    /// A frame is about to be put on a line. What has arrived makes room for it, whether its client
+    /// has read it or not.
+    pub(crate) fn before_sending(
+        &mut self,
+        now: SimTime,
+        link: usize,
+        bytes: usize,
+        line: &mut SerialLine,
+    ) {
+        self.pump_to_client(now, link, line);
+        self.note_sent(link, Way::ToClient, bytes, line.is_garbled());
+    }
+
+    fn note_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
+        for (wire, tally) in self.wires_mut(link) {
+            if garbled || wire.pulls_cable(link) {
+                wire.note_sent(way, bytes, tally);
+            }
+        }
+    }
+
+    /// What a frame that the firmware sends at `now` becomes; what is put off is kept.
+    pub(crate) fn send(&mut self, now: SimTime, link: usize, frame: Vec<u8>) -> Vec<Vec<u8>> {
+        let mut frames = vec![(now, frame)];
+        for armed in &mut self.armed {
+            if let Work::Frames(own) = &mut armed.work
+                && armed.link == link
+            {
+                own.pass(&mut frames, &mut armed.tally);
+            }
+        }
+        let mut at_once = Vec::new();
+        for (at, frame) in frames {
+            if at <= now {
+                at_once.push(frame);
+            } else if self.late.len() < MOST_LATE {
+                self.order += 1;
+                self.late.insert((at, self.order), (link, frame));
+            }
+        }
+        at_once
+    }
+
+    /// The next frame whose time has come, with its link.
+    pub(crate) fn take_due(&mut self, now: SimTime) -> Option<(usize, Vec<u8>)> {
+        if let Some(entry) = self.late.first_entry()
+            && entry.key().0 <= now
+        {
+            return Some(entry.remove());
+        }
+        self.armed
+            .iter_mut()
+            .find_map(|armed| match &mut armed.work {
+                Work::Frames(own) => own
+                    .send(now, &mut armed.tally)
+                    .map(|frame| (armed.link, frame)),
+                _ => None,
+            })
+    }
+
+    /// Whether bytes must be looked at when they arrive.
+    pub(crate) fn act_on_wire(&self) -> bool {
+        self.wires().next().is_some()
+    }
+
+    pub(crate) fn cable_pulled(&self, link: usize) -> bool {
+        self.wires().any(|wire| wire.pulls_cable(link))
+    }
+
+    /// A cable has been pulled: what was on its way is lost.
+    pub(crate) fn pull_cable(&mut self, now: SimTime, link: usize, attached: bool) {
+        if let Some(stage) = self.stages.get_mut(link) {
+            stage.iter_mut().for_each(|way| way.cut(now));
+        }
+        for (wire, tally) in self.wires_mut(link) {
+            if attached && wire.pulls_cable(link) {
+                tally.hit(|| "a client had the port open".to_owned());
+            }
+        }
+    }
+
+    /// The wrong speed at which the device's end of a link runs.
+    pub(crate) fn baud(&self, link: usize) -> Option<u32> {
+        let own = self.wires().filter(|wire| wire.link == link);
+        own.filter_map(WireFault::baud).last()
+    }
+
+    /// When something here next happens, besides bytes that arrive at the device.
+    pub(crate) fn next(&self) -> Option<SimTime> {
+        let to_device = self
+            .stages
+            .iter()
+            .filter_map(|stage| stage[Way::ToDevice.index()].next());
+        let own = self.armed.iter().filter_map(|armed| match &armed.work {
+            Work::Wire(wire) => wire.noise_due(),
+            Work::Frames(frames) => frames.due(),
+            Work::Firmware(_) | Work::Device(_) => None,
+        });
+        let late = self.late.keys().next().map(|(at, _)| *at);
+        to_device.chain(own).chain(late).min()
+    }
+
+    /// When the next byte arrives at a client.
+    pub(crate) fn next_for_client(&self) -> Option<SimTime> {
+        self.stages
+            .iter()
+            .filter_map(|stage| stage[Way::ToClient.index()].next())
+            .min()
+    }
+
+    /// Lets go what no stall holds up any more.
+    pub(super) fn release(&mut self, now: SimTime, link: usize) {
+        for way in Way::BOTH {
+            let stalled = self.wires().any(|wire| wire.stalls_way(link, way));
+            if let (false, Some(stage)) = (stalled, self.stages.get_mut(link)) {
+                stage[way.index()].release(now);
+            }
+        }
+    }
+
+    fn wires(&self) -> impl Iterator<Item = &WireFault> {
+        self.armed.iter().filter_map(|armed| match &armed.work {
+            Work::Wire(wire) => Some(wire),
+            _ => None,
+        })
+    }
+
+    fn wires_mut(&mut self, link: usize) -> impl Iterator<Item = (&mut WireFault, &mut Tally)> {
+        self.armed
+            .iter_mut()
+            .filter_map(move |armed| match &mut armed.work {
+                Work::Wire(wire) if wire.link == link => Some((wire, &mut armed.tally)),
+                _ => None,
+            })
+    }
+}

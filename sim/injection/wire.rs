@@ -1,0 +1,321 @@
+//! Faults of the wire: what becomes of single bytes on their way.
+
+use std::time::Duration;
+
+use sim_settings::SimTime;
+
+use super::stage::HELD_UP;
+use super::tally::Tally;
+use crate::fault::Fault;
+use crate::fault::parameters::Direction;
+use crate::noise::Noise;
+
+/// One way along a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    ToDevice,
+    ToClient,
+}
+
+impl Way {
+    pub(super) const BOTH: [Self; 2] = [Self::ToDevice, Self::ToClient];
+
+    pub(super) const fn index(self) -> usize {
+        self as usize
+    }
+
+    pub(super) const fn words(self) -> &'static str {
+        match self {
+            Self::ToDevice => "to the device",
+            Self::ToClient => "to the client",
+        }
+    }
+}
+
+/// Most bytes that all faults together make of one.
+const MOST_OF_ONE: usize = 64;
+/// A wire fault at work.
+#[derive(Debug)]
+pub(super) struct WireFault {
+    pub(super) link: usize,
+    pub(super) direction: Direction,
+    pub(super) most: Option<u64>,
+    pub(super) effect: Effect,
+    pub(super) ways: [OneWay; 2],
+}
+
+/// What it keeps for one way.
+#[derive(Debug)]
+pub(super) struct OneWay {
+    pub(super) noise: Noise,
+    /// Bytes of a burst that are still to come, or of a piece that have passed.
+    pub(super) counted: u16,
+    /// When the last byte passed.
+    pub(super) last: SimTime,
+    pub(super) noise_due: Option<SimTime>,
+}
+
+/// What a fault does to bytes.
+#[derive(Debug)]
+pub(super) enum Effect {
+    Flip(f64),
+    Drop(f64),
+    Double(f64),
+    Insert(f64),
+    Burst { chance: f64, length: u16 },
+    Delay { by: Duration, jitter: Duration },
+    Fragment { size: u16, pause: Duration },
+    Stall,
+    Mute,
+    Noise { every: Duration },
+    Cable,
+    Baud(u32),
+}
+
+/// Longest mean time between two bytes of idle noise.
+const LONGEST_NOISE: Duration = Duration::from_hours(24 * 365);
+/// Shortest mean time between two bytes of idle noise.
+const SHORTEST_NOISE: Duration = Duration::from_millis(1);
+
+impl WireFault {
+    /// `stream` gives the random numbers of each way.
+    pub(super) fn new(
+        fault: &Fault,
+        link: usize,
+        now: SimTime,
+        stream: impl Fn(&str) -> Noise,
+    ) -> Option<Self> {
+        let chance = fault.probability().get();
+        let effect = match fault {
+            Fault::BitFlips { .. } => Effect::Flip(chance),
+            Fault::DroppedBytes { .. } => Effect::Drop(chance),
+            Fault::DuplicatedBytes { .. } => Effect::Double(chance),
+            Fault::InsertedBytes { .. } => Effect::Insert(chance),
+            Fault::Burst { length, .. } => Effect::Burst {
+                chance,
+                length: (*length).max(1),
+            },
+            Fault::Delay { by, jitter, .. } => Effect::Delay {
+                by: by.0,
+                jitter: jitter.0,
+            },
+            Fault::Fragmentation { size, pause, .. } => Effect::Fragment {
+                size: (*size).max(1),
+                pause: pause.0,
+            },
+            Fault::Stall { .. } => Effect::Stall,
+            Fault::Mute { .. } => Effect::Mute,
+            Fault::IdleNoise { every, .. } => Effect::Noise {
+                every: every.0.clamp(SHORTEST_NOISE, LONGEST_NOISE),
+            },
+            Fault::CablePulled { .. } => Effect::Cable,
+            Fault::WrongBaud { baud, .. } => Effect::Baud((*baud).max(1)),
+            _ => return None,
+        };
+        let mut own = Self {
+            link,
+            direction: fault.direction(),
+            most: fault.most(),
+            effect,
+            ways: ["to-device", "to-client"].map(|way| OneWay {
+                noise: stream(way),
+                counted: 0,
+                last: SimTime::ZERO,
+                noise_due: None,
+            }),
+        };
+        for way in Way::BOTH {
+            own.schedule_noise(now, way);
+        }
+        Some(own)
+    }
+
+    fn acts(&self, way: Way) -> bool {
+        match self.direction {
+            Direction::Both => true,
+            Direction::ToDevice => way == Way::ToDevice,
+            Direction::ToClient => way == Way::ToClient,
+        }
+    }
+
+    pub(super) fn pulls_cable(&self, link: usize) -> bool {
+        self.link == link && matches!(self.effect, Effect::Cable)
+    }
+
+    pub(super) fn stalls(&self) -> bool {
+        matches!(self.effect, Effect::Stall)
+    }
+
+    pub(super) fn stalls_way(&self, link: usize, way: Way) -> bool {
+        self.stalls() && self.link == link && self.acts(way)
+    }
+
+    /// The speed at which the device's end runs, if that is what is wrong.
+    pub(super) fn baud(&self) -> Option<u32> {
+        match self.effect {
+            Effect::Baud(baud) => Some(baud),
+            _ => None,
+        }
+    }
+
+    /// Something is sent while a speed is wrong or the cable is out.
+    pub(super) fn note_sent(&self, way: Way, bytes: usize, tally: &mut Tally) {
+        match self.effect {
+            Effect::Baud(baud) => {
+                tally.hit(|| format!("{bytes} bytes {} at {baud} baud", way.words()));
+            }
+            Effect::Cable => tally.hit(|| format!("{bytes} bytes {} went nowhere", way.words())),
+            _ => {}
+        }
+    }
+
+    /// Passes bytes on that have arrived at these times.
+    pub(super) fn pass(&mut self, way: Way, bytes: &mut Vec<(SimTime, u8)>, tally: &mut Tally) {
+        if !self.acts(way) {
+            return;
+        }
+        let arrived = std::mem::take(bytes);
+        for (at, byte) in arrived {
+            if bytes.len() < MOST_OF_ONE {
+                self.pass_byte(way, at, byte, bytes, tally);
+            }
+        }
+    }
+
+    fn pass_byte(
+        &mut self,
+        way: Way,
+        at: SimTime,
+        byte: u8,
+        bytes: &mut Vec<(SimTime, u8)>,
+        tally: &mut Tally,
+    ) {
+        let more = tally.is_below(self.most);
+        let own = &mut self.ways[way.index()];
+        // A draw for each byte, whether it is used or not, so that the limit shifts nothing.
+        let mut happens = |chance: f64| own.noise.uniform() < chance && more;
+        let to = way.words();
+        match self.effect {
+            Effect::Flip(chance) => {
+                let hit = happens(chance);
+                let bit = own.noise.below(8);
+                if hit {
+                    tally.hit(|| format!("bit {bit} of a byte 0x{byte:02X} {to}"));
+                    bytes.push((at, byte ^ 1 << bit));
+                } else {
+                    bytes.push((at, byte));
+                }
+            }
+            Effect::Drop(chance) => {
+                if happens(chance) {
+                    tally.hit(|| format!("a byte 0x{byte:02X} {to}"));
+                } else {
+                    bytes.push((at, byte));
+                }
+            }
+            Effect::Double(chance) => {
+                bytes.push((at, byte));
+                if happens(chance) {
+                    tally.hit(|| format!("a byte 0x{byte:02X} {to}"));
+                    bytes.push((at, byte));
+                }
+            }
+            Effect::Insert(chance) => {
+                let hit = happens(chance);
+                let foreign = own.noise.byte();
+                if hit {
+                    tally.hit(|| format!("0x{foreign:02X} before a byte 0x{byte:02X} {to}"));
+                    bytes.push((at, foreign));
+                }
+                bytes.push((at, byte));
+            }
+            Effect::Burst { chance, length } => {
+                let begins = happens(chance);
+                let garbage = own.noise.byte();
+                if own.counted == 0 && begins {
+                    tally.hit(|| format!("{length} bytes from a byte 0x{byte:02X} {to}"));
+                    own.counted = length;
+                }
+                if own.counted > 0 {
+                    own.counted -= 1;
+                    bytes.push((at, garbage));
+                } else {
+                    bytes.push((at, byte));
+                }
+            }
+            Effect::Delay { by, jitter } => {
+                let late = by.saturating_add(jitter.mul_f64(own.noise.uniform()));
+                if !late.is_zero() {
+                    tally.hit(|| format!("a byte 0x{byte:02X} {to} by {late:?}"));
+                }
+                bytes.push((before_held_up(at, late), byte));
+            }
+            Effect::Fragment { size, pause } => {
+                let gap = at.since(own.last) > pause;
+                let mut at = at.max(own.last);
+                if gap {
+                    own.counted = 0;
+                }
+                if own.counted == size {
+                    own.counted = 0;
+                    at = before_held_up(at.max(own.last), pause);
+                    tally.hit(|| format!("{pause:?} after {size} bytes {to}"));
+                }
+                own.counted += 1;
+                own.last = at;
+                bytes.push((at, byte));
+            }
+            Effect::Stall => {
+                tally.hit(|| format!("a byte 0x{byte:02X} {to}"));
+                bytes.push((HELD_UP, byte));
+            }
+            Effect::Mute => tally.hit(|| format!("a byte 0x{byte:02X} {to}")),
+            // Counted when they were sent.
+            Effect::Cable => {}
+            Effect::Noise { .. } | Effect::Baud(_) => bytes.push((at, byte)),
+        }
+    }
+
+    /// When a byte next comes out of nothing.
+    pub(super) fn noise_due(&self) -> Option<SimTime> {
+        self.ways.iter().filter_map(|own| own.noise_due).min()
+    }
+
+    /// The byte that comes out of nothing this way at `now`, if one does; only an idle line makes
+    /// one.
+    pub(super) fn make_noise(
+        &mut self,
+        now: SimTime,
+        way: Way,
+        idle: bool,
+        tally: &mut Tally,
+    ) -> Option<u8> {
+        let own = &mut self.ways[way.index()];
+        own.noise_due.filter(|due| *due <= now)?;
+        let byte = own.noise.byte();
+        self.schedule_noise(now, way);
+        if !idle || !tally.is_below(self.most) {
+            return None;
+        }
+        tally.hit(|| format!("0x{byte:02X} {}", way.words()));
+        Some(byte)
+    }
+
+    pub(super) fn schedule_noise(&mut self, now: SimTime, way: Way) {
+        let acts = self.acts(way);
+        if let (Effect::Noise { every }, true) = (&self.effect, acts) {
+            let own = &mut self.ways[way.index()];
+            // Evenly spread from nothing to twice the mean, but never at once again.
+            let wait = every.mul_f64(2.0 * own.noise.uniform());
+            own.noise_due = Some(now + wait.max(Duration::from_micros(1)));
+        }
+    }
+}
+
+/// Later, but not so late that it would seem to be held up.
+fn before_held_up(at: SimTime, by: Duration) -> SimTime {
+    if at == HELD_UP {
+        return at;
+    }
+    (at + by).min(HELD_UP - Duration::from_nanos(1))
+}

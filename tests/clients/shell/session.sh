@@ -1,0 +1,31 @@
+#!/bin/sh
+# Clients without any library: stty, printf and cat, with the port as the shell opens it.
+# session.sh PORT
+set -eu
+port=$1
+heard=$(mktemp)
+trap 'rm -f "$heard"' EXIT
+
+# ask OCTAL LENGTH HEX: sends bytes, and compares the first of what comes with what is expected.
+ask() {
+    exec 3<>"$port"
+    printf "$1" >&3
+    timeout 5 head -c "$2" <&3 >"$heard" || { echo "no reply to $1" >&2; exit 1; }
+    exec 3>&- 3<&-
+    found=$(od -An -tx1 "$heard" | tr -d ' \n')
+    case $found in
+        "$3"*) ;;
+        *) echo "$found instead of $3" >&2; exit 1 ;;
+    esac
+}
+
+version='\252\125\000\360\367\007'
+ask "$version" 14 aa5508f0
+# At the wrong speed, which ends with the client that set it.
+(stty 9600 raw -echo; printf "$version") <"$port" >"$port"
+ask "$version" 14 aa5508f0
+(stty 0) <"$port"
+ask "$version" 14 aa5508f0
+# The bytes of a redirection that ends at once go out as far as a UART holds them.
+printf '\252\125\000\007\307\204' >"$port"
+ask "$version" 14 aa55

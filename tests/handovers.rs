@@ -1,0 +1,219 @@
+//! One client after another on the same port, as fast as they can: whoever stays is answered.
+//!
+//! `SIM_HANDOVERS=3000 cargo test --test handovers -- --nocapture` is the campaign; without the
+//! variable it is a short one.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::fs::File;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use harness::client::BAUD;
+use harness::wire::frame;
+use harness::{PATIENCE, Sim};
+use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
+
+const JSON: [&str; 2] = ["--log-format", "json"];
+/// Handovers of each kind without the variable.
+const FEW: u32 = 60;
+
+/// What one client does before the next comes.
+type Visit = fn(&Path);
+
+/// Opens the port as a shell does, with the settings as they are.
+fn open(port: &Path) -> File {
+    let mut options = File::options();
+    options.read(true).write(true);
+    options.open(port).unwrap()
+}
+
+fn open_at(port: &Path, baud: u32) -> File {
+    let client = open(port);
+    let mut termios = tcgetattr(&client).unwrap();
+    termios.make_raw();
+    termios.set_speed(baud).unwrap();
+    tcsetattr(&client, OptionalActions::Now, &termios).unwrap();
+    client
+}
+
+fn killed(port: &Path, script: &str) {
+    let script = format!("exec 3<>\"$0\"; {script} kill -KILL $$");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &script]).arg(port);
+    shell.stderr(Stdio::null()).status().unwrap();
+}
+
+const KINDS: &[(&str, Visit)] = &[
+    ("opened and closed at once", |port| drop(open(port))),
+    ("two of these", |port| {
+        drop(open(port));
+        drop(open(port));
+    }),
+    ("half a frame left behind", |port| {
+        open(port).write_all(&frame(0x06, &[])[..4]).unwrap();
+    }),
+    ("a request left behind", |port| {
+        open(port).write_all(&frame(0x06, &[])).unwrap();
+    }),
+    ("many requests left behind", |port| {
+        open(port).write_all(&frame(0x07, &[]).repeat(300)).unwrap();
+    }),
+    ("killed in the middle of a frame", |port| {
+        killed(port, r"printf '\252\125\004\022' >&3;");
+    }),
+    ("at another speed", |port| {
+        open_at(port, 9_600).write_all(&frame(0x06, &[])).unwrap();
+    }),
+    ("at a low speed", |port| {
+        open_at(port, 50).write_all(&frame(0x06, &[])).unwrap();
+    }),
+    ("at speed 0", |port| {
+        open_at(port, 0).write_all(&frame(0x06, &[])).unwrap();
+    }),
+    ("output held back", |port| {
+        let client = open(port);
+        rustix::termios::tcflow(&client, rustix::termios::Action::OOff).unwrap();
+    }),
+];
+
+/// One test at a time: a process that another test starts has open what this one has, until it has
+/// become another program, so that what is closed here is closed a moment later.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn handovers() -> u32 {
+    match std::env::var("SIM_HANDOVERS") {
+        Ok(text) => text.parse().expect("SIM_HANDOVERS is a number"),
+        Err(_) => FEW,
+    }
+}
+
+#[test]
+fn a_client_that_stays_is_answered_whoever_was_there_before() {
+    let _alone = alone();
+    for wire in ["paced", "instant"] {
+        let sim = Sim::start(&[&JSON[..], &["--quiet", "--wire", wire]].concat());
+        for (kind, visit) in KINDS {
+            let mut slowest = Duration::ZERO;
+            for round in 0..handovers() {
+                visit(sim.port());
+                let mut client = sim.client();
+                let begun = Instant::now();
+                client.send(&frame(0xF0, &[]));
+                let reply = client.skip_to(0xF0, PATIENCE);
+                let what = || format!("{kind}, {wire}, round {round}");
+                assert_eq!(reply.map(|reply| reply.len()), Some(8), "{}", what());
+                slowest = slowest.max(begun.elapsed());
+                if round % 20 == 0 {
+                    std::thread::sleep(Duration::from_millis(50));
+                    client.reset_input();
+                    for _ in 0..3 {
+                        assert_eq!(client.ask(0x07, &[]), [1], "{}", what());
+                    }
+                }
+            }
+            println!("{wire}, {kind}: slowest answer after {slowest:?}");
+        }
+        sim.stop().expect_clean();
+    }
+}
+
+/// Nobody is served while several come and go: all that they left lies mixed when the simulator wakes.
+#[test]
+fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
+    let _alone = alone();
+    let sim = Sim::start(&[&JSON[..], &["--quiet"]].concat());
+    // Who holds its output back does so until somebody wakes up.
+    let kinds = KINDS[..KINDS.len() - 1].iter();
+    for round in 0..handovers() {
+        sim.signal(rustix::process::Signal::STOP);
+        for (_, visit) in kinds
+            .clone()
+            .cycle()
+            .skip(round as usize % KINDS.len())
+            .take(2)
+        {
+            visit(sim.port());
+        }
+        let mut client = sim.client();
+        client.send(&frame(0xF0, &[]));
+        sim.signal(rustix::process::Signal::CONT);
+        let reply = client.skip_to(0xF0, PATIENCE);
+        assert_eq!(reply.map(|reply| reply.len()), Some(8), "round {round}");
+    }
+    sim.stop().expect_clean();
+}
+
+/// Bytes at the right speed are never taken for garbage because of the one who was there before.
+#[test]
+fn the_next_client_hears_the_car_s_ros_link_at_its_own_speed() {
+    let _alone = alone();
+    let dir = tempfile::tempdir().unwrap();
+    let ros = dir.path().join("car-ros");
+    let main = dir.path().join("car");
+    let mut command = harness::command();
+    command.args(["--device", "mecanum", "--quiet", "--pty"]);
+    command.arg(&main).arg("--ros-pty").arg(&ros);
+    let sim = Sim::spawn(&mut command, main, Some(dir));
+    sim.wait_ready();
+    for round in 0..4 {
+        for (baud, right) in [(115_200, false), (0, false), (9_600, true)] {
+            let client = open_at(&ros, baud);
+            let mut heard = Vec::new();
+            let begun = Instant::now();
+            let long = if right { 1_500 } else { 150 };
+            while begun.elapsed() < Duration::from_millis(long) && heard.len() < 40 {
+                let mut bytes = [0; 64];
+                let wanted = rustix::io::ioctl_fionread(&client).unwrap();
+                if wanted > 0 {
+                    let count = rustix::io::read(&client, &mut bytes).unwrap();
+                    heard.extend_from_slice(&bytes[..count]);
+                }
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            if right {
+                let text = String::from_utf8(heard).unwrap();
+                let fine = |c: char| c.is_ascii_graphic() || c == ' ' || c == '\n';
+                assert!(
+                    text.len() > 10 && text.chars().all(fine),
+                    "{round}: {text:?}"
+                );
+            }
+        }
+    }
+    sim.stop();
+}
+
+#[test]
+fn commands_that_a_client_takes_back_are_not_carried_out() {
+    let _alone = alone();
+    let sim = Sim::start(&JSON);
+    let client = open_at(sim.port(), BAUD);
+    let commands = frame(0x06, &[]).repeat(500);
+    let mut asked = &client;
+    asked.write_all(&commands).unwrap();
+    std::thread::sleep(Duration::from_millis(20));
+    tcflush(&client, QueueSelector::OFlush).unwrap();
+    asked.write_all(&frame(0xF0, &[])).unwrap();
+    let begun = Instant::now();
+    let mut client = sim.client();
+    assert!(client.skip_to(0xF0, PATIENCE).is_some());
+    let took = begun.elapsed();
+    drop(client);
+    let summary = sim.stop().expect_clean().summary();
+    // All of them would take 0.26 s on the line.
+    let requests = summary["requests"].as_u64().unwrap();
+    assert!(requests < 400, "{requests} after {took:?}");
+}

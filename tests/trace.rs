@@ -1,0 +1,230 @@
+//! What recordings tell: decoded traffic, values of names, and where two of them part.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use harness::live::{DRIVE, Folder};
+
+/// A second vehicle, which nobody drives, and noise on the line of the first.
+const TWO: &str = r#"
+[[device]]
+kind = "r150"
+name = "idle"
+pose = { y = "5 m" }
+
+[[step]]
+name = "noise"
+at = "500 ms"
+for = "300 ms"
+device = "first"
+fault = { kind = "idle-noise", every = "20 ms" }
+"#;
+
+/// Two vehicles, of which the first drives.
+fn two() -> String {
+    let first = DRIVE.replace("kind = \"r150\"", "kind = \"r150\"\nname = \"first\"");
+    let first = first.replace("at = \"100 ms\"", "at = \"100 ms\"\ndevice = \"first\"");
+    first.replace("truth.speed", "first.truth.speed") + TWO
+}
+
+/// Plays `drive.toml` in this folder; the trace is `drive.trace.jsonl`.
+fn record(folder: &Folder, output: &str, args: &[&str]) {
+    let all = [&["run", "--output", output], args, &["drive.toml"]].concat();
+    folder.sim(&all).expect_clean();
+}
+
+/// The times of lines of the log.
+fn times(text: &str) -> Vec<f64> {
+    let first = text.lines().map(|line| line.split_whitespace().next());
+    first.filter_map(|word| word?.parse().ok()).collect()
+}
+
+#[test]
+fn a_recording_reads_like_the_log() {
+    let folder = Folder::with(&[("drive.toml", &two())]);
+    record(&folder, ".", &["--seed", "1"]);
+    let told = folder
+        .sim(&["trace", "drive.trace.jsonl"])
+        .expect_clean()
+        .out;
+    for part in [
+        "A client drives\n  drive.toml, seed 1, the scripted client\n",
+        "first -> 0x12 set_motors right 500 left 500  | AA 55 04 12 F4 01 F4 01 ",
+        "first <- 0x12 set_motors right ",
+        "first  . client attached [client_attached]",
+        "== step \"noise\" begun",
+        "[fault_armed]",
+        "4.000000 == the end: passed",
+    ] {
+        assert!(told.contains(part), "no {part} in {told}");
+    }
+    assert!(times(&told).is_sorted(), "{told}");
+
+    let part = [
+        "trace",
+        "drive.trace.jsonl",
+        "--from",
+        "0.6s",
+        "--to",
+        "0.9s",
+    ];
+    let told = folder.sim(&part).expect_clean().out;
+    let times = times(&told);
+    assert!(
+        !times.is_empty() && times.iter().all(|t| (0.6..=0.9).contains(t)),
+        "{told}"
+    );
+    let idle = [
+        "trace",
+        "drive.trace.jsonl",
+        "--device",
+        "idle",
+        "--log-format",
+        "json",
+    ];
+    let idle = folder.sim(&idle).expect_clean().json();
+    assert!(
+        idle.iter().all(|line| line["device"] != "first"),
+        "{idle:?}"
+    );
+    assert!(idle.iter().any(|line| line["code"] == "end"), "{idle:?}");
+    let nobody = folder.sim(&["trace", "drive.trace.jsonl", "--device", "car"]);
+    nobody.expect_refusal(2, &["`car`", "first, idle"]);
+}
+
+#[test]
+fn any_name_is_computed_anew_though_the_recording_does_not_hold_it() {
+    let folder = Folder::with(&[("drive.toml", &two())]);
+    record(&folder, ".", &["--seed", "1"]);
+    let names =
+        "t,first.truth.x_m,first.reported.right_rpm,idle.truth.at_rest,idle.reported.info_age_s";
+    let args = [
+        "trace",
+        "drive.trace.jsonl",
+        "--every",
+        "10ms",
+        "--csv",
+        names,
+    ];
+    let csv = folder.sim(&args).expect_clean().out;
+    let mut lines = csv.lines();
+    assert_eq!(lines.next(), Some(names));
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 401, "every 10 ms of 4 s, and the end");
+    let number = |row: usize, column: usize| rows[row][column].parse::<f64>().unwrap();
+    for row in 0..rows.len() {
+        assert!((number(row, 0) - row as f64 * 0.01).abs() < 1e-9);
+        assert!(["true", "false"].contains(&rows[row][3]));
+        assert_eq!(rows[row][4], "inf");
+    }
+    assert_eq!(number(0, 1), 0.0);
+    assert!((1..rows.len()).all(|row| number(row, 1) >= number(row - 1, 1) - 1e-3));
+    // Poses are in the recording, every 100 ms: there both are the same.
+    let trace = folder.read("drive.trace.jsonl");
+    let poses: Vec<serde_json::Value> = harness::json_lines(&trace)
+        .into_iter()
+        .filter(|line| line["kind"] == "pose" && line["device"] == 0)
+        .collect();
+    assert!(poses.len() > 10, "{}", poses.len());
+    for pose in &poses {
+        let row = pose["t"].as_u64().unwrap() / 10_000_000;
+        let x = number(usize::try_from(row).unwrap(), 1);
+        assert!(
+            (x - pose["x"].as_f64().unwrap()).abs() < 1e-12,
+            "{pose} {x}"
+        );
+    }
+    assert!(
+        rows.iter().any(|row| row[2] != "0"),
+        "what was reported is known, too"
+    );
+
+    let wrong = folder.sim(&["trace", "drive.trace.jsonl", "--csv", "first.truth.speed"]);
+    wrong.expect_refusal(2, &["did you mean `first.truth.speed_mps`?"]);
+}
+
+#[test]
+fn two_recordings_part_where_they_first_differ() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    record(&folder, "a", &["--seed", "1"]);
+    record(&folder, "b", &["--seed", "1"]);
+    let same = ["trace", "a/drive.trace.jsonl", "b/drive.trace.jsonl"];
+    let told = folder.sim(&same).expect_clean().out;
+    assert_eq!(told, "the same happens from the beginning to the end\n");
+
+    // The same client with one more step at a second and a half.
+    let more = "\n[[step]]\nat = \"1.5 s\"\nhost = { send = { heartbeat = {} } }\n";
+    std::fs::write(folder.file("drive.toml"), DRIVE.to_owned() + more).unwrap();
+    record(&folder, "c", &["--seed", "1"]);
+    let other = ["trace", "a/drive.trace.jsonl", "c/drive.trace.jsonl"];
+    let told = folder.sim(&other);
+    assert_eq!(told.code(), Some(1), "{}", told.err);
+    let told = told.out;
+    let (before, rest) = told.split_once("then in a/drive.trace.jsonl:\n").unwrap();
+    assert!(
+        before.contains("the text of the scenario differs"),
+        "{told}"
+    );
+    assert_eq!(
+        before
+            .lines()
+            .filter(|line| line.contains("set_motors"))
+            .count(),
+        8,
+        "{told}"
+    );
+    let (a, c) = rest.split_once("then in c/drive.trace.jsonl:\n").unwrap();
+    assert!(!a.contains("heartbeat"), "{told}");
+    assert!(
+        c.trim_start().starts_with("1.50") && c.contains("-> 0x07 heartbeat"),
+        "{told}"
+    );
+
+    // The same again a little later: that is let pass, and nothing else.
+    let later = DRIVE.replace("at = \"100 ms\"", "at = \"107 ms\"");
+    std::fs::write(folder.file("drive.toml"), later).unwrap();
+    record(&folder, "d", &["--seed", "1"]);
+    let shifted = ["trace", "a/drive.trace.jsonl", "d/drive.trace.jsonl"];
+    assert_eq!(folder.sim(&shifted).code(), Some(1));
+    let long = [&shifted[..], &["--within", "10ms", "--to", "150ms"]].concat();
+    folder.sim(&long).expect_clean();
+}
+
+#[test]
+fn what_a_real_client_did_can_be_read_too() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let heartbeat =
+        r#"exec 3> "$SIM_R150_PORT"; printf '\252\125\000\007\307\204' >&3; sleep 0.5; exit 3"#;
+    let run = ["run", "--output", ".", "drive.toml"];
+    assert_eq!(folder.with_script(&run, heartbeat).code(), Some(1));
+    let told = folder
+        .sim(&["trace", "drive.trace.jsonl"])
+        .expect_clean()
+        .out;
+    for part in [
+        "a real client",
+        "-> 0x07 heartbeat",
+        "== FAILED: ",
+        "== the end: ",
+    ] {
+        assert!(told.contains(part), "no {part} in {told}");
+    }
+    let cut: Vec<String> = folder
+        .read("drive.trace.jsonl")
+        .lines()
+        .map(str::to_owned)
+        .collect();
+    std::fs::write(folder.file("cut.jsonl"), cut[..cut.len() - 4].join("\n")).unwrap();
+    let told = folder.sim(&["trace", "cut.jsonl"]);
+    told.expect_refusal(2, &["no end"]);
+    assert!(
+        told.out.contains("client attached"),
+        "what there is, is printed: {}",
+        told.out
+    );
+}
