@@ -29,7 +29,7 @@ crate::codes! {
     MOTORS_OUT_OF_RANGE = "motors_out_of_range", ClientUnlessDisturbed;
     /// Reserved bits in a power control request.
     RESERVED_BITS = "reserved_bits", ClientUnlessDisturbed;
-    /// A motor command came too soon.
+    /// Motor commands came faster than they can be answered.
     OVER_RATE = "over_rate", Client;
     /// A command was refused because the app holds control.
     APP_IN_CONTROL = "app_in_control", Nobody;
