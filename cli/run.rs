@@ -128,6 +128,8 @@ impl Audience for Told<'_> {
     }
 
     fn idle(&mut self) -> Result<(), Failure> {
+        // Without a thread of its own, which the system may refuse.
+        self.progress.tick();
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
@@ -155,7 +157,7 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
             return Err(Failure::usage(anyhow!(
                 "{} and {} would write the same files for --output or --report; rename one, or run them \
                  apart",
-                visible::name(&other),
+                visible::name(other),
                 visible::name(&one.path)
             )));
         }
@@ -167,13 +169,13 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
     let folder = |path: &Path| {
         fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", visible::name(&path)))
+            .with_context(|| format!("cannot make the folder {}", visible::name(path)))
             .map_err(Failure::usage)
     };
     if let Some(output) = &args.output {
         folder(output)?;
         tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", visible::name(&output)))
+            .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
             .map_err(Failure::usage)?;
     }
     if let Some(parent) = args.junit.as_deref().and_then(Path::parent)
@@ -195,7 +197,6 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     {
         bar.set_style(style);
     }
-    bar.enable_steady_tick(std::time::Duration::from_millis(500));
     bar
 }
 
