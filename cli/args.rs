@@ -57,6 +57,8 @@ Examples:
       A client that takes the port as an argument.
   sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
       For CI: JUnit XML, traces and reports for `sim replay`, four at a time.
+  sim run --report report.html scenarios
+      A page with all verdicts, and pictures of what happened.
   sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
       Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
 
@@ -247,6 +249,10 @@ pub(crate) struct RunArgs {
     /// Write the results as JUnit XML, which CI servers show.
     #[arg(long, value_name = "PATH")]
     pub(crate) junit: Option<PathBuf>,
+    /// Write a page to look at: all verdicts; of each the world from above, with the ways of the
+    /// vehicles; and plots and traffic of those that failed. It is one file and needs nothing else.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) report: Option<PathBuf>,
     /// Write a trace, a report as JSON, and the client's output of each into this folder.
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,

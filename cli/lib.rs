@@ -11,6 +11,7 @@ mod print;
 mod ready_file;
 mod recording;
 mod replay;
+mod report;
 mod run;
 mod scenario_files;
 mod schema;
@@ -40,6 +41,7 @@ use exit::{Exit, Failure};
 #[must_use]
 pub fn main(devices: Devices) -> ExitCode {
     guarded(|| {
+        sim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::read(devices);
         match &cli.command {
             Some(Command::Config(settings)) => config::print(devices, settings),

@@ -23,15 +23,17 @@ use sim_core::device::Devices;
 use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
+use crate::report::Report;
 use crate::scenario_files::{Loaded, find, load_all};
 use crate::start::random_seed;
 use crate::supervise::adopt_orphans;
 use crate::visible;
 
-use job::{Job, JobResult, Verdict};
 use junit::Junit;
 use pool::Audience;
-pub(crate) use tell::{verdict_json, verdict_text};
+
+pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
+pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
@@ -50,11 +52,11 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     check_time(args)?;
-    if args.output.is_some() {
+    if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
     }
     let base = random_seed();
-    let jobs: Vec<Job> = loaded
+    let mut jobs: Vec<Job> = loaded
         .iter()
         .flat_map(|one| (0..args.repeat).map(move |repeat| Job::new(args, one, repeat, base)))
         .collect();
@@ -63,6 +65,13 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         return print(&text.join("\n"));
     }
     prepare(args)?;
+    let report = args.report.as_deref();
+    let report = report
+        .map(|path| Report::begin(devices, path))
+        .transpose()?;
+    for job in &mut jobs {
+        job.report = report.as_ref();
+    }
     let junit = args.junit.as_deref();
     let mut audience = Told {
         args,
@@ -77,6 +86,9 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let exit = finish(&results);
     // Also when the run was broken off.
     audience.junit.map_or(Ok(()), Junit::finish)?;
+    if let Some(report) = &report {
+        report.write(&jobs, &results)?;
+    }
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
 }
@@ -116,6 +128,8 @@ impl Audience for Told<'_> {
     }
 
     fn idle(&mut self) -> Result<(), Failure> {
+        // Without a thread of its own, which the system may refuse.
+        self.progress.tick();
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
@@ -141,9 +155,9 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
     for one in loaded {
         if let Some(other) = stems.insert(one.stem(), &one.path) {
             return Err(Failure::usage(anyhow!(
-                "{} and {} would write the same files into the folder of --output; rename one, or \
-                 run them apart",
-                visible::name(&other),
+                "{} and {} would write the same files for --output or --report; rename one, or run them \
+                 apart",
+                visible::name(other),
                 visible::name(&one.path)
             )));
         }
@@ -155,13 +169,13 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
     let folder = |path: &Path| {
         fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", visible::name(&path)))
+            .with_context(|| format!("cannot make the folder {}", visible::name(path)))
             .map_err(Failure::usage)
     };
     if let Some(output) = &args.output {
         folder(output)?;
         tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", visible::name(&output)))
+            .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
             .map_err(Failure::usage)?;
     }
     if let Some(parent) = args.junit.as_deref().and_then(Path::parent)
@@ -183,7 +197,6 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     {
         bar.set_style(style);
     }
-    bar.enable_steady_tick(std::time::Duration::from_millis(500));
     bar
 }
 

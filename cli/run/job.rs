@@ -11,6 +11,7 @@ use sim_settings::show_duration;
 
 use crate::args::{RandomArg, RunArgs, TimeArg};
 use crate::exit::Failure;
+use crate::report::Report;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
 use crate::visible;
@@ -51,6 +52,8 @@ pub(crate) struct Job<'a> {
     pub(crate) client: &'a [OsString],
     /// Where traces and reports go.
     pub(crate) output: Option<&'a Path>,
+    /// The page that shows it.
+    pub(crate) report: Option<&'a Report>,
 }
 
 impl<'a> Job<'a> {
@@ -76,6 +79,7 @@ impl<'a> Job<'a> {
             most_held_up: args.max_hold_up.0,
             client: &args.client,
             output: args.output.as_deref(),
+            report: None,
         }
     }
 
@@ -108,26 +112,49 @@ impl<'a> Job<'a> {
 
     /// Where to write what ends with `end`, if anything is to be written.
     pub(crate) fn file(&self, end: &str) -> Option<PathBuf> {
+        Some(self.file_in(self.output?, end))
+    }
+
+    fn file_in(&self, folder: &Path, end: &str) -> PathBuf {
         let mut name = self.loaded.stem();
         if let Some(repeat) = self.repeat {
             name.push(format!("-{}", repeat + 1));
         }
         name.push(format!(".{end}"));
-        Some(self.output?.join(name))
+        folder.join(name)
+    }
+
+    /// The file of its trace, if anybody wants one.
+    pub(crate) fn recording(&self) -> Option<PathBuf> {
+        let wanted = self.file("trace.jsonl");
+        wanted.or_else(|| Some(self.file_in(self.report?.folder(), "trace.jsonl")))
+    }
+
+    /// Shows it on the page, if there is one.
+    pub(crate) fn show(&self, played: &Played) -> Result<(), Failure> {
+        let Some(report) = self.report else {
+            return Ok(());
+        };
+        report.add(self, played)?;
+        if let (None, Some(trace)) = (self.output, self.recording()) {
+            // A thousand of them need not be there at a time.
+            let _ = std::fs::remove_file(trace);
+        }
+        Ok(())
     }
 
     /// A run of it, and the file for its trace.
     pub(crate) fn begin(&self) -> Result<(Run, Option<TraceFile>), Failure> {
-        let run = self.loaded.run(RunOptions {
+        let mut run = self.loaded.run(RunOptions {
             seed: self.seed,
             wire: Wire::Paced,
             live: self.is_live(),
-            trace: self.output.is_some(),
+            trace: self.recording().is_some(),
         })?;
-        let trace = self
-            .file("trace.jsonl")
-            .map(TraceFile::create)
-            .transpose()?;
+        if self.is_live() {
+            run.name_time(self.time_word());
+        }
+        let trace = self.recording().map(TraceFile::create).transpose()?;
         Ok((run, trace))
     }
 

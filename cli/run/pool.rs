@@ -166,6 +166,7 @@ fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
         }
         if let JobResult::Played(played) = &result {
             report::write(job, played)?;
+            job.show(played)?;
         }
         Ok(result)
     }))

@@ -37,6 +37,7 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
                 "device": device.name,
                 "requests": device.report.requests,
                 "replies": device.report.replies,
+                "distance_m": device.distance_m,
                 "events": crate::summary::events_json(&device.report),
             })
         })

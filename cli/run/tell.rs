@@ -94,6 +94,9 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
         );
     }
     text += ")";
+    if outcome.passed {
+        let _ = write!(text, ", {}", worth(outcome));
+    }
     if args.repeat > 1 && outcome.passed {
         let _ = write!(text, ", seed {}", outcome.seed);
     }
@@ -167,14 +170,33 @@ fn failures(outcome: &Outcome) -> String {
     text
 }
 
+/// What an outcome was worth: `3 of 3 faults hit, 214 requests, 9.3 m`.
+pub(crate) fn worth(outcome: &Outcome) -> String {
+    let faults = outcome.faults.iter();
+    let armed: u64 = faults.clone().map(|fault| fault.armed).sum();
+    let hit: u64 = faults.map(|fault| fault.hit).sum();
+    let devices = outcome.devices.iter();
+    let requests: u64 = devices.clone().map(|device| device.report.requests).sum();
+    let distance: f64 = devices.map(|device| device.distance_m).sum();
+    let mut words = Vec::new();
+    if armed > 0 {
+        let plural = if armed == 1 { "" } else { "s" };
+        words.push(format!("{hit} of {armed} fault{plural} hit"));
+    }
+    let plural = if requests == 1 { "" } else { "s" };
+    words.push(format!("{requests} request{plural}"));
+    words.push(format!("{distance:.1} m"));
+    words.join(", ")
+}
+
 /// The client report for people: a line for each kind.
 pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
     let mut lines = Vec::new();
     for device in &outcome.devices {
-        for (code, tally) in device.report.client_faults() {
+        for (code, tally) in device.report.held_against_client() {
             lines.push(format!(
                 "{}: {code} {}x, first at {} s: {}",
-                device.name, tally.client_faults, tally.first_at, tally.first
+                device.name, tally.held_against_client, tally.first_at, tally.first
             ));
         }
     }
@@ -249,6 +271,7 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
                 "step": fault.step,
                 "fault": fault.id,
                 "armed": fault.armed,
+                "hit": fault.hit,
                 "hits": fault.hits,
             })
         })
@@ -257,11 +280,11 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         .devices
         .iter()
         .flat_map(|device| {
-            device.report.client_faults().map(|(code, tally)| {
+            device.report.held_against_client().map(|(code, tally)| {
                 json!({
                     "device": device.name,
                     "code": code,
-                    "count": tally.client_faults,
+                    "count": tally.held_against_client,
                     "first_s": tally.first_at.as_secs_f64(),
                     "first": tally.first,
                     "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),

@@ -97,6 +97,13 @@ impl Run {
         Probe::all(&self.devices())
     }
 
+    /// A name of one device, without the device's.
+    #[must_use]
+    pub fn probe_of(&self, device: usize, name: &str) -> Option<Probe> {
+        let own = identifier(&self.scenario().rig.devices.get(device)?.name);
+        self.probe(&format!("{own}.{name}")).ok()
+    }
+
     fn devices(&self) -> Vec<(&str, &'static DeviceSpec)> {
         let plans = self.scenario().rig.devices.iter();
         plans

@@ -8,6 +8,7 @@ use sim_settings::show_duration;
 
 use super::agenda::Item;
 use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
+use super::steps::FaultCounts;
 use super::{MOST_RECENT, Run};
 use crate::condition::{Condition, Situation};
 use crate::scenario::{Action, Scenario, Trigger};
@@ -226,9 +227,11 @@ impl Run {
                 .devices
                 .iter()
                 .zip(&self.observed)
-                .map(|(plan, observed)| DeviceReport {
+                .enumerate()
+                .map(|(device, (plan, observed))| DeviceReport {
                     name: plan.name.clone(),
                     report: observed.report().clone(),
+                    distance_m: self.rig.distance_m(device),
                 })
                 .collect(),
             traffic: self.traffic(),
@@ -278,8 +281,8 @@ impl Run {
             for number in self.active_faults(index) {
                 self.clear_fault(index, number);
             }
-            let (armed, hits) = self.steps[index].fault_counts();
-            if armed > 0 && hits == 0 && !step.may_not_trigger {
+            let FaultCounts { armed, hit, hits } = self.steps[index].fault_counts();
+            if armed > 0 && hit == 0 && !step.may_not_trigger {
                 let why = format!(
                     "the fault {} was there from {begun} s on and never hit anything; \
                      if that is all right, say `may_not_trigger = true`",
@@ -291,6 +294,7 @@ impl Run {
                 step: step.name.clone(),
                 id: fault.id(),
                 armed,
+                hit,
                 hits,
             });
         }
@@ -333,7 +337,7 @@ impl Run {
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
             let found: Vec<String> = self.observed[index]
                 .report()
-                .client_faults()
+                .held_against_client()
                 .filter(|(code, _)| match &demand.allowed {
                     Some(allowed) => !allowed.iter().any(|kind| kind == code),
                     None => demand.forbidden.iter().any(|kind| kind == code),
@@ -341,7 +345,7 @@ impl Run {
                 .map(|(code, tally)| {
                     format!(
                         "{code} × {}, first at {} s: {}",
-                        tally.client_faults, tally.first_at, tally.first
+                        tally.held_against_client, tally.first_at, tally.first
                     )
                 })
                 .collect();

@@ -60,17 +60,21 @@ pub struct FaultRecord {
     pub id: &'static str,
     /// How often it was injected.
     pub armed: u64,
-    /// How often it hit something.
+    /// How many of these times it hit anything.
+    pub hit: u64,
+    /// How often it hit something, all times together.
     pub hits: u64,
 }
 
 /// What happened at a device.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DeviceReport {
     /// The device.
     pub name: String,
     /// What happened, counted.
     pub report: Report,
+    /// How far it has driven.
+    pub distance_m: f64,
 }
 
 impl fmt::Display for Failure {

@@ -27,8 +27,17 @@ pub(super) struct StepState {
     chance: Noise,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
-    injected: u64,
-    hits: u64,
+    counts: FaultCounts,
+}
+
+/// How often a step has brought its fault.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FaultCounts {
+    pub(super) armed: u64,
+    /// How many of these times it hit anything.
+    pub(super) hit: u64,
+    /// How often it hit something, all times together.
+    pub(super) hits: u64,
 }
 
 impl StepState {
@@ -47,20 +56,18 @@ impl StepState {
             pending: 0,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             faults: BTreeMap::new(),
-            injected: 0,
-            hits: 0,
+            counts: FaultCounts::default(),
         }
     }
 
     /// How often its faults have hit something until now.
     pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
         let active = self.faults.values();
-        self.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
+        self.counts.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
     }
 
-    /// How often it brought its fault, and how often that hit something.
-    pub(super) fn fault_counts(&self) -> (u64, u64) {
-        (self.injected, self.hits)
+    pub(super) fn fault_counts(&self) -> FaultCounts {
+        self.counts
     }
 }
 
@@ -186,7 +193,7 @@ impl Run {
     }
 
     fn inject(&mut self, index: usize, step: &Step, fault: &Fault, now: SimTime) -> Option<Undo> {
-        let number = self.steps[index].injected + 1;
+        let number = self.steps[index].counts.armed + 1;
         // Its random numbers come from its name, and are not to be the same each time.
         let name = match number {
             1 => step.name.clone(),
@@ -195,7 +202,7 @@ impl Run {
         match self.rig.inject(step.device, &name, fault) {
             Ok(handle) => {
                 let state = &mut self.steps[index];
-                state.injected = number;
+                state.counts.armed = number;
                 state.faults.insert(number, handle);
                 self.hang_up(step.device, now);
                 if fault.disturbs_requests() {
@@ -215,7 +222,10 @@ impl Run {
         let Some(handle) = self.steps[index].faults.remove(&number) else {
             return;
         };
-        self.steps[index].hits += self.rig.fault_hits(handle);
+        let hits = self.rig.fault_hits(handle);
+        let counts = &mut self.steps[index].counts;
+        counts.hits += hits;
+        counts.hit += u64::from(hits > 0);
         self.rig.clear(handle);
         let device = self.scenario.steps[index].device;
         if !self.is_line_disturbed(device) && self.excused_until[device] == SimTime::MAX {

@@ -1,0 +1,279 @@
+//! The report of `sim run --report`: a page to look at, in one file that needs nothing else.
+//!
+//! Recordings are played again for what is shown: so a run with a real client is shown like one
+//! without, and nothing is gathered while it has to be in time.
+
+mod case;
+mod film;
+mod map;
+mod plots;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use anyhow::Context as _;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use sim_core::device::Devices;
+
+use crate::exit::Failure;
+use crate::run::{self, Job, JobResult, PlayedCase, worth};
+use crate::visible::{self, lines as readable};
+use case::{Detail, case};
+
+const STYLE: &str = include_str!("report/style.css");
+/// Most cases that failed of which everything is shown.
+const MOST_FULL: usize = 30;
+/// Most cases of which the map is shown.
+const MOST_MAPS: usize = 1500;
+
+/// A report that is being made.
+pub(crate) struct Report {
+    devices: Devices,
+    path: PathBuf,
+    /// Where recordings are that nobody else wants.
+    folder: tempfile::TempDir,
+    shown: Mutex<Shown>,
+}
+
+/// What is shown of cases, by their names.
+#[derive(Default)]
+struct Shown {
+    cases: BTreeMap<String, String>,
+    full: usize,
+    maps: usize,
+}
+
+impl Report {
+    /// Makes sure that it can be written later on.
+    pub(crate) fn begin(devices: Devices, path: &Path) -> Result<Self, Failure> {
+        if let Some(parent) = path
+            .parent()
+            .filter(|parent| !parent.as_os_str().is_empty())
+        {
+            fs::create_dir_all(parent)
+                .with_context(|| format!("cannot make the folder {}", visible::name(parent)))
+                .map_err(Failure::usage)?;
+        }
+        // Emptied, lest a former report be taken for this one's if it is killed.
+        fs::File::create(path)
+            .with_context(|| format!("cannot write the report {}", visible::name(path)))
+            .map_err(Failure::usage)?;
+        let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
+        let folder = folder.context("cannot make a folder for recordings");
+        Ok(Self {
+            devices,
+            path: path.to_owned(),
+            folder: folder.map_err(Failure::system)?,
+            shown: Mutex::default(),
+        })
+    }
+
+    /// The folder for recordings that nobody else wants.
+    pub(crate) fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Adds a case, whose recording is there.
+    pub(crate) fn add(&self, job: &Job<'_>, played: &PlayedCase) -> Result<(), Failure> {
+        let detail = self.shown().detail(played.outcome.passed);
+        let text = case(self.devices, job, played, detail)?.into_string();
+        self.shown().cases.insert(job.name(), text);
+        Ok(())
+    }
+
+    fn shown(&self) -> MutexGuard<'_, Shown> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes the page, also of a run that was broken off.
+    pub(crate) fn write(
+        &self,
+        jobs: &[Job<'_>],
+        results: &[Option<JobResult>],
+    ) -> Result<(), Failure> {
+        let shown = self.shown();
+        let rows: Vec<Row> = jobs.iter().zip(results).map(Row::new).collect();
+        let text = page(&rows, &shown.cases).into_string();
+        fs::write(&self.path, text)
+            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
+            .map_err(Failure::system)
+    }
+}
+
+impl Shown {
+    /// How much of the next case is shown.
+    fn detail(&mut self, passed: bool) -> Detail {
+        if !passed && self.full < MOST_FULL {
+            self.full += 1;
+            return Detail::Full;
+        }
+        self.maps += 1;
+        match self.maps > MOST_MAPS {
+            true => Detail::Words,
+            false => Detail::Map,
+        }
+    }
+}
+
+/// A case in the table.
+struct Row {
+    name: String,
+    title: String,
+    verdict: Verdict,
+    /// What it was worth, or why there is nothing.
+    says: String,
+    /// Simulated, s.
+    time: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Passed,
+    Failed,
+    /// Not played to an end, or spoilt by the machine.
+    Error,
+    Skipped,
+}
+
+impl Verdict {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Passed => "ok",
+            Self::Failed => "FAILED",
+            Self::Error => "error",
+            Self::Skipped => "skipped",
+        }
+    }
+}
+
+impl Row {
+    fn new((job, result): (&Job<'_>, &Option<JobResult>)) -> Self {
+        let (verdict, says, time) = match result {
+            Some(JobResult::Played(played)) => {
+                let verdict = match played.verdict() {
+                    run::Verdict::Passed => Verdict::Passed,
+                    run::Verdict::Failed => Verdict::Failed,
+                    run::Verdict::Spoilt => Verdict::Error,
+                };
+                let time = played.outcome.ended_at.as_secs_f64();
+                (verdict, worth(&played.outcome), Some(time))
+            }
+            Some(JobResult::BrokenOff) => (Verdict::Error, "broken off".to_owned(), None),
+            Some(JobResult::Broken(why)) => (Verdict::Error, why.clone(), None),
+            None => (Verdict::Skipped, "not played".to_owned(), None),
+        };
+        Self {
+            name: job.name(),
+            title: job.loaded.scenario.title.clone(),
+            verdict,
+            says,
+            time,
+        }
+    }
+}
+
+/// The whole page.
+fn page(rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
+    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
+    let passed = count(Verdict::Passed);
+    let title = format!("{passed} of {} passed", rows.len());
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                // Nothing is fetched and nothing is executed, whatever anybody's titles say.
+                meta http-equiv="Content-Security-Policy"
+                    content="default-src 'none'; style-src 'unsafe-inline'";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (title) }
+                p.about { (tally(rows)) ", by sim " (env!("CARGO_PKG_VERSION")) }
+                (table(rows))
+                @for failed in [true, false] {
+                    @for (index, row) in rows.iter().enumerate() {
+                        @if (row.verdict != Verdict::Passed) == failed
+                            && let Some(inside) = cases.get(&row.name) {
+                            (shown_case(index, row, inside))
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn tally(rows: &[Row]) -> String {
+    let verdicts = [
+        (Verdict::Passed, "passed"),
+        (Verdict::Failed, "failed"),
+        (Verdict::Error, "could not be judged"),
+        (Verdict::Skipped, "skipped"),
+    ];
+    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
+    let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
+    let some = counts.iter().filter(|(count, _)| *count > 0);
+    let words: Vec<String> = some
+        .map(|(count, word)| format!("{count} {word}"))
+        .collect();
+    words.join(", ")
+}
+
+fn table(rows: &[Row]) -> Markup {
+    html! {
+        table.cases {
+            thead { tr { th { "verdict" } th { "case" } th { "worth" } th.number { "time" } } }
+            tbody {
+                @for (index, row) in rows.iter().enumerate() {
+                    tr {
+                        td { (badge(row.verdict)) }
+                        td {
+                            a href=(format!("#case-{index}")) { (readable(&row.title)) }
+                            br;
+                            small { (readable(&row.name)) }
+                        }
+                        td { (readable(&row.says)) }
+                        td.number { @if let Some(time) = row.time { (format!("{time:.1} s")) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn badge(verdict: Verdict) -> Markup {
+    let class = match verdict {
+        Verdict::Passed => "passed",
+        Verdict::Failed => "failed",
+        Verdict::Error | Verdict::Skipped => "other",
+    };
+    html! { span class=(format!("badge {class}")) { (verdict.word()) } }
+}
+
+/// A case that failed is open, one that passed is folded.
+fn shown_case(index: usize, row: &Row, inside: &str) -> Markup {
+    let id = format!("case-{index}");
+    let head = html! {
+        (badge(row.verdict)) " " (readable(&row.title)) " " small { (readable(&row.name)) }
+    };
+    let inside = PreEscaped(inside);
+    html! {
+        @if row.verdict == Verdict::Passed {
+            details.case {
+                summary { (head) }
+                div id=(id) { (inside) }
+            }
+        } @else {
+            article.case id=(id) {
+                h2 { (head) }
+                (inside)
+            }
+        }
+    }
+}

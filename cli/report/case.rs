@@ -1,0 +1,168 @@
+//! What a report says of one case.
+
+use maud::{Markup, html};
+use sim_core::SimTime;
+use sim_core::device::Devices;
+use sim_runner::Outcome;
+
+use super::film::{Film, Wanted};
+use super::{map, plots};
+use crate::exit::Failure;
+use crate::recording;
+use crate::run::{Job, PlayedCase, client_report};
+use crate::visible::lines as readable;
+
+/// How many looks make the way of a case that passed.
+const FEW: u32 = 96;
+/// How many looks make the plots of one that failed.
+const MANY: u32 = 480;
+/// Most lines that are shown of what the client wrote.
+const MOST_OUTPUT: usize = 200;
+
+/// How much is shown of a case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Detail {
+    /// The verdict alone.
+    Words,
+    /// The map as well.
+    Map,
+    /// The plots and the traffic as well.
+    Full,
+}
+
+/// What is shown of a case.
+pub(super) fn case(
+    devices: Devices,
+    job: &Job<'_>,
+    played: &PlayedCase,
+    detail: Detail,
+) -> Result<Markup, Failure> {
+    let outcome = &played.outcome;
+    let film = match detail {
+        Detail::Words => None,
+        Detail::Map => Some(film(devices, job, outcome, false)?),
+        Detail::Full => Some(film(devices, job, outcome, true)?),
+    };
+    let title = readable(&outcome.title);
+    let inside = html! {
+        p.about { code { (readable(&job.command())) } }
+        @if !outcome.failures.is_empty() { (failures(outcome)) }
+        @if let Some(Ok(film)) = &film {
+            figure.world {
+                (map::map(film, &format!("{title}, from above")))
+                figcaption { (map::legend(film)) }
+            }
+        }
+        @if let Some(Err(why)) = &film {
+            p.note { "No picture: the recording could not be played again. " (readable(why)) }
+        }
+        (faults(outcome))
+        (report(outcome))
+        @if let Some(Ok(film)) = film.as_ref().filter(|_| detail == Detail::Full) {
+            (plots::plots(film).map_err(Failure::system)?)
+            (traffic(film))
+            @if let Some(client) = &played.client { (output(&client.output)) }
+        }
+        @if detail == Detail::Words {
+            p.note { "Too many cases have a picture already; played alone, this one has one, too." }
+        }
+    };
+    Ok(inside)
+}
+
+/// The run again, as far as it is shown; or why it could not be played again.
+fn film(
+    devices: Devices,
+    job: &Job<'_>,
+    outcome: &Outcome,
+    full: bool,
+) -> Result<Result<Film, String>, Failure> {
+    let wanted = Wanted {
+        ended_at: outcome.ended_at,
+        failed_at: outcome.failures.first().map(|failure| failure.at),
+        looks: if full { MANY } else { FEW },
+        values: full,
+    };
+    let Some(trace) = job.recording() else {
+        return Ok(Err("there is none".to_owned()));
+    };
+    match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {
+        Ok((film, Ok(()))) => Ok(Ok(film)),
+        Ok((_, Err(why))) => Ok(Err(why.to_string())),
+        Err(failure) => Ok(Err(format!("{:#}", failure.error))),
+    }
+}
+
+fn failures(outcome: &Outcome) -> Markup {
+    html! {
+        ul.failures {
+            @for failure in &outcome.failures {
+                li {
+                    b { (seconds(failure.at)) }
+                    @if let Some(step) = &failure.step { " “" (readable(step)) "”" }
+                    ": " (readable(&failure.what))
+                }
+            }
+            @if outcome.more_failures > 0 { li { "and " (outcome.more_failures) " more" } }
+        }
+    }
+}
+
+fn seconds(at: SimTime) -> String {
+    format!("{:.3} s", at.as_secs_f64())
+}
+
+fn faults(outcome: &Outcome) -> Markup {
+    html! {
+        @if !outcome.faults.is_empty() {
+            table.faults {
+                thead { tr { th { "fault" } th { "step" } th { "armed" } th { "hit" } } }
+                @for fault in &outcome.faults {
+                    tr {
+                        td { (fault.id) }
+                        td { (readable(&fault.step)) }
+                        td.number { (fault.armed) }
+                        td.number { (fault.hit) @if fault.hits > fault.hit { " (" (fault.hits) "×)" } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn report(outcome: &Outcome) -> Markup {
+    let lines = client_report(outcome);
+    html! {
+        @if !lines.is_empty() {
+            p.head { "What the client did that is forbidden or risky" }
+            ul { @for line in lines { li { (readable(&line)) } } }
+        }
+    }
+}
+
+fn traffic(film: &Film) -> Markup {
+    html! {
+        @if !film.lines.is_empty() {
+            details {
+                summary {
+                    "Traffic and events around " (format!("{:.2} s", film.failed_at().unwrap_or(0.0)))
+                }
+                pre { @for line in &film.lines { (readable(line)) "\n" } }
+                @if film.more_lines > 0 { p.note { (film.more_lines) " lines more" } }
+            }
+        }
+    }
+}
+
+fn output(text: &str) -> Markup {
+    let lines: Vec<&str> = text.lines().collect();
+    let last = &lines[lines.len().saturating_sub(MOST_OUTPUT)..];
+    html! {
+        @if !last.is_empty() {
+            details {
+                summary { "What the client wrote last" }
+                pre { @for line in last { (readable(line)) "\n" } }
+            }
+        }
+    }
+}

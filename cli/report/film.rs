@@ -1,0 +1,249 @@
+//! What a report shows of a run, gathered while its recording is played again.
+
+use std::time::Duration;
+
+use sim_core::SimTime;
+use sim_core::device::names::Unit;
+use sim_core::event::Event;
+use sim_core::fault::{FaultEvent, FaultPhase};
+use sim_physics::world::{Feature, FeatureKind};
+use sim_runner::Run;
+use sim_runner::condition::Probe;
+use sim_runner::trace::{Onlooker, Record};
+
+use crate::log::Words;
+
+/// Shortest time between two looks.
+const SHORTEST: Duration = Duration::from_millis(5);
+/// How long before and after a failure traffic is shown.
+const AROUND: [Duration; 2] = [Duration::from_millis(1500), Duration::from_millis(500)];
+/// Most lines of traffic that are shown; the last ones before a failure count most.
+const MOST_LINES: usize = 200;
+/// Most faults whose times are shown.
+const MOST_SPANS: usize = 200;
+/// Most times of hits that are shown of a fault.
+const MOST_HITS: usize = 100;
+/// Most features of the world that are shown.
+const MOST_FEATURES: usize = 2000;
+
+/// Names of where a vehicle is.
+const PLACE: [&str; 3] = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
+
+/// How much of a run is wanted.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wanted {
+    /// How long it took.
+    pub(super) ended_at: SimTime,
+    /// When it failed first, if it did.
+    pub(super) failed_at: Option<SimTime>,
+    /// How often to look.
+    pub(super) looks: u32,
+    /// Whether values are wanted, or only ways.
+    pub(super) values: bool,
+}
+
+/// What happened, as far as it is shown.
+pub(super) struct Film {
+    wanted: Wanted,
+    every: Duration,
+    next: SimTime,
+    words: Words,
+    /// When it was looked.
+    pub(super) times: Vec<f64>,
+    pub(super) ways: Vec<Way>,
+    pub(super) series: Vec<Series>,
+    pub(super) spans: Vec<Span>,
+    /// What stood and lay there at the end.
+    pub(super) features: Vec<Feature>,
+    /// What stood there only for a time.
+    pub(super) passing: Vec<Feature>,
+    changes: Option<u64>,
+    /// Traffic and events around the failure.
+    pub(super) lines: Vec<String>,
+    pub(super) more_lines: usize,
+}
+
+/// The way of a vehicle.
+pub(super) struct Way {
+    pub(super) name: String,
+    /// Length and width, m.
+    pub(super) size: [f64; 2],
+    probes: Option<[Probe; 3]>,
+    /// x and y in m, heading in degrees, at each time.
+    pub(super) poses: Vec<[f64; 3]>,
+}
+
+/// The values of a name.
+pub(super) struct Series {
+    pub(super) probe: Probe,
+    pub(super) unit: &'static str,
+    pub(super) values: Vec<f64>,
+}
+
+/// The time for which a fault was there.
+pub(super) struct Span {
+    pub(super) device: usize,
+    /// As the step that injected it is called.
+    pub(super) name: String,
+    pub(super) fault: &'static str,
+    pub(super) from: f64,
+    pub(super) to: Option<f64>,
+    pub(super) hits: Vec<f64>,
+}
+
+impl Film {
+    pub(super) fn new(run: &Run, wanted: Wanted) -> Self {
+        let world = run.rig().world();
+        let devices = &run.scenario().rig.devices;
+        let way = |(device, plan): (usize, &sim_runner::DevicePlan)| {
+            let mut bodies = world.bodies();
+            let body = bodies.find(|(name, _)| *name == plan.name);
+            let probe = |name| run.probe_of(device, name);
+            let [x, y, heading] = PLACE.map(probe);
+            Way {
+                name: plan.name.clone(),
+                size: body.map_or([0.0; 2], |(_, size)| size),
+                probes: x
+                    .zip(y)
+                    .zip(heading)
+                    .map(|((x, y), heading)| [x, y, heading]),
+                poses: Vec::new(),
+            }
+        };
+        let series = |probe: Probe| match probe.unit {
+            Unit::Number(unit) if is_shown(&probe.name, unit) => Some(Series {
+                probe,
+                unit,
+                values: Vec::new(),
+            }),
+            _ => None,
+        };
+        let probes = if wanted.values {
+            run.probes()
+        } else {
+            Vec::new()
+        };
+        Self {
+            wanted,
+            every: (wanted.ended_at.since(SimTime::ZERO) / wanted.looks).max(SHORTEST),
+            next: SimTime::ZERO,
+            words: Words::new(&run.scenario().rig),
+            times: Vec::new(),
+            ways: devices.iter().enumerate().map(way).collect(),
+            series: probes.into_iter().filter_map(series).collect(),
+            spans: Vec::new(),
+            features: Vec::new(),
+            passing: Vec::new(),
+            changes: None,
+            lines: Vec::new(),
+            more_lines: 0,
+        }
+    }
+
+    /// When it ended, s.
+    pub(super) fn length(&self) -> f64 {
+        self.wanted.ended_at.as_secs_f64()
+    }
+
+    /// When it failed first, s.
+    pub(super) fn failed_at(&self) -> Option<f64> {
+        self.wanted.failed_at.map(SimTime::as_secs_f64)
+    }
+
+    /// The look that is nearest to a time.
+    pub(super) fn look_at(&self, time: f64) -> usize {
+        let next = self.times.partition_point(|t| *t < time);
+        next.min(self.times.len().saturating_sub(1))
+    }
+
+    fn note_features(&mut self, run: &Run) {
+        let world = run.rig().world();
+        if self.changes.replace(world.changes()) == Some(world.changes()) {
+            return;
+        }
+        let now: Vec<Feature> = world.features().take(MOST_FEATURES).collect();
+        let is_obstacle = |one: &Feature| one.kind == FeatureKind::Obstacle;
+        for feature in std::mem::replace(&mut self.features, now) {
+            let gone = is_obstacle(&feature) && !self.passing.contains(&feature);
+            if gone && self.passing.len() < MOST_FEATURES {
+                self.passing.push(feature);
+            }
+        }
+        let there = &self.features;
+        self.passing.retain(|one| !there.contains(one));
+    }
+
+    fn note_fault(&mut self, event: &Event, fault: &FaultEvent) {
+        let at = event.at.as_secs_f64();
+        let open = |span: &&mut Span| {
+            span.to.is_none() && span.name == fault.name && span.device == event.device
+        };
+        match fault.phase {
+            FaultPhase::Armed if self.spans.len() < MOST_SPANS => self.spans.push(Span {
+                device: event.device,
+                name: fault.name.clone(),
+                fault: fault.id,
+                from: at,
+                to: None,
+                hits: Vec::new(),
+            }),
+            FaultPhase::Armed => {}
+            FaultPhase::Triggered { .. } => {
+                let span = self.spans.iter_mut().rfind(open);
+                if let Some(span) = span.filter(|span| span.hits.len() < MOST_HITS) {
+                    span.hits.push(at);
+                }
+            }
+            FaultPhase::Cleared => {
+                if let Some(span) = self.spans.iter_mut().rfind(open) {
+                    span.to = Some(at);
+                }
+            }
+        }
+    }
+}
+
+/// Whether it makes a plot: places are on the map, and ages and counts tell nothing that others do not.
+fn is_shown(name: &str, unit: &str) -> bool {
+    let counted = unit.is_empty() || unit == "s";
+    !counted && !PLACE.iter().any(|end| name.ends_with(end))
+}
+
+impl Onlooker for Film {
+    fn record(&mut self, _: &Record) {}
+
+    fn event(&mut self, _: &Run, event: &Event) {
+        if let Some(fault) = event.kind.get() {
+            self.note_fault(event, fault);
+        }
+        let Some(failed_at) = self.wanted.failed_at.filter(|_| self.wanted.values) else {
+            return;
+        };
+        if failed_at <= event.at + AROUND[0] && event.at <= failed_at + AROUND[1] {
+            if self.lines.len() < MOST_LINES {
+                self.lines.push(self.words.plain(event));
+            } else {
+                self.more_lines += 1;
+            }
+        }
+    }
+
+    fn next_look(&self) -> SimTime {
+        self.next
+    }
+
+    fn look(&mut self, run: &Run) {
+        self.next += self.every;
+        self.note_features(run);
+        self.times.push(run.rig().now().as_secs_f64());
+        for way in &mut self.ways {
+            if let Some(probes) = &way.probes {
+                let pose = [0, 1, 2].map(|index| probes[index].read(run).number());
+                way.poses.push(pose);
+            }
+        }
+        for series in &mut self.series {
+            series.values.push(series.probe.read(run).number());
+        }
+    }
+}
