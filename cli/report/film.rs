@@ -118,7 +118,11 @@ impl Film {
             }),
             _ => None,
         };
-        let probes = wanted.values.then(|| run.probes()).unwrap_or_default();
+        let probes = if wanted.values {
+            run.probes()
+        } else {
+            Vec::new()
+        };
         Self {
             wanted,
             every: (wanted.ended_at.since(SimTime::ZERO) / wanted.looks).max(SHORTEST),

@@ -39,7 +39,7 @@ impl Run {
         if let Some(recorder) = &mut self.recorder {
             recorder.detached(at, port);
         }
-        if let Ok(index) = self.ports.binary_search(&port) {
+        if let Some(index) = self.port_at(port) {
             self.unread[index].clear();
         }
         let mut outcome = Ok(());
@@ -75,7 +75,7 @@ impl Run {
 
     /// Adds to `bytes` what has arrived at the client.
     pub fn read(&mut self, port: PortId, bytes: &mut Vec<u8>) {
-        if let Ok(index) = self.ports.binary_search(&port) {
+        if let Some(index) = self.port_at(port) {
             self.read_port(index, self.rig.now());
             bytes.append(&mut self.unread[index]);
         }

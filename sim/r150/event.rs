@@ -29,7 +29,7 @@ crate::codes! {
     MOTORS_OUT_OF_RANGE = "motors_out_of_range", ClientUnlessDisturbed;
     /// Reserved bits in a power control request.
     RESERVED_BITS = "reserved_bits", ClientUnlessDisturbed;
-    /// A motor command came too soon.
+    /// Motor commands came faster than they can be answered.
     OVER_RATE = "over_rate", Client;
     /// A command was refused because the app holds control.
     APP_IN_CONTROL = "app_in_control", Nobody;
@@ -187,11 +187,9 @@ impl fmt::Display for R150Event {
                 )
             }
             Self::BadValue { error, .. } => write!(f, "{error}"),
-            Self::OverRate { after } => write!(
+            Self::OverRate { commands } => write!(
                 f,
-                "motor command {:.3} ms after the last answered one; replies come no faster than \
-                 the reply interval",
-                after.as_secs_f64() * 1000.0
+                "{commands} motor commands within a second, which are more than can be answered"
             ),
             Self::AppInControl(command) => {
                 let name = name(*command).unwrap_or("?");

@@ -43,10 +43,10 @@ pub enum R150Event {
         /// As received.
         frame: Vec<u8>,
     },
-    /// A motor command came sooner than the reply interval allows.
+    /// Motor commands came faster than they can be answered, over a second.
     OverRate {
-        /// Time since the last answered one.
-        after: Duration,
+        /// How many came within that second.
+        commands: usize,
     },
     /// A power or PWM command was refused because the app holds control.
     AppInControl(u8),
