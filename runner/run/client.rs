@@ -81,6 +81,18 @@ impl Run {
         }
     }
 
+    /// The client has set the modem lines of its end, at the present time.
+    pub fn set_modem_lines(&mut self, port: PortId, dtr: bool, rts: bool) {
+        self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
+    }
+
+    /// Whose time a real client has, for the trace: `lockstep` or `real`.
+    pub fn name_time(&mut self, client: &'static str) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.time(client);
+        }
+    }
+
     /// As [`sim_core::rig::Rig::space`].
     #[must_use]
     pub fn space(&self, port: PortId) -> usize {
