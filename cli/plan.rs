@@ -52,7 +52,7 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
             return Ok(path.clone());
         }
         std::path::absolute(path)
-            .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
+            .with_context(|| format!("cannot tell where {} is", visible::name(path)))
             .map_err(Failure::system)
     };
     if let Some(pty) = args.port() {

@@ -39,7 +39,7 @@ impl<'a> Lines<'a> {
 
     /// The next line; `None` at the end.
     pub(crate) fn next(&mut self) -> Result<Option<&str>, Failure> {
-        let shown = visible::name(&self.path);
+        let shown = visible::name(self.path);
         self.line.clear();
         // What is no trace may be one line without an end.
         let mut some = self.file.by_ref().take(MOST_LINE + 1);
@@ -62,7 +62,7 @@ impl<'a> Lines<'a> {
 
     /// The first line.
     fn first(&mut self) -> Result<&str, Failure> {
-        let empty = Failure::usage(anyhow!("the trace {} is empty", visible::name(&self.path)));
+        let empty = Failure::usage(anyhow!("the trace {} is empty", visible::name(self.path)));
         self.next()?.ok_or(empty)
     }
 }

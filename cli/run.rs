@@ -155,7 +155,7 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
             return Err(Failure::usage(anyhow!(
                 "{} and {} would write the same files for --output or --report; rename one, or run them \
                  apart",
-                visible::name(&other),
+                visible::name(other),
                 visible::name(&one.path)
             )));
         }
@@ -167,13 +167,13 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
     let folder = |path: &Path| {
         fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", visible::name(&path)))
+            .with_context(|| format!("cannot make the folder {}", visible::name(path)))
             .map_err(Failure::usage)
     };
     if let Some(output) = &args.output {
         folder(output)?;
         tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", visible::name(&output)))
+            .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
             .map_err(Failure::usage)?;
     }
     if let Some(parent) = args.junit.as_deref().and_then(Path::parent)

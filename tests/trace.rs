@@ -117,10 +117,10 @@ fn any_name_is_computed_anew_though_the_recording_does_not_hold_it() {
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
     assert_eq!(rows.len(), 401, "every 10 ms of 4 s, and the end");
     let number = |row: usize, column: usize| rows[row][column].parse::<f64>().unwrap();
-    for row in 0..rows.len() {
+    for (row, cells) in rows.iter().enumerate() {
         assert!((number(row, 0) - row as f64 * 0.01).abs() < 1e-9);
-        assert!(["true", "false"].contains(&rows[row][3]));
-        assert_eq!(rows[row][4], "inf");
+        assert!(["true", "false"].contains(&cells[3]));
+        assert_eq!(cells[4], "inf");
     }
     assert_eq!(number(0, 1), 0.0);
     assert!((1..rows.len()).all(|row| number(row, 1) >= number(row - 1, 1) - 1e-3));

@@ -118,7 +118,10 @@ impl Film {
             }),
             _ => None,
         };
-        let probes = wanted.values.then(|| run.probes()).unwrap_or_default();
+        let probes = match wanted.values {
+            true => run.probes(),
+            false => Vec::new(),
+        };
         Self {
             wanted,
             every: (wanted.ended_at.since(SimTime::ZERO) / wanted.looks).max(SHORTEST),

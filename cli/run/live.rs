@@ -70,7 +70,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         File::create(&path).with_context(|| {
             format!(
                 "cannot write the client's output to {}",
-                visible::name(&path)
+                visible::name(path)
             )
         })
     });
@@ -144,7 +144,7 @@ pub(crate) fn environment(
 fn absolute(path: &Path) -> Result<OsString, Failure> {
     std::path::absolute(path)
         .map(std::path::PathBuf::into_os_string)
-        .with_context(|| format!("cannot tell where {} is", visible::name(&path)))
+        .with_context(|| format!("cannot tell where {} is", visible::name(path)))
         .map_err(Failure::system)
 }
 
