@@ -41,6 +41,7 @@ use exit::{Exit, Failure};
 #[must_use]
 pub fn main(devices: Devices) -> ExitCode {
     guarded(|| {
+        sim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::read(devices);
         match &cli.command {
             Some(Command::Config(settings)) => config::print(devices, settings),

@@ -128,6 +128,8 @@ impl Audience for Told<'_> {
     }
 
     fn idle(&mut self) -> Result<(), Failure> {
+        // Without a thread of its own, which the system may refuse.
+        self.progress.tick();
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
@@ -195,7 +197,6 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     {
         bar.set_style(style);
     }
-    bar.enable_steady_tick(std::time::Duration::from_millis(500));
     bar
 }
 

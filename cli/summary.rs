@@ -52,8 +52,8 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
         );
         let other: Vec<String> = events
             .iter()
-            .filter(|(_, tally)| tally.count > tally.client_faults)
-            .map(|(code, tally)| format!("{code} {}", tally.count - tally.client_faults))
+            .filter(|(_, tally)| tally.count > tally.held_against_client)
+            .map(|(code, tally)| format!("{code} {}", tally.count - tally.held_against_client))
             .collect();
         if !other.is_empty() {
             let _ = write!(text, "\n    events: {}", other.join(", "));
@@ -69,7 +69,7 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
                 );
             }
         }
-        let mut faults = report.client_faults().peekable();
+        let mut faults = report.held_against_client().peekable();
         if faults.peek().is_none() {
             let _ = write!(
                 text,
@@ -85,7 +85,7 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
             let _ = write!(
                 text,
                 "\n      {code} {}x, first at {} s: {}",
-                tally.client_faults, tally.first_at, tally.first
+                tally.held_against_client, tally.first_at, tally.first
             );
             if tally.count > 1 && tally.lost_bytes > 0 {
                 let _ = write!(text, "; {} bytes in all", tally.lost_bytes);
@@ -164,7 +164,7 @@ pub(crate) fn events_json(report: &Report) -> Vec<Value> {
                 "first_s": tally.first_at.as_secs_f64(),
                 "first": tally.first,
                 "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
-                "client_faults": tally.client_faults,
+                "client_faults": tally.held_against_client,
                 "lost_bytes": tally.lost_bytes,
             })
         })

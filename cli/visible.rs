@@ -22,7 +22,7 @@ pub(crate) fn line(text: &str) -> Cow<'_, str> {
 
 /// The name of a file or a word of a command, whatever its bytes are; no two look the same, but for
 /// those that have backslashes in them.
-pub(crate) fn name(name: impl AsRef<OsStr>) -> String {
+pub(crate) fn name<N: AsRef<OsStr> + ?Sized>(name: &N) -> String {
     let mut text = String::new();
     for chunk in name.as_ref().as_bytes().utf8_chunks() {
         text += &line(chunk.valid());

@@ -36,6 +36,14 @@ pub enum Error {
         /// What there is.
         known: String,
     },
+    /// The device is of another type.
+    #[error("{device} is no `{wanted}`")]
+    OtherDevice {
+        /// Name of the device.
+        device: String,
+        /// The type that was asked for.
+        wanted: &'static str,
+    },
     /// The port is open already.
     #[error("the port of {port} is open already; a serial port has one client at a time")]
     PortInUse {

@@ -21,7 +21,7 @@
 //! // The motor watchdog stops it half a second after the last command.
 //! sim.wait_until("truth.at_rest", Duration::from_secs(10))?;
 //! // Which is held against the client.
-//! assert!(r150.report().client_faults().any(|(code, _)| code == "watchdog_fired"));
+//! assert!(r150.report().held_against_client().any(|(code, _)| code == "watchdog_fired"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -31,7 +31,7 @@
 //! | play a scenario file with your client | [`Builder::scenario_file`], [`Simulation::finish`] |
 //! | talk to a device | [`Device::open`] |
 //! | let time pass | [`Simulation::advance`], [`Simulation::wait_until`] |
-//! | see what is really so | [`Device::number`], [`Device::flag`], [`Simulation::look`] |
+//! | see what is really so | [`Device::number`], [`Device::flag`], [`Device::look`], [`Simulation::look`] |
 //! | break something, work a button, change the world | [`Device::fault`], [`Device::operator`], [`Simulation::step`] |
 //! | see what the client did wrong | [`Device::report`], [`Simulation::events`] |
 //! | serve a client that opens a path | [`Builder::spawn`] |
@@ -48,6 +48,8 @@ pub mod served;
 mod simulation;
 mod slowness;
 mod spawn;
+
+pub use sim_core;
 
 pub use builder::{Builder, NewDevice};
 pub use error::Error;

@@ -18,6 +18,11 @@ pub enum Elsewhere<'a> {
     In(&'a Path),
 }
 
+/// A pseudo-terminal has two ends, a directory and a lock.
+const DESCRIPTORS_OF_A_PORT: u64 = 4;
+/// More than a program needs beside its ports: several runs at a time have ports of their own.
+const OTHER_DESCRIPTORS: u64 = 512;
+
 /// Opens every port of the plan; relative paths are relative to `folder`, and URLs are where to listen
 /// on the network. The first device's first link is served on the real port `serial`, if one is
 /// named. Pseudo-terminals are set up as `setup` says, but for the speed, which is the device's own.
@@ -31,6 +36,8 @@ pub fn open_all(
     elsewhere: &Elsewhere<'_>,
     setup: PtySetup,
 ) -> Result<Vec<Served>, PortError> {
+    let links: usize = plan.devices.iter().map(|device| device.links().len()).sum();
+    sim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links as u64);
     let mut ports = Vec::new();
     for (device, planned) in plan.devices.iter().enumerate() {
         for link in planned.links() {

@@ -274,6 +274,31 @@ impl Device {
         self.simulation.holds(&self.qualified(name))
     }
 
+    /// Looks at the device itself, firmware and hardware, as one of its type.
+    ///
+    /// ```
+    /// use sim_embed::sim_core::r150::R150;
+    ///
+    /// # let sim = sim_embed::Simulation::of("r150")?;
+    /// let truth = sim.device("r150")?.look(|r150: &R150| r150.truth())?;
+    /// assert_eq!((truth.pose.x, truth.pose.heading), (0.0, 0.0));
+    /// # Ok::<(), sim_embed::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When it is of another type.
+    pub fn look<D: sim_core::device::Device, T>(
+        &self,
+        look: impl FnOnce(&D) -> T,
+    ) -> Result<T, Error> {
+        self.simulation
+            .look(|rig| rig.device(self.index).map(look))
+            .ok_or_else(|| Error::OtherDevice {
+                device: self.name.clone(),
+                wanted: std::any::type_name::<D>(),
+            })
+    }
+
     fn qualified(&self, name: &str) -> String {
         // Conditions write it so.
         format!("{}.{name}", self.name.replace('-', "_"))

@@ -44,6 +44,10 @@ pub struct LineSettings {
     pub stop_bits: u32,
     /// Bytes go through unchanged.
     pub raw: bool,
+    /// It asks for a parity bit; Linux leaves a trace only of odd parity.
+    pub parity: bool,
+    /// It waits for the line CTS before it sends.
+    pub rts_cts: bool,
 }
 
 /// When a read comes to its end.
@@ -205,6 +209,8 @@ impl Port {
             baud: termios.input_speed(),
             stop_bits: if two { 2 } else { 1 },
             raw: is_raw(&termios),
+            parity: termios.control_modes.contains(ControlModes::PARODD),
+            rts_cts: termios.control_modes.contains(ControlModes::CRTSCTS),
         }))
     }
 

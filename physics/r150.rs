@@ -118,7 +118,9 @@ impl R150Plant {
         let moves = commands.motor_duty != self.commands.motor_duty
             || commands.propulsion_power != self.commands.propulsion_power
             || commands.parking_brake != self.commands.parking_brake;
-        let switches = moves || commands.rail_on != self.commands.rail_on;
+        let switches = moves
+            || commands.rail_on != self.commands.rail_on
+            || commands.tail_power != self.commands.tail_power;
         let captures = commands.pwm_out_duty != self.commands.pwm_out_duty;
         self.commands = commands;
         if captures {
@@ -229,7 +231,7 @@ impl R150Plant {
                 resistance: battery.resistance() + self.faults.supply_resistance,
             },
             motors: Side::BOTH.map(|side| self.motor_port(side)),
-            tail: fuse_whole(FuseId::Tail),
+            tail: fuse_whole(FuseId::Tail) && self.commands.tail_power,
             rail_on: self.commands.rail_on,
             loads,
             small_modules: if fuse_whole(FuseId::SmallModules) {

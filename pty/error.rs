@@ -22,6 +22,9 @@ pub enum PortErrorKind {
     /// The path has no last component, so no link can be put there.
     #[error("the path does not name a file; give one such as /tmp/r150")]
     NotAFileName,
+    /// The path is longer than the system opens.
+    #[error("the path is longer than 4,095 bytes, so that no client could open it")]
+    TooLong,
     /// The directory that is to hold the link is missing.
     #[error("the directory {} does not exist; create it or choose another path", .0.display())]
     MissingDirectory(PathBuf),

@@ -52,6 +52,7 @@
 mod busy_poll;
 mod error;
 mod hub;
+mod limits;
 mod line;
 mod link;
 mod lock;
@@ -65,6 +66,7 @@ mod signals;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
+pub use limits::{survive_full_files, want_descriptors};
 pub use line::{Defaults, LineSettings, Parity};
 pub use net_decoder::NetDecoder;
 pub use net_port::{ListenAddress, NetPort, Protocol};

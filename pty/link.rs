@@ -14,7 +14,7 @@
 //! if what came out is not what had been judged stale.
 
 use std::ffi::{OsStr, OsString};
-use std::os::unix::ffi::OsStringExt as _;
+use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
 use std::path::{Path, PathBuf};
 
 use rustix::fd::OwnedFd;
@@ -29,6 +29,9 @@ use crate::lock::Lock;
 
 /// How often to look again when others make and remove files at the path.
 const MAX_ATTEMPTS: usize = 8;
+
+/// So long a path cannot be opened, `PATH_MAX` with the zero byte at its end.
+const LONGEST_PATH: usize = 4096;
 
 /// A published link, removed on drop if it is still ours.
 #[derive(Debug)]
@@ -56,9 +59,8 @@ impl Link {
         let mut lock = Lock::take(&place)?;
         let recorded = lock.recorded_target();
         lock.record(target)?;
-        let made = place.make(target, |found| {
-            recorded.as_deref() == Some(found) || found == target || is_dead_pty(found)
-        });
+        // Only what a simulator has recorded is a simulator's, wherever else a link may lead.
+        let made = place.make(target, |found| recorded.as_deref() == Some(found));
         if let Err(kind) = made {
             // All is left as it was found.
             match recorded {
@@ -108,8 +110,13 @@ impl Place {
     fn of(path: &Path) -> Result<Self, PortErrorKind> {
         let name = path
             .file_name()
+            .filter(|_| !path.as_os_str().as_bytes().ends_with(b"/"))
             .ok_or(PortErrorKind::NotAFileName)?
             .to_owned();
+        // The link can be made in a directory that is open; a client has to name it all.
+        if path.as_os_str().len() >= LONGEST_PATH {
+            return Err(PortErrorKind::TooLong);
+        }
         let dir_path = match path.parent() {
             Some(parent) if parent != Path::new("") => parent.to_owned(),
             _ => PathBuf::from("."),
@@ -240,32 +247,9 @@ impl Place {
     }
 }
 
-/// Whether `target` names a pseudo-terminal that does not exist.
-fn is_dead_pty(target: &Path) -> bool {
-    let number = target.strip_prefix("/dev/pts").ok().and_then(Path::to_str);
-    number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
-        && matches!(rustix::fs::lstat(target), Err(Errno::NOENT))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn only_a_numbered_terminal_that_is_missing_counts_as_dead() {
-        assert!(is_dead_pty(Path::new("/dev/pts/4294967")));
-        for other in [
-            "/dev/pts",
-            "/dev/pts/",
-            "/dev/pts/ptmx",
-            "/dev/pts/+1",
-            "/dev/pts/1/2",
-        ] {
-            assert!(!is_dead_pty(Path::new(other)), "{other}");
-        }
-        assert!(!is_dead_pty(Path::new("4294967")));
-        assert!(!is_dead_pty(Path::new("/tmp/4294967")));
-    }
 
     #[test]
     fn an_exchange_that_meets_something_else_changes_nothing() {

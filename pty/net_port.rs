@@ -10,7 +10,7 @@ use std::fmt;
 use std::io::{ErrorKind, Read as _};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::retry_on_intr;
@@ -23,6 +23,9 @@ use crate::net_decoder::{MOST_AHEAD, NetDecoder};
 use crate::port::{Counters, Event, Written};
 use crate::pty_port::write_some;
 
+/// How long the end of one connection may take when the beginning of the next is known already: both
+/// come by different processors.
+const LONGEST_FAREWELL: Duration = Duration::from_millis(100);
 /// After so long a silence a client is asked whether it is still there.
 const SILENCE: Duration = Duration::from_secs(10);
 
@@ -101,8 +104,8 @@ pub struct NetPort {
     path: PathBuf,
     baud: u32,
     client: Option<Connection>,
-    /// Has come in the place of one whose end was not read yet.
-    next: Option<TcpStream>,
+    /// Has come at this time while another is still there, as far as is known.
+    next: Option<(TcpStream, Instant)>,
     counters: Counters,
 }
 
@@ -192,9 +195,9 @@ impl NetPort {
     pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self.next_event(buf)?;
         if let Some(registration) = &self.registration {
-            registration.note(event == Event::Idle);
+            registration.note(event == Some(Event::Idle));
         }
-        Ok(event)
+        Ok(event.unwrap_or(Event::Idle))
     }
 
     /// Sends what fits and drops the rest; see
@@ -233,36 +236,42 @@ impl NetPort {
         Ok(())
     }
 
-    fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+    /// `None` if the port has to be looked at again to know.
+    fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortError> {
         let Some(client) = &mut self.client else {
-            return self.accept();
+            return self.accept().map(Some);
         };
         client.take_ahead();
         let taken = client.take(buf);
         if taken > 0 {
             self.counters.received(taken);
-            return Ok(Event::Data(taken));
+            return Ok(Some(Event::Data(taken)));
         }
         // What is left of a client that is gone will not be sent.
         if client.ended {
             self.client = None;
-            return Ok(Event::Detached);
+            return Ok(Some(Event::Detached));
         }
-        // One at a time: whoever comes meanwhile is told so by being let go, unless the other has left
-        // since it was read.
-        while let (None, Ok((stream, _))) = (&self.next, self.listener.accept()) {
-            self.next = has_ended(&client.stream).then_some(stream);
+        // One at a time: whoever comes meanwhile is told so by being let go, unless the other turns out
+        // to have left, of which the news may still be under way.
+        if self.next.is_none() {
+            let next = self.listener.accept();
+            self.next = next.ok().map(|(stream, _)| (stream, Instant::now()));
         }
-        match self.next {
-            Some(_) => self.next_event(buf),
-            None => Ok(Event::Idle),
+        match &self.next {
+            None => Ok(Some(Event::Idle)),
+            Some((_, came)) if came.elapsed() > LONGEST_FAREWELL => {
+                self.next = None;
+                Ok(None)
+            }
+            Some(_) => Ok(None),
         }
     }
 
     fn accept(&mut self) -> Result<Event, PortError> {
         loop {
             let next = match self.next.take() {
-                Some(stream) => Ok(stream),
+                Some((stream, _)) => Ok(stream),
                 None => self.listener.accept().map(|(stream, _)| stream),
             };
             let stream = match next {

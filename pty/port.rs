@@ -18,7 +18,7 @@ pub enum Port {
     /// A real serial port with the client at the other end of the cable.
     Serial(SerialPort),
     /// A port that clients reach over the network.
-    Net(NetPort),
+    Net(Box<NetPort>),
 }
 
 /// One piece of news from a port.
@@ -178,7 +178,7 @@ impl From<PtyPort> for Port {
 
 impl From<NetPort> for Port {
     fn from(port: NetPort) -> Self {
-        Self::Net(port)
+        Self::Net(Box::new(port))
     }
 }
 

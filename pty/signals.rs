@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rustix::fd::{AsFd, BorrowedFd};
 use signal_hook::SigId;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU};
 use signal_hook::low_level::{pipe, unregister};
 
 /// A signal that asks the program to stop.
@@ -20,16 +20,24 @@ pub enum TerminationSignal {
     Terminate,
     /// `SIGHUP`, the terminal was closed.
     Hangup,
+    /// `SIGXCPU`, the limit of processor time has been reached; some seconds later the system kills.
+    ProcessorTime,
 }
 
 impl TerminationSignal {
-    const ALL: [Self; 3] = [Self::Interrupt, Self::Terminate, Self::Hangup];
+    const ALL: [Self; 4] = [
+        Self::Interrupt,
+        Self::Terminate,
+        Self::Hangup,
+        Self::ProcessorTime,
+    ];
 
     fn number(self) -> i32 {
         match self {
             Self::Interrupt => SIGINT,
             Self::Terminate => SIGTERM,
             Self::Hangup => SIGHUP,
+            Self::ProcessorTime => SIGXCPU,
         }
     }
 }
@@ -40,6 +48,7 @@ impl fmt::Display for TerminationSignal {
             Self::Interrupt => "SIGINT",
             Self::Terminate => "SIGTERM",
             Self::Hangup => "SIGHUP",
+            Self::ProcessorTime => "SIGXCPU",
         })
     }
 }

@@ -133,6 +133,8 @@ pub struct Run {
     options: RunOptions,
     rig: Rig,
     ports: Vec<PortId>,
+    /// Where each device's ports begin in `ports`, and where the last one's end.
+    first_ports: Vec<usize>,
     observed: Vec<Observed>,
     agenda: Agenda,
     steps: Vec<StepState>,
@@ -189,6 +191,8 @@ impl Run {
                 })
             })
             .collect();
+        let first = |device| ports.partition_point(|port| port.device < device);
+        let first_ports = (0..=scenario.rig.devices.len()).map(first).collect();
         let settings = &scenario.rig.settings.world;
         let ground = Ground::new(
             settings.friction,
@@ -228,6 +232,7 @@ impl Run {
             options,
             rig,
             ports,
+            first_ports,
         };
         run.open_script()?;
         run.schedule();
@@ -490,8 +495,13 @@ impl Run {
 
     /// The ports of a device, as indices.
     fn ports_of(&self, device: usize) -> std::ops::Range<usize> {
-        let first = self.ports.partition_point(|port| port.device < device);
-        first..self.ports.partition_point(|port| port.device <= device)
+        let bound = |device| self.first_ports.get(device).copied().unwrap_or_default();
+        bound(device)..bound(device.saturating_add(1))
+    }
+
+    /// A port as an index.
+    fn port_at(&self, port: PortId) -> Option<usize> {
+        self.ports_of(port.device).nth(port.link)
     }
 
     fn read_port(&mut self, index: usize, at: SimTime) {

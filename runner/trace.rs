@@ -7,6 +7,7 @@
 //! | kind | what |
 //! |---|---|
 //! | `header` | the first line: everything that a second run needs |
+//! | `time` | whose time a real client has: `lockstep` or `real` |
 //! | `attach`, `detach` | a client opened or closed a port |
 //! | `line` | a client set its end of a line |
 //! | `late` | the simulator was late: until `until` commands may come up to `by` ns too soon |
@@ -93,6 +94,12 @@ impl Recorder {
 
     pub(crate) fn poll(&mut self) -> Option<String> {
         self.lines.pop_front()
+    }
+
+    pub(crate) fn time(&mut self, client: &'static str) {
+        self.write(&Record::Time {
+            client: client.into(),
+        });
     }
 
     pub(crate) fn attached(&mut self, at: SimTime, port: PortId) {

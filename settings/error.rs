@@ -22,7 +22,7 @@ impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File { file, line, column } => write!(f, "{file}:{line}:{column}"),
-            Self::Flag(flag) => write!(f, "{flag}"),
+            Self::Flag(flag) => f.write_str(&shorten(flag.clone())),
         }
     }
 }

@@ -73,7 +73,7 @@ pub struct DeviceSpec {
 }
 
 impl DeviceSpec {
-    /// The name with which conditions begin, if there is one such.
+    /// What conditions call by this name, if it has such.
     pub fn find_name(&self, name: &str) -> Option<&'static NameInfo> {
         self.all_names().find(|info| info.name == name)
     }

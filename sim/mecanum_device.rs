@@ -17,10 +17,10 @@
 
 pub mod ascii;
 pub mod codec;
+mod defects;
 mod drive;
 pub mod encoder;
 mod event;
-mod flaws;
 pub mod kinematics;
 pub mod motion;
 pub mod odometry;

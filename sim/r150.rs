@@ -150,7 +150,14 @@ impl R150 {
         };
         let plant = R150Plant::with_name(name, &settings.plant, world, setup.pose);
         let noise = Noise::new(seed, &format!("{name}.measurement_noise"));
-        let device = R150Device::new(settings.firmware, start, plant.measurements(), noise);
+        let reply_time = Noise::new(seed, &format!("{name}.reply_time"));
+        let device = R150Device::new(
+            settings.firmware,
+            start,
+            plant.measurements(),
+            noise,
+            reply_time,
+        );
         let mut vehicle = Self {
             device,
             plant,

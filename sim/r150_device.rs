@@ -17,8 +17,8 @@ mod bursts;
 pub mod codec;
 pub mod command;
 pub mod control;
+mod defects;
 mod event;
-mod flaws;
 pub mod motors;
 pub mod protection;
 pub mod reply;
@@ -41,7 +41,7 @@ use crate::noise::Noise;
 use crate::uart;
 use codec::Decoder;
 use control::{Control, FULL_DUTY, Parts};
-pub use event::{R150Event, ValueFault};
+pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
 use reply::{Reply, SystemInfo};
@@ -62,6 +62,8 @@ pub struct R150Device {
     vehicle: Vehicle,
     measured: R150Measurements,
     noise: Noise,
+    /// Draws how long replies take.
+    reply_time: Noise,
     /// Replies with the time at which each begins its way.
     replies: VecDeque<(SimTime, Reply)>,
     output: VecDeque<Vec<u8>>,
@@ -80,14 +82,15 @@ pub struct R150Device {
 impl R150Device {
     /// A module that has just been switched on, in a vehicle as `start` says.
     ///
-    /// `measured` is what its sensors read at that moment; `noise` spoils later measurements as
-    /// the settings say.
+    /// `measured` is what its sensors read at that moment; `noise` spoils later measurements and
+    /// `reply_time` spreads replies, as the settings say.
     #[must_use]
     pub fn new(
         settings: R150FirmwareSettings,
         start: Start,
         measured: R150Measurements,
         noise: Noise,
+        reply_time: Noise,
     ) -> Self {
         // The decoder sees when a byte has ended, and the pause is from there to the next one's start.
         let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud, 1);
@@ -99,6 +102,7 @@ impl R150Device {
             vehicle: Vehicle::new(start, &settings),
             measured,
             noise,
+            reply_time,
             replies: VecDeque::new(),
             output: VecDeque::new(),
             events: VecDeque::new(),
@@ -227,7 +231,8 @@ impl R150Device {
         R150Commands {
             motor_duty: Sides::from(duty),
             propulsion_power,
-            parking_brake: self.vehicle.parked() || stopped,
+            parking_brake: self.vehicle.holds(self.motors.set_point()) || stopped,
+            tail_power: !(self.vehicle.emergency_stop() && self.settings.emergency_stop_cuts_tail),
             rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
             pwm_out_duty: self
                 .pwm_outputs()

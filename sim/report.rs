@@ -21,7 +21,7 @@ pub struct Tally {
     /// Bytes that were lost in all of them.
     pub lost_bytes: u64,
     /// How many of them were the client's doing: forbidden by the protocol, or risky.
-    pub client_faults: u64,
+    pub held_against_client: u64,
 }
 
 /// Counts of one device.
@@ -57,20 +57,20 @@ impl Report {
                 first: kind.to_string(),
                 bytes: kind.bytes().map(Cow::into_owned),
                 lost_bytes: 0,
-                client_faults: 0,
+                held_against_client: 0,
             });
         tally.count += 1;
         tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes());
         // A heartbeat that ends because the client has left is as it should be.
         let left = kind.role() == Role::HeartbeatLost && self.attached == 0;
-        tally.client_faults += u64::from(kind.blames_client() && !left);
+        tally.held_against_client += u64::from(kind.blames_client() && !left);
     }
 
     /// What the client did that the protocol forbids or that is risky.
-    pub fn client_faults(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
+    pub fn held_against_client(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
         self.events
             .iter()
-            .filter(|(_, tally)| tally.client_faults > 0)
+            .filter(|(_, tally)| tally.held_against_client > 0)
             .map(|(code, tally)| (*code, tally))
     }
 }

@@ -114,8 +114,14 @@ pub fn r150(stream: &Stream<'_>) {
         let mut world = World::new(&WorldSettings::default());
         let plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
         let settings = R150FirmwareSettings::default();
-        let noise = Noise::new(1, "noise");
-        R150Device::new(settings, Start::Ready, plant.measurements(), noise)
+        let noise = || Noise::new(1, "noise");
+        R150Device::new(
+            settings,
+            Start::Ready,
+            plant.measurements(),
+            noise(),
+            noise(),
+        )
     });
     let resync = stream.rule(0, Resync::SecondByte, Resync::NextFrame);
     let mut decoder = Decoder::new(TIMEOUT, resync);

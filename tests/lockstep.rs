@@ -162,6 +162,166 @@ fn the_shipped_clients_pass_and_are_the_same_each_time() {
     }
 }
 
+/// What every client does: two threads, waits with timeouts, a cable that is pulled and comes back.
+/// Its first line of output is what it has counted of the device's replies.
+fn drives(folder: &Folder, client: &[&str]) {
+    let pulled = harness::live::drive_with("{ kind = \"cable-pulled\" }", "1 s");
+    std::fs::write(folder.file("pulled.toml"), pulled).unwrap();
+    let ended = run(
+        folder,
+        &["--twice", "--output", "out", "pulled.toml"],
+        client,
+    );
+    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    let output = folder.read("out/pulled.client.log");
+    assert!(output.contains("came back"), "{output}");
+    let trace = folder.read("out/pulled.trace.jsonl");
+    assert_eq!(trace.matches("\"kind\":\"attach\"").count(), 2, "{output}");
+    assert!(trace.contains("\"kind\":\"time\",\"client\":\"lockstep\""));
+}
+
+/// Whether a program is there; if not, it is named.
+fn has(program: &str, arguments: &[&str]) -> bool {
+    let there = Command::new(program).args(arguments).output();
+    let there = there.is_ok_and(|output| output.status.success());
+    if !there {
+        eprintln!(
+            "skipped: {program} {} does not work here",
+            arguments.join(" ")
+        );
+    }
+    there
+}
+
+fn client(name: &str) -> String {
+    format!("{}/tests/clients/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Compiles a client into the folder.
+fn built(folder: &Folder, compiler: &str, arguments: &[&str]) -> String {
+    let binary = folder.file("client");
+    let output = Command::new(compiler)
+        .args(arguments)
+        .arg("-o")
+        .arg(&binary)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{errors}");
+    binary.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_client_in_python_with_threads() {
+    let Some(python) = python() else { return };
+    drives(&folder(), &[python, &client("threads.py")]);
+}
+
+#[test]
+fn a_client_in_python_with_asyncio() {
+    let Some(python) = python() else { return };
+    drives(&folder(), &[python, &client("with_asyncio.py")]);
+}
+
+#[test]
+fn a_client_in_cpp_with_threads_and_conditions() {
+    if !has("c++", &["--version"]) {
+        return;
+    }
+    let folder = folder();
+    let source = client("threads.cc");
+    let binary = built(&folder, "c++", &["-std=c++17", "-pthread", &source]);
+    drives(&folder, &[&binary]);
+}
+
+#[test]
+fn a_client_in_cpp_with_asio() {
+    let header = "/usr/include/asio.hpp";
+    if !has("c++", &["--version"]) || !has("test", &["-e", header]) {
+        return;
+    }
+    let folder = folder();
+    let source = client("with_asio.cc");
+    let binary = built(&folder, "c++", &["-std=c++17", "-pthread", &source]);
+    drives(&folder, &[&binary]);
+}
+
+#[test]
+fn a_client_in_rust_with_threads() {
+    if !has("rustc", &["--version"]) {
+        return;
+    }
+    let folder = folder();
+    let binary = built(
+        &folder,
+        "rustc",
+        &["--edition", "2024", &client("threads.rs")],
+    );
+    drives(&folder, &[&binary]);
+}
+
+#[test]
+fn a_client_in_go_is_static() {
+    if !has("go", &["version"]) {
+        return;
+    }
+    let folder = folder();
+    let binary = folder.file("client");
+    let output = Command::new("go")
+        .args(["build", "-o"])
+        .arg(&binary)
+        .arg(client("threads.go"))
+        .env("CGO_ENABLED", "0")
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{errors}");
+    drives(&folder, &[binary.to_str().unwrap()]);
+}
+
+#[test]
+fn a_client_in_node_with_serialport() {
+    if !has("node", &["-e", "require('serialport')"]) {
+        return;
+    }
+    drives(&folder(), &["node", &client("with_serialport.js")]);
+}
+
+#[test]
+fn several_tests_of_pytest_are_one_client() {
+    let Some(python) = python() else { return };
+    if !has(python, &["-m", "pytest", "--version"]) {
+        return;
+    }
+    let folder = folder();
+    let suite = client("pytest_suite.py");
+    let quiet = ["-m", "pytest", "-q", "-p", "no:cacheprovider", &suite];
+    let args = ["--twice", "--output", "out", "drive.toml"];
+    run(&folder, &args, &[&[python], &quiet[..]].concat()).expect_clean();
+    let output = folder.read("out/drive.client.log");
+    assert!(output.contains("5 passed"), "{output}");
+}
+
+#[test]
+fn a_client_in_shell() {
+    drives(&folder(), &["bash", &client("script.sh")]);
+}
+
+#[test]
+fn modem_lines_that_a_client_sets_appear_as_events() {
+    let Some(python) = python() else { return };
+    let code = "import os, serial; p = serial.Serial(os.environ['SIM_R150_PORT'], 115200); \
+                assert p.cts and p.dsr and p.cd; p.dtr = False; exit(p.cts - 1)";
+    let folder = folder();
+    let args = ["--output", "out", "drive.toml"];
+    run(&folder, &args, &[python, "-c", code]).expect_clean();
+    let trace = folder.read("out/drive.trace.jsonl");
+    assert!(
+        trace.contains("the client has set DTR off and RTS on"),
+        "{trace}"
+    );
+}
+
 #[test]
 fn what_differs_between_two_runs_is_shown() {
     let client = format!("{OPEN} echo it ran $(cat count 2>/dev/null) times; echo 1 >>count");

@@ -51,7 +51,7 @@ fn its_watchdog_stops_it_and_is_held_against_the_client() {
     assert!(outcome.passed, "{outcome:#?}");
     let blamed: Vec<&str> = outcome.devices[0]
         .report
-        .client_faults()
+        .held_against_client()
         .map(|(code, _)| code)
         .collect();
     assert_eq!(blamed, ["bad_line", "watchdog_fired"]);

@@ -302,3 +302,63 @@ fn a_file_that_is_no_text_is_refused() {
         run(args).expect_refusal(2, &[file, "UTF-8"]);
     }
 }
+
+/// A shell's words before the program: its standard output goes to a file beside.
+const QUIETLY: &str = "exec \"$0\" \"$@\" > out.txt";
+
+#[test]
+fn a_limit_of_file_sizes_is_a_full_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("s.toml"), SCENARIO).unwrap();
+    let args = ["run", "--output", "o", "--junit", "r.xml", "s.toml"];
+    let how = format!("ulimit -f 4 && {QUIETLY}");
+    let ended = ended(shell(&how, &args).current_dir(folder.path()));
+    ended.expect_refusal(3, &[]);
+    let told = fs::read_to_string(folder.path().join("out.txt")).unwrap();
+    assert!(told.contains("cannot write the trace"), "{told}");
+    assert!(told.contains("File too large"), "{told}");
+    // The client has the limit, too, and the usual end of it.
+    let client = [
+        "--",
+        "sh",
+        "-c",
+        "exec 3<>\"$SIM_R150_PORT\"; head -c 99999 /dev/zero > big",
+    ];
+    let args = [&["run", "s.toml"] as &[&str], &client].concat();
+    let ended = Sim::spawn(
+        shell(&how, &args).current_dir(folder.path()),
+        PathBuf::new(),
+        None,
+    );
+    assert_eq!(ended.wait().code(), Some(1));
+}
+
+#[test]
+fn the_limit_of_processor_time_ends_it_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let sim = Sim::start_at(&folder.path().join("r150"), &[]);
+    // What the system sends when the limit is reached.
+    sim.signal(rustix::process::Signal::XCPU);
+    sim.wait().expect_clean();
+    assert!(names(folder.path()).is_empty());
+}
+
+#[test]
+fn a_soft_limit_of_descriptors_does_not_stop_many_ports() {
+    let folder = tempfile::tempdir().unwrap();
+    let device = "[[device]]\nkind = \"r150\"\n";
+    let far = |n: usize| {
+        format!("{device}name = \"v{n}\"\npose = {{ x = \"{n} m\" }}\nport = \"p{n}\"\n")
+    };
+    let devices: String = (0..120).map(|n| far(3 * n)).collect();
+    fs::write(
+        folder.path().join("rig.toml"),
+        format!("schema = 1\n{devices}"),
+    )
+    .unwrap();
+    let how = "ulimit -Sn 64 && exec \"$0\" \"$@\"";
+    let mut command = shell(how, &["--rig", "rig.toml"]);
+    let sim = Sim::spawn(command.current_dir(folder.path()), PathBuf::new(), None);
+    sim.wait_ready();
+    sim.stop().expect_clean();
+}

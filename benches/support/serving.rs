@@ -16,7 +16,14 @@ use super::{Figures, Options, quantile};
 const COMMAND_INTERVAL: Duration = Duration::from_millis(50);
 /// Replies at once; and to every motor command, since simulated time stands still while the machine
 /// is busy elsewhere, so that commands may come too soon by it.
-pub const INSTANT: [&str; 4] = ["--wire", "instant", "--set", "r150.over_rate=answer"];
+pub const INSTANT: [&str; 6] = [
+    "--wire",
+    "instant",
+    "--set",
+    "r150.over_rate=answer",
+    "--set",
+    "r150.reply_spread=0s",
+];
 /// Ports of one process.
 pub const PORTS: usize = 200;
 /// How often each is polled.

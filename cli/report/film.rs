@@ -118,9 +118,10 @@ impl Film {
             }),
             _ => None,
         };
-        let probes = match wanted.values {
-            true => run.probes(),
-            false => Vec::new(),
+        let probes = if wanted.values {
+            run.probes()
+        } else {
+            Vec::new()
         };
         Self {
             wanted,

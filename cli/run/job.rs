@@ -145,12 +145,15 @@ impl<'a> Job<'a> {
 
     /// A run of it, and the file for its trace.
     pub(crate) fn begin(&self) -> Result<(Run, Option<TraceFile>), Failure> {
-        let run = self.loaded.run(RunOptions {
+        let mut run = self.loaded.run(RunOptions {
             seed: self.seed,
             wire: Wire::Paced,
             live: self.is_live(),
             trace: self.recording().is_some(),
         })?;
+        if self.is_live() {
+            run.name_time(self.time_word());
+        }
         let trace = self.recording().map(TraceFile::create).transpose()?;
         Ok((run, trace))
     }

@@ -222,7 +222,7 @@ fn case(job: &Job<'_>, result: Option<&JobResult>) -> TestCase {
     let title = visible::line(&job.loaded.scenario.title);
     let mut case = TestCase::new(title, status(result));
     // Shown as a tree by its dots.
-    let stem = visible::name(job.loaded.stem());
+    let stem = visible::name(&job.loaded.stem());
     case.set_classname(format!("sim.{}", stem.replace('.', "_")));
     case.set_time(Duration::ZERO);
     if let Some(JobResult::Played(played)) = result {

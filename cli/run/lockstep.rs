@@ -11,7 +11,7 @@ use sim_core::SimTime;
 use sim_core::line::ClientLine;
 use sim_core::rig::PortId;
 use sim_lockstep::{
-    Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World,
+    Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World, modem,
 };
 use sim_runner::Run;
 use sim_settings::show_duration;
@@ -333,8 +333,8 @@ fn client_line(line: LineSettings) -> ClientLine {
         baud: line.baud,
         stop_bits: u8::try_from(line.stop_bits).unwrap_or(1),
         raw: line.raw,
-        parity: false,
-        rts_cts: false,
+        parity: line.parity,
+        rts_cts: line.rts_cts,
     }
 }
 
@@ -370,7 +370,10 @@ impl World for Stage {
         Ok(count)
     }
 
-    fn modem_lines(&mut self, _port: usize, _now: u64, _lines: u32) -> Result<(), Broken> {
+    fn modem_lines(&mut self, port: usize, _now: u64, lines: u32) -> Result<(), Broken> {
+        let id = self.id(port)?;
+        let (dtr, rts) = (lines & modem::DTR != 0, lines & modem::RTS != 0);
+        self.run.set_modem_lines(id, dtr, rts);
         Ok(())
     }
 

@@ -196,10 +196,10 @@ pub(crate) fn worth(outcome: &Outcome) -> String {
 pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
     let mut lines = Vec::new();
     for device in &outcome.devices {
-        for (code, tally) in device.report.client_faults() {
+        for (code, tally) in device.report.held_against_client() {
             lines.push(format!(
                 "{}: {code} {}x, first at {} s: {}",
-                device.name, tally.client_faults, tally.first_at, tally.first
+                device.name, tally.held_against_client, tally.first_at, tally.first
             ));
         }
     }
@@ -283,11 +283,11 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         .devices
         .iter()
         .flat_map(|device| {
-            device.report.client_faults().map(|(code, tally)| {
+            device.report.held_against_client().map(|(code, tally)| {
                 json!({
                     "device": device.name,
                     "code": code,
-                    "count": tally.client_faults,
+                    "count": tally.held_against_client,
                     "first_s": tally.first_at.as_secs_f64(),
                     "first": tally.first,
                     "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),

@@ -19,7 +19,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let scratch = tempfile::tempdir()
         .context("cannot make a folder for the traces")
         .map_err(Failure::system)?;
-    let mut job = job.clone();
+    let asked = job;
+    let mut job = asked.clone();
     if job.output.is_none() {
         job.output = Some(scratch.path());
     }
@@ -32,6 +33,12 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let JobResult::Played(played) = &mut second else {
         return Ok(second);
     };
+    if let (Some(from), Some(to)) = (job.recording(), asked.recording())
+        && from != to
+    {
+        let copied = fs::copy(&from, &to).context("cannot keep the trace");
+        copied.map_err(Failure::system)?;
+    }
     for ((end, what), before) in COMPARED.into_iter().zip(before) {
         let (before, after) = (before?, contents(&job, end)?);
         if let Some(difference) = difference(what, &before, &after) {

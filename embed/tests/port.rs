@@ -28,7 +28,7 @@ fn ask(port: &mut dyn SerialPort) -> std::io::Result<[u8; 7]> {
 
 fn faults(device: &Device) -> Vec<&'static str> {
     let report = device.report();
-    report.client_faults().map(|(code, _)| code).collect()
+    report.held_against_client().map(|(code, _)| code).collect()
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::io::{Read, Write};
 use std::time::Duration;
 
+use sim_core::mecanum::Mecanum;
 use sim_core::r150_device::command::Request;
 use sim_embed::{Error, NewDevice, Simulation};
 
@@ -29,6 +30,8 @@ fn what_makes_no_sense_is_told_by_name() {
     assert!(fault.contains("bit-flips"), "{fault}");
     assert!(message(r150.operator("jump").err().unwrap()).contains("lock"));
     assert!(message(sim.device("car").err().unwrap()).contains("r150"));
+    let car = message(r150.look(|car: &Mecanum| car.truth()).unwrap_err());
+    assert!(car.starts_with("r150 is no "), "{car}");
     let setting = Simulation::builder().device("r150").set("r150.bawd", 9600);
     let setting = message(setting.build().err().unwrap());
     assert!(setting.contains("r150.baud"), "{setting}");

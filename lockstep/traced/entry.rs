@@ -548,6 +548,8 @@ impl Tracer<'_> {
         crept: bool,
     ) -> Result<Action, Halt> {
         let a = registers.arguments();
+        // Before anything is done with a port, the world knows who has it open.
+        self.look_at_ports()?;
         // The end that a port may be at.
         let fd = match call {
             Call::Splice => int(a[2]),

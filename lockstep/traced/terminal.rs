@@ -137,6 +137,7 @@ impl Tracer<'_> {
         (fd, request, argument): (i32, u32, u64),
         crept: bool,
     ) -> Result<Action, Halt> {
+        self.look_at_ports()?;
         let port = self
             .descriptor(process, fd)
             .and_then(|descriptor| self.port_of(&descriptor));

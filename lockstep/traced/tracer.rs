@@ -69,6 +69,8 @@ pub(crate) struct Tracer<'a> {
     pub(crate) refused: BTreeSet<String>,
     sleepy: u32,
     calls: u64,
+    /// Since when somebody waits for the world outside, in real and in simulated time.
+    paced: Option<(Instant, u64)>,
 }
 
 /// Ends the run early.
@@ -183,6 +185,7 @@ impl<'a> Tracer<'a> {
             refused: BTreeSet::new(),
             sleepy: 0,
             calls: 0,
+            paced: None,
         };
         let made = tracer.add_process(main, None);
         made.map_err(|error| Error::System {
@@ -310,7 +313,6 @@ impl<'a> Tracer<'a> {
         match resume {
             Resume::Go(signal) => sys::go_on(tid, signal)?,
             Resume::Call { crept } => {
-                self.look_at_ports()?;
                 self.calls += 1;
                 let registers = Registers::of(tid)?;
                 let action = match self.call(tid, registers, crept) {
@@ -886,6 +888,8 @@ impl<'a> Tracer<'a> {
                 Some(to) => until = Some(to),
                 None => return Ok(true),
             }
+        } else {
+            self.paced = None;
         }
         if self.killed_at.is_some_and(|at| at <= self.now) {
             self.kill_all();
@@ -923,11 +927,11 @@ impl<'a> Tracer<'a> {
         waits: &[crate::traced::descriptor::Outside],
         most: u64,
     ) -> Result<Option<u64>, Halt> {
-        let begun = Instant::now();
         for wait in waits {
             self.outside.insert(wait.name.clone());
         }
-        let span = Duration::from_nanos(most.saturating_sub(self.now));
+        let (begun, from) = *self.paced.get_or_insert((Instant::now(), self.now));
+        let span = Duration::from_nanos(most.saturating_sub(from));
         // A thread in the kernel comes back without notice.
         let slice = if self.is_anybody_blocked() {
             Duration::from_millis(1)

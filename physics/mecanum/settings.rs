@@ -26,7 +26,7 @@ settings! {
     pub struct MecanumPlantSettings {
         /// How the motors of LF, RF, LR, RR are really plugged in, whatever the firmware expects.
         plugs: Plugs = Plugs::AsExpected,
-            documented "article, wiring table; a later line gives \"x-y-z-e0\"";
+            assumed "a car that is wired as its firmware expects";
     }
     groups {
         /// Chassis and payload.

@@ -32,6 +32,7 @@ pub(super) fn read(
     let high = signal.high_voltage >= settings.input_high;
     let steady = signal.duty <= 0.0 || signal.duty >= 1.0;
     let measurable = high
+        && signal.high_voltage <= settings.input_voltage_max
         && signal.frequency >= settings.input_frequency_min
         && signal.frequency <= settings.input_frequency_max
         && signal.duty > 0.0

@@ -222,11 +222,14 @@ sim_settings::settings! {
     pub struct PwmSettings {
         /// Lowest voltage that an input takes as high.
         input_high: f64 = 2.0, unit "V", range 0.0..=48.0, documented "manual section 3";
+        /// Highest voltage that an input takes.
+        input_voltage_max: f64 = 15.0, unit "V", range 0.0..=100.0, documented "manual section 3d";
         /// Lowest frequency that an input measures.
         input_frequency_min: f64 = 10.0, unit "Hz", range 0.001..=1000000.0, documented "manual section 4.3.4";
         /// Highest frequency that an input measures.
         input_frequency_max: f64 = 20000.0, unit "Hz", range 1.0..=1000000.0, documented "manual section 4.3.4";
-        /// What an input reads whose signal it cannot measure: none, too low, too slow or too fast.
+        /// What an input reads whose signal it cannot measure: none, too low, too high, too slow or
+        /// too fast.
         unmeasured: Unmeasured = Unmeasured::Zero,
             assumed "the manual gives the range that inputs measure, not what they read outside of it";
         /// What an input reads while its level never changes.

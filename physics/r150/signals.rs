@@ -145,6 +145,8 @@ pub struct R150Commands {
     pub propulsion_power: bool,
     /// Whether the parking brake holds.
     pub parking_brake: bool,
+    /// Whether the tail supply, which feeds the module and its outputs, is connected.
+    pub tail_power: bool,
     /// Which outputs are switched on, by [`Rail::index`].
     pub rail_on: [bool; RAILS],
     /// Duty of the PWM outputs, 0–1.
@@ -158,6 +160,7 @@ impl Default for R150Commands {
             motor_duty: Sides::default(),
             propulsion_power: true,
             parking_brake: false,
+            tail_power: true,
             rail_on: [false; RAILS],
             pwm_out_duty: [0.0; 4],
         }

@@ -277,6 +277,7 @@ fn pwm_inputs_measure_what_is_within_their_limits() {
             },
         ),
         (generator(50.0, 0.5, 1.99), nothing),
+        (generator(50.0, 0.5, 15.01), nothing),
         (generator(9.99, 0.5, 5.0), nothing),
         (generator(20_001.0, 0.5, 5.0), nothing),
         (generator(50.0, 0.0, 5.0), nothing),

@@ -153,7 +153,10 @@ fn a_second_client_is_let_go_and_the_first_is_served_on() {
     let mut second = bench.client();
     first.write_all(b"still here").unwrap();
     bench.expect_bytes(b"still here");
-    let _ = bench.port.read(&mut [0; 8]).unwrap();
+    let begun = std::time::Instant::now();
+    while begun.elapsed() < std::time::Duration::from_millis(300) {
+        let _ = bench.port.read(&mut [0; 8]).unwrap();
+    }
     match second.read(&mut [0; 8]) {
         Ok(count) => assert_eq!(count, 0),
         Err(error) => assert_eq!(error.kind(), ErrorKind::ConnectionReset),

@@ -39,7 +39,7 @@ impl Run {
         if let Some(recorder) = &mut self.recorder {
             recorder.detached(at, port);
         }
-        if let Ok(index) = self.ports.binary_search(&port) {
+        if let Some(index) = self.port_at(port) {
             self.unread[index].clear();
         }
         let mut outcome = Ok(());
@@ -75,9 +75,21 @@ impl Run {
 
     /// Adds to `bytes` what has arrived at the client.
     pub fn read(&mut self, port: PortId, bytes: &mut Vec<u8>) {
-        if let Ok(index) = self.ports.binary_search(&port) {
+        if let Some(index) = self.port_at(port) {
             self.read_port(index, self.rig.now());
             bytes.append(&mut self.unread[index]);
+        }
+    }
+
+    /// The client has set the modem lines of its end, at the present time.
+    pub fn set_modem_lines(&mut self, port: PortId, dtr: bool, rts: bool) {
+        self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
+    }
+
+    /// Whose time a real client has, for the trace: `lockstep` or `real`.
+    pub fn name_time(&mut self, client: &'static str) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.time(client);
         }
     }
 

@@ -350,7 +350,7 @@ impl Run {
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
             let found: Vec<String> = self.observed[index]
                 .report()
-                .client_faults()
+                .held_against_client()
                 .filter(|(code, _)| match &demand.allowed {
                     Some(allowed) => !allowed.iter().any(|kind| kind == code),
                     None => demand.forbidden.iter().any(|kind| kind == code),
@@ -358,7 +358,7 @@ impl Run {
                 .map(|(code, tally)| {
                     format!(
                         "{code} × {}, first at {} s: {}",
-                        tally.client_faults, tally.first_at, tally.first
+                        tally.held_against_client, tally.first_at, tally.first
                     )
                 })
                 .collect();

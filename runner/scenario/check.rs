@@ -14,7 +14,7 @@ use super::document::{DemandText, Document, RuleText, StepText};
 use super::problems::Problems;
 use super::{Action, Demand, HostAction, MOST_STEPS, Rule, Scenario, Step, Trigger, WorldAction};
 use crate::condition::{Condition, identifier};
-use crate::report::client_faults;
+use crate::report::client_report_codes;
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::suggest::{improve, nearest, or_allowed};
 use crate::tables::{self, Tables};
@@ -442,7 +442,7 @@ impl Checker<'_> {
                 only: None,
             };
         };
-        let known: Vec<&str> = client_faults(self.rig.settings.table()).collect();
+        let known: Vec<&str> = client_report_codes(self.rig.settings.table()).collect();
         for kind in kinds.allowed.iter().chain(&kinds.forbidden).flatten() {
             if !known.contains(&kind.as_str()) {
                 let allowed = or_allowed(kind, &known);

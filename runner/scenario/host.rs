@@ -226,8 +226,14 @@ fn read_field(value: &Value) -> Result<FieldWanted, String> {
 fn read_hex(text: &str) -> Result<Vec<u8>, String> {
     let digits: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
     let wrong = || "bytes are pairs of hexadecimal digits, as in \"AA 55 00 07\"".to_owned();
-    if digits.is_empty() || digits.len() % 2 == 1 || digits.len() > 2 * MOST_BYTES {
+    if digits.is_empty() || digits.len() % 2 == 1 {
         return Err(wrong());
+    }
+    if digits.len() > 2 * MOST_BYTES {
+        let count = digits.len() / 2;
+        return Err(format!(
+            "{count} bytes are too many; at most {MOST_BYTES} are allowed"
+        ));
     }
     let byte = |pair: &[char]| {
         let pair: String = pair.iter().collect();

@@ -107,14 +107,17 @@ impl Ports {
     }
 }
 
-/// Plays a scenario with a real client in the place of the scripted one, to its end.
-fn play(loaded: &Loaded, client: fn(&Client) -> Option<()>) -> Outcome {
-    let options = RunOptions {
+fn live(seed: u64) -> RunOptions {
+    RunOptions {
         live: true,
-        ..RunOptions::scripted(1)
-    };
+        ..RunOptions::scripted(seed)
+    }
+}
+
+/// Plays a run with a real client in the place of the scripted one, to its end.
+fn play(run: Run, client: fn(&Client) -> Option<()>) -> Outcome {
     let mut ports = Ports {
-        run: loaded.run(options),
+        run,
         now: SimTime::ZERO,
         links: [None, None],
     };
@@ -150,7 +153,7 @@ fn failed(kind: &str, client: fn(&Client) -> Option<()>) -> Vec<(String, String)
             continue;
         }
         drives += 1;
-        let outcome = play(&loaded, client);
+        let outcome = play(loaded.run(live(1)), client);
         if !outcome.passed {
             let reasons: Vec<String> = outcome.failures.iter().map(ToString::to_string).collect();
             failed.push((common::name(&file), reasons.join("; ")));
@@ -170,6 +173,54 @@ fn a_careful_client_passes_every_drive_of_the_r150() {
 fn a_careful_client_passes_every_drive_of_the_car() {
     let failed = failed("mecanum", car::careful);
     assert!(failed.is_empty(), "{failed:#?}");
+}
+
+/// Whatever chance brings, a scenario judges the client by what it does: each is played with the scripted
+/// client and, if it is a drive, with the careful one. `SIM_SEEDS` is the first seed and how many of them;
+/// `SIM_SEEDS_OF` is a part of the names of the files.
+#[test]
+fn no_seed_fails_a_good_client() {
+    let variable = |name| std::env::var(name).ok();
+    let seeds = variable("SIM_SEEDS").unwrap_or_else(|| "1 1".to_owned());
+    let (first, count) = seeds.split_once(' ').unwrap();
+    let first: u64 = first.parse().unwrap();
+    let seeds = first..first + count.parse::<u64>().unwrap();
+    let of = variable("SIM_SEEDS_OF").unwrap_or_default();
+    let mut failed = Vec::new();
+    let mut played = 0;
+    for file in common::files() {
+        let loaded = Loaded::read(&file).unwrap();
+        let name = common::name(&file);
+        if !name.contains(&of) {
+            continue;
+        }
+        let is_drive = loaded.scenario.tags.iter().any(|tag| tag == "drive");
+        let careful = match loaded.scenario.rig.devices[0].device.id {
+            "r150" => r150::careful,
+            _ => car::careful,
+        };
+        for seed in seeds.clone() {
+            let mut scripted = loaded.run_with_seed(RunOptions::scripted(seed));
+            let outcome = scripted.play(&mut |_| {}).unwrap();
+            let mut outcomes = vec![("scripted", outcome.clone())];
+            if is_drive {
+                let run = loaded.run_with_seed(live(seed));
+                outcomes.push(("careful", play(run, careful)));
+            }
+            played += outcomes.len();
+            for (client, outcome) in outcomes.into_iter().filter(|(_, one)| !one.passed) {
+                let why = outcome.failures.first().map(ToString::to_string);
+                failed.push(format!("{name}, {client} client, seed {seed}: {why:?}"));
+            }
+        }
+    }
+    assert!(played > 0, "no scenario's name contains {of}");
+    assert!(
+        failed.is_empty(),
+        "{} of {played} failed:\n{}",
+        failed.len(),
+        failed.join("\n")
+    );
 }
 
 #[test]

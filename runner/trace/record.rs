@@ -15,6 +15,9 @@ use sim_core::rig::PortId;
 )]
 pub enum Record {
     Header(Box<Header>),
+    Time {
+        client: Cow<'static, str>,
+    },
     Attach {
         t: u64,
         port: PortRecord,

@@ -180,6 +180,7 @@ impl<'o> Replay<'o> {
             Record::Host { .. }
             | Record::Event { .. }
             | Record::Pose { .. }
+            | Record::Time { .. }
             | Record::Step { .. }
             // How the client ended may be written behind the end of the run.
             | Record::Failure { .. } => return Ok(()),

@@ -125,6 +125,8 @@ codes! {
     LINE_NOT_RAW = "line_not_raw", Client;
     /// The client has set two stop bits.
     STOP_BITS = "stop_bits", Client;
+    /// The client has set its modem lines.
+    MODEM_LINES = "modem_lines", Nobody;
     /// The client asks for a parity bit.
     PARITY = "parity", Client;
     /// The client waits for CTS.

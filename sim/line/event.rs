@@ -35,6 +35,13 @@ pub enum LineEvent {
         /// The device's.
         device: u8,
     },
+    /// The client has set the modem lines of its end, which a cable of three wires does not carry.
+    ModemLines {
+        /// Data terminal ready.
+        dtr: bool,
+        /// Request to send.
+        rts: bool,
+    },
     /// The client asks for a parity bit.
     Parity,
     /// The client waits for CTS before it sends.
@@ -77,9 +84,10 @@ pub struct OnLine {
 impl EventKind for OnLine {
     fn level(&self) -> Level {
         match self.event {
-            LineEvent::Attached | LineEvent::Detached | LineEvent::BaudMatched { .. } => {
-                Level::Notice
-            }
+            LineEvent::Attached
+            | LineEvent::Detached
+            | LineEvent::BaudMatched { .. }
+            | LineEvent::ModemLines { .. } => Level::Notice,
             _ => Level::Warning,
         }
     }
@@ -92,6 +100,7 @@ impl EventKind for OnLine {
             LineEvent::BaudMatched { .. } => code::BAUD_MATCHED,
             LineEvent::NotRaw => code::LINE_NOT_RAW,
             LineEvent::StopBits { .. } => code::STOP_BITS,
+            LineEvent::ModemLines { .. } => code::MODEM_LINES,
             LineEvent::Parity => code::PARITY,
             LineEvent::FlowControl => code::FLOW_CONTROL,
             LineEvent::HungUp => code::HUNG_UP,
@@ -156,6 +165,15 @@ impl fmt::Display for LineEvent {
                 "the client has set {client} stop bits, the device uses {device}; open the port with \
                  {device}"
             ),
+            Self::ModemLines { dtr, rts } => {
+                let word = |set| if set { "on" } else { "off" };
+                write!(
+                    f,
+                    "the client has set DTR {} and RTS {}",
+                    word(*dtr),
+                    word(*rts)
+                )
+            }
             Self::Parity => f.write_str(
                 "the client asks for a parity bit, the device sends none: on the cable every byte \
                  would be an error; open the port without parity (8N1)",

@@ -6,7 +6,7 @@ use std::fmt;
 use sim_settings::show_duration;
 
 use crate::event::{Code, EventKind, Hex, Level, Role, code};
-use crate::mecanum_device::ascii::{Fault, HIGHEST, LOWEST};
+use crate::mecanum_device::ascii::{HIGHEST, LOWEST, LineError};
 use crate::mecanum_device::codec::Decoded;
 use crate::mecanum_device::motion::Change;
 use crate::mecanum_device::packet::{Request, Status};
@@ -90,10 +90,10 @@ impl EventKind for MecanumEvent {
             Self::Status(..) | Self::Report(_) => code::REPLY,
             Self::BadStream(Decoded::Partial(_)) => PARTIAL_PACKET,
             Self::BadStream(_) => code::NOISE,
-            Self::BadLine { fault, .. } => match fault {
-                Fault::Malformed | Fault::Blank => BAD_LINE,
-                Fault::OutOfRange => BAD_NUMBER,
-                Fault::TooLong => LINE_TOO_LONG,
+            Self::BadLine { error, .. } => match error {
+                LineError::Malformed | LineError::Blank => BAD_LINE,
+                LineError::OutOfRange => BAD_NUMBER,
+                LineError::TooLong => LINE_TOO_LONG,
             },
             Self::SpeedOutOfRange {
                 handling: OverSpeed::Clamp,
@@ -160,7 +160,7 @@ impl fmt::Display for MecanumEvent {
                 write!(f, "bytes that begin no packet: {}", Hex(bytes))
             }
             Self::BadLine {
-                fault,
+                error,
                 bytes,
                 taken_for,
             } => {
@@ -169,13 +169,13 @@ impl fmt::Display for MecanumEvent {
                     Some(command) => write!(f, "line `{line}` taken for {command}: ")?,
                     None => write!(f, "line `{line}` ignored: ")?,
                 }
-                match fault {
-                    Fault::Malformed => {
+                match error {
+                    LineError::Malformed => {
                         f.write_str("one of X, Y, Z, A, B and a whole number are wanted")
                     }
-                    Fault::OutOfRange => write!(f, "{LOWEST} to {HIGHEST} is allowed"),
-                    Fault::TooLong => write!(f, "{} bytes are allowed", bytes.len()),
-                    Fault::Blank => f.write_str("there is nothing on it"),
+                    LineError::OutOfRange => write!(f, "{LOWEST} to {HIGHEST} is allowed"),
+                    LineError::TooLong => write!(f, "{} bytes are allowed", bytes.len()),
+                    LineError::Blank => f.write_str("there is nothing on it"),
                 }
             }
             Self::SpeedOutOfRange { v, handling } => {

@@ -109,7 +109,7 @@ impl fmt::Display for Report {
 
 /// Why a line is no command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fault {
+pub enum LineError {
     /// Neither a letter of a command nor a number after it.
     Malformed,
     /// The number is beyond its range.
@@ -166,7 +166,7 @@ pub enum Line {
     /// None, or not a good one.
     Bad {
         /// What is wrong with it.
-        fault: Fault,
+        error: LineError,
         /// The line without its `\n`.
         bytes: Vec<u8>,
         /// The command that it is taken for all the same.
@@ -217,7 +217,7 @@ impl Decoder {
         }
         self.skipping = true;
         Some(Line::Bad {
-            fault: Fault::TooLong,
+            error: LineError::TooLong,
             bytes: std::mem::take(&mut self.line),
             taken_for: None,
         })
@@ -240,15 +240,18 @@ impl Syntax {
                 meant.truncate(end.map_or(0, |last| last + 1));
             }
         }
-        let bad = |fault, taken_for| {
+        let bad = |error, taken_for| {
             Some(Line::Bad {
-                fault,
+                error,
                 bytes: bytes.clone(),
                 taken_for,
             })
         };
         let Some((first, number)) = meant.split_first() else {
-            return self.blank_is_bad.then(|| bad(Fault::Blank, None)).flatten();
+            return self
+                .blank_is_bad
+                .then(|| bad(LineError::Blank, None))
+                .flatten();
         };
         let first = if self.lower_case {
             first.to_ascii_uppercase()
@@ -257,7 +260,7 @@ impl Syntax {
         };
         let number = self.number(number);
         let (Some(letter), Some(number)) = (Letter::from_byte(first), number) else {
-            return bad(Fault::Malformed, None);
+            return bad(LineError::Malformed, None);
         };
         let tenths = number.clamp(LOWEST, HIGHEST);
         let command = Command { letter, tenths };
@@ -265,7 +268,7 @@ impl Syntax {
             Some(Line::Command(command))
         } else {
             let clamps = self.out_of_range == AsciiOutOfRange::Clamp;
-            bad(Fault::OutOfRange, clamps.then_some(command))
+            bad(LineError::OutOfRange, clamps.then_some(command))
         }
     }
 
@@ -313,9 +316,9 @@ mod tests {
         Line::Command(Command { letter, tenths })
     }
 
-    fn bad(fault: Fault, bytes: &[u8]) -> Line {
+    fn bad(error: LineError, bytes: &[u8]) -> Line {
         Line::Bad {
-            fault,
+            error,
             bytes: bytes.to_vec(),
             taken_for: None,
         }
@@ -369,15 +372,18 @@ mod tests {
             let bytes = [line, b"\nX1\n"].concat();
             assert_eq!(
                 decode(&bytes),
-                [bad(Fault::Malformed, line), command(Letter::X, 1)]
+                [bad(LineError::Malformed, line), command(Letter::X, 1)]
             );
         }
-        assert_eq!(decode(b"X32769\n"), [bad(Fault::OutOfRange, b"X32769")]);
-        assert_eq!(decode(b"X-32769\n"), [bad(Fault::OutOfRange, b"X-32769")]);
+        assert_eq!(decode(b"X32769\n"), [bad(LineError::OutOfRange, b"X32769")]);
+        assert_eq!(
+            decode(b"X-32769\n"),
+            [bad(LineError::OutOfRange, b"X-32769")]
+        );
         let huge = b"X99999999999999999999";
         assert_eq!(
             decode(&[&huge[..], b"\n"].concat()),
-            [bad(Fault::OutOfRange, huge)]
+            [bad(LineError::OutOfRange, huge)]
         );
     }
 
@@ -390,7 +396,7 @@ mod tests {
         );
         let long = format!("{fits}0");
         let found = decode(format!("{long}1234\nX2\n").as_bytes());
-        assert_eq!(found[0], bad(Fault::TooLong, fits.as_bytes()));
+        assert_eq!(found[0], bad(LineError::TooLong, fits.as_bytes()));
         assert_eq!(found[1..], [command(Letter::X, 2)]);
         // It is told as soon as it is too long, not when it ends.
         assert_eq!(decode(long.as_bytes()).len(), 1);
@@ -404,7 +410,10 @@ mod tests {
         };
         assert_eq!(decode_by(syntax, b"x10\n"), [command(Letter::X, 10)]);
         assert_eq!(decode_by(syntax, b"Z1\n"), [command(Letter::Z, 1)]);
-        assert_eq!(decode_by(syntax, b"q1\n"), [bad(Fault::Malformed, b"q1")]);
+        assert_eq!(
+            decode_by(syntax, b"q1\n"),
+            [bad(LineError::Malformed, b"q1")]
+        );
     }
 
     #[test]
@@ -428,7 +437,7 @@ mod tests {
         }
         assert_eq!(
             decode_by(syntax, b"X40000\n"),
-            [bad(Fault::OutOfRange, b"X40000")]
+            [bad(LineError::OutOfRange, b"X40000")]
         );
     }
 
@@ -441,7 +450,7 @@ mod tests {
         assert_eq!(decode_by(syntax, b"X10 \r\n"), [command(Letter::X, 10)]);
         for line in [&b" X10"[..], b"X 10", b"X1 0"] {
             let ended = [line, b"\n"].concat();
-            assert_eq!(decode_by(syntax, &ended), [bad(Fault::Malformed, line)]);
+            assert_eq!(decode_by(syntax, &ended), [bad(LineError::Malformed, line)]);
         }
     }
 
@@ -455,8 +464,8 @@ mod tests {
         assert_eq!(
             found,
             [
-                bad(Fault::Blank, b""),
-                bad(Fault::Blank, b" \r"),
+                bad(LineError::Blank, b""),
+                bad(LineError::Blank, b" \r"),
                 command(Letter::X, 1)
             ]
         );
@@ -470,7 +479,10 @@ mod tests {
         };
         assert_eq!(decode_by(syntax, b"X-12\n"), [command(Letter::X, -12)]);
         let found = decode_by(syntax, b"X-123\nX1\n");
-        assert_eq!(found, [bad(Fault::TooLong, b"X-12"), command(Letter::X, 1)]);
+        assert_eq!(
+            found,
+            [bad(LineError::TooLong, b"X-12"), command(Letter::X, 1)]
+        );
     }
 
     #[test]
@@ -484,7 +496,7 @@ mod tests {
             let letter = Letter::B;
             let taken_for = Some(Command { letter, tenths });
             let bad = Line::Bad {
-                fault: Fault::OutOfRange,
+                error: LineError::OutOfRange,
                 bytes: line.to_vec(),
                 taken_for,
             };

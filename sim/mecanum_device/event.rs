@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::Action;
-use super::ascii::{self, Fault};
+use super::ascii::{self, LineError};
 use super::codec::Decoded;
 use super::kinematics::Movement;
 use super::motion::{Change, Motion};
@@ -57,7 +57,7 @@ pub enum MecanumEvent {
     /// A line on the ROS link is no command, or not a good one.
     BadLine {
         /// What is wrong with it.
-        fault: Fault,
+        error: LineError,
         /// The line without its end.
         bytes: Vec<u8>,
         /// The command that it was taken for all the same.

@@ -112,12 +112,12 @@ impl MecanumDevice {
                 self.command(now, command);
             }
             Line::Bad {
-                fault,
+                error,
                 bytes,
                 taken_for,
             } => {
                 let event = MecanumEvent::BadLine {
-                    fault,
+                    error,
                     bytes,
                     taken_for,
                 };

@@ -75,10 +75,10 @@ settings! {
             assumed "the article gives the range, not what happens beyond it";
         /// Which way a positive speed turns the car.
         positive_turn: PositiveTurn = PositiveTurn::Right,
-            documented "article, picture of the wheels; its tables give no sign";
+            assumed "the picture of the wheels is taken to hold for packets; their table gives no sign";
         /// Which way a positive speed strafes.
         positive_strafe: PositiveStrafe = PositiveStrafe::Left,
-            documented "article, picture of the wheels; its tables give no sign";
+            assumed "the picture of the wheels is taken to hold for packets; their table gives no sign";
         /// Who drives when the board starts.
         start_mode: StartMode = StartMode::Board,
             assumed "the first of the two modes";

@@ -12,7 +12,7 @@ use crate::r150_device::control::Parts;
 use crate::r150_device::protection::Cause;
 use crate::r150_device::reply::Reply;
 use crate::r150_device::settings::ProtectionAction;
-use crate::r150_device::{R150Event, ValueFault};
+use crate::r150_device::{R150Event, ValueError};
 
 crate::codes! {
     /// A whole frame with a wrong CRC.
@@ -29,7 +29,7 @@ crate::codes! {
     MOTORS_OUT_OF_RANGE = "motors_out_of_range", ClientUnlessDisturbed;
     /// Reserved bits in a power control request.
     RESERVED_BITS = "reserved_bits", ClientUnlessDisturbed;
-    /// A motor command came too soon.
+    /// Motor commands came faster than they can be answered.
     OVER_RATE = "over_rate", Client;
     /// A command was refused because the app holds control.
     APP_IN_CONTROL = "app_in_control", Nobody;
@@ -86,10 +86,10 @@ impl EventKind for R150Event {
                 refusal: Refusal::WrongLength { .. },
                 ..
             } => WRONG_LENGTH,
-            Self::BadValue { fault, .. } => match fault {
-                ValueFault::DutyOutOfRange(_) => DUTY_OUT_OF_RANGE,
-                ValueFault::MotorsOutOfRange { .. } => MOTORS_OUT_OF_RANGE,
-                ValueFault::ReservedBits(_) => RESERVED_BITS,
+            Self::BadValue { error, .. } => match error {
+                ValueError::DutyOutOfRange(_) => DUTY_OUT_OF_RANGE,
+                ValueError::MotorsOutOfRange { .. } => MOTORS_OUT_OF_RANGE,
+                ValueError::ReservedBits(_) => RESERVED_BITS,
             },
             Self::OverRate { .. } => OVER_RATE,
             Self::AppInControl(_) => APP_IN_CONTROL,
@@ -186,12 +186,10 @@ impl fmt::Display for R150Event {
                     "0x{command:02X} {name} takes {wanted} parameter bytes, {found} came; nothing changed"
                 )
             }
-            Self::BadValue { fault, .. } => write!(f, "{fault}"),
-            Self::OverRate { after } => write!(
+            Self::BadValue { error, .. } => write!(f, "{error}"),
+            Self::OverRate { commands } => write!(
                 f,
-                "motor command {:.3} ms after the last answered one; replies come no faster than \
-                 the reply interval",
-                after.as_secs_f64() * 1000.0
+                "{commands} motor commands within a second, which are more than can be answered"
             ),
             Self::AppInControl(command) => {
                 let name = name(*command).unwrap_or("?");
@@ -257,7 +255,7 @@ impl fmt::Display for R150Event {
     }
 }
 
-impl fmt::Display for ValueFault {
+impl fmt::Display for ValueError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::DutyOutOfRange(duty) => {

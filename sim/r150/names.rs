@@ -220,7 +220,7 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::count("count.noise", "noise", "runs of bytes outside any frame"),
     NameInfo::count("count.unknown_command", "unknown_command", "frames with an unknown command"),
     NameInfo::count("count.wrong_length", "wrong_length", "frames with a wrong number of parameter bytes"),
-    NameInfo::count("count.over_rate", "over_rate", "motor commands that came too soon"),
+    NameInfo::count("count.over_rate", "over_rate", "seconds in which motor commands came too fast"),
     NameInfo::count("count.app_in_control", "app_in_control", "commands refused because the app holds control"),
     NameInfo::count("count.not_driving", "not_driving", "motor commands that did not move the vehicle"),
     NameInfo::count("count.watchdog_fired", "watchdog_fired", "times that the motor watchdog stopped the motors"),

@@ -39,14 +39,14 @@ pub enum R150Event {
     /// A request has a value that the manual does not allow.
     BadValue {
         /// Which.
-        fault: ValueFault,
+        error: ValueError,
         /// As received.
         frame: Vec<u8>,
     },
-    /// A motor command came sooner than the reply interval allows.
+    /// Motor commands came faster than they can be answered, over a second.
     OverRate {
-        /// Time since the last answered one.
-        after: Duration,
+        /// How many came within that second.
+        commands: usize,
     },
     /// A power or PWM command was refused because the app holds control.
     AppInControl(u8),
@@ -98,7 +98,7 @@ pub enum R150Event {
 
 /// A value that the manual does not allow; the settings say what becomes of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ValueFault {
+pub enum ValueError {
     /// A PWM duty above 1000.
     DutyOutOfRange([u16; 4]),
     /// A motor PWM outside ±1000.
@@ -112,7 +112,7 @@ pub enum ValueFault {
     ReservedBits(u32),
 }
 
-impl ValueFault {
+impl ValueError {
     /// What is wrong with the values of a request, if anything is.
     #[must_use]
     pub fn of(request: Request) -> Option<Self> {

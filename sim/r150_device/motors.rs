@@ -1,5 +1,6 @@
 //! The motor command 0x12: set-point, watchdog and reply rate (manual section 4.3.8).
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use sim_settings::SimTime;
@@ -27,8 +28,15 @@ pub struct Motors {
     answer_due: Option<SimTime>,
     /// A watchdog that is out of order has missed its time.
     missed: bool,
+    /// When the last commands came; as many as are allowed within [`WINDOW`], and one more.
+    recent: VecDeque<SimTime>,
     bursts: Bursts,
 }
+
+/// Over what time the rate of commands is judged.
+const WINDOW: Duration = Duration::from_secs(1);
+/// Most commands whose times are kept.
+const MOST_RECENT: usize = 4096;
 
 /// Largest motor PWM.
 pub const FULL: i16 = 1000;
@@ -41,34 +49,44 @@ impl Motors {
     }
 
     /// Takes a command that is answered if `answered`; values beyond ±1000 are clamped. Says how it
-    /// is answered, and how long ago the last answer was if this one comes too soon.
+    /// is answered, and how many have come within a second if that is more than is allowed.
     pub fn command(
         &mut self,
         now: SimTime,
         set_point: [i16; 2],
         answered: bool,
         settings: &R150FirmwareSettings,
-    ) -> (Answer, Option<Duration>) {
-        let too_soon = self
-            .last_answer
-            .map(|last| now.since(last))
-            .filter(|since| *since + self.bursts.allowance(now) < settings.motor_reply_interval);
-        if too_soon.is_some() && settings.over_rate == OverRate::Ignore {
-            return (Answer::Never, too_soon);
+    ) -> (Answer, Option<usize>) {
+        let over_rate = self.over_rate(now, settings);
+        (self.answer(now, set_point, answered, settings), over_rate)
+    }
+
+    fn answer(
+        &mut self,
+        now: SimTime,
+        set_point: [i16; 2],
+        answered: bool,
+        settings: &R150FirmwareSettings,
+    ) -> Answer {
+        let too_soon = self.last_answer.is_some_and(|last| {
+            now.since(last) + self.bursts.allowance(now) < settings.motor_reply_interval
+        });
+        if too_soon && settings.over_rate == OverRate::Ignore {
+            return Answer::Never;
         }
         self.set_point = set_point.map(|pwm| pwm.clamp(-FULL, FULL));
         self.watchdog_due = Some(now + settings.motor_watchdog);
         self.missed = false;
         if !answered {
-            return (Answer::Never, too_soon);
+            return Answer::Never;
         }
-        if too_soon.is_none() {
+        if !too_soon {
             self.last_answer = Some(now);
             // In a burst the command before may still be owed its answer.
             self.answer_due = self.answer_due.filter(|due| *due > now);
-            return (Answer::Now, None);
+            return Answer::Now;
         }
-        let answer = match settings.over_rate {
+        match settings.over_rate {
             OverRate::Silent | OverRate::Ignore => Answer::Never,
             OverRate::Answer => {
                 self.last_answer = Some(now);
@@ -80,8 +98,28 @@ impl Motors {
                     .map(|last| last + settings.motor_reply_interval);
                 Answer::Later
             }
-        };
-        (answer, too_soon)
+        }
+    }
+
+    /// How many commands have come within a second, if those are too many. It is told once a second.
+    fn over_rate(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> Option<usize> {
+        let interval = settings.motor_reply_interval.as_secs_f64();
+        let window = WINDOW.max(settings.motor_reply_interval * 2);
+        let share = 1.0 + settings.over_rate_tolerance / 100.0;
+        let most =
+            super::telemetry::round::<u32>((window.as_secs_f64() / interval * share).floor());
+        let most = usize::try_from(most).map_or(MOST_RECENT, |most| most.min(MOST_RECENT));
+        self.recent.push_back(now);
+        while self.recent.len() > most + 1 {
+            self.recent.pop_front();
+        }
+        let first = *self.recent.front()?;
+        let span = now.since(first) + self.bursts.allowance(now);
+        if most == MOST_RECENT || self.recent.len() <= most || span >= window {
+            return None;
+        }
+        self.recent.clear();
+        Some(most + 1)
     }
 
     /// See [`super::R150Device::expect_burst`].

@@ -6,7 +6,7 @@ use super::R150Device;
 use super::codec::{self, Decoded, Frame};
 use super::command::{Refusal, Request, code};
 use super::control::FULL_DUTY;
-use super::event::{R150Event, ValueFault};
+use super::event::{R150Event, ValueError};
 use super::motors::{Answer, FULL};
 use super::reply::Reply;
 use super::settings::{
@@ -87,7 +87,7 @@ impl R150Device {
     }
 
     fn request(&mut self, now: SimTime, request: Request, frame: Vec<u8>) {
-        if let Some(fault) = ValueFault::of(request) {
+        if let Some(error) = ValueError::of(request) {
             self.event(
                 now,
                 R150Event::Request {
@@ -95,15 +95,20 @@ impl R150Device {
                     frame: frame.clone(),
                 },
             );
-            self.event(now, R150Event::BadValue { fault, frame });
+            self.event(now, R150Event::BadValue { error, frame });
         } else {
             self.event(now, R150Event::Request { request, frame });
         }
+        // A reply tells the state before its request.
+        let state = match request {
+            Request::SystemInfo => Some(Reply::SystemInfo(self.system_info())),
+            _ => None,
+        };
         let taken = self.control.request(now, request, &self.settings);
         if taken.any() {
             self.event(now, R150Event::ControlTaken(taken));
         }
-        if let Some(reply) = self.execute(now, request) {
+        if let Some(reply) = state.or_else(|| self.execute(now, request)) {
             self.reply(now, reply);
         }
     }
@@ -185,11 +190,11 @@ impl R150Device {
         let obstacles = self.vehicle.obstacles(self.battery_empty());
         let answered =
             self.settings.motors_answered == MotorsAnswered::Always || obstacles.is_empty();
-        let (answer, too_soon) = self
+        let (answer, over_rate) = self
             .motors
             .command(now, set_point, answered, &self.settings);
-        if let Some(after) = too_soon {
-            self.event(now, R150Event::OverRate { after });
+        if let Some(commands) = over_rate {
+            self.event(now, R150Event::OverRate { commands });
         }
         if set_point != [0, 0] && !obstacles.is_empty() {
             self.event(now, R150Event::NotDriving(obstacles));
@@ -201,8 +206,14 @@ impl R150Device {
         if self.replies.len() >= MOST_REPLIES {
             self.event(now, R150Event::ReplyDropped);
         } else {
-            let delay = self.settings.reply_delay + self.slowness();
-            self.replies.push_back((now + delay, reply));
+            let spread = self
+                .settings
+                .reply_spread
+                .mul_f64(self.reply_time.uniform());
+            let delay = self.settings.reply_delay + spread + self.slowness();
+            // One never overtakes another.
+            let before = self.replies.back().map_or(now, |(due, _)| *due);
+            self.replies.push_back((before.max(now + delay), reply));
         }
     }
 

@@ -25,6 +25,9 @@ settings! {
         /// Time from the end of a request to the beginning of its reply.
         reply_delay: Duration = Duration::ZERO, range Duration::ZERO..=S(60),
             assumed "the manual gives no processing time";
+        /// Up to how much longer a reply takes, by chance and evenly spread.
+        reply_spread: Duration = Duration::from_micros(200), range Duration::ZERO..=S(60),
+            assumed "a main loop that looks for requests some thousand times a second";
         /// Time from the coming of the module's supply until it answers.
         boot_time: Duration = Duration::ZERO, range Duration::ZERO..=S(3600),
             assumed "the manual gives no start-up time";
@@ -79,8 +82,9 @@ settings! {
         control_at_power_on: ControlMode = ControlMode::App,
             assumed "the manual names both modes, not the one it starts in";
         /// What the client takes control by.
-        control_taken_by: ControlTakenBy = ControlTakenBy::AnyRequest,
-            assumed "the manual names the modes, not what changes them";
+        control_taken_by: ControlTakenBy = ControlTakenBy::OwnCommand,
+            assumed "the manual names the modes, not what changes them; a client that only looks \
+                     then sees the app's control";
         /// Rails that the app has on at the start, as bits of `powerStatus`.
         app_power: u32 = 0, range 0..=0b11_1111,
             assumed "an app that has switched nothing on yet";
@@ -103,8 +107,11 @@ settings! {
         motor_reply_interval: Duration = MS(50), range Duration::ZERO..=S(60),
             documented "manual 4.3.8: fastest reply rate 20 Hz";
         /// What happens to a motor command that comes sooner.
-        over_rate: OverRate = OverRate::Silent,
-            assumed "the manual gives the rate, not what happens above it";
+        over_rate: OverRate = OverRate::Delay,
+            assumed "a limit on replies is no limit on commands";
+        /// By how much a client may be faster than that, over a second, before it is blamed.
+        over_rate_tolerance: f64 = 5.0, unit "%", range 0.0..=1000.0,
+            assumed "clocks of computers are better, their schedulers are not";
         /// Hardware version that 0xF0 reports.
         hardware_version: Version = Version([1, 0, 0, 0]),
             assumed "placeholder for your module's own";
@@ -130,6 +137,13 @@ settings! {
         /// Whether the emergency stop also locks the vehicle, so that it must be unlocked again.
         emergency_stop_locks: bool = false,
             assumed "the manual says only that it cuts propulsion power";
+        /// Whether the emergency stop also cuts the tail supply, on which the module hangs.
+        emergency_stop_cuts_tail: bool = false,
+            assumed "the manual's sentence about it is garbled; the module then keeps answering";
+        /// Whether 0x12 drives only while the parking brake is released; else it releases the brake
+        /// for as long as it drives.
+        driving_needs_release: bool = true,
+            assumed "the manual mentions the release only for pushing by hand";
         /// Whether the motors stop when the battery is empty.
         empty_battery_stops: bool = true,
             assumed "the manual reports the charge and says nothing about its end";

@@ -88,11 +88,11 @@ impl R150Device {
 }
 
 /// Rounds to the nearest integer of a field, saturating at its ends; what is not a number is 0.
-fn round<T: FromRounded>(value: f64) -> T {
+pub(super) fn round<T: FromRounded>(value: f64) -> T {
     T::from_rounded(value.round())
 }
 
-trait FromRounded {
+pub(super) trait FromRounded {
     fn from_rounded(value: f64) -> Self;
 }
 

@@ -59,6 +59,14 @@ pub(super) fn readings() -> R150Measurements {
     }
 }
 
+/// The default settings, but for replies that begin at once.
+fn at_once() -> R150FirmwareSettings {
+    R150FirmwareSettings {
+        reply_spread: Duration::ZERO,
+        ..R150FirmwareSettings::default()
+    }
+}
+
 /// A module on a bench.
 struct Bench {
     device: R150Device,
@@ -72,14 +80,15 @@ impl Bench {
     }
 
     fn with(change: impl FnOnce(&mut R150FirmwareSettings)) -> Self {
-        let mut settings = R150FirmwareSettings::default();
+        let mut settings = at_once();
         change(&mut settings);
         Self::start(settings, Start::Ready)
     }
 
     fn start(settings: R150FirmwareSettings, start: Start) -> Self {
         let readings = readings();
-        let device = R150Device::new(settings, start, readings, Noise::new(1, "test"));
+        let noise = || Noise::new(1, "test");
+        let device = R150Device::new(settings, start, readings, noise(), noise());
         Self {
             device,
             now: SimTime::ZERO,

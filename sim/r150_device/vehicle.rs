@@ -130,6 +130,7 @@ pub struct Vehicle {
 struct Rules {
     locking_parks: bool,
     emergency_stop_locks: bool,
+    driving_needs_release: bool,
     remote_key_drives: RemoteKeyDrives,
 }
 
@@ -156,6 +157,7 @@ impl Vehicle {
             rules: Rules {
                 locking_parks: settings.locking_parks,
                 emergency_stop_locks: settings.emergency_stop_locks,
+                driving_needs_release: settings.driving_needs_release,
                 remote_key_drives: settings.remote_key_drives,
             },
         }
@@ -235,12 +237,25 @@ impl Vehicle {
         self.autonomous
     }
 
+    /// Whether the parking brake holds while the client wants this of the motors.
+    #[must_use]
+    pub fn holds(&self, set_point: [i16; 2]) -> bool {
+        let drives = !self.locked && !self.brake_hinders() && set_point != [0, 0];
+        self.parked && !drives
+    }
+
+    /// Whether the parking brake keeps commands from driving.
+    fn brake_hinders(&self) -> bool {
+        let gives_way = self.autonomous && !self.rules.driving_needs_release;
+        self.parked && !gives_way
+    }
+
     /// What keeps a motor command from moving it; empty when nothing does.
     #[must_use]
     pub fn obstacles(&self, battery_empty: bool) -> Vec<Obstacle> {
         [
             (self.locked, Obstacle::Locked),
-            (self.parked, Obstacle::Parked),
+            (self.brake_hinders(), Obstacle::Parked),
             (!self.autonomous, Obstacle::Remote),
             (self.emergency_stop, Obstacle::EmergencyStop),
             (battery_empty, Obstacle::BatteryEmpty),
@@ -256,7 +271,7 @@ impl Vehicle {
         if self.emergency_stop {
             return Drive::Open;
         }
-        if self.locked || self.parked || battery_empty {
+        if self.locked || self.brake_hinders() || battery_empty {
             return Drive::Pwm([0, 0]);
         }
         match self.key {

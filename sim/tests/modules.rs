@@ -97,3 +97,45 @@ fn firmware_knows_nothing_of_its_surroundings() {
         }
     }
 }
+
+/// Source of the crates above the devices' folders, tests aside.
+fn above() -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut folders: Vec<_> = ["runner", "cli", "embed", "control"]
+        .iter()
+        .map(|folder| root.join(folder))
+        .collect();
+    folders.extend(["device", "rig", "injection"].map(|folder| root.join("sim").join(folder)));
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+            if path.is_dir() && name != "tests" {
+                folders.push(path);
+            } else if name.ends_with(".rs") && name != "tests.rs" {
+                found.push((name, fs::read_to_string(&path).unwrap()));
+            }
+        }
+    }
+    assert!(found.len() > 50, "{}", found.len());
+    found
+}
+
+#[test]
+fn nothing_above_a_device_s_folder_names_a_device() {
+    for (file, text) in above() {
+        let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap();
+        for line in text.lines() {
+            let is_comment = line.trim_start().starts_with("//");
+            for name in ["R150", "Mecanum", "::r150", "::mecanum"] {
+                // Examples of help are for the devices that ship.
+                let is_help = line.contains("SIM_R150_PORT") || line.contains("An R150 that");
+                assert!(
+                    is_comment || is_help || !line.contains(name),
+                    "{file}: {line}"
+                );
+            }
+        }
+    }
+}

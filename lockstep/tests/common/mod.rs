@@ -157,10 +157,11 @@ impl Default for Stage {
 
 /// Runs a program with the device at `$PORT`.
 pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let link = folder.path().join("port");
+    // The same name each time in one test, whose thread it is named by.
+    let (process, thread) = (std::process::id(), std::thread::current().id());
+    let link = std::env::temp_dir().join(format!("lockstep-{process}-{thread:?}"));
     let mut ports = vec![Port::new(link.clone(), 115_200).expect("a port")];
-    let mut output = tempfile::tempfile_in(folder.path()).expect("a file");
+    let mut output = tempfile::tempfile().expect("a file");
     let words: Vec<OsString> = words.iter().map(OsString::from).collect();
     let mut environment = stage.environment;
     environment.push(("PORT".to_owned(), link.into_os_string()));

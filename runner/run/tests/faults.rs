@@ -131,7 +131,7 @@ fn a_client_is_not_blamed_for_a_disturbed_line() {
         let report = &outcome.devices[0].report;
         (
             report.events.contains_key("bad_crc"),
-            report.client_faults().count(),
+            report.held_against_client().count(),
         )
     };
     assert_eq!(spoilt("to-device"), (false, 0));

@@ -76,15 +76,15 @@ impl Loaded {
     /// A run with the file's own seed, or with this one if it has none.
     pub fn run(&self, options: RunOptions) -> Run {
         let seed = self.scenario.rig.seed.unwrap_or(options.seed);
+        self.run_with_seed(RunOptions { seed, ..options })
+    }
+
+    /// A run with the seed of the options, whatever the file says.
+    pub fn run_with_seed(&self, options: RunOptions) -> Run {
         let world = self
             .world
             .as_ref()
             .map(|(file, text)| Source { file, text });
-        Run::new(
-            Arc::clone(&self.scenario),
-            world,
-            RunOptions { seed, ..options },
-        )
-        .unwrap()
+        Run::new(Arc::clone(&self.scenario), world, options).unwrap()
     }
 }

@@ -6,7 +6,7 @@ macro_rules! operator {
 
     /// The emergency stop is pushed in, and pulled out at the end.
     EmergencyStop = "emergency-stop", Operator, false,
-    sees "0x12 is answered but moves nothing; the vehicle coasts to a stand.",
+    sees "0x12 is answered but moves nothing; the parking brake stops the vehicle.",
     counts "It was out before.",
     {}
     /// Somebody takes the vehicle over with the remote control, and gives it back at the end.

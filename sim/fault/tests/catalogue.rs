@@ -57,6 +57,17 @@ fn every_variant_and_parameter_is_in_the_catalogue() {
 }
 
 #[test]
+fn rows_list_faults_of_the_catalogue_that_not_every_device_has() {
+    for device in crate::SHIPPED {
+        for id in device.faults {
+            let info = catalogue().iter().find(|info| info.id == *id);
+            let own = info.is_some_and(|info| !info.everywhere);
+            assert!(own, "{device:?} lists {id}");
+        }
+    }
+}
+
+#[test]
 fn what_is_written_reads_back() {
     for info in catalogue() {
         let fault = sample(info.id);

@@ -320,6 +320,10 @@ fn the_app_refuses_the_client_what_it_holds() {
     assert_eq!(seen.power_status, 0);
     rig.clear(whole);
     let seen = info(&mut rig);
+    assert_eq!((seen.power_ctrl_mode, seen.pwm_ctrl_mode), (1, 1));
+    let duty = Request::SetPwmOutputs { duty: [0; 4] };
+    ask(&mut rig, duty);
+    let seen = info(&mut rig);
     assert_eq!((seen.power_ctrl_mode, seen.pwm_ctrl_mode), (1, 0));
     rig.clear(half);
     assert_ne!(power(&mut rig, 1), [refused]);

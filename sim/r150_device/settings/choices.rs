@@ -9,7 +9,8 @@ choices! {
         Silent = "silent",
         /// It takes effect and is answered like any other.
         Answer = "answer",
-        /// It takes effect and is answered when the interval has passed.
+        /// It takes effect and is answered when the interval has passed, one at a time and with what
+        /// is measured then.
         Delay = "delay",
         /// It changes nothing and gets no reply.
         Ignore = "ignore",

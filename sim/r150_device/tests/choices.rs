@@ -91,7 +91,6 @@ fn over_rate_ignore_changes_nothing_and_feeds_no_watchdog() {
     bench.after(INTERVAL - QUANTUM);
     assert_eq!(bench.drive(200, 200), None);
     assert_eq!(bench.duty(), [0.1, 0.1]);
-    assert_eq!(bench.codes(), ["over_rate"]);
     bench.until(SimTime::from_millis(500));
     assert_eq!(bench.duty(), [0.0, 0.0]);
     assert!(bench.drive(300, 300).is_some());
@@ -150,8 +149,18 @@ fn any_frame_with_the_right_crc_may_be_a_heartbeat_but_takes_no_control() {
 }
 
 #[test]
-fn control_may_be_taken_by_the_command_that_needs_it() {
-    let mut bench = Bench::with(|s| s.control_taken_by = ControlTakenBy::OwnCommand);
+fn any_request_may_take_control_and_its_reply_tells_the_state_before() {
+    let mut bench = Bench::with(|s| s.control_taken_by = ControlTakenBy::AnyRequest);
+    let info = bench.info();
+    assert_eq!((info.power_ctrl_mode, info.pwm_ctrl_mode), (1, 1));
+    assert_eq!(bench.device.control().by_client(), BOTH);
+    let info = bench.info();
+    assert_eq!((info.power_ctrl_mode, info.pwm_ctrl_mode), (0, 0));
+}
+
+#[test]
+fn control_is_taken_by_the_command_that_needs_it() {
+    let mut bench = Bench::new();
     for request in [Request::Heartbeat, Request::SystemInfo, Request::Version] {
         bench.ask(request);
     }

@@ -90,6 +90,7 @@ fn get_pwm_inputs_0x05() {
 fn system_info_0x06() {
     let mut bench = Bench::new();
     exchange(&mut bench, 0x02, &[0b11_1101, 0, 0, 0]);
+    exchange(&mut bench, 0x03, &[0; 8]);
     let mut expected: Vec<u8> = Vec::new();
     for millivolts in [12_010_u32, 0, 11_980, 12_000, 51_250] {
         expected.extend(millivolts.to_le_bytes());

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::r150_device::control::Outputs;
-use crate::r150_device::settings::{OnHeartbeatLoss, OnTakeover};
+use crate::r150_device::settings::{ControlTakenBy, OnHeartbeatLoss, OnTakeover};
 use crate::r150_device::vehicle::Action;
 
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -22,13 +22,18 @@ fn switched_on(change: impl FnOnce(&mut R150FirmwareSettings)) -> Bench {
 }
 
 #[test]
-fn at_power_on_the_app_is_in_control_until_the_first_valid_frame() {
+fn at_power_on_the_app_is_in_control_until_a_command_sets_something() {
     let mut bench = Bench::new();
     assert_eq!(modes(&bench), [false, false]);
     bench.send(&[0xAA, 0x55, 0x00, 0x07, 0x00, 0x00]);
     assert_eq!(modes(&bench), [false, false], "a bad CRC takes nothing");
-    let info = bench.info();
-    assert_eq!((info.power_ctrl_mode, info.pwm_ctrl_mode), (0, 0));
+    let modes_told = |bench: &mut Bench| {
+        let info = bench.info();
+        (info.power_ctrl_mode, info.pwm_ctrl_mode)
+    };
+    assert_eq!(modes_told(&mut bench), (1, 1), "looking takes nothing");
+    assert!(bench.power(0));
+    assert_eq!(modes_told(&mut bench), (0, 1));
 }
 
 #[test]
@@ -118,13 +123,18 @@ fn a_client_that_comes_back_finds_what_the_app_has_set() {
     let mut bench = switched_on(|_| {});
     bench.after(TIMEOUT);
     bench.ask(Request::Heartbeat);
-    assert_eq!(modes(&bench), [true, true]);
+    assert_eq!(modes(&bench), [false, false]);
+    bench.ask(Request::SetPwmOutputs { duty: [1; 4] });
+    assert_eq!(modes(&bench), [false, true]);
     assert_eq!(bench.device.power_status(), 0);
 }
 
 #[test]
 fn with_restore_it_finds_what_it_had_set() {
-    let mut bench = switched_on(|s| s.on_takeover = OnTakeover::Restore);
+    let mut bench = switched_on(|s| {
+        s.on_takeover = OnTakeover::Restore;
+        s.control_taken_by = ControlTakenBy::AnyRequest;
+    });
     bench.after(TIMEOUT);
     assert_eq!(bench.device.power_status(), 0);
     bench.ask(Request::Heartbeat);

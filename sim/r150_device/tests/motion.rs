@@ -55,7 +55,7 @@ fn a_motor_command_at_the_last_moment_feeds_the_watchdog() {
 
 #[test]
 fn a_watchdog_that_stops_what_did_not_drive_is_not_the_clients_fault() {
-    let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
+    let mut bench = Bench::start(at_once(), Start::Locked);
     bench.drive(300, 300);
     bench.after(WATCHDOG);
     let faults = |bench: &mut Bench| bench.events().iter().any(EventKind::blames_client);
@@ -85,50 +85,6 @@ fn a_watchdog_over_standing_motors_is_no_news() {
 }
 
 #[test]
-fn a_command_sooner_than_50_ms_is_silent_but_counts() {
-    let mut bench = Bench::new();
-    assert!(bench.drive(100, 100).is_some());
-    bench.after(INTERVAL - QUANTUM);
-    assert_eq!(bench.drive(200, 200), None);
-    assert_eq!(bench.duty(), [0.2, 0.2]);
-    assert_eq!(bench.codes(), ["over_rate"]);
-    // The interval runs from the last answer, not from the last command.
-    bench.after(QUANTUM);
-    assert!(bench.drive(300, 300).is_some());
-    assert_eq!(bench.codes(), [""; 0]);
-    // The unanswered ones feed the watchdog too.
-    bench.after(Duration::from_millis(49));
-    assert_eq!(bench.drive(400, 400), None);
-    bench.after(WATCHDOG - QUANTUM);
-    assert_eq!(bench.duty(), [0.4, 0.4]);
-}
-
-#[test]
-fn a_command_may_come_too_soon_by_as_much_as_the_machine_was_late() {
-    for over_rate in [OverRate::Silent, OverRate::Ignore, OverRate::Delay] {
-        let mut bench = Bench::with(|s| s.over_rate = over_rate);
-        assert!(bench.drive(100, 100).is_some());
-        let late = Duration::from_millis(15);
-        let until = bench.now + INTERVAL - late;
-        bench.device.expect_burst(late, until);
-        bench.until(until);
-        assert!(bench.drive(200, 200).is_some(), "{over_rate:?}");
-        assert_eq!(bench.codes(), [""; 0]);
-        // The next is no longer in that time.
-        bench.after(INTERVAL - late);
-        assert_eq!(bench.drive(300, 300), None, "{over_rate:?}");
-        assert_eq!(bench.codes(), ["over_rate"]);
-
-        let mut bench = Bench::with(|s| s.over_rate = over_rate);
-        assert!(bench.drive(100, 100).is_some());
-        bench.device.expect_burst(late, bench.now + INTERVAL);
-        bench.after(INTERVAL - late - QUANTUM);
-        assert_eq!(bench.drive(200, 200), None, "{over_rate:?}");
-        assert_eq!(bench.codes(), ["over_rate"]);
-    }
-}
-
-#[test]
 fn a_delayed_answer_comes_although_a_burst_follows() {
     let mut bench = Bench::with(|s| s.over_rate = OverRate::Delay);
     assert!(bench.drive(100, 100).is_some());
@@ -145,21 +101,154 @@ fn a_delayed_answer_comes_although_a_burst_follows() {
 }
 
 #[test]
+fn a_client_at_20_hz_gets_every_reply_however_its_commands_jitter() {
+    for jitter_us in [0, 1, 400, 2500] {
+        let mut bench = Bench::new();
+        let mut replies = 0;
+        let mut count = |bench: &mut Bench| {
+            while bench.device.poll_output().is_some() {
+                replies += 1;
+            }
+        };
+        for turn in 0..200_u64 {
+            let early = Duration::from_micros(jitter_us * (turn % 3));
+            bench.until(SimTime::from_millis(50 * (turn + 1)) - early);
+            bench.device.receive(
+                bench.now,
+                &Request::SetMotors { right: 1, left: 1 }.encode(),
+            );
+            count(&mut bench);
+        }
+        bench.after(INTERVAL);
+        count(&mut bench);
+        assert_eq!(replies, 200, "{jitter_us}");
+        assert_eq!(bench.codes(), [""; 0], "{jitter_us}");
+    }
+}
+
+#[test]
+fn a_client_is_blamed_for_a_rate_over_a_second_and_not_for_a_command() {
+    // 22 within a second are more than 20 and 5 %; 21 are not.
+    for (period_us, blamed) in [(47_700, false), (47_500, true), (20_000, true)] {
+        let mut bench = Bench::new();
+        for _ in 0..60 {
+            bench.drive(100, 100);
+            bench.after(Duration::from_micros(period_us));
+        }
+        assert_eq!(
+            bench.codes().contains(&"over_rate"),
+            blamed,
+            "{period_us} us"
+        );
+    }
+    // With a wider tolerance the same client is not.
+    let mut bench = Bench::with(|s| s.over_rate_tolerance = 200.0);
+    for _ in 0..60 {
+        bench.drive(100, 100);
+        bench.after(Duration::from_millis(20));
+    }
+    assert_eq!(bench.codes(), [""; 0]);
+}
+
+#[test]
+fn what_the_machine_was_late_by_is_not_held_against_the_client() {
+    let mut bench = Bench::new();
+    bench
+        .device
+        .expect_burst(Duration::from_millis(300), SimTime::from_secs(2));
+    for _ in 0..30 {
+        bench.drive(100, 100);
+        bench.after(Duration::from_millis(40));
+    }
+    assert_eq!(bench.codes(), [""; 0]);
+}
+
+#[test]
+fn a_held_reply_tells_what_is_measured_when_it_goes() {
+    let mut bench = Bench::new();
+    assert!(bench.drive(100, 100).is_some());
+    bench.after(Duration::from_millis(20));
+    assert_eq!(bench.drive(200, 200), None);
+    assert_eq!(bench.duty(), [0.2, 0.2], "it takes effect at once");
+    bench.read(|r| r.soc = 0.5);
+    bench.until(SimTime::ZERO + INTERVAL);
+    let frame = bench.reply().unwrap();
+    assert_eq!(u16::from_le_bytes([frame[8], frame[9]]), 500);
+}
+
+#[test]
+fn other_over_rates_answer_all_or_none() {
+    for (over_rate, answered) in [(OverRate::Answer, 10), (OverRate::Silent, 1)] {
+        let mut bench = Bench::with(|s| s.over_rate = over_rate);
+        let mut replies = 0;
+        for _ in 0..10 {
+            replies += usize::from(bench.drive(100, 100).is_some());
+            bench.after(Duration::from_millis(1));
+        }
+        assert_eq!(replies, answered);
+        assert_eq!(bench.duty(), [0.1, 0.1]);
+    }
+}
+
+#[test]
+fn the_emergency_stop_may_cut_the_tail_supply() {
+    for cuts in [false, true] {
+        let mut bench = Bench::with(|s| s.emergency_stop_cuts_tail = cuts);
+        bench.device.operate(bench.now, Action::EmergencyStop(true));
+        assert_eq!(bench.device.commands().tail_power, !cuts);
+    }
+}
+
+#[test]
+fn driving_may_release_the_brake_by_itself() {
+    let mut bench = Bench::with(|s| s.driving_needs_release = false);
+    bench.device.operate(bench.now, Action::Park);
+    assert!(bench.device.commands().parking_brake);
+    bench.drive(500, 500);
+    assert_eq!(
+        (bench.duty(), bench.device.commands().parking_brake),
+        ([0.5, 0.5], false)
+    );
+    bench.after(WATCHDOG);
+    assert!(bench.device.commands().parking_brake);
+}
+
+#[test]
+fn replies_spread_evenly_up_to_what_is_set_and_keep_their_order() {
+    let spread = Duration::from_millis(4);
+    let mut bench = Bench::with(|s| s.reply_spread = spread);
+    let mut took = Vec::new();
+    for _ in 0..200 {
+        let asked = bench.now;
+        bench.device.receive(asked, &Request::Heartbeat.encode());
+        while bench.device.poll_output().is_none() {
+            bench.after(Duration::from_micros(50));
+        }
+        took.push(bench.now.since(asked));
+        bench.after(spread);
+    }
+    let mean = took.iter().sum::<Duration>() / 200;
+    assert!(
+        took.iter()
+            .all(|took| *took <= spread + Duration::from_micros(50))
+    );
+    assert!((1700..2300).contains(&mean.as_micros()), "{mean:?}");
+    for request in [Request::Heartbeat, Request::Version, Request::GetPwmOutputs] {
+        bench.device.receive(bench.now, &request.encode());
+    }
+    bench.after(spread);
+    let order: Vec<u8> = std::iter::from_fn(|| bench.device.poll_output())
+        .map(|frame| frame[3])
+        .collect();
+    assert_eq!(order, [0x07, 0xF0, 0x04]);
+}
+
+#[test]
 fn other_commands_have_no_rate_limit() {
     let mut bench = Bench::new();
     for _ in 0..100 {
         assert!(bench.ask(Request::SystemInfo).is_some());
     }
-}
-
-#[test]
-fn over_rate_answer_answers_all() {
-    let mut bench = Bench::with(|s| s.over_rate = OverRate::Answer);
-    for _ in 0..10 {
-        assert!(bench.drive(100, 100).is_some());
-        bench.after(Duration::from_millis(1));
-    }
-    assert_eq!(bench.codes(), ["over_rate"; 9]);
 }
 
 #[test]
@@ -198,7 +287,7 @@ fn obstacles(bench: &mut Bench) -> Vec<Obstacle> {
 
 #[test]
 fn started_locked_it_says_what_is_missing_until_every_button_is_pressed() {
-    let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
+    let mut bench = Bench::start(at_once(), Start::Locked);
     let commands = bench.device.commands();
     assert!(commands.parking_brake);
     assert_eq!(
@@ -294,7 +383,7 @@ fn an_empty_battery_stops_the_motors() {
 
 #[test]
 fn standing_still_is_never_an_event() {
-    let mut bench = Bench::start(R150FirmwareSettings::default(), Start::Locked);
+    let mut bench = Bench::start(at_once(), Start::Locked);
     assert!(bench.drive(0, 0).is_some());
     assert_eq!(bench.codes(), [""; 0]);
 }

@@ -13,7 +13,7 @@ import serial.threaded
 
 VERSION = bytes.fromhex("AA5500F0F707")
 HEARTBEAT = bytes.fromhex("AA550007C784")
-FORWARD = bytes.fromhex("AA550412E803E803B41C")
+
 
 
 def crc(data):
@@ -105,8 +105,9 @@ def threaded(name):
                     done.set()
 
         port = serial.serial_for_url(name, 115200, timeout=1)
-        with serial.threaded.ReaderThread(port, Listener) as protocol:
-            protocol.transport.write(VERSION)
+        thread = serial.threaded.ReaderThread(port, Listener)
+        with thread as protocol:
+            thread.write(VERSION)
             assert done.wait(5), "no reply"
             assert protocol.heard[3] == 0xF0, protocol.heard.hex(" ")
 

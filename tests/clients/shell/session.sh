@@ -21,11 +21,15 @@ ask() {
 
 version='\252\125\000\360\367\007'
 ask "$version" 14 aa5508f0
-# At the wrong speed, which ends with the client that set it.
+# At the wrong speed, which ends with the client that set it; that it has left takes a moment to be
+# noticed on a busy machine.
 (stty 9600 raw -echo; printf "$version") <"$port" >"$port"
+sleep 0.3
 ask "$version" 14 aa5508f0
-(stty 0) <"$port"
+(stty 0 || true) <"$port"
+sleep 0.3
 ask "$version" 14 aa5508f0
 # The bytes of a redirection that ends at once go out as far as a UART holds them.
 printf '\252\125\000\007\307\204' >"$port"
-ask "$version" 14 aa55
+sleep 0.3
+ask "$version" 14 aa5508f0

@@ -71,13 +71,13 @@ fn with_serial2(path: &str) {
 }
 
 async fn with_tokio(path: &str) {
-    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
     use tokio_serial::SerialPortBuilderExt as _;
     let mut port = tokio_serial::new(path, 115_200).open_native_async().unwrap();
     for request in [frame(0xF0, &[]), frame(0x12, &[200, 0, 200, 0]), frame(0x12, &[0; 4])] {
-        port.write_all(&request).await.unwrap();
+        AsyncWriteExt::write_all(&mut port, &request).await.unwrap();
         let mut reply = [0; 14];
-        let read = port.read_exact(&mut reply);
+        let read = AsyncReadExt::read_exact(&mut port, &mut reply);
         tokio::time::timeout(SECONDS_5, read).await.unwrap().unwrap();
         assert_eq!((reply[0], reply[3]), (0xAA, request[3]), "{reply:02X?}");
         tokio::time::sleep(Duration::from_millis(60)).await;

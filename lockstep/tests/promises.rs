@@ -1,0 +1,272 @@
+//! The same each time; nobody is left; what cannot be is refused in words.
+
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod common;
+
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use common::{Device, Played, Stage, c, c_played, play, play_on, program, python, python_on, text};
+use sim_lockstep::{End, Error, Reason};
+
+/// Busy loops beside a test, ended on drop.
+struct Load(Vec<std::process::Child>);
+
+impl Load {
+    fn of(count: usize) -> Self {
+        let busy = || {
+            Command::new("sh")
+                .args(["-c", "while :; do :; done"])
+                .stdout(Stdio::null())
+                .spawn()
+                .expect("a busy loop")
+        };
+        Self((0..count).map(|_| busy()).collect())
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            child.kill().expect("it runs");
+            child.wait().expect("it has been killed");
+        }
+    }
+}
+
+/// Plays it several times beside busy loops; all must be the same. Gives the last.
+fn same_each_time(times: usize, mut play: impl FnMut() -> Option<Played>) -> Option<Played> {
+    let _load = Load::of(3);
+    let first = play()?;
+    assert_eq!(first.ending.end, End::Exited(0), "{}", first.output);
+    for _ in 1..times {
+        let again = play()?;
+        assert_eq!(again.output, first.output);
+        assert_eq!(again.trace, first.trace);
+        assert_eq!(again.ending.at, first.ending.at);
+        assert_eq!(again.ending.calls, first.ending.calls);
+    }
+    Some(first)
+}
+
+/// Three threads, a log with dates, random numbers, and a cable that is pulled; a minute.
+const JOB: &str = r#"
+import hashlib, logging, os, queue, random, secrets, threading, time, uuid
+logging.basicConfig(format="%(asctime)s %(threadName)s %(message)s", level=logging.INFO)
+log, path, lines = logging.info, os.environ["PORT"], queue.Queue()
+stop = threading.Event()
+def reader():
+    fd = -1
+    while not stop.is_set():
+        try:
+            if fd < 0:
+                fd = os.open(path, os.O_RDWR | os.O_NOCTTY); log("open %s", path)
+                os.write(fd, b"hello\n")
+            data = os.read(fd, 100)
+            if not data: raise OSError("gone")
+            lines.put(data)
+            os.write(fd, b"%d\n" % random.randrange(1000))
+        except OSError as error:
+            log("lost: %s", error)
+            if fd >= 0: os.close(fd)
+            fd = -1
+            time.sleep(random.random())
+def ticker():
+    while not stop.wait(0.7): log("tick %s", {str(uuid.uuid4())[:4], secrets.token_hex(2)})
+threads = [threading.Thread(target=f, name=f.__name__, daemon=True) for f in (reader, ticker)]
+for t in threads: t.start()
+end, digest = time.monotonic() + 60, hashlib.sha256()
+while time.monotonic() < end:
+    try: digest.update(lines.get(timeout=0.3))
+    except queue.Empty: log("nothing")
+stop.set()
+log("%s %s %s", digest.hexdigest(), hash("text"))
+"#;
+
+#[test]
+fn a_job_of_a_minute_is_the_same_to_the_last_byte() {
+    let played = same_each_time(8, || {
+        let stage = Stage {
+            device: Device {
+                cable: Some((20_000_000_000, 31_000_000_000)),
+                ..Device::default()
+            },
+            ..Stage::default()
+        };
+        python_on(stage, JOB)
+    });
+    let Some(played) = played else { return };
+    assert!(played.output.contains("2030-01-01 "), "{}", played.output);
+    assert!(played.trace.len() > 1000, "{:?}", played.trace.len());
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+}
+
+#[test]
+fn another_seed_is_another_run() {
+    let code = "import os, random; print(random.random(), os.urandom(4).hex(), hash('x'))";
+    let with = |seed| {
+        let stage = Stage {
+            seed,
+            ..Stage::default()
+        };
+        python_on(stage, code).map(|played| played.output)
+    };
+    let Some(first) = with(Some(1)) else { return };
+    assert_eq!(with(Some(1)), Some(first.clone()));
+    assert_ne!(with(Some(2)), Some(first));
+    assert_ne!(with(None), with(None));
+}
+
+#[test]
+fn what_is_random_elsewhere_is_the_same_too() {
+    let code = r#"
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/auxv.h>
+#include <x86intrin.h>
+int main(void) {
+  unsigned char b[8]; FILE *f = fopen("/dev/urandom", "r"); fread(b, 1, 8, f);
+  for (int i = 0; i < 8; i++) printf("%02x", b[i]);
+  unsigned char *r = (unsigned char *)getauxval(AT_RANDOM);
+  for (int i = 0; i < 16; i++) printf("%02x", r[i]);
+  unsigned a; printf(" %p %p %p %llu %llu\n", (void *)main, (void *)b, malloc(100000), __rdtsc(), __rdtscp(&a));
+}
+"#;
+    let Some((_folder, binary)) = c(code, &[]) else {
+        return;
+    };
+    same_each_time(5, || Some(play(&[text(&binary)])));
+}
+
+#[test]
+fn processes_and_pipelines_are_the_same_each_time() {
+    let code = "for i in 1 2 3; do (sleep 0.$i; echo $i; date +%s.%N) & done; wait; \
+                seq 3 | while read n; do echo $n; sleep 0.1; done | sort -r; date -Ins; \
+                trap 'echo trapped; date +%s.%N' USR1; (sleep 1; kill -USR1 $$) & sleep 2; date +%N";
+    let played = same_each_time(8, || Some(play(&["bash", "-c", code])));
+    let output = played.expect("there is a shell").output;
+    assert!(output.contains("trapped"), "{output}");
+}
+
+#[test]
+fn who_computes_without_end_is_told_where() {
+    let stage = Stage {
+        allowed: Duration::from_secs(1),
+        ..Stage::default()
+    };
+    let played = play_on(stage, &["sh", "-c", "while :; do :; done"]).expect("it can be run");
+    assert_eq!(played.ending.end, End::Killed(9));
+    let Reason::OutOfTime(doing) = &played.ending.reason else {
+        panic!("{:?}", played.ending)
+    };
+    assert!(doing.starts_with("sh was computing, in /"), "{doing}");
+}
+
+#[test]
+fn the_world_outside_has_real_time_and_is_named() {
+    let server = std::net::TcpListener::bind("127.0.0.1:0").expect("a server");
+    let address = server.local_addr().expect("its address");
+    let answering = std::thread::spawn(move || {
+        use std::io::{Read as _, Write as _};
+        let (mut stream, _) = server.accept().expect("a client");
+        let mut byte = [0];
+        stream.read_exact(&mut byte).expect("a byte");
+        std::thread::sleep(Duration::from_millis(300));
+        stream.write_all(b"y").expect("it listens");
+    });
+    let code = format!(
+        "import socket, time; s = socket.create_connection(('127.0.0.1', {})); s.send(b'x'); \
+         t = time.monotonic(); print(s.recv(1), 0.2 < time.monotonic() - t < 30)",
+        address.port()
+    );
+    let Some(played) = python(&code) else { return };
+    answering.join().expect("it has answered");
+    assert_eq!(played.output, "b'y' True\n", "{:?}", played.ending);
+    let named: Vec<&String> = played.ending.outside.iter().collect();
+    assert_eq!(named, [&format!("tcp {address}")]);
+}
+
+#[test]
+fn what_cannot_be_is_refused_in_words() {
+    let played = c_played(
+        r#"
+#include <errno.h>
+#include <stdio.h>
+#include <sys/ptrace.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+int main(void) {
+  printf("%d", ptrace(PTRACE_TRACEME, 0, 0, 0) == -1 && errno == EPERM);
+  printf("%d", syscall(SYS_io_uring_setup, 8, 0) == -1 && errno == ENOSYS);
+  printf("%d\n", syscall(449, 0, 0, 0, 0, 0) == -1 && errno == ENOSYS);
+}
+"#,
+    );
+    let Some(played) = played else { return };
+    assert_eq!(played.output, "111\n");
+    let refused: Vec<&String> = played.ending.refused.iter().collect();
+    assert!(refused[0].starts_with("a debugger"), "{refused:?}");
+
+    let nobody = play_on(Stage::default(), &["/nobody/here"]);
+    assert!(matches!(nobody, Err(Error::NotStarted(_))), "{nobody:?}");
+    let folder = play_on(Stage::default(), &["/"]);
+    assert!(matches!(folder, Err(Error::NotStarted(_))), "{folder:?}");
+}
+
+#[test]
+fn a_32_bit_program_is_refused() {
+    let Some(cc) = program("cc") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = folder.path().join("old.c");
+    let binary = folder.path().join("old");
+    let code = "void _start(void) { __asm__(\"mov $1, %eax; xor %ebx, %ebx; int $0x80\"); }";
+    std::fs::write(&source, code).expect("a source file");
+    let built = Command::new(cc)
+        .args(["-m32", "-nostdlib", "-static", "-fno-pie", "-no-pie", "-o"])
+        .args([&binary, &source])
+        .output()
+        .expect("a compiler that runs");
+    assert!(
+        built.status.success(),
+        "{}",
+        String::from_utf8_lossy(&built.stderr)
+    );
+    let refused = play_on(Stage::default(), &[text(&binary)]);
+    let Err(Error::Refused(why)) = refused else {
+        panic!("{refused:?}")
+    };
+    assert!(why.contains("is a 32-bit program"), "{why}");
+}
+
+#[test]
+fn nothing_piles_up_over_many_runs() {
+    let open = || std::fs::read_dir("/proc/self/fd").expect("them").count();
+    let children = || {
+        let tasks = std::fs::read_dir("/proc/self/task").expect("them");
+        let lists = tasks
+            .filter_map(|task| std::fs::read_to_string(task.ok()?.path().join("children")).ok());
+        lists
+            .map(|list| list.split_whitespace().count())
+            .sum::<usize>()
+    };
+    let run = || {
+        play(&[
+            "sh",
+            "-c",
+            "(sleep 1 &) ; (sleep 100 &); echo $PORT >/dev/null",
+        ])
+    };
+    run();
+    let before = open();
+    for _ in 0..50 {
+        run();
+    }
+    // Other tests of this program have some of their own meanwhile.
+    assert!(open() < before + 40, "{} {before}", open());
+    assert!(children() < 40, "{}", children());
+}
