@@ -70,7 +70,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         File::create(&path).with_context(|| {
             format!(
                 "cannot write the client's output to {}",
-                visible::name(path)
+                visible::name(&path)
             )
         })
     });
