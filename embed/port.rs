@@ -215,7 +215,7 @@ impl Write for ClientPort {
             return Ok(0);
         }
         self.wait(self.timeout, |run, port| {
-            let count = run.room(port.id).min(buf.len());
+            let count = run.space(port.id).min(buf.len());
             if count == 0 {
                 return Ok(None);
             }
@@ -226,7 +226,7 @@ impl Write for ClientPort {
 
     fn flush(&mut self) -> io::Result<()> {
         self.wait(Duration::MAX, |run, port| {
-            Ok((run.room(port.id) == MOST_IN_FLIGHT).then_some(()))
+            Ok((run.space(port.id) == MOST_IN_FLIGHT).then_some(()))
         })
     }
 }
@@ -364,7 +364,7 @@ impl SerialPort for ClientPort {
     }
 
     fn bytes_to_write(&self) -> serialport::Result<u32> {
-        let waiting = self.with(|run, port| Ok(MOST_IN_FLIGHT - run.room(port.id)))?;
+        let waiting = self.with(|run, port| Ok(MOST_IN_FLIGHT - run.space(port.id)))?;
         Ok(u32::try_from(waiting).unwrap_or(u32::MAX))
     }
 

@@ -25,8 +25,8 @@ pub use settings::{
     R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings, Unmeasured,
 };
 pub use signals::{
-    Load, PwmReading, PwmSource, R150Commands, R150Measurements, R150Truth, RAILS, Rail, Side,
-    Sides,
+    Load, PwmReading, PwmSource, R150Commands, R150Health, R150Measurements, R150Truth, RAILS,
+    Rail, Side, Sides,
 };
 
 use crate::pose::Pose;
@@ -197,14 +197,23 @@ impl R150Plant {
             Side::Right => FuseId::MotorRight,
             Side::Left => FuseId::MotorLeft,
         };
-        let supplied = self.commands.propulsion_power && !self.is_fuse_blown(fuse);
         let faults = &self.side_faults[side];
         let duty = self.commands.motor_duty[self.port_of(side)];
         let open = duty == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
+        let back_emf = self.drive.back_emf(side);
+        let on = self.commands.propulsion_power && !open;
+        // A bridge that is off still conducts through its diodes what a motor gives that turns faster
+        // than the bus allows.
+        let conducts = on || back_emf.abs() > self.flow.bus;
+        let duty = match (on, faults.reversed) {
+            (false, _) => back_emf.signum(),
+            (true, true) => -duty,
+            (true, false) => duty,
+        };
         MotorPort {
-            connected: supplied && !open && !faults.motor_disconnected,
-            duty: if faults.reversed { -duty } else { duty },
-            back_emf: self.drive.back_emf(side),
+            connected: !self.is_fuse_blown(fuse) && !faults.motor_disconnected && conducts,
+            duty,
+            back_emf,
             resistance: self.settings.motor.resistance,
         }
     }

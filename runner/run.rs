@@ -7,7 +7,7 @@
 //! # How to drive it
 //!
 //! 1. Say what a client does, and when: [`Run::attach`], [`Run::detach`], [`Run::send`],
-//!    [`Run::set_line`]. Never send more than there is [`Run::room`] for; the rest would be lost.
+//!    [`Run::set_line`]. Never send more than there is [`Run::space`] for; the rest would be lost.
 //! 2. Let time pass with [`Run::advance`], at the latest up to [`Run::next_deadline`] if what comes of it
 //!    is wanted at once. A time that has passed already does nothing.
 //! 3. Drain it: [`Run::read`] for each port, [`Run::poll_event`] and, if there is a trace,
@@ -68,7 +68,7 @@ use crate::scenario::Scenario;
 use crate::trace::Recorder;
 use agenda::Agenda;
 use host::HostPort;
-use judge::{Expected, RuleState};
+use judge::{Context, Expected, RuleState};
 use lateness::Lateness;
 use steps::StepState;
 
@@ -151,6 +151,8 @@ pub struct Run {
     events: VecDeque<Event>,
     events_lost: u64,
     recent: VecDeque<Event>,
+    /// What had happened and what was armed when it first failed.
+    context: Option<Context>,
     failures: Vec<Failure>,
     more_failures: u64,
     /// The ground as the settings have it.
@@ -220,6 +222,7 @@ impl Run {
             events: VecDeque::new(),
             events_lost: 0,
             recent: VecDeque::new(),
+            context: None,
             failures: Vec::new(),
             more_failures: 0,
             ground,

@@ -7,6 +7,7 @@ mod framing;
 mod host;
 mod names;
 mod settings;
+mod watch;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,6 +27,7 @@ use crate::r150_device::R150Device;
 use crate::r150_device::vehicle::{self, Action, Start};
 use crate::rig::Rig;
 pub use settings::R150Settings;
+use watch::Watch;
 
 /// The XAG R150.
 pub static R150_SPEC: DeviceSpec = DeviceSpec {
@@ -134,6 +136,7 @@ pub struct R150 {
     faults: faults::Faults,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
+    watch: Watch,
 }
 
 impl R150 {
@@ -163,6 +166,7 @@ impl R150 {
             plant,
             faults: faults::Faults::default(),
             plant_at: SimTime::ZERO,
+            watch: Watch::default(),
         };
         vehicle.settle(SimTime::ZERO);
         vehicle
@@ -230,7 +234,7 @@ impl Device for R150 {
     }
 
     fn has_news(&self) -> bool {
-        self.device.has_news()
+        self.device.has_news() || self.watch.has_news()
     }
 
     fn settle(&mut self, now: SimTime) {
@@ -247,6 +251,7 @@ impl Device for R150 {
                 break;
             }
         }
+        self.watch.look(now, self.plant.health());
     }
 
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
@@ -254,7 +259,10 @@ impl Device for R150 {
     }
 
     fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        let (at, event) = self.device.poll_event()?;
+        if let Some((at, event)) = self.device.poll_event() {
+            return Some((at, Arc::new(event)));
+        }
+        let (at, event) = self.watch.poll()?;
         Some((at, Arc::new(event)))
     }
 

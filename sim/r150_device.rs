@@ -136,8 +136,8 @@ impl R150Device {
     }
 
     /// The machine that runs the simulator was late by `by`, so that up to and including `until`
-    /// commands may come closer together by as much than the client sent them. Those do not count as
-    /// too soon.
+    /// commands may come up to `by` closer together than they were sent. Those do not count as too
+    /// soon.
     pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         self.motors.expect_burst(by, until);
     }

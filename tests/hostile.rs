@@ -405,3 +405,45 @@ fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
         .wait()
         .expect_refusal(2, &["1025 bytes", "1024"]);
 }
+
+#[test]
+fn a_failure_while_the_machine_held_the_simulator_up_is_the_machine_s() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("good.toml"), short("Good")).unwrap();
+    let fails = "[[step]]\nat = \"100 ms\"\nexpect = { that = \"false\" }\n";
+    fs::write(folder.join("bad.toml"), short("Bad") + fails).unwrap();
+    let client = ["--", "sh", "-c", "exec 3<>\"$SIM_R150_PORT\"; sleep 1"];
+    for (file, code) in [("good.toml", 0), ("bad.toml", 3)] {
+        let options = [
+            "run",
+            "--max-hold-up",
+            "1ms",
+            "--time=real",
+            "--junit",
+            "r.xml",
+            file,
+        ];
+        let sim = start(folder, &[&options as &[&str], &client].concat());
+        // As a system that is too busy does, until it has ended.
+        let state = format!("/proc/{}/stat", sim.pid());
+        while !fs::read_to_string(&state).unwrap().contains(") Z ") {
+            sim.signal(Signal::STOP);
+            std::thread::sleep(Duration::from_millis(80));
+            sim.signal(Signal::CONT);
+            std::thread::sleep(Duration::from_millis(80));
+        }
+        let ended = sim.wait();
+        assert_eq!(ended.code(), Some(code), "{}{}", ended.out, ended.err);
+        assert!(ended.out.contains("the machine was busy"), "{}", ended.out);
+        let results = junit(&folder.join("r.xml"));
+        assert!(results.contains("sim.held_up_s"), "{results}");
+        assert_eq!(results.contains("type=\"machine\""), code == 3, "{results}");
+        assert_eq!(
+            ended.out.contains("1 spoilt by the machine"),
+            code == 3,
+            "{}",
+            ended.out
+        );
+    }
+}

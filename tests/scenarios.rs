@@ -223,3 +223,81 @@ fn the_whole_library_passes_and_is_the_same_to_the_last_byte_twice() {
     }
     assert_eq!(traces.len(), traces_again.len());
 }
+
+/// The drive of [`WATCHDOG`] under a fault that goes on while it fails, if it does.
+fn under_fault(limit: &str, fault: &str) -> String {
+    WATCHDOG.replace("LIMIT", limit) + "\n[[step]]\nname = \"trouble\"\n" + fault
+}
+
+#[test]
+fn a_failure_tells_what_came_before_it_and_what_was_armed_then() {
+    let folder = tempfile::tempdir().unwrap();
+    let twice = "at = \"400 ms\"\nfor = \"3 s\"\nfault = { kind = \"reply-twice\" }\n";
+    // It has gone half a metre after about a second, while it drives.
+    let scenario =
+        under_fault("1.0", twice).replace("truth.speed_mps < 1.0", "truth.distance_m < 0.5");
+    fs::write(folder.path().join("far.toml"), scenario).unwrap();
+    let failed = sim(folder.path(), &["run", "--output", ".", "far.toml"]);
+    assert_eq!(failed.status.code(), Some(1), "{failed:?}");
+    let told = text(&failed.stdout);
+    assert!(
+        told.contains("armed then: \"trouble\" (reply-twice), from 0.400000 s on"),
+        "{told}"
+    );
+    let report = fs::read_to_string(folder.path().join("far.report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["armed"].as_array().unwrap().len(), 1);
+    let failed_at = report["failures"][0]["time_s"].as_f64().unwrap();
+    let (_, after) = told.split_once("the last that happened before:").unwrap();
+    let times: Vec<f64> = after
+        .lines()
+        .filter_map(|line| line.split_whitespace().next()?.parse().ok())
+        .collect();
+    assert!(
+        !times.is_empty() && times.iter().all(|at| *at <= failed_at),
+        "{told}"
+    );
+    assert!(!after.contains("watchdog fired"), "that came later: {told}");
+}
+
+#[test]
+fn a_pass_tells_what_it_was_worth() {
+    let folder = tempfile::tempdir().unwrap();
+    // Six times armed, of which those behind the drive find no reply to spoil.
+    let campaign = "at = \"200 ms\"\nevery = \"500 ms\"\nfor = \"200 ms\"\ncount = 6\n\
+                    fault = { kind = \"bad-crc\" }\n";
+    fs::write(
+        folder.path().join("campaign.toml"),
+        under_fault("1.0", campaign),
+    )
+    .unwrap();
+    fs::write(
+        folder.path().join("plain.toml"),
+        WATCHDOG.replace("LIMIT", "1.0"),
+    )
+    .unwrap();
+    let passed = sim(
+        folder.path(),
+        &["run", "--output", ".", "campaign.toml", "plain.toml"],
+    );
+    assert_eq!(passed.status.code(), Some(0), "{passed:?}");
+    let told = text(&passed.stdout);
+    assert!(
+        told.contains("(4.0 s simulated), 3 of 6 faults hit, 25 requests, "),
+        "{told}"
+    );
+    assert!(told.contains("(4.0 s simulated), 25 requests, "), "{told}");
+    let report = fs::read_to_string(folder.path().join("campaign.report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    let fault = &report["faults"][0];
+    assert_eq!(
+        (&fault["armed"], &fault["hit"]),
+        (&6.into(), &3.into()),
+        "{fault}"
+    );
+    assert!(fault["hits"].as_u64().unwrap() > 3, "{fault}");
+    assert!(
+        report["devices"][0]["distance_m"].as_f64().unwrap() > 0.5,
+        "{report}"
+    );
+}

@@ -123,8 +123,11 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
             "\n  what follows may be the machine's doing (--max-hold-up), also in a second try:";
     }
     text += &failures(outcome);
+    for fault in &outcome.armed {
+        let _ = write!(text, "\n  armed then: {}", visible::line(fault));
+    }
     if !outcome.traffic.is_empty() {
-        text += "\n  the last that happened:";
+        text += "\n  the last that happened before:";
     }
     for line in last(&outcome.traffic, TRAFFIC) {
         let _ = write!(text, "\n    {}", visible::line(line));
@@ -300,6 +303,7 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         "failures": failures,
         "more_failures": outcome.more_failures,
         "faults": faults,
+        "armed": outcome.armed,
         "client_report": report,
     })
 }

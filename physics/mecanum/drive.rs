@@ -192,7 +192,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let pull = motion
         .to_body(ground.downhill())
         .map(|share| share * weight);
-    let loads = drive.stance.loads(pull, weight * ground.cos_slope());
+    let (loads, _) = drive.stance.loads(pull, weight * ground.cos_slope());
     let grips = Wheel::ALL.map(|wheel| {
         let index = wheel.index();
         let speed = drive.wheel_speed[index];

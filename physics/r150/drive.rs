@@ -17,6 +17,8 @@ pub(super) struct Drive {
     pub(super) traction: Traction<2, WHEELS>,
     /// Of the wheels of each side, rad/s.
     pub(super) wheel_speed: [f64; 2],
+    /// Whether a wheel would lift off the ground.
+    pub(super) tipping: bool,
     pub(super) mass: f64,
     pub(super) inertia: f64,
     stance: Stance,
@@ -65,6 +67,7 @@ impl Drive {
         let mut drive = Self {
             traction: Traction::new(&settings.tyre, patches),
             wheel_speed: [0.0; 2],
+            tipping: false,
             mass: 0.0,
             inertia: 0.0,
             stance: Stance {
@@ -167,7 +170,7 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
 
     let drive = &plant.drive;
     let pull = drive.pull(&ground, gravity, &motion);
-    let loads = drive
+    let (loads, tipping) = drive
         .stance
         .loads(pull, drive.mass * gravity * ground.cos_slope());
     let side_loads = [loads[1] + loads[3], loads[0] + loads[2]];
@@ -204,6 +207,7 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
         .drive
         .traction
         .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
+    plant.drive.tipping = tipping;
     plant.drive.wheel_speed = wheels.map(|wheel| wheel.speed);
     let [ahead, left, yaw_rate] = chassis.velocity;
     world.set_velocity(plant.body.id(), motion.to_world([ahead, left]), yaw_rate);

@@ -2,8 +2,9 @@
 
 use super::R150Plant;
 use super::faults::Encoder;
+use super::fuse::FuseId;
 use super::pwm;
-use super::signals::{PwmReading, R150Measurements, R150Truth, RAILS, Side, Sides};
+use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
 
 impl R150Plant {
     /// What the firmware's sensors read now.
@@ -46,6 +47,15 @@ impl R150Plant {
             charge_drawn: self.slow.battery.drawn(),
             mass: self.drive.mass,
             at_rest: self.body.is_resting(),
+        }
+    }
+
+    /// What is broken or about to tip.
+    #[must_use]
+    pub fn health(&self) -> R150Health {
+        R150Health {
+            fuse_blown: FuseId::ALL.map(|fuse| self.is_fuse_blown(fuse)),
+            tipping: self.drive.tipping,
         }
     }
 

@@ -194,6 +194,15 @@ pub struct R150Measurements {
     pub power_module_fault: bool,
 }
 
+/// What is broken or about to tip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct R150Health {
+    /// Which fuses have blown, in the order of [`FuseId::ALL`](super::FuseId::ALL).
+    pub fuse_blown: [bool; 4],
+    /// Whether a wheel would lift off the ground, and the vehicle begin to tip over.
+    pub tipping: bool,
+}
+
 /// How things really are, for verdicts and summaries. No firmware sees this.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct R150Truth {

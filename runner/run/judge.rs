@@ -25,6 +25,13 @@ pub(super) struct Expected {
     pub due: SimTime,
 }
 
+/// What surrounds a failure.
+#[derive(Debug)]
+pub(super) struct Context {
+    traffic: Vec<String>,
+    armed: Vec<String>,
+}
+
 /// How far a condition over time has come.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RuleState {
@@ -196,6 +203,9 @@ impl Run {
         if let Some(recorder) = &mut self.recorder {
             recorder.failure(&failure);
         }
+        if self.context.is_none() && self.outcome.is_none() {
+            self.context = Some(self.context());
+        }
         if let Some(outcome) = &mut self.outcome {
             outcome.passed = false;
             outcome.failures.push(failure);
@@ -213,8 +223,10 @@ impl Run {
         let faults = self.close_faults(now);
         self.fail_what_never_began(now);
         self.judge_reports(now);
+        let passed = self.failures.is_empty();
+        let context = self.context.take().unwrap_or_else(|| self.context());
         let outcome = Outcome {
-            passed: self.failures.is_empty(),
+            passed,
             title: self.scenario.title.clone(),
             seed: self.options.seed,
             ended_at: now,
@@ -234,7 +246,8 @@ impl Run {
                     distance_m: self.rig.distance_m(device),
                 })
                 .collect(),
-            traffic: self.traffic(),
+            traffic: context.traffic,
+            armed: context.armed,
         };
         if let Some(recorder) = &mut self.recorder {
             recorder.end(now, outcome.passed);
@@ -357,6 +370,26 @@ impl Run {
                     what,
                 });
             }
+        }
+    }
+
+    /// What has happened lastly, and what is armed.
+    fn context(&self) -> Context {
+        let steps = self.scenario.steps.iter().zip(&self.steps);
+        let armed = steps.filter_map(|(step, state)| match &step.action {
+            Action::Fault(fault) if state.has_faults() => {
+                let begun = state.begun?;
+                Some(format!(
+                    "\"{}\" ({}), from {begun} s on",
+                    step.name,
+                    fault.id()
+                ))
+            }
+            _ => None,
+        });
+        Context {
+            armed: armed.collect(),
+            traffic: self.traffic(),
         }
     }
 

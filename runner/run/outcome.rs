@@ -24,8 +24,10 @@ pub struct Outcome {
     pub faults: Vec<FaultRecord>,
     /// What happened at each device, counted; the client report is in it.
     pub devices: Vec<DeviceReport>,
-    /// The last events before the end, in words.
+    /// The last events before the first failure, or before the end without one, in words.
     pub traffic: Vec<String>,
+    /// The faults that were armed at the first failure, in words.
+    pub armed: Vec<String>,
 }
 
 /// Something that was not as the file says.

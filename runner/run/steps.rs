@@ -66,6 +66,11 @@ impl StepState {
         self.counts.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
     }
 
+    /// Whether one of its faults goes on.
+    pub(super) fn has_faults(&self) -> bool {
+        !self.faults.is_empty()
+    }
+
     pub(super) fn fault_counts(&self) -> FaultCounts {
         self.counts
     }

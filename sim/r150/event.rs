@@ -55,6 +55,10 @@ crate::codes! {
     POWER_MODULE_RECOVERED = "power_module_recovered", Nobody;
     /// Too many replies waited.
     REPLY_DROPPED = "reply_dropped", Nobody;
+    /// A fuse blew.
+    FUSE_BLOWN = "fuse_blown", Nobody;
+    /// A wheel would lift: the vehicle would tip over.
+    TIPPING = "tipping", Nobody;
 }
 
 impl EventKind for R150Event {

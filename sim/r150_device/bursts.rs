@@ -22,7 +22,7 @@ struct Burst {
 }
 
 impl Bursts {
-    /// Up to and including `until`, commands may come closer together by as much as `by`.
+    /// Up to and including `until`, commands may come up to `by` closer together than they were sent.
     pub(super) fn expect(&mut self, by: Duration, until: SimTime) {
         if self.kept.iter().any(|b| b.by >= by && b.until >= until) {
             return;

@@ -62,7 +62,7 @@ impl Rig {
     }
 
     /// The simulator was late by `by` of simulated time, so that up to and including `until` what
-    /// clients send may come closer together by as much than they sent it. That does not count as too
+    /// clients send may come up to `by` closer together than they sent it, without counting as too
     /// soon.
     pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         for slot in &mut self.slots {

@@ -130,6 +130,25 @@ fn a_request_arrives_after_its_bytes_and_its_reply_takes_as_long_as_it_has_bytes
 }
 
 #[test]
+fn a_fuse_that_blows_is_told_once() {
+    let mut rig = rig(Wire::Instant);
+    rig.attach(PORT, SimTime::ZERO).unwrap();
+    rig.advance(SimTime::from_millis(10)).unwrap();
+    assert!(!codes(&mut rig).contains(&"fuse_blown"));
+    rig.with_device(0, |r150: &mut R150, world, _| {
+        let mut faults = sim_physics::r150::R150Faults::default();
+        faults.fuses_out[0] = true;
+        r150.plant_mut().set_faults(world, &faults);
+    });
+    rig.advance(SimTime::from_millis(500)).unwrap();
+    let told: Vec<String> = std::iter::from_fn(|| rig.poll_event())
+        .filter(|event| event.kind.code().as_str() == "fuse_blown")
+        .map(|event| event.kind.to_string())
+        .collect();
+    assert_eq!(told, ["the fuse of the right motor blew"]);
+}
+
+#[test]
 fn on_an_instant_wire_the_reply_is_there_at_once() {
     let mut rig = rig_with(Wire::Instant, 1, |s| {
         s.firmware.reply_spread = Duration::ZERO
