@@ -103,10 +103,10 @@ fn abuse(port: &Path, cycle: u64) {
             let client = fs::File::options().read(true).write(true).open(port);
             let _ = tcflow(client.unwrap(), Action::OOff);
         }
-        // Half a frame, and more than the line takes.
+        // Half a frame behind many requests, whose replies the line just carries.
         8 => {
             let mut client = open(port);
-            client.send_some(&frame(0x06, &[]).repeat(400)[..2395]);
+            client.send_some(&frame(0x07, &[]).repeat(400)[..2395]);
         }
         // A good client for a change, which is answered whoever was there before.
         _ => {
