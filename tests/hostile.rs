@@ -398,7 +398,7 @@ fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
     let bytes = format!("host = {{ bytes = \"{}\" }}", "AA".repeat(1025));
     fs::write(
         folder.join("b.toml"),
-        short(&"B") + "[[step]]\nat = \"0 s\"\n" + &bytes,
+        short("B") + "[[step]]\nat = \"0 s\"\n" + &bytes,
     )
     .unwrap();
     start(folder, &["check", "b.toml"])

@@ -18,7 +18,6 @@ const FAR: Pose = Pose {
 
 /// Whether two displacements agree within 0.1 % of the way.
 fn agree(near: f64, far: f64) {
-    println!("{near:.6} m at the origin, {far:.6} m far away");
     assert!(near.abs() > 0.05, "hardly moved: {near}");
     assert!((near - far).abs() < 1e-3 * near.abs(), "{near} {far}");
 }
