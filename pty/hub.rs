@@ -240,15 +240,23 @@ impl Registration {
         Ok(())
     }
 
-    /// We have done so `visits` times, and so many others have it open as far as is known. If anybody
-    /// else has opened or closed it meanwhile, somebody may have left.
-    pub(crate) fn end_visits(&self, visits: u32, openers: u32) -> Result<(), PortErrorKind> {
+    /// We have done so `visits` times. If anybody else has opened or closed it meanwhile, somebody may
+    /// have left. Whoever is seen to be there may not be reported yet, so that the count is corrected
+    /// where nobody is, and never upwards.
+    pub(crate) fn end_visits(&self, visits: u32, hung_up: bool) -> Result<(), PortErrorKind> {
         self.drain()?;
         self.with_node(|node| {
             node.departed = (node.opened, node.closed) != (visits, visits);
-            node.openers = openers;
+            if hung_up {
+                node.openers = 0;
+            }
         });
         Ok(())
+    }
+
+    /// Somebody had the node open before it was watched.
+    pub(crate) fn add_opener(&self) {
+        self.with_node(|node| node.openers = node.openers.max(1));
     }
 
     fn with_node<T: Default>(&self, act: impl FnOnce(&mut Node) -> T) -> T {

@@ -171,7 +171,9 @@ impl PtyPort {
             }
             registration.watch_node(self.pair.slave())?;
             registration.watch(&self.pair, IN)?;
-            registration.end_visits(0, u32::from(!self.pair.is_hung_up()?))?;
+            if !self.pair.is_hung_up()? {
+                registration.add_opener();
+            }
             self.registration = Some(registration);
             Ok(())
         };
@@ -310,8 +312,8 @@ impl PtyPort {
         };
         registration.begin_visits()?;
         let visits = open(&self.pair)?;
-        let openers = u32::from(!self.pair.is_hung_up()?);
-        registration.end_visits(visits, openers)
+        let hung_up = self.pair.is_hung_up()?;
+        registration.end_visits(visits, hung_up)
     }
 
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {

@@ -141,10 +141,12 @@ fn a_link_to_somebody_s_living_terminal_is_left_alone() {
 }
 
 #[test]
-fn a_link_to_a_terminal_that_is_gone_is_replaced() {
+fn a_link_to_a_terminal_that_is_gone_is_replaced_if_it_is_recorded() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     symlink("/dev/pts/4294967", &path).unwrap();
+    assert_eq!(refused(&path).0, Occupied);
+    fs::write(dir.path().join(".r150.sim-lock"), "1\n/dev/pts/4294967\n").unwrap();
     let port = PtyPort::open_at(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.slave_path());
     drop(port);
@@ -195,6 +197,7 @@ fn of_many_that_start_at_once_one_wins() {
     for round in 0..30 {
         if round % 2 == 1 {
             symlink("/dev/pts/4294967", &path).unwrap();
+            fs::write(dir.path().join(".r150.sim-lock"), "1\n/dev/pts/4294967\n").unwrap();
         }
         let start = Barrier::new(STARTERS);
         let end = Barrier::new(STARTERS);
