@@ -13,8 +13,8 @@ use super::settings::{
     HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
 };
 
-/// Most replies that may wait for their time.
-const MOST_REPLIES: usize = 64;
+/// Most replies that may wait for their time: more than arrive at once where bytes take no time.
+const MOST_REPLIES: usize = 4096;
 
 impl R150Device {
     /// Takes what the decoder found, in order.
