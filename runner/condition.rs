@@ -25,7 +25,7 @@ use cel::common::types::{CelBool, CelDouble, DOUBLE_TYPE};
 use cel::common::value::CowVal;
 use cel::context::VariableResolver;
 use cel::parser::{Expression, Parser};
-use cel::{Context, Env, ExecutionError, Value};
+use cel::{Context, Env, ExecutionError};
 use sim_core::rig::Rig;
 
 pub use names::{NameInfo, Unit, names};
@@ -48,6 +48,15 @@ pub struct Condition {
     text: String,
     expression: Expression,
     names: BTreeMap<String, Origin>,
+}
+
+/// What an expression gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Value {
+    /// A number, in the unit of its names.
+    Number(f64),
+    /// True or false.
+    Flag(bool),
 }
 
 /// Where the value of a name comes from.
@@ -75,6 +84,18 @@ impl Condition {
     /// # Errors
     /// Says in words what is wrong and what is allowed.
     pub fn parse(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
+        Self::parse_as(text, devices, check::condition)
+    }
+
+    /// Reads an expression that may be a number, too.
+    ///
+    /// # Errors
+    /// Says in words what is wrong and what is allowed.
+    pub fn parse_value(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
+        Self::parse_as(text, devices, check::value)
+    }
+
+    fn parse_as(text: &str, devices: &Devices<'_>, check: check::Check) -> Result<Self, String> {
         if text.len() > MOST_TEXT {
             return Err(format!("a condition has at most {MOST_TEXT} bytes"));
         }
@@ -90,7 +111,7 @@ impl Condition {
             )
         })?;
         let mut names = BTreeMap::new();
-        check::check(&mut expression, &Scope(devices), &mut names)?;
+        check(&mut expression, &Scope(devices), &mut names)?;
         Ok(Self {
             text: text.to_owned(),
             expression,
@@ -109,18 +130,30 @@ impl Condition {
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
     pub fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
+        match self.value(situation)? {
+            Value::Flag(holds) => Ok(holds),
+            Value::Number(_) => Err(format!("`{}` is neither true nor false", self.text)),
+        }
+    }
+
+    /// What it is now.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub fn value(&self, situation: Situation<'_>) -> Result<Value, String> {
         let resolver = Resolver {
             names: &self.names,
             situation,
         };
         let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
         context.set_variable_resolver(&resolver);
-        let value = Value::resolve_val(&self.expression, &context)
+        let value = cel::Value::resolve_val(&self.expression, &context)
             .map_err(|error| format!("`{}` has no value: {error}", self.text))?;
-        value
-            .downcast_ref::<CelBool>()
-            .map(|holds| *holds.inner())
-            .ok_or_else(|| format!("`{}` is neither true nor false", self.text))
+        let flag = value.downcast_ref::<CelBool>();
+        let flag = flag.map(|flag| Value::Flag(*flag.inner()));
+        let number = || value.downcast_ref::<CelDouble>();
+        flag.or_else(|| number().map(|number| Value::Number(*number.inner())))
+            .ok_or_else(|| format!("`{}` has no value", self.text))
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.

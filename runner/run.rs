@@ -40,6 +40,7 @@
 
 mod agenda;
 mod client;
+mod direct;
 mod effects;
 mod host;
 mod judge;
@@ -59,6 +60,7 @@ use sim_core::rig::{PortId, Rig, RigError};
 use sim_physics::{Ground, WorldMap};
 use sim_settings::Source;
 
+pub use direct::StepError;
 pub use outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 
 use crate::condition::Seen;

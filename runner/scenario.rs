@@ -168,6 +168,17 @@ impl Scenario {
         check::read(source, base)
     }
 
+    /// Reads the table of a further step, and adds it.
+    ///
+    /// # Errors
+    /// As [`Scenario::parse`].
+    pub(crate) fn add_step(&mut self, source: Source<'_>) -> Result<&mut Step, RigFileError> {
+        let step = check::read_step(source, self)?;
+        let at = self.steps.len();
+        self.steps.push(step);
+        Ok(&mut self.steps[at])
+    }
+
     /// Devices that are served and nothing else: no steps, nothing to judge, no end.
     #[must_use]
     pub fn serving(rig: RigPlan) -> Self {
@@ -187,6 +198,12 @@ impl Scenario {
             demand: None,
             obstacles: Vec::new(),
         }
+    }
+
+    /// Whether it has no end of its own, as devices that are only served.
+    #[must_use]
+    pub fn is_endless(&self) -> bool {
+        self.limit == Duration::MAX
     }
 
     /// The world file, relative to the scenario file.

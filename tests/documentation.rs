@@ -391,7 +391,12 @@ fn anchor(heading: &str) -> String {
 #[test]
 fn links_lead_to_files_and_headings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let documents = ["docs/scenarios.md", "docs/ci.md", "docs/faults.md"];
+    let documents = [
+        "docs/scenarios.md",
+        "docs/ci.md",
+        "docs/faults.md",
+        "docs/rust.md",
+    ];
     for name in documents
         .into_iter()
         .chain(["README.md", "ARCHITECTURE.md"])

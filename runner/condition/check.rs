@@ -31,8 +31,21 @@ const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
 /// What names mean.
 pub(super) struct Scope<'a>(pub(super) &'a Devices<'a>);
 
-/// Checks a condition, writes its whole numbers as decimal ones, and notes what its names mean.
-pub(super) fn check(
+/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean.
+pub(super) type Check =
+    fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<(), String>;
+
+/// Allows whatever has a value.
+pub(super) fn value(
+    expression: &mut IdedExpr,
+    scope: &Scope<'_>,
+    found: &mut BTreeMap<String, Origin>,
+) -> Result<(), String> {
+    type_of(expression, scope, found).map(|_| ())
+}
+
+/// Allows what is true or false.
+pub(super) fn condition(
     expression: &mut IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,

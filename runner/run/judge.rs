@@ -156,11 +156,17 @@ impl Run {
         }
     }
 
-    fn holds(&self, condition: &Condition) -> Result<bool, String> {
+    /// Whether a condition holds now.
+    ///
+    /// # Errors
+    /// As [`Condition::holds`].
+    pub fn holds(&self, condition: &Condition) -> Result<bool, String> {
         condition.holds(self.situation())
     }
 
-    fn explain(&self, condition: &Condition) -> String {
+    /// The values of the names in a condition now.
+    #[must_use]
+    pub fn explain(&self, condition: &Condition) -> String {
         condition.explain(self.situation())
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use sim_core::SimTime;
 use sim_core::noise::Noise;
+use sim_core::rig::Rig;
 
 use super::agenda::Item;
 use super::effects::Undo;
@@ -32,7 +33,12 @@ pub(super) struct StepState {
 
 impl StepState {
     pub(super) fn all(scenario: &Scenario, seed: u64) -> Vec<Self> {
-        let of = |step: &Step| Self {
+        let steps = scenario.steps.iter();
+        steps.map(|step| Self::new(step, seed)).collect()
+    }
+
+    pub(super) fn new(step: &Step, seed: u64) -> Self {
+        Self {
             watching: matches!(step.trigger, Trigger::When(_)),
             begun: None,
             done: None,
@@ -43,8 +49,13 @@ impl StepState {
             faults: BTreeMap::new(),
             injected: 0,
             hits: 0,
-        };
-        scenario.steps.iter().map(of).collect()
+        }
+    }
+
+    /// How often its faults have hit something until now.
+    pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
+        let active = self.faults.values();
+        self.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
     }
 
     /// How often it brought its fault, and how often that hit something.

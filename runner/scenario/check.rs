@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use sim_core::SimTime;
 use sim_core::settings::SimSettings;
-use sim_settings::Source;
+use sim_settings::{Source, Span};
 use toml::Spanned;
 
 use super::document::{DemandText, Document, RuleText, StepText};
@@ -99,6 +99,36 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         obstacles,
         rig,
     })
+}
+
+/// A step that whoever drives a run of the scenario adds; without a time it begins at zero.
+pub(super) fn read_step(source: Source<'_>, scenario: &Scenario) -> Result<Step, RigFileError> {
+    let mut text: StepText = toml::from_str(source.text).map_err(|error| {
+        let line = source.syntax(&error).to_string();
+        RigFileError(vec![improve(&line)])
+    })?;
+    if text.at.is_none() && text.when.is_none() && text.after.is_none() {
+        text.at = Some(Spanned::new(0..0, Span::default()));
+    }
+    let devices = scenario.rig.devices.iter();
+    let names = scenario.steps.iter().enumerate();
+    let mut checker = Checker {
+        rig: &scenario.rig,
+        devices: devices.map(|d| (d.name.as_str(), d.kind)).collect(),
+        names: names.map(|(at, step)| (step.name.clone(), at)).collect(),
+        limit: scenario.limit,
+        obstacles: Vec::new(),
+        unnamed_faults: BTreeMap::new(),
+        problems: Problems::new(source),
+    };
+    let whole = 0..source.text.len();
+    if scenario.steps.len() >= MOST_STEPS {
+        let why = format!("a run has at most {MOST_STEPS} steps");
+        checker.problems.add(whole.clone(), &why);
+    }
+    let step = checker.step(scenario.steps.len(), &Spanned::new(whole, text));
+    checker.problems.into_result()?;
+    step.ok_or_else(|| RigFileError(vec!["it is no step".to_owned()]))
 }
 
 struct Checker<'a> {

@@ -1,0 +1,85 @@
+//! What can go wrong, for whoever embeds a simulation.
+
+use std::io;
+use std::path::PathBuf;
+
+use sim_core::SimTime;
+use sim_pty::PortError;
+use sim_runner::RunError;
+use sim_runner::rig_file::RigFileError;
+
+use crate::serve::ServeError;
+
+/// Why something could not be done.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Devices, settings, a scenario or a step make no sense; each line says where and why.
+    #[error(transparent)]
+    Text(#[from] RigFileError),
+    /// An expression makes no sense, or has no value.
+    #[error("{0}")]
+    Expression(String),
+    /// A file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// There is no such device, or it has no such link.
+    #[error("there is no port `{wanted}`; there are: {known}")]
+    NoSuchPort {
+        /// What was asked for.
+        wanted: String,
+        /// What there is.
+        known: String,
+    },
+    /// The port is open already.
+    #[error("the port of {port} is open already; a serial port has one client at a time")]
+    PortInUse {
+        /// Name of the device.
+        port: String,
+    },
+    /// The cable of the port is out.
+    #[error("the cable of {port} is pulled, so its port is gone")]
+    CablePulled {
+        /// Name of the device.
+        port: String,
+    },
+    /// A condition did not come to hold.
+    #[error("`{condition}` did not hold by {at} s: {found}")]
+    NotHeld {
+        /// The condition.
+        condition: String,
+        /// When it was given up.
+        at: SimTime,
+        /// The values of its names then.
+        found: String,
+    },
+    /// The simulation cannot go on.
+    #[error("the simulation cannot go on: {0}")]
+    Run(#[from] RunError),
+    /// A pseudo-terminal cannot be served.
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+    /// The thread that serves cannot be started, or has panicked.
+    #[error("the thread that serves: {0}")]
+    Thread(String),
+}
+
+impl From<PortError> for Error {
+    fn from(error: PortError) -> Self {
+        Self::Serve(error.into())
+    }
+}
+
+impl From<sim_runner::run::StepError> for Error {
+    fn from(error: sim_runner::run::StepError) -> Self {
+        match error {
+            sim_runner::run::StepError::Text(error) => error.into(),
+            sim_runner::run::StepError::Run(error) => error.into(),
+        }
+    }
+}

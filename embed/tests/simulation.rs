@@ -1,0 +1,161 @@
+//! Simulations in simulated time, and served.
+
+use std::io::{Read, Write};
+use std::time::Duration;
+
+use sim_core::r150_device::command::Request;
+use sim_embed::{Error, NewDevice, Simulation};
+
+fn forward(power: i16) -> Vec<u8> {
+    let (right, left) = (power, power);
+    Request::SetMotors { right, left }.encode()
+}
+
+#[test]
+fn what_makes_no_sense_is_told_by_name() {
+    let message = |error: Error| error.to_string();
+    let wrong = |kind| message(Simulation::of(kind).err().unwrap());
+    assert!(wrong("r15").contains("r150"), "{}", wrong("r15"));
+    let sim = Simulation::of("r150").unwrap();
+    let r150 = sim.device("r150").unwrap();
+    let name = message(r150.number("truth.speed_mp").unwrap_err());
+    assert!(
+        name.contains("did you mean `r150.truth.speed_mps`"),
+        "{name}"
+    );
+    assert!(message(r150.number("truth.at_rest").unwrap_err()).contains("true or false"));
+    assert!(message(sim.holds("t").unwrap_err()).contains("is a number"));
+    let fault = message(r150.fault("kind = \"bit-flip\"").err().unwrap());
+    assert!(fault.contains("bit-flips"), "{fault}");
+    assert!(message(r150.operator("jump").err().unwrap()).contains("lock"));
+    assert!(message(sim.device("car").err().unwrap()).contains("r150"));
+    let setting = Simulation::builder().device("r150").set("r150.bawd", 9600);
+    let setting = message(setting.build().err().unwrap());
+    assert!(setting.contains("r150.baud"), "{setting}");
+    let nowhere = Simulation::builder().rig_file("nowhere.toml").build();
+    assert!(message(nowhere.err().unwrap()).contains("cannot read nowhere.toml"));
+}
+
+#[test]
+fn several_devices_with_settings_stand_in_one_world() {
+    let slow = NewDevice::new("r150").named("slow").at(0.0, 3.0, 90.0);
+    let sim = Simulation::builder()
+        .device(slow.set("battery.initial_soc", "50 %"))
+        .device("mecanum")
+        .set("r150.motor_watchdog", "200 ms")
+        .seed(9)
+        .build()
+        .unwrap();
+    assert_eq!(sim.number("slow.truth.y_m").unwrap(), 3.0);
+    assert_eq!(sim.number("slow.truth.soc_percent").unwrap().round(), 50.0);
+    let mut port = sim.device("slow").unwrap().open().unwrap();
+    port.write_all(&forward(500)).unwrap();
+    sim.wait_until("slow.count.watchdog_fired > 0", Duration::from_secs(1))
+        .unwrap();
+    assert!(sim.now().as_secs_f64() < 0.25);
+    assert!(sim.holds("mecanum.truth.x_m < 0.1").unwrap());
+}
+
+#[test]
+fn faults_people_and_the_world_act_when_told() {
+    let sim = Simulation::of("r150").unwrap();
+    let r150 = sim.device("r150").unwrap();
+    let mut port = r150.open().unwrap();
+    let mut drive = |seconds: u32| {
+        for _ in 0..20 * seconds {
+            port.write_all(&forward(400)).unwrap();
+            sim.advance(Duration::from_millis(50)).unwrap();
+        }
+        r150.number("truth.speed_mps").unwrap()
+    };
+    assert!(drive(2) > 0.2);
+    let stop = r150.operator("{ emergency_stop = true }").unwrap();
+    assert!(drive(2) < 0.01);
+    drop(stop);
+    r150.operator("{ emergency_stop = false }").unwrap();
+    sim.step("when = \"truth.speed_mps > 0.1\"\noperator = \"lock\"")
+        .unwrap();
+    assert!(drive(2) < 0.01);
+    assert!(r150.flag("mode.locked").unwrap());
+    let error = sim.wait_until("truth.x_m > 100", Duration::from_secs(1));
+    let error = error.unwrap_err().to_string();
+    assert!(
+        error.contains("did not hold") && error.contains("truth.x_m = "),
+        "{error}"
+    );
+}
+
+const SCENARIO: &str = r#"
+schema = 1
+title = "There and no further, although bytes are lost on the way"
+good_client = "Drives a metre ahead and stops."
+limit = "20 s"
+
+[[device]]
+kind = "r150"
+
+[[step]]
+name = "noise"
+at = "1 s"
+fault = { kind = "dropped-bytes", probability = 0.05, direction = "to-device" }
+
+[[step]]
+at = "0 s"
+expect = { that = "truth.x_m > 1 && truth.at_rest", within = "20 s" }
+
+[[never]]
+that = "truth.x_m > 2"
+"#;
+
+#[test]
+fn a_scenario_judges_a_client_in_simulated_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("there.toml");
+    std::fs::write(&file, SCENARIO).unwrap();
+    let play = |goal_m: f64| {
+        let sim = Simulation::builder().scenario_file(&file).build().unwrap();
+        let mut port = sim.device("r150").unwrap().open().unwrap();
+        while sim.number("truth.x_m").unwrap() < goal_m {
+            port.write_all(&forward(500)).unwrap();
+            sim.advance(Duration::from_millis(51)).unwrap();
+        }
+        for _ in 0..10 {
+            port.write_all(&forward(0)).unwrap();
+            sim.advance(Duration::from_millis(51)).unwrap();
+        }
+        drop(port);
+        sim.finish().unwrap()
+    };
+    let outcome = play(1.1);
+    assert!(outcome.passed, "{outcome:#?}");
+    assert!(!play(0.5).passed);
+    assert!(!play(2.2).passed);
+}
+
+#[test]
+fn a_client_that_opens_a_path_is_served_until_the_end() {
+    let served = Simulation::builder().device("r150").spawn().unwrap();
+    let path = served.path().to_owned();
+    assert_eq!(served.path_of("r150", 0).unwrap(), path);
+    assert!(served.path_of("r150", 1).is_err());
+    let port = serialport::new(path.to_string_lossy(), 115_200);
+    // Real time; as long as it takes on a busy machine.
+    let mut port = port.timeout(Duration::from_secs(20)).open().unwrap();
+    port.write_all(&Request::Heartbeat.encode()).unwrap();
+    let mut reply = [0; 7];
+    port.read_exact(&mut reply).unwrap();
+    assert_eq!(reply, [0xAA, 0x55, 1, 7, 1, 0xC6, 0x53]);
+    drop(port);
+    let outcome = served.stop().unwrap();
+    assert_eq!(outcome.devices[0].report.requests, 1);
+
+    let dir = tempfile::tempdir().unwrap();
+    let link = dir.path().join("r150");
+    let named = NewDevice::new("r150").with("port", link.to_str().unwrap());
+    let served = Simulation::builder().device(named).spawn().unwrap();
+    assert_eq!(served.path(), link);
+    assert!(link.exists());
+    drop(served);
+    assert!(!link.exists());
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
