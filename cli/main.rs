@@ -4,6 +4,7 @@
 mod args;
 mod client;
 mod config;
+mod control;
 mod exit;
 mod lists;
 mod log;
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
             }
             Some(Command::Faults { device, format }) => lists::faults(*device, *format),
             Some(Command::Names { device }) => lists::list_names(*device),
+            Some(Command::Ctl(args)) => control::ctl::run(args),
             Some(Command::Schema { of }) => schema::print(*of),
             None => start::serve(&cli.serve),
         }

@@ -36,6 +36,7 @@
 
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
+mod drawing;
 pub mod mecanum;
 mod pose;
 pub mod r150;
@@ -44,6 +45,7 @@ pub mod traction;
 mod vehicle_body;
 pub mod world;
 
+pub use drawing::{Drawing, EchoDrawing, WheelDrawing};
 pub use mecanum::{
     MecanumCommands, MecanumMeasurements, MecanumPlant, MecanumPlantSettings, MecanumTruth,
 };

@@ -2,6 +2,7 @@
 
 mod area;
 mod bodies;
+mod features;
 mod file;
 mod ground;
 mod map;
@@ -17,6 +18,7 @@ use std::time::Duration;
 use rapier2d::prelude as rapier;
 
 pub use area::{Band, Disc, Rectangle};
+pub use features::{Feature, FeatureKind, FeatureShape};
 pub use file::WorldFileError;
 pub use ground::Ground;
 pub use map::{Area, FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};

@@ -32,7 +32,7 @@ pub use names::{NameInfo, Unit, names};
 pub use probe::{Probe, ProbeValue};
 pub use seen::Seen;
 
-pub(crate) use check::identifier;
+pub use check::identifier;
 
 use check::Scope;
 use names::{Getter, Reading, View};

@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use sim_control::Listen;
 use sim_core::line::Wire;
 use sim_embed::serve::HeldUp;
 use sim_runner::{Outcome, Run, RunOptions};
@@ -28,6 +29,8 @@ pub(crate) struct Job<'a> {
     pub(crate) repeat: Option<u32>,
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
+    /// Where each live run can be controlled.
+    pub(crate) control: Option<Listen>,
     /// Real time that it may take.
     pub(crate) allowed: Duration,
     /// The same as it was asked for.
@@ -52,6 +55,7 @@ impl<'a> Job<'a> {
             seed: seed.wrapping_add(u64::from(repeat)),
             repeat: (args.repeat > 1).then_some(repeat),
             speed,
+            control: args.control,
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
             timeout,
             most_held_up: args.max_hold_up.0,

@@ -8,15 +8,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use sim_pty::Waiter;
-use sim_runner::Run;
+use sim_runner::{Run, RunError};
 use sim_settings::show_duration;
 
 use crate::client::Client;
+use crate::control::Desk;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::visible;
+use sim_embed::clock::Clock;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
-use sim_embed::serve::{Begin, Ended, Server};
+use sim_embed::serve::{Attendant, Begin, Ended, Server};
 use sim_embed::served::Served;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
@@ -56,7 +58,15 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
     let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere).map_err(Failure::system)?;
-    let environment = environment(job, &ports)?;
+    let mut environment = environment(job, &ports)?;
+    let shown = ports.iter().map(|port| ShownPort::new(port, plan));
+    let desk = job
+        .control
+        .map(|listen| Desk::open(&listen, &run, shown.collect()))
+        .transpose()?;
+    if let Some(desk) = &desk {
+        environment.push(("SIM_CONTROL".to_owned(), desk.url().into()));
+    }
     let log = job.file("client.log").map(|path| {
         File::create(&path).with_context(|| {
             format!(
@@ -71,11 +81,15 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let client =
         Client::start(job.client, &environment, links.path(), log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
+    if let Some(desk) = &desk {
+        server.wake_from(desk.wakes()).map_err(Failure::system)?;
+    }
     server.stop_after(job.allowed);
     let mut play = LivePlay {
         server,
         client,
         trace,
+        desk,
         begun,
     };
     let played = play.play(job, stop).map_err(Failure::system)?;
@@ -137,6 +151,7 @@ struct LivePlay {
     server: Server,
     client: Client,
     trace: Option<TraceFile>,
+    desk: Option<Desk>,
     begun: Instant,
 }
 
@@ -144,8 +159,12 @@ impl LivePlay {
     /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
     /// ended then.
     fn play(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
-        let trace = &mut self.trace;
-        let ended = self.server.serve(|run| take(run, trace))?;
+        let ended = self.server.attended(&mut Looking {
+            trace: &mut self.trace,
+            desk: self.desk.as_mut(),
+        })?;
+        // Nobody is left to be answered.
+        self.desk = None;
         let stopped = ended != Ended::Watched;
         let end = if stopped {
             self.client.stop()?
@@ -209,6 +228,31 @@ impl LivePlay {
 
     fn fail(&mut self, what: String) {
         self.server.run_mut().fail(what);
+    }
+}
+
+/// Writes down what happens, and answers what is asked.
+struct Looking<'a> {
+    trace: &'a mut Option<TraceFile>,
+    desk: Option<&'a mut Desk>,
+}
+
+impl Attendant for Looking<'_> {
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        clock: &mut Clock,
+        woken: bool,
+    ) -> Result<Option<Duration>, RunError> {
+        let mut again = None;
+        if let Some(desk) = &mut self.desk {
+            again = desk.attend(run, clock, woken)?;
+            while let Some(event) = run.poll_event() {
+                desk.event(&event);
+            }
+        }
+        take(run, self.trace);
+        Ok(again)
     }
 }
 

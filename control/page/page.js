@@ -78,9 +78,7 @@ function showDevices() {
     await link.call("POST", "/v1/steps", { device: device.name, ...step });
     await refresh();
   };
-  const own = schema.operator[device.kind];
-  element("operator").replaceChildren(...operatorForms(schema.step, send)
-    .filter((form) => own.includes(form.dataset.title.replaceAll(" ", "_"))));
+  element("operator").replaceChildren(...operatorForms(schema.step, send));
   element("faults").replaceChildren(...faultForms(schema.step, schema.faults, device.kind, send));
   filterFaults();
 }
@@ -151,8 +149,8 @@ function showLines() {
     const lines = element("lines");
     lines.append(...waiting.splice(0).map((data) => {
       const item = document.createElement("li");
-      item.className = data.level;
-      item.textContent = data.text;
+      item.className = data.role;
+      item.textContent = data.line;
       return item;
     }));
     while (lines.childElementCount > MOST_LINES) lines.firstElementChild.remove();
@@ -163,7 +161,7 @@ function showLines() {
 requestAnimationFrame(showLines);
 
 const time = (change) => link.call("POST", "/v1/time", change).then(setTime, failed);
-element("pause").addEventListener("click", () => time(paused ? { go_on: true } : { pause: true }));
+element("pause").addEventListener("click", () => time(paused ? "go_on" : "pause"));
 element("step").addEventListener("click", () => time({ step: element("by").value }));
 element("speed").addEventListener("change", () => time({ speed: Number(element("speed").value) }));
 element("find").addEventListener("input", filterFaults);

@@ -49,6 +49,10 @@ export class Picture {
     });
     this.bumps = this.bumps.slice(-100);
     this.touched = now.devices.map((device) => device.touching);
+    const passed = Math.max(0, now.t - (this.turned ?? now.t));
+    this.turned = now.t;
+    this.angles = now.devices.map((device, index) =>
+      device.wheels.map((speed, wheel) => ((this.angles?.[index]?.[wheel] ?? 0) + speed * passed) % (2 * Math.PI)));
     this.dirty = true;
     if (this.wantsFit) { this.wantsFit = false; this.fit(); }
   }
@@ -231,7 +235,7 @@ export class Picture {
     draw.fillStyle = this.#colour("panel");
     draw.strokeStyle = this.#colour(device.touching ? "bad" : index === (this.chosen ?? 0) ? "accent" : "ink");
     draw.lineWidth = this.hair * 2;
-    about.wheels.forEach((wheel, at) => this.#wheel(draw, wheel, device.wheels[at] ?? 0));
+    about.wheels.forEach((wheel, at) => this.#wheel(draw, wheel, this.angles?.[index]?.[at] ?? 0));
     draw.fillStyle = this.#colour("panel");
     draw.globalAlpha = 0.75;
     draw.fillRect(-length / 2, -width / 2, length, width);

@@ -48,7 +48,9 @@ impl Rectangle {
         (cos * x + sin * y).abs() <= self.half[0] && (cos * y - sin * x).abs() <= self.half[1]
     }
 
-    pub(super) fn corners(&self) -> [[f64; 2]; 4] {
+    /// Its corners, one after the other around it.
+    #[must_use]
+    pub fn corners(&self) -> [[f64; 2]; 4] {
         let [cos, sin] = self.direction;
         [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].map(|[length, width]| {
             let (along, across) = (length * self.half[0], width * self.half[1]);

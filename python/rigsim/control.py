@@ -132,9 +132,8 @@ class Control:
         """The forms of all that can be asked."""
         return self.call("GET", "/v1/schema")
 
-    def time(self, change: Mapping[str, Json]) -> Json:
-        """Lets time pass otherwise: ``{"pause": True}``, ``{"go_on": True}``, ``{"step": "5 ms"}``,
-        ``{"speed": 2}``."""
+    def time(self, change: Json) -> Json:
+        """Lets time pass otherwise: ``"pause"``, ``"go_on"``, ``{"step": "5 ms"}``, ``{"speed": 2}``."""
         return self.call("POST", "/v1/time", change)
 
     def events(

@@ -216,11 +216,11 @@ class Simulator:
 
     def pause(self) -> None:
         """Lets simulated time stand still."""
-        self.control.time({"pause": True})
+        self.control.time("pause")
 
     def go_on(self) -> None:
         """Lets it go on."""
-        self.control.time({"go_on": True})
+        self.control.time("go_on")
 
     def step_by(self, span_: Seconds) -> None:
         """Lets so much pass, and then stand still; returns when it has passed."""

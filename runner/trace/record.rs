@@ -64,6 +64,20 @@ pub enum Record {
         y: f64,
         heading: f64,
     },
+    Add {
+        t: u64,
+        step: String,
+        /// The step as a table of a scenario file.
+        text: String,
+    },
+    Clear {
+        t: u64,
+        step: String,
+    },
+    Time {
+        t: u64,
+        change: String,
+    },
     Step {
         t: u64,
         step: String,

@@ -14,7 +14,7 @@ use sim_settings::{Source, load_toml, shorten};
 use super::onlooker::Onlooker;
 use super::record::{Header, Record};
 use super::{FORMAT, MOST_BYTES};
-use crate::run::{Run, RunError, RunOptions};
+use crate::run::{Run, RunError, RunOptions, StepError};
 use crate::scenario::Scenario;
 
 /// Most bytes of a port by which the recording and the second run may be apart, since of one instant
@@ -177,6 +177,7 @@ impl<'o> Replay<'o> {
             | Record::Event { .. }
             | Record::Pose { .. }
             | Record::Step { .. }
+            | Record::Time { .. }
             // How the client ended may be written behind the end of the run.
             | Record::Failure { .. } => return Ok(()),
             _ if self.ended => {
@@ -217,6 +218,21 @@ impl<'o> Replay<'o> {
                 };
                 let port = self.port(port.into())?;
                 self.run.set_line(port, line);
+            }
+            Record::Add { t, text, .. } => {
+                self.client_acts(t)?;
+                match self.run.add_step(&text) {
+                    Ok(_) | Err(StepError::Over) => {}
+                    Err(StepError::Run(error)) => return Err(error.into()),
+                    Err(error) => return Err(self.malformed(error.to_string())),
+                }
+            }
+            Record::Clear { t, step } => {
+                self.client_acts(t)?;
+                let Some(index) = self.run.step_named(&step) else {
+                    return Err(self.malformed(format!("no step is named \"{step}\"")));
+                };
+                self.run.clear_step(index)?;
             }
             Record::Late { t, by, until } => {
                 let at = self.client_acts(t)?;

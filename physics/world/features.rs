@@ -1,0 +1,135 @@
+//! The world as a map shows it.
+
+use super::World;
+use super::area::{Band, Disc, Rectangle};
+use super::map::Area;
+use super::scan::Solid;
+use super::terrain::Change;
+
+/// How wide a magnetic strip is shown, m.
+const STRIP_WIDTH: f64 = 0.05;
+/// How large an RFID tag is shown, m.
+const TAG_RADIUS: f64 = 0.05;
+
+/// Something that lies or stands in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feature {
+    /// What it is.
+    pub kind: FeatureKind,
+    /// Where it is.
+    pub shape: FeatureShape,
+}
+
+/// What a feature is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FeatureKind {
+    /// Ground that slopes.
+    Slope,
+    /// Ground with this coefficient of friction.
+    Friction(f64),
+    /// A piece of a magnetic strip.
+    Strip,
+    /// An RFID tag with this number.
+    Tag(u32),
+    /// A wall or a piece of one, a box, a post.
+    Obstacle,
+}
+
+/// The shape of a feature.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FeatureShape {
+    /// A rectangle.
+    Rectangle(Rectangle),
+    /// A disc.
+    Disc(Disc),
+    /// A band with round ends.
+    Band(Band),
+}
+
+impl World {
+    /// All that lies and stands around, the lowest first. Vehicles are none of it.
+    pub fn features(&self) -> impl Iterator<Item = Feature> {
+        let areas = self.areas.iter().map(|(area, change)| Feature {
+            kind: match change {
+                Change::Slope(_) => FeatureKind::Slope,
+                Change::Friction(ground) => FeatureKind::Friction(ground.friction()),
+            },
+            shape: match *area {
+                Area::Rectangle(rectangle) => FeatureShape::Rectangle(rectangle),
+                Area::Disc(disc) => FeatureShape::Disc(disc),
+            },
+        });
+        let strips = self.strips.iter().map(|piece| Feature {
+            kind: FeatureKind::Strip,
+            shape: FeatureShape::Band(Band {
+                radius: STRIP_WIDTH / 2.0,
+                ..*piece
+            }),
+        });
+        let tags = self.tags.iter().map(|tag| Feature {
+            kind: FeatureKind::Tag(tag.number),
+            shape: FeatureShape::Disc(Disc {
+                centre: tag.at,
+                radius: TAG_RADIUS,
+            }),
+        });
+        let solids = self.obstacles().flat_map(|obstacle| obstacle.solids());
+        let obstacles = solids.map(|solid| Feature {
+            kind: FeatureKind::Obstacle,
+            shape: match solid {
+                Solid::Rectangle(rectangle) => FeatureShape::Rectangle(rectangle),
+                Solid::Disc(disc) => FeatureShape::Disc(disc),
+                Solid::Band(band) => FeatureShape::Band(band),
+            },
+        });
+        areas.chain(strips).chain(tags).chain(obstacles)
+    }
+
+    /// The bodies: name, length and width in m.
+    pub fn bodies(&self) -> impl Iterator<Item = (&str, [f64; 2])> {
+        let bodies = self.bodies.iter();
+        bodies.map(|body| (body.name.as_str(), body.half.map(|half| half * 2.0)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BodyShape, Obstacle, WorldMap, WorldSettings};
+    use super::*;
+    use crate::pose::Pose;
+
+    #[test]
+    fn everything_of_a_map_is_among_them_and_obstacles_lie_on_top() {
+        for text in [
+            include_str!("../../worlds/yard.toml"),
+            include_str!("../../worlds/line-loop.toml"),
+            include_str!("../../worlds/slope.toml"),
+        ] {
+            let mut map = WorldMap::from_toml(text, "map").unwrap();
+            let post = Obstacle::circle([4.0, 4.0], 0.5);
+            map.obstacles.add(post).unwrap();
+            let world = World::with_map(&WorldSettings::default(), &map);
+            let features: Vec<Feature> = world.features().collect();
+            assert_eq!(features.len(), map.parts());
+            let first = features
+                .iter()
+                .position(|one| one.kind == FeatureKind::Obstacle);
+            let top = &features[first.unwrap()..];
+            assert!(top.iter().all(|one| one.kind == FeatureKind::Obstacle));
+        }
+    }
+
+    #[test]
+    fn a_body_has_its_name_and_its_size() {
+        let mut world = World::new(&WorldSettings::default());
+        let shape = BodyShape {
+            length: 1.5,
+            width: 0.5,
+            mass: 1.0,
+            inertia: 1.0,
+        };
+        world.add_body("box", shape, Pose::default());
+        let bodies: Vec<_> = world.bodies().collect();
+        assert_eq!(bodies, [("box", [1.5, 0.5])]);
+    }
+}
