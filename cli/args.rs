@@ -4,11 +4,14 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum, value_parser};
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::{
+    Arg, ArgAction, ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand,
+    ValueEnum, value_parser,
+};
 use sim_control::Listen;
+use sim_core::device::{DeviceSpec, Devices, LinkSpec};
 use sim_core::line::Wire;
-use sim_core::r150_device::vehicle::Start;
-use sim_runner::Kind;
 use sim_settings::Span;
 
 use crate::control::ctl::CtlArgs;
@@ -45,7 +48,9 @@ Examples:
   sim run scenarios
       Every scenario with its scripted client, as fast as the machine goes.
   sim run --tag drive scenarios/r150 -- python3 my_client.py
-      Your client instead, in real time. It opens the port named by $SIM_R150_PORT.
+      Your client instead, in the simulator's time. It opens the port named by $SIM_R150_PORT.
+  sim run --time real scenarios/r150 -- python3 my_client.py
+      The same by the wall clock: 20 simulated seconds take 20 seconds.
   sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
       A client that takes the port as an argument.
   sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
@@ -82,6 +87,73 @@ pub(crate) struct Cli {
     pub(crate) serve: ServeArgs,
 }
 
+impl Cli {
+    /// Reads the program's arguments; ends the program if they are wrong, or ask for help.
+    pub(crate) fn read(devices: Devices) -> Self {
+        let matches = command(devices).get_matches();
+        let mut cli = Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+        cli.serve.link_ptys = link_ptys(devices, &matches);
+        cli
+    }
+}
+
+/// The command line with what the devices add to it.
+fn command(devices: Devices) -> clap::Command {
+    let kinds = || {
+        let all = devices.iter();
+        let value = |device: &&DeviceSpec| PossibleValue::new(device.id).help(device.about);
+        PossibleValuesParser::new(all.map(value).collect::<Vec<_>>())
+    };
+    let usual = devices.first().map_or("", |device| device.id);
+    let starts = devices.iter().flat_map(|device| device.starts);
+    let starts = starts.map(|start| PossibleValue::new(start.id).help(start.about));
+    let starts = PossibleValuesParser::new(starts.collect::<Vec<_>>());
+    let device = |arg: Arg| {
+        arg.value_parser(kinds())
+            .default_value(usual)
+            .required(false)
+    };
+    let mut command = Cli::command()
+        .mut_arg("device", device)
+        .mut_arg("start", |arg| arg.value_parser(starts))
+        .mut_subcommand("faults", |sub| {
+            sub.mut_arg("device", |arg| arg.value_parser(kinds()))
+        })
+        .mut_subcommand("names", |sub| sub.mut_arg("device", device));
+    for (spec, link) in optional_links(devices) {
+        let costs = link.optional.unwrap_or_default();
+        let help = format!(
+            "Serve the {} link of {} too, on a second pseudo-terminal; {costs}",
+            link.name, spec.title
+        );
+        command = command.arg(
+            Arg::new(link.id)
+                .long(format!("{}-pty", link.id))
+                .value_name("PATH")
+                .value_parser(value_parser!(PathBuf))
+                .conflicts_with("rig")
+                .help(help),
+        );
+    }
+    command
+}
+
+fn optional_links(
+    devices: Devices,
+) -> impl Iterator<Item = (&'static DeviceSpec, &'static LinkSpec)> {
+    let links = |device: &'static DeviceSpec| device.links.iter().map(move |link| (device, link));
+    let all = devices.iter().copied().flat_map(links);
+    all.filter(|(_, link)| link.optional.is_some())
+}
+
+fn link_ptys(devices: Devices, matches: &ArgMatches) -> Vec<(&'static str, PathBuf)> {
+    let path = |(_, link): (_, &'static LinkSpec)| {
+        let path = matches.try_get_one::<PathBuf>(link.id).ok().flatten();
+        Some((link.id, path?.clone()))
+    };
+    optional_links(devices).filter_map(path).collect()
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Print the effective settings as TOML, each with its meaning, its allowed values, and
@@ -89,8 +161,8 @@ pub(crate) enum Command {
     ///
     /// The output is a valid --config file. Save it, change what you like, delete the rest.
     Config(SettingsArgs),
-    /// Play scenario files and say pass or fail: in simulated time with their scripted client, or in
-    /// real time against yours.
+    /// Play scenario files and say pass or fail, in simulated time: with their scripted client, or with
+    /// yours.
     Run(RunArgs),
     /// Read scenario files and say what is wrong with them, without playing them.
     Check {
@@ -119,8 +191,8 @@ pub(crate) enum Command {
     /// List the faults that a scenario can inject, with what the client sees of them.
     Faults {
         /// Only those that this device can have.
-        #[arg(long, value_enum)]
-        device: Option<Device>,
+        #[arg(long)]
+        device: Option<String>,
         /// How to print them.
         #[arg(long, value_enum, default_value_t = ListFormat::Text)]
         format: ListFormat,
@@ -128,8 +200,8 @@ pub(crate) enum Command {
     /// List the names that a scenario's conditions can use, with unit and meaning.
     Names {
         /// Of which device.
-        #[arg(long, value_enum, default_value_t = Device::R150)]
-        device: Device,
+        #[arg(long)]
+        device: String,
     },
     /// Look at a simulator that runs with --control, and change what happens in it.
     Ctl(CtlArgs),
@@ -153,7 +225,7 @@ pub(crate) struct RunArgs {
     /// in SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
-    /// How many scenarios to play at a time [default: one for each core, but 1 with a client].
+    /// How many scenarios to play at a time [default: one for each core, but 1 with a client in real time].
     #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) jobs: Option<u32>,
     /// Seed of everything random, instead of the file's or a random one.
@@ -177,8 +249,21 @@ pub(crate) struct RunArgs {
     /// Write a trace, a report as JSON, and the client's output of each into this folder.
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// Simulated seconds for each second of real time, 0.01 to 100; only with a client, for
-    /// without one there is no real time [default: 1].
+    /// Whose time a client has: the simulator's, in which nothing is ever late and the same seed gives
+    /// the same bytes, or the wall clock's.
+    #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
+    pub(crate) time: TimeArg,
+    /// Where what a client reads as random comes from, with --time lockstep.
+    #[arg(long, value_enum, default_value_t = RandomArg::Seed)]
+    pub(crate) random: RandomArg,
+    /// The date on which a client begins, in UTC, with --time lockstep.
+    #[arg(long, value_name = "DATE", default_value = "2025-01-01 00:00:00", value_parser = date)]
+    pub(crate) date: Duration,
+    /// Play each two times and show the first difference, with --time lockstep.
+    #[arg(long)]
+    pub(crate) twice: bool,
+    /// Simulated seconds for each second of real time, 0.01 to 100; only with --time real
+    /// [default: 1].
     #[arg(long, value_name = "X", value_parser = speed)]
     pub(crate) speed: Option<f64>,
     /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
@@ -261,15 +346,14 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "DEVICE")]
     pub(crate) serial: Option<PathBuf>,
     /// Serve all devices of a rig file, in one world; --pty is the short form for one.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "serial", "ros_pty", "device", "start"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "serial", "device", "start"])]
     pub(crate) rig: Option<PathBuf>,
     /// What to be.
-    #[arg(long, value_enum, default_value_t = Device::R150)]
-    pub(crate) device: Device,
-    /// Serve the mecanum car's ROS link too, on a second pseudo-terminal; this takes the UART of
-    /// its magnetic sensor.
-    #[arg(long, value_name = "PATH")]
-    pub(crate) ros_pty: Option<PathBuf>,
+    #[arg(long)]
+    pub(crate) device: String,
+    /// Paths of the links that are there only when they are asked for, by their ids.
+    #[arg(skip)]
+    pub(crate) link_ptys: Vec<(&'static str, PathBuf)>,
     /// Build the world from a file; `worlds/` has some.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
@@ -277,9 +361,9 @@ pub(crate) struct ServeArgs {
     /// judge the outcome. The file names the devices; --pty is where the first is served.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
     pub(crate) scenario: Option<PathBuf>,
-    /// In which state an R150 begins.
-    #[arg(long, value_enum, default_value_t = StartArg::Ready)]
-    pub(crate) start: StartArg,
+    /// In which state it begins, if it has a choice [default: the first].
+    #[arg(long)]
+    pub(crate) start: Option<String>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     /// Whether bytes take as long on the line as they do on a cable [default: paced on a
@@ -308,40 +392,6 @@ pub(crate) struct ServeArgs {
     /// How to print what happens.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Device {
-    /// XAG R150 unmanned ground vehicle, through its RS-232 IO module.
-    R150,
-    /// Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty.
-    Mecanum,
-}
-
-impl Device {
-    pub(crate) fn kind(self) -> Kind {
-        match self {
-            Self::R150 => Kind::R150,
-            Self::Mecanum => Kind::Mecanum,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum StartArg {
-    /// Unlocked, brake released, autonomous: the first motor command moves it.
-    Ready,
-    /// Locked, parked, in remote mode, as the hardware starts.
-    Locked,
-}
-
-impl From<StartArg> for Start {
-    fn from(start: StartArg) -> Self {
-        match start {
-            StartArg::Ready => Self::Ready,
-            StartArg::Locked => Self::Locked,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -378,6 +428,40 @@ pub(crate) enum LogFormat {
     Text,
     /// One JSON object a line.
     Json,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TimeArg {
+    /// Simulated time, which stands still while the client computes and jumps while it waits.
+    Lockstep,
+    /// Real time, by the system's clocks.
+    Real,
+}
+
+impl TimeArg {
+    /// As it is written.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Real => "real",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RandomArg {
+    /// The run's seed.
+    Seed,
+    /// The system.
+    Real,
+}
+
+/// A date, as the time since 1970.
+fn date(text: &str) -> Result<Duration, String> {
+    humantime::parse_rfc3339_weak(text)
+        .ok()
+        .and_then(|date| date.duration_since(std::time::UNIX_EPOCH).ok())
+        .ok_or_else(|| "wanted: a date since 1970, as in \"2025-01-31 12:00:00\"".to_owned())
 }
 
 fn some_time(text: &str) -> Result<Span, String> {

@@ -18,8 +18,6 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 
 use crate::supervise::{ClientEnd, GRACE, end_orphans};
 
-/// How much of the end of the output is kept.
-const MOST_OUTPUT: usize = 1 << 16;
 /// How much of it goes into a file.
 const MOST_FILED: usize = 1 << 26;
 /// How long the end of a client may take in all, which includes killing it.
@@ -50,18 +48,26 @@ pub(crate) struct Output {
 }
 
 impl Output {
+    /// How much of the end is kept.
+    pub(crate) const MOST: usize = 1 << 16;
+
     fn add(&mut self, bytes: &[u8]) {
         self.total += bytes.len();
         self.last.extend(bytes);
-        let excess = self.last.len().saturating_sub(MOST_OUTPUT);
+        let excess = self.last.len().saturating_sub(Self::MOST);
         self.last.drain(..excess);
     }
 
     /// As text, with a first line that says what is left out.
     pub(crate) fn text(&self) -> String {
         let bytes: Vec<u8> = self.last.iter().copied().collect();
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        match self.total.saturating_sub(bytes.len()) {
+        Self::ended(self.total.saturating_sub(bytes.len()) as u64, &bytes)
+    }
+
+    /// The end of an output as text, before which so much is left out.
+    pub(crate) fn ended(left_out: u64, bytes: &[u8]) -> String {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        match left_out {
             0 => text,
             left_out => format!("({left_out} bytes before this are left out)\n{text}"),
         }

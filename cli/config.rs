@@ -5,6 +5,7 @@ use std::io::{Read as _, Write as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
 use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_toml};
 
@@ -16,8 +17,8 @@ use crate::visible;
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Reads the settings that the flags name: the file, then single ones.
-pub(crate) fn load(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = load_file(args)?;
+pub(crate) fn load(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = load_file(devices, args)?;
     apply_flags(args, &mut settings)?;
     check(&settings)?;
     Ok(settings)
@@ -31,8 +32,8 @@ pub(crate) fn check(settings: &SimSettings) -> Result<(), Failure> {
 }
 
 /// Reads the settings file, if one is named.
-pub(crate) fn load_file(args: &SettingsArgs) -> Result<SimSettings, Failure> {
-    let mut settings = SimSettings::default();
+pub(crate) fn load_file(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
+    let mut settings = SimSettings::new(devices);
     if let Some(path) = &args.config {
         let text = read(path, "settings file")?;
         load_toml(&text, &visible::name(path), &mut settings).map_err(|errors| {
@@ -87,8 +88,8 @@ pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
 }
 
 /// The `config` subcommand.
-pub(crate) fn print(args: &SettingsArgs) -> Result<Exit, Failure> {
-    let settings = load(args)?;
+pub(crate) fn print(devices: Devices, args: &SettingsArgs) -> Result<Exit, Failure> {
+    let settings = load(devices, args)?;
     let text = format!(
         "# Settings of sim. \"documented\" is what the device's manual says; \"assumed\" is our\n\
          # decision where the manual is silent: check it against your hardware before you rely\n\

@@ -11,6 +11,7 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 use sim_control::session::{Session, SessionFile};
 use sim_control::{Answer, Ask, Control, Listen, Listener, Refusal, Reply, Request};
+use sim_core::device::Devices;
 use sim_core::event::{Event, Level};
 use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
@@ -31,6 +32,7 @@ pub(crate) struct Desk {
     control: Control,
     /// Goes when this does.
     _session: SessionFile,
+    devices: Devices,
     words: Words,
     ports: Vec<ShownPort>,
     listening: Vec<Listening>,
@@ -53,7 +55,12 @@ struct Listening {
 
 impl Desk {
     /// Opens the socket and writes the file by which it is found.
-    pub(crate) fn open(listen: &Listen, run: &Run, ports: Vec<ShownPort>) -> Result<Self, Failure> {
+    pub(crate) fn open(
+        listen: &Listen,
+        devices: Devices,
+        run: &Run,
+        ports: Vec<ShownPort>,
+    ) -> Result<Self, Failure> {
         let control = Control::open(listen)
             .with_context(|| format!("cannot listen on {listen} for --control"))
             .map_err(Failure::usage)?;
@@ -70,6 +77,7 @@ impl Desk {
         Ok(Self {
             control,
             _session: session,
+            devices,
             words: Words::new(&run.scenario().rig),
             ports,
             listening: Vec::new(),
@@ -171,7 +179,7 @@ impl Desk {
             Ask::Names(names) if names.is_empty() => Ok(told::names(run)),
             Ask::Names(names) => told::values_of(run, &names),
             Ask::State => Ok(told::state(run, clock, &self.ports)),
-            Ask::Schema => Ok(told::schema()),
+            Ask::Schema => Ok(told::schema(self.devices)),
             Ask::Time(change) => match ask::time(run, clock, &change) {
                 Ok(true) => {
                     self.stepping.push(answer);

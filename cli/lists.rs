@@ -3,10 +3,9 @@
 use std::fmt::Write as _;
 
 use clap::ValueEnum;
+use sim_core::device::{DeviceSpec, Devices};
 use sim_core::fault::{FaultInfo, ParameterInfo, catalogue};
-use sim_runner::condition::names;
 
-use crate::args::Device;
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 
@@ -20,25 +19,37 @@ pub(crate) enum ListFormat {
 }
 
 /// The `faults` subcommand: the catalogue, for one device or for all.
-pub(crate) fn faults(device: Option<Device>, format: ListFormat) -> Result<Exit, Failure> {
-    let faults: Vec<&FaultInfo> = catalogue()
+pub(crate) fn faults(
+    devices: Devices,
+    only: Option<&str>,
+    format: ListFormat,
+) -> Result<Exit, Failure> {
+    let wanted = devices
         .iter()
-        .filter(|fault| device.is_none_or(|device| words(fault).contains(&device.kind().word())))
+        .filter(|device| only.is_none_or(|only| device.id == only));
+    let wanted: Vec<&DeviceSpec> = wanted.copied().collect();
+    let faults = catalogue().iter();
+    let faults: Vec<&FaultInfo> = faults
+        .filter(|fault| wanted.iter().any(|device| device.has_fault(fault)))
         .collect();
     let text: String = match format {
-        ListFormat::Text => faults.into_iter().map(as_text).collect(),
-        ListFormat::Markdown => markdown(&faults),
+        ListFormat::Text => faults
+            .into_iter()
+            .map(|fault| as_text(devices, fault))
+            .collect(),
+        ListFormat::Markdown => markdown(devices, &faults),
     };
     print(text.trim_end())
 }
 
-fn words(fault: &FaultInfo) -> Vec<&'static str> {
-    fault.devices.iter().map(|kind| kind.word()).collect()
+fn able(devices: Devices, fault: &FaultInfo) -> String {
+    let able = devices.iter().filter(|device| device.has_fault(fault));
+    able.map(|device| device.id).collect::<Vec<_>>().join(", ")
 }
 
-fn as_text(fault: &FaultInfo) -> String {
+fn as_text(devices: Devices, fault: &FaultInfo) -> String {
     let mut text = String::new();
-    let devices = words(fault).join(", ");
+    let devices = able(devices, fault);
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{} [{:?}; {devices}]", fault.id, fault.level);
     let _ = writeln!(text, "  {}", fault.summary);
@@ -60,7 +71,7 @@ fn as_text(fault: &FaultInfo) -> String {
 }
 
 /// A table for each level, in the order of the catalogue.
-fn markdown(faults: &[&FaultInfo]) -> String {
+fn markdown(devices: Devices, faults: &[&FaultInfo]) -> String {
     let mut text = String::from(
         "# Faults\n\nWhat a scenario can break, as `sim faults --format markdown` prints it; \
          [scenarios.md](scenarios.md#faults) says how to use it. A fault that hits nothing while it \
@@ -81,7 +92,7 @@ fn markdown(faults: &[&FaultInfo]) -> String {
             text,
             "| `{}` | {} | {} | {} | {} | {} |",
             fault.id,
-            words(fault).join(", "),
+            able(devices, fault),
             fault.summary,
             fault.client_sees,
             fault.counts,
@@ -97,11 +108,12 @@ fn parameter(parameter: &ParameterInfo) -> String {
 }
 
 /// The `names` subcommand: what conditions can say.
-pub(crate) fn list_names(device: Device) -> Result<Exit, Failure> {
+pub(crate) fn list_names(devices: Devices, device: &str) -> Result<Exit, Failure> {
     let mut text = String::from(
         "write each after the device's name, as in `r150.truth.speed_mps`; with one device, alone\n",
     );
-    for info in names(device.kind()) {
+    let device = devices.iter().find(|known| known.id == device);
+    for info in device.into_iter().flat_map(|device| device.all_names()) {
         let _ = writeln!(text, "{:<36} {:<11} {}", info.name, info.unit, info.meaning);
     }
     print(text.trim_end())

@@ -4,24 +4,25 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::{DeviceSpec, Devices};
 use sim_physics::Pose;
 use sim_runner::{DevicePlan, RigPlan};
 use sim_settings::Source;
 
-use crate::args::{Device, ServeArgs};
+use crate::args::ServeArgs;
 use crate::config;
 use crate::exit::Failure;
 use crate::scenario_files::{self, Loaded};
 use crate::visible;
 
 /// Makes the plan that the flags ask for.
-pub(crate) fn plan(args: &ServeArgs) -> Result<Loaded, Failure> {
+pub(crate) fn plan(devices: Devices, args: &ServeArgs) -> Result<Loaded, Failure> {
     if let Some(file) = &args.scenario {
-        return from_scenario(file, args);
+        return from_scenario(devices, file, args);
     }
     let (rig, path) = match &args.rig {
-        Some(file) => (from_file(file, args)?, file.clone()),
-        None => (from_flags(args)?, PathBuf::new()),
+        Some(file) => (from_file(devices, file, args)?, file.clone()),
+        None => (from_flags(devices, args)?, PathBuf::new()),
     };
     // A flag is relative to where it was typed, a file's path to the file.
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -31,8 +32,8 @@ pub(crate) fn plan(args: &ServeArgs) -> Result<Loaded, Failure> {
 }
 
 /// The scenario's devices, the first of which is served where the flags say.
-fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
-    let base = config::load_file(&args.settings)?;
+fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
+    let base = config::load_file(devices, &args.settings)?;
     let mut loaded = scenario_files::load(file, &base)?;
     let scenario = Arc::make_mut(&mut loaded.scenario);
     // Flags win over files, for each device.
@@ -51,21 +52,22 @@ fn from_scenario(file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
             .map_err(Failure::system)
     };
     if let Some(pty) = &args.pty {
-        first.port = Some(here(pty)?);
+        first.ports[0] = Some(here(pty)?);
     }
-    if let Some(pty) = &args.ros_pty {
-        if !first.ros {
+    for (id, pty) in &args.link_ptys {
+        let link = first.device.link(id).unwrap_or(usize::MAX);
+        let Some(port) = first.ports.get_mut(link) else {
             return Err(Failure::usage(anyhow!(
-                "--ros-pty: the scenario's first device has no ROS link"
+                "--{id}-pty: the scenario's first device has no such link"
             )));
-        }
-        first.ros_port = Some(here(pty)?);
+        };
+        *port = Some(here(pty)?);
     }
     Ok(loaded)
 }
 
-fn from_file(file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {
-    let base = config::load_file(&args.settings)?;
+fn from_file(devices: Devices, file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {
+    let base = config::load_file(devices, &args.settings)?;
     let text = config::read(file, "rig file")?;
     let shown = visible::name(file);
     let source = Source {
@@ -82,7 +84,7 @@ fn from_file(file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {
     Ok(rig)
 }
 
-fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
+fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {
     if args.pty.is_none() && args.serial.is_none() {
         return Err(Failure::usage(anyhow!(
             "say where to serve: --pty PATH for a pseudo-terminal, as in `sim --pty /tmp/r150`, \
@@ -90,20 +92,41 @@ fn from_flags(args: &ServeArgs) -> Result<RigPlan, Failure> {
              (`sim --help` shows more)"
         )));
     }
-    if args.device == Device::R150 && args.ros_pty.is_some() {
-        let why = "--ros-pty is the mecanum car's: add --device mecanum";
-        return Err(Failure::usage(anyhow!(why)));
+    let find = || devices.iter().find(|device| device.id == args.device);
+    let spec: &'static DeviceSpec =
+        find().ok_or_else(|| Failure::usage(anyhow!("no device is a `{}`", args.device)))?;
+    let able = |can: &dyn Fn(&DeviceSpec) -> bool| {
+        let able = devices.iter().filter(|device| can(device));
+        able.map(|device| format!("--device {}", device.id))
+            .collect::<Vec<_>>()
+            .join(" or ")
+    };
+    let mut ports = vec![args.pty.clone()];
+    for (id, pty) in &args.link_ptys {
+        let Some(link) = spec.link(id) else {
+            let able = able(&|device| device.link(id).is_some());
+            let why = format!("--{id}-pty: {} has no such link: add {able}", spec.title);
+            return Err(Failure::usage(anyhow!(why)));
+        };
+        ports.resize(ports.len().max(link + 1), None);
+        ports[link] = Some(pty.clone());
     }
-    let settings = config::load(&args.settings)?;
+    let start = match &args.start {
+        Some(word) => spec.starts.iter().position(|start| start.id == *word),
+        None => Some(0),
+    };
+    let start = start.ok_or_else(|| {
+        let able = able(&|device| !device.starts.is_empty());
+        Failure::usage(anyhow!("--start: {} has no choice; {able} has", spec.title))
+    })?;
+    let settings = config::load(devices, &args.settings)?;
     let device = DevicePlan {
-        name: args.device.kind().word().to_owned(),
-        kind: args.device.kind(),
-        start: args.start.into(),
+        name: spec.id.to_owned(),
+        device: spec,
+        start,
         pose: Pose::default(),
         settings: settings.clone(),
-        port: args.pty.clone(),
-        ros: args.ros_pty.is_some(),
-        ros_port: args.ros_pty.clone(),
+        ports,
     };
     Ok(RigPlan {
         world: None,

@@ -5,6 +5,7 @@ use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 use sim_runner::Run;
 use sim_runner::trace::{Onlooker, Replay, ReplayError};
 
@@ -67,9 +68,9 @@ impl<'a> Lines<'a> {
 }
 
 /// Plays a recording again and compares.
-pub(crate) fn compare(path: &Path) -> Result<Played, Failure> {
+pub(crate) fn compare(devices: Devices, path: &Path) -> Result<Played, Failure> {
     let mut lines = Lines::open(path)?;
-    match Replay::begin(lines.first()?) {
+    match Replay::begin(devices, lines.first()?) {
         Ok(replay) => play(&mut lines, replay),
         Err(error) => Ok(Err(error)),
     }
@@ -78,11 +79,12 @@ pub(crate) fn compare(path: &Path) -> Result<Played, Failure> {
 /// Plays a recording again for somebody who looks on, and who is made when it is known what it is
 /// a recording of.
 pub(crate) fn view<V: Onlooker>(
+    devices: Devices,
     path: &Path,
     viewer: impl FnOnce(&Run) -> Result<V, Failure>,
 ) -> Result<(V, Played), Failure> {
     let mut lines = Lines::open(path)?;
-    let begun = Replay::begin(lines.first()?);
+    let begun = Replay::begin(devices, lines.first()?);
     let replay = begun
         .with_context(|| visible::name(path))
         .map_err(Failure::usage)?;

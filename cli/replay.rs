@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use sim_core::device::Devices;
 use sim_runner::trace::ReplayError;
 
 use crate::exit::{Exit, Failure};
@@ -9,8 +10,8 @@ use crate::print::print;
 use crate::recording;
 
 /// Plays the trace in simulated time and compares.
-pub(crate) fn replay(path: &Path) -> Result<Exit, Failure> {
-    match recording::compare(path)? {
+pub(crate) fn replay(devices: Devices, path: &Path) -> Result<Exit, Failure> {
+    match recording::compare(devices, path)? {
         Ok(()) => print("the devices did the same to the last byte"),
         Err(error) => not_the_same(error),
     }

@@ -1,13 +1,16 @@
 //! The `run` and `check` subcommands: scenarios, played and judged.
 
+mod folder;
 mod job;
 mod junit;
 mod live;
+mod lockstep;
 mod pool;
 mod report;
 mod scripted;
 mod tell;
 mod trace_file;
+mod twice;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,8 +18,9 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 use crate::scenario_files::{Loaded, find, load_all};
@@ -30,8 +34,8 @@ use pool::Audience;
 pub(crate) use tell::{verdict_json, verdict_text};
 
 /// The `run` subcommand.
-pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    let mut loaded = load_all(&find(&args.files, args.filter.as_deref())?)?;
+pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
+    let mut loaded = load_all(devices, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
         loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
     }
@@ -45,19 +49,16 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
         let text: Vec<String> = loaded.iter().map(tell::listed).collect();
         return print(&text.join("\n"));
     }
-    if args.client.is_empty() && args.speed.is_some() {
-        return Err(Failure::usage(anyhow!(
-            "--speed is for runs with a client; without one there is no real time, and a scenario \
-             takes as long as the machine needs"
-        )));
-    }
+    check_time(args)?;
     if args.output.is_some() {
         refuse_shared_files(&loaded)?;
     }
     let base = random_seed();
     let jobs: Vec<Job> = loaded
         .iter()
-        .flat_map(|one| (0..args.repeat).map(move |repeat| Job::new(args, one, repeat, base)))
+        .flat_map(|one| {
+            (0..args.repeat).map(move |repeat| Job::new(devices, args, one, repeat, base))
+        })
         .collect();
     if args.dry_run {
         let text: Vec<String> = jobs.iter().map(tell::planned).collect();
@@ -80,6 +81,28 @@ pub(crate) fn run(args: &RunArgs) -> Result<Exit, Failure> {
     audience.junit.map_or(Ok(()), Junit::finish)?;
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
+}
+
+/// Refuses flags that the time of the run has no use for.
+fn check_time(args: &RunArgs) -> Result<(), Failure> {
+    let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
+    let is_lockstep = !args.client.is_empty() && args.time == TimeArg::Lockstep;
+    if args.speed.is_some() && !is_real {
+        return Err(Failure::usage(anyhow!(
+            "--speed is for a client with --time real; in simulated time a scenario takes as long as \
+             the machine needs"
+        )));
+    }
+    if args.control.is_some() && !is_real {
+        let why = "--control needs a client and --time real: in lockstep nobody else can take part";
+        return Err(Failure::usage(anyhow!(why)));
+    }
+    if args.twice && !is_lockstep {
+        return Err(Failure::usage(anyhow!(
+            "--twice is for a client with --time lockstep, whose runs are the same each time"
+        )));
+    }
+    Ok(())
 }
 
 /// Prints results, and keeps them for the JUnit file.
@@ -110,8 +133,8 @@ impl Audience for Told<'_> {
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
-pub(crate) fn check(files: &[PathBuf]) -> Result<Exit, Failure> {
-    let loaded = load_all(&find(files, None)?)?;
+pub(crate) fn check(devices: Devices, files: &[PathBuf]) -> Result<Exit, Failure> {
+    let loaded = load_all(devices, &find(files, None)?)?;
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),

@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
+use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
 use sim_runner::scenario::is_scenario_file;
 use sim_runner::{RigPlan, Run, RunOptions, Scenario};
@@ -118,11 +119,11 @@ fn is_hidden(path: &Path) -> bool {
 }
 
 /// Reads all, or says what is wrong with each.
-pub(crate) fn load_all(files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
+pub(crate) fn load_all(devices: Devices, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
     let mut errors = Vec::new();
     let mut loaded = Vec::new();
     for path in files {
-        match load(path, &SimSettings::default()) {
+        match load(path, &SimSettings::new(devices)) {
             Ok(one) => loaded.push(one),
             Err(failure) => errors.push(format!("{:#}", failure.error)),
         }

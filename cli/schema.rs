@@ -4,6 +4,7 @@ use std::io::Write as _;
 
 use anyhow::anyhow;
 use clap::ValueEnum;
+use sim_core::device::Devices;
 use sim_physics::WorldMap;
 use sim_runner::{RigPlan, Scenario};
 
@@ -19,11 +20,11 @@ pub(crate) enum FileKind {
     Scenario,
 }
 
-pub(crate) fn print(kind: FileKind) -> Result<Exit, Failure> {
+pub(crate) fn print(devices: Devices, kind: FileKind) -> Result<Exit, Failure> {
     let text = match kind {
         FileKind::World => WorldMap::json_schema(),
-        FileKind::Rig => RigPlan::json_schema(),
-        FileKind::Scenario => Scenario::json_schema(),
+        FileKind::Rig => RigPlan::json_schema(devices),
+        FileKind::Scenario => Scenario::json_schema(devices),
     };
     match anstream::stdout().write_all(text.as_bytes()) {
         // The reader may have seen enough, as `head` does.

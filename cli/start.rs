@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use serde_json::{Value, json};
+use sim_core::device::Devices;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
 use sim_runner::{DevicePlan, RigPlan, Run, RunError, RunOptions};
@@ -27,8 +28,8 @@ use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Attendant, Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
-pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
-    let loaded = plan(args)?;
+pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure> {
+    let loaded = plan(devices, args)?;
     let seed = args.seed.or(loaded.scenario.rig.seed);
     let run = loaded.run(RunOptions {
         seed: seed.unwrap_or_else(random_seed),
@@ -36,7 +37,7 @@ pub(crate) fn serve(args: &ServeArgs) -> Result<Exit, Failure> {
         live: true,
         trace: false,
     })?;
-    let mut session = Session::open(args, &loaded, run)?;
+    let mut session = Session::open(devices, args, &loaded, run)?;
     let ended = session.serve()?;
     if args.scenario.is_none() {
         session.finish(None);
@@ -74,7 +75,12 @@ struct Session {
 
 impl Session {
     /// Opens the ports and says so.
-    fn open(args: &ServeArgs, loaded: &Loaded, run: Run) -> Result<Self, Failure> {
+    fn open(
+        devices: Devices,
+        args: &ServeArgs,
+        loaded: &Loaded,
+        run: Run,
+    ) -> Result<Self, Failure> {
         let (plan, seed) = (&loaded.scenario.rig, run.seed());
         let begin = match args.scenario {
             Some(_) => Begin::WithClient,
@@ -106,7 +112,7 @@ impl Session {
         let ports: Vec<Value> = shown.iter().map(ShownPort::json).collect();
         let desk = args
             .control
-            .map(|listen| Desk::open(&listen, server.run(), shown))
+            .map(|listen| Desk::open(&listen, devices, server.run(), shown))
             .transpose()?;
         if let Some(desk) = &desk {
             server.wake_from(desk.wakes()).map_err(Failure::system)?;

@@ -9,21 +9,25 @@ use sim_runner::Run;
 
 use anyhow::anyhow;
 
+use sim_core::device::Devices;
+
 use crate::args::TraceArgs;
 use crate::exit::{Exit, Failure};
 use crate::recording::{self, Played};
 use crate::replay::not_the_same;
 
 /// Prints a recording, or where two of them part.
-pub(crate) fn trace(args: &TraceArgs) -> Result<Exit, Failure> {
+pub(crate) fn trace(devices: Devices, args: &TraceArgs) -> Result<Exit, Failure> {
     if let Some(other) = &args.other {
-        return compare::compare(args, [&args.trace, other]);
+        return compare::compare(devices, args, [&args.trace, other]);
     }
     let (written, played) = if args.csv.is_empty() {
-        let (printer, played) = recording::view(&args.trace, |run| print::Printer::new(args, run))?;
+        let (printer, played) =
+            recording::view(devices, &args.trace, |run| print::Printer::new(args, run))?;
         (printer.finish(), played)
     } else {
-        let (values, played) = recording::view(&args.trace, |run| values::Values::new(args, run))?;
+        let (values, played) =
+            recording::view(devices, &args.trace, |run| values::Values::new(args, run))?;
         (values.finish(), played)
     };
     crate::print::written(written)?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use sim_core::device::Devices;
 use sim_core::line::Wire;
 use sim_core::settings::SimSettings;
 use sim_runner::{RigPlan, Run, RunOptions, Scenario};
@@ -117,6 +118,7 @@ enum Origin {
 /// A simulation to be built.
 #[derive(Debug, Clone)]
 pub struct Builder {
+    table: Devices,
     from: Origin,
     settings: Table,
     world: Option<PathBuf>,
@@ -128,6 +130,7 @@ pub struct Builder {
 impl Default for Builder {
     fn default() -> Self {
         Self {
+            table: sim_core::SHIPPED,
             from: Origin::Devices(Vec::new()),
             settings: Table::new(),
             world: None,
@@ -139,6 +142,12 @@ impl Default for Builder {
 }
 
 impl Builder {
+    /// Knows the devices of this table instead of those that ship: `docs/devices.md`.
+    #[must_use]
+    pub fn table(self, table: Devices) -> Self {
+        Self { table, ..self }
+    }
+
     /// Adds a device; [`NewDevice`] says more of it than its kind.
     #[must_use]
     pub fn device(mut self, device: impl Into<NewDevice>) -> Self {
@@ -266,7 +275,7 @@ impl Builder {
     }
 
     fn base(&self) -> Result<SimSettings, Error> {
-        let mut settings = SimSettings::default();
+        let mut settings = SimSettings::new(self.table);
         let text = self.settings.to_string();
         sim_settings::load_toml(&text, "settings", &mut settings)
             .map_err(sim_runner::rig_file::RigFileError::from)?;

@@ -36,6 +36,7 @@
 
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
+pub mod differential;
 mod drawing;
 pub mod mecanum;
 mod pose;

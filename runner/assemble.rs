@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
+use sim_core::device::{DeviceSettings, LineSettings, LinkSpec, Setup};
+use sim_core::fault::Fault;
 use sim_core::line::Wire;
-use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{Rig, RigSettings};
 
 use sim_physics::WorldMap;
 
-use crate::rig_file::{DevicePlan, Kind, RigPlan};
+use crate::rig_file::{DevicePlan, RigPlan};
 
 /// A serial link of a planned device.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,43 +30,49 @@ impl DevicePlan {
     /// The links on which it is served.
     #[must_use]
     pub fn links(&self) -> Vec<Link> {
-        match self.kind {
-            Kind::R150 => vec![Link {
-                index: 0,
-                name: "RS-232",
-                baud: self.settings.r150.firmware.baud,
-                stop_bits: 1,
-                path: self.port.clone(),
-            }],
-            Kind::Mecanum => {
-                let firmware = &self.settings.mecanum.firmware;
-                let main = Link {
-                    index: 0,
-                    name: "main",
-                    baud: firmware.baud,
-                    stop_bits: firmware.stop_bits,
-                    path: self.port.clone(),
-                };
-                let ros = self.ros.then(|| Link {
-                    index: 1,
-                    name: "ROS",
-                    baud: firmware.ros_baud,
-                    stop_bits: firmware.ros_stop_bits,
-                    path: self.ros_port.clone(),
-                });
-                std::iter::once(main).chain(ros).collect()
-            }
+        let ports = self.device.links.iter().zip(&self.ports).enumerate();
+        let link = |(index, (link, path)): (usize, (&LinkSpec, &Option<PathBuf>))| {
+            let LineSettings { baud, stop_bits } = self.own_settings()?.line(index);
+            Some(Link {
+                index,
+                name: link.name,
+                baud,
+                stop_bits: stop_bits.into(),
+                path: path.clone(),
+            })
+        };
+        ports.filter_map(link).collect()
+    }
+
+    /// The settings of the device alone.
+    #[must_use]
+    pub fn own_settings(&self) -> Option<&dyn DeviceSettings> {
+        self.settings.of_device(self.device)
+    }
+
+    /// Whether it can have a fault as it is planned.
+    pub(crate) fn check_fault(&self, fault: &Fault) -> Result<(), String> {
+        self.device.check(fault)?;
+        let link = fault
+            .link()
+            .and_then(|link| self.device.link(link.as_str()));
+        match link.filter(|link| *link >= self.ports.len()) {
+            Some(link) => Err(self.lacks_link(link)),
+            None => Ok(()),
         }
+    }
+
+    /// Says that a link is not there.
+    pub(crate) fn lacks_link(&self, link: usize) -> String {
+        let link = self.device.links.get(link);
+        let (id, name) = link.map_or(("?", "?"), |link| (link.id, link.name));
+        format!("this device has no {name} link; it has one with `{id} = true`")
     }
 
     /// In which state it starts, if its kind has a choice.
     #[must_use]
     pub fn start_word(&self) -> Option<&'static str> {
-        match (self.kind, self.start) {
-            (Kind::R150, Start::Ready) => Some("ready"),
-            (Kind::R150, Start::Locked) => Some("locked"),
-            (Kind::Mecanum, _) => None,
-        }
+        self.device.starts.get(self.start).map(|start| start.id)
     }
 }
 
@@ -81,17 +88,17 @@ impl RigPlan {
             wire,
             seed,
         });
-        for device in &self.devices {
-            match device.kind {
-                Kind::R150 => {
-                    let settings = &device.settings.r150;
-                    rig.add_r150(&device.name, settings, device.start, device.pose);
-                }
-                Kind::Mecanum => {
-                    let settings = &device.settings.mecanum;
-                    rig.add_mecanum(&device.name, settings, device.ros, device.pose);
-                }
-            }
+        for plan in &self.devices {
+            let usual = (plan.device.settings)();
+            let setup = Setup {
+                name: &plan.name,
+                settings: plan.own_settings().unwrap_or(usual.as_ref()),
+                start: plan.start,
+                links: plan.ports.len(),
+                pose: plan.pose,
+                seed,
+            };
+            rig.add(plan.device, &setup);
         }
         rig
     }

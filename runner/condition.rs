@@ -5,18 +5,14 @@
 //! Every number is a decimal one, so that `2` and `2.0` are the same.
 //!
 //! `t` is the time since the start in seconds. Every other name is the name of a device, a dot, and
-//! a name of [`names`]: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
+//! a name of the device: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
 //! a device's name is written `_`.
 //!
 //! All this is checked when the file is read: a condition that passed cannot fail for a name, a
 //! function or a type.
 
 mod check;
-mod mecanum;
-mod names;
 mod probe;
-mod r150;
-mod seen;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -26,16 +22,15 @@ use cel::common::value::CowVal;
 use cel::context::VariableResolver;
 use cel::parser::{Expression, Parser};
 use cel::{Context, Env, ExecutionError};
+use sim_core::device::names::{Getter, Reading};
+use sim_core::device::{DeviceSpec, Observed, View};
 use sim_core::rig::Rig;
 
-pub use names::{NameInfo, Unit, names};
 pub use probe::{Probe, ProbeValue};
-pub use seen::Seen;
 
 pub use check::identifier;
 
 use check::Scope;
-use names::{Getter, Reading, View};
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
@@ -67,15 +62,15 @@ enum Origin {
 }
 
 /// The devices that conditions can speak of: name and kind, by their index in the rig.
-pub type Devices<'a> = [(&'a str, crate::Kind)];
+pub type Devices<'a> = [(&'a str, &'static DeviceSpec)];
 
 /// What conditions are evaluated against.
 #[derive(Clone, Copy)]
 pub struct Situation<'a> {
     /// The devices and their world.
     pub rig: &'a Rig,
-    /// What has been seen of each device, by its index.
-    pub seen: &'a [Seen],
+    /// What has been observed of each device, by its index.
+    pub observed: &'a [Observed],
 }
 
 impl Condition {
@@ -171,14 +166,18 @@ impl Origin {
     fn read(self, situation: Situation<'_>) -> Reading {
         match self {
             Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),
-            Self::Device(device, getter) => match situation.seen.get(device) {
-                Some(seen) => getter.read(&View {
-                    rig: situation.rig,
-                    device,
-                    seen,
-                }),
-                None => Reading::Number(0.0),
-            },
+            Self::Device(index, getter) => {
+                let Situation { rig, observed } = situation;
+                match (rig.any_device(index), observed.get(index)) {
+                    (Some(device), Some(observed)) => getter.read(&View {
+                        now: rig.now(),
+                        world: rig.world(),
+                        device,
+                        observed,
+                    }),
+                    _ => Reading::Number(0.0),
+                }
+            }
         }
     }
 }

@@ -6,15 +6,16 @@
 
 mod assemble;
 pub mod condition;
-mod fault;
 pub mod report;
 pub mod rig_file;
 pub mod run;
 pub mod scenario;
+mod schema;
 mod suggest;
+mod tables;
 pub mod trace;
 
 pub use assemble::Link;
-pub use rig_file::{DevicePlan, Kind, RigFileError, RigPlan};
+pub use rig_file::{DevicePlan, RigFileError, RigPlan};
 pub use run::{Outcome, Run, RunError, RunOptions};
 pub use scenario::Scenario;

@@ -18,40 +18,25 @@
 
 use std::collections::BTreeSet;
 use std::fmt;
+use std::ops::Range;
 use std::path::PathBuf;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator};
+use schemars::{JsonSchema, SchemaGenerator};
 use serde::Deserialize;
-use sim_core::r150_device::vehicle::Start;
+use serde_json::{Map, Value, json};
+use sim_core::device::{DeviceSpec, Devices};
 use sim_core::settings::SimSettings;
 use sim_physics::Pose;
 use sim_settings::{Angle, Length, Origin, SettingsError, Source, apply_table, shorten};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::schema;
+use crate::suggest::or_allowed;
+use crate::tables::{self, Tables};
+
 /// Most devices of a rig.
 pub const MOST_DEVICES: usize = 1000;
-
-/// Which device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// XAG R150 unmanned ground vehicle.
-    R150,
-    /// Mecanum car on the rayland-dual board.
-    Mecanum,
-}
-
-impl Kind {
-    /// Its name in files, flags and settings.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::R150 => "r150",
-            Self::Mecanum => "mecanum",
-        }
-    }
-}
 
 /// One device of a rig.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,19 +44,16 @@ pub struct DevicePlan {
     /// Unique in the rig.
     pub name: String,
     /// Which device.
-    pub kind: Kind,
-    /// State of an R150 at the start.
-    pub start: Start,
+    pub device: &'static DeviceSpec,
+    /// Index of the state in which it starts, among those that it can start in.
+    pub start: usize,
     /// Where it stands at the start.
     pub pose: Pose,
     /// The tree of settings as it holds for this device.
     pub settings: SimSettings,
-    /// Path of its main port; without one the port has no name but the system's.
-    pub port: Option<PathBuf>,
-    /// Whether a mecanum car's ROS link is configured.
-    pub ros: bool,
-    /// Path of a mecanum car's ROS port; without one the port has no name but the system's.
-    pub ros_port: Option<PathBuf>,
+    /// Paths of the ports of the links that are there; a port without one has no name but the
+    /// system's.
+    pub ports: Vec<Option<PathBuf>>,
 }
 
 /// What a rig file says.
@@ -104,10 +86,15 @@ impl From<Vec<SettingsError>> for RigFileError {
 }
 
 impl RigPlan {
-    /// The JSON Schema of rig files.
+    /// The JSON Schema of rig files with these devices.
     #[must_use]
-    pub fn json_schema() -> String {
-        format!("{:#}\n", schemars::schema_for!(RigText).as_value())
+    pub fn json_schema(devices: Devices) -> String {
+        schema::compose::<RigText>(devices, |devices, generator| {
+            vec![
+                ("DeviceText", device_schema(devices, generator)),
+                ("SettingsText", settings_schema(devices)),
+            ]
+        })
     }
 
     /// Reads a rig file; its settings change those of `base`.
@@ -141,18 +128,28 @@ impl RigPlan {
         }
         let tables = Tables::parse(source)?;
         let mut settings = base.clone();
-        if let Some(table) = tables.settings() {
+        if let Some(table) = tables.table("settings") {
             apply_table(source, table, "", &mut settings)?;
         }
         let mut names = BTreeSet::new();
         let mut paths = BTreeSet::new();
         let mut devices = Vec::new();
-        for (index, text) in file.device.iter().enumerate() {
-            let device = text.get_ref();
-            let kind = device.kind;
-            let (name, name_at) = match &device.name {
+        let table = base.table();
+        let mut texts = Vec::new();
+        for index in 0..file.device.len() {
+            let own = tables.of("device", index).cloned().unwrap_or_default();
+            texts.push(OwnText::read(
+                source,
+                table,
+                own,
+                file.device[index].span(),
+            )?);
+        }
+        for (index, text) in texts.iter().enumerate() {
+            let OwnText { common, device, .. } = text;
+            let (name, name_at) = match &common.name {
                 Some(name) => (name.get_ref().clone(), name.span()),
-                None => (default_name(&file.device, index), text.span()),
+                None => (default_name(&texts, index), file.device[index].span()),
             };
             if !is_name(&name) {
                 let why =
@@ -163,20 +160,7 @@ impl RigPlan {
                 let why = format!("`device.name`: two devices are named \"{name}\"");
                 return Err(at(name_at, why));
             }
-            if let (Kind::R150, Some(ros)) = (kind, &device.ros) {
-                let why = "`device.ros`: only a mecanum car has one".to_owned();
-                return Err(at(ros.span(), why));
-            }
-            if let (Kind::R150, Some(path)) = (kind, &device.ros_port) {
-                let why = "`device.ros_port`: only a mecanum car has one".to_owned();
-                return Err(at(path.span(), why));
-            }
-            if let (Kind::Mecanum, Some(start)) = (kind, &device.start) {
-                let why = "`device.start`: only an R150 has one".to_owned();
-                return Err(at(start.span(), why));
-            }
-            for (key, path) in [("port", &device.port), ("ros_port", &device.ros_port)] {
-                let Some(path) = path else { continue };
+            for (key, path) in &text.paths {
                 if !paths.insert(path.get_ref().clone()) {
                     let shown = path.get_ref().display();
                     let why = format!("`device.{key}`: two ports have the path {shown}");
@@ -184,22 +168,17 @@ impl RigPlan {
                 }
             }
             let mut own = settings.clone();
-            if let Some(table) = tables.of_device(index) {
-                apply_table(source, table, kind.word(), &mut own)?;
+            let table = tables.of("device", index);
+            if let Some(table) = table.and_then(|own| tables::table(own, "settings")) {
+                apply_table(source, table, device.id, &mut own)?;
             }
             devices.push(DevicePlan {
                 name,
-                kind,
-                start: device
-                    .start
-                    .as_ref()
-                    .map_or(Start::Ready, |start| (*start.get_ref()).into()),
-                pose: device.pose.into(),
+                device,
+                start: text.start,
+                pose: common.pose.into(),
                 settings: own,
-                port: device.port.as_ref().map(|path| path.get_ref().clone()),
-                ros: device.ros.as_ref().is_some_and(|ros| *ros.get_ref())
-                    || device.ros_port.is_some(),
-                ros_port: device.ros_port.as_ref().map(|path| path.get_ref().clone()),
+                ports: text.ports.clone(),
             });
         }
         Ok(Self {
@@ -211,19 +190,14 @@ impl RigPlan {
     }
 }
 
-/// The kind, with a number if there are several of it.
-fn default_name(devices: &[Spanned<DeviceText>], index: usize) -> String {
-    let kind = devices[index].get_ref().kind;
-    let same = |devices: &[Spanned<DeviceText>]| {
-        devices
-            .iter()
-            .filter(|device| device.get_ref().kind == kind)
-            .count()
-    };
-    if same(devices) == 1 {
-        kind.word().to_owned()
+/// The device's id, with a number if there are several of it.
+fn default_name(texts: &[OwnText], index: usize) -> String {
+    let device = texts[index].device;
+    let same = |texts: &[OwnText]| texts.iter().filter(|text| text.device == device).count();
+    if same(texts) == 1 {
+        device.id.to_owned()
     } else {
-        format!("{}-{}", kind.word(), same(&devices[..=index]))
+        format!("{}-{}", device.id, same(&texts[..=index]))
     }
 }
 
@@ -250,12 +224,12 @@ pub(crate) struct RigText {
     pub(crate) seed: Option<u64>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default, rename = "settings")]
-    #[schemars(schema_with = "all_settings")]
+    #[schemars(with = "SettingsText")]
     pub(crate) _settings: toml::Table,
     /// The devices.
     #[serde(default)]
     #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1, "maxItems" = MOST_DEVICES))]
-    pub(crate) device: Vec<Spanned<DeviceText>>,
+    pub(crate) device: Vec<Spanned<toml::Table>>,
 }
 
 /// A device.
@@ -263,61 +237,197 @@ pub(crate) struct RigText {
 #[serde(deny_unknown_fields)]
 pub(crate) struct DeviceText {
     /// Which device.
-    kind: Kind,
+    #[schemars(with = "String")]
+    kind: Spanned<String>,
     /// Letters, digits, - and _; unique. The kind unless given, numbered if there are several.
     #[schemars(with = "Option<String>", extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
     name: Option<Spanned<String>>,
-    /// In which state an R150 begins; ready unless given.
-    #[schemars(with = "Option<StartText>")]
-    start: Option<Spanned<StartText>>,
     /// Where it stands at the start; at the origin, looking along x, unless given.
     #[serde(default)]
     pose: PoseText,
     /// Path of the pseudo-terminal of its main link; without one it has the system's name only.
     #[schemars(with = "Option<PathBuf>")]
     port: Option<Spanned<PathBuf>>,
-    /// Whether a mecanum car has a ROS link; without it the magnetic sensor has its UART.
-    #[schemars(with = "Option<bool>")]
-    ros: Option<Spanned<bool>>,
-    /// Path of the pseudo-terminal of a mecanum car's ROS link, which is there then.
-    #[schemars(with = "Option<PathBuf>")]
-    ros_port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
     #[serde(default, rename = "settings")]
-    #[schemars(schema_with = "device_settings")]
+    #[schemars(schema_with = "any_table")]
     _settings: toml::Table,
 }
 
-/// The settings of all devices and of the world.
-pub(crate) fn all_settings(_: &mut SchemaGenerator) -> Schema {
-    sim_settings::schema_of(&SimSettings::default())
+/// What a device's table says, with what only devices like it have.
+struct OwnText {
+    common: DeviceText,
+    device: &'static DeviceSpec,
+    start: usize,
+    ports: Vec<Option<PathBuf>>,
+    /// Those that are given, with their keys.
+    paths: Vec<(String, Spanned<PathBuf>)>,
 }
 
-/// The settings of one device of any kind.
-fn device_settings(_: &mut SchemaGenerator) -> Schema {
-    let SimSettings { r150, mecanum, .. } = SimSettings::default();
-    schemars::json_schema!({
-        "anyOf": [sim_settings::schema_of(&r150), sim_settings::schema_of(&mecanum)]
-    })
+impl OwnText {
+    fn read(
+        source: Source<'_>,
+        devices: Devices,
+        mut table: DeTable<'_>,
+        span: Range<usize>,
+    ) -> Result<Self, RigFileError> {
+        let own = own_keys(devices).into_iter();
+        let own: Vec<_> = own
+            .filter_map(|key| Some((table.remove(key.as_str())?, key)))
+            .collect();
+        let rest = Spanned::new(span, DeValue::Table(table));
+        let common: DeviceText = tables::read(&rest).map_err(|error| syntax(source, &error))?;
+        let wrong = |at: usize, key: &str, why: String| {
+            let line = format!("{}: `device.{key}`: {}", source.place(at), shorten(why));
+            RigFileError(vec![line])
+        };
+        let kind = common.kind.get_ref();
+        let device = devices.iter().find(|device| device.id == *kind);
+        let device = *device.ok_or_else(|| {
+            let all: Vec<&str> = devices.iter().map(|device| device.id).collect();
+            let why = format!("no device is a `{kind}`; {}", or_allowed(kind, &all));
+            wrong(common.kind.span().start, "kind", why)
+        })?;
+        let mut text = Self {
+            start: 0,
+            ports: vec![common.port.as_ref().map(|path| path.get_ref().clone())],
+            paths: common
+                .port
+                .iter()
+                .map(|path| ("port".to_owned(), path.clone()))
+                .collect(),
+            device,
+            common,
+        };
+        for (value, key) in own {
+            let at = value.span().start;
+            text.own_key(&value, &key).map_err(|why| match why {
+                Some(error) => syntax(source, &error),
+                None => {
+                    let able = devices.iter().filter(|device| has_key(device, &key));
+                    let able: Vec<&str> = able.map(|device| device.title).collect();
+                    let why = format!("only {} has one", able.join(" or "));
+                    wrong(at, &key, why)
+                }
+            })?;
+        }
+        Ok(text)
+    }
+
+    /// Takes what only some devices have; fails without an error if this one has it not.
+    fn own_key(
+        &mut self,
+        value: &Spanned<DeValue<'_>>,
+        key: &str,
+    ) -> Result<(), Option<toml::de::Error>> {
+        if !has_key(self.device, key) {
+            return Err(None);
+        }
+        if key == "start" {
+            let word: Spanned<String> = tables::read(value)?;
+            let starts = self.device.starts;
+            let known = starts.iter().position(|start| start.id == *word.get_ref());
+            self.start = known.ok_or_else(|| {
+                let all: Vec<&str> = starts.iter().map(|start| start.id).collect();
+                let allowed = or_allowed(word.get_ref(), &all);
+                <toml::de::Error as serde::de::Error>::custom(format!(
+                    "no state `{}`; {allowed}",
+                    word.get_ref()
+                ))
+            })?;
+            return Ok(());
+        }
+        let (id, path) = match key.strip_suffix("_port") {
+            Some(id) => (id, Some(tables::read::<Spanned<PathBuf>>(value)?)),
+            None if tables::read::<bool>(value)? => (key, None),
+            None => return Ok(()),
+        };
+        let index = self.device.link(id).unwrap_or(0);
+        if self.ports.len() <= index {
+            self.ports.resize(index + 1, None);
+        }
+        if let Some(path) = path {
+            self.ports[index] = Some(path.get_ref().clone());
+            self.paths.push((key.to_owned(), path));
+        }
+        Ok(())
+    }
 }
 
-/// A state at the start.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-enum StartText {
-    /// Unlocked, brake released, autonomous.
-    Ready,
-    /// Locked, parked, in remote mode, as the hardware starts.
-    Locked,
+fn syntax(source: Source<'_>, error: &toml::de::Error) -> RigFileError {
+    RigFileError::from(vec![source.syntax(error)])
 }
 
-impl From<StartText> for Start {
-    fn from(text: StartText) -> Self {
-        match text {
-            StartText::Ready => Self::Ready,
-            StartText::Locked => Self::Locked,
+/// The keys that only some devices have.
+fn own_keys(devices: Devices) -> Vec<String> {
+    let mut keys = vec!["start".to_owned()];
+    let links = devices.iter().flat_map(|device| device.links);
+    for link in links.filter(|link| link.optional.is_some()) {
+        keys.extend([link.id.to_owned(), format!("{}_port", link.id)]);
+    }
+    keys
+}
+
+fn has_key(device: &DeviceSpec, key: &str) -> bool {
+    let id = key.strip_suffix("_port").unwrap_or(key);
+    let mut links = device.links.iter();
+    (key == "start" && !device.starts.is_empty())
+        || links.any(|link| link.optional.is_some() && link.id == id)
+}
+
+/// The schema of a device's table.
+pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -> Value {
+    let mut table = DeviceText::json_schema(generator).to_value();
+    let kinds = devices.iter().map(|device| (device.id, device.about));
+    table["properties"]["kind"] = schema::words(kinds);
+    let mut more = Map::new();
+    for device in devices.iter().filter(|device| !device.starts.is_empty()) {
+        let starts = device.starts.iter().map(|start| (start.id, start.about));
+        let mut words = schema::words(starts);
+        let usual = device.starts[0].id;
+        words["description"] = format!(
+            "In which state {} begins; {usual} unless given.",
+            device.title
+        )
+        .into();
+        more.insert("start".to_owned(), words);
+    }
+    for device in devices {
+        for link in device.links {
+            let Some(costs) = link.optional else { continue };
+            let (title, name) = (device.title, link.name);
+            let about = format!("Whether {title} has a {name} link; {costs}.");
+            more.insert(
+                link.id.to_owned(),
+                json!({ "type": "boolean", "description": about }),
+            );
+            let about = format!(
+                "Path of the pseudo-terminal of the {name} link of {title}, which is there then."
+            );
+            let path = json!({ "type": "string", "description": about });
+            more.insert(format!("{}_port", link.id), path);
         }
     }
+    schema::add_properties(&mut table, more);
+    let own = devices.iter().map(|device| {
+        let settings = (device.settings)();
+        sim_settings::schema_of(&settings).to_value()
+    });
+    table["properties"]["settings"]["anyOf"] = own.collect();
+    table
+}
+
+/// The schema of all settings.
+pub(crate) fn settings_schema(devices: Devices) -> Value {
+    sim_settings::schema_of(&SimSettings::new(devices)).to_value()
+}
+
+/// Settings of all devices and of the world.
+#[derive(JsonSchema)]
+pub(crate) struct SettingsText {}
+
+pub(crate) fn any_table(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    schemars::json_schema!({"type": "object"})
 }
 
 /// A place and a direction in the world; what is not given is 0.
@@ -342,48 +452,18 @@ impl From<PoseText> for Pose {
     }
 }
 
-/// The tables of settings in a rig file, with the places of their keys.
-struct Tables<'t>(Spanned<DeTable<'t>>);
-
-impl<'t> Tables<'t> {
-    fn parse(source: Source<'t>) -> Result<Self, RigFileError> {
-        DeTable::parse(source.text)
-            .map(Self)
-            .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))
-    }
-
-    fn settings(&self) -> Option<&DeTable<'t>> {
-        table(self.0.get_ref(), "settings")
-    }
-
-    fn of_device(&self, index: usize) -> Option<&DeTable<'t>> {
-        let DeValue::Array(devices) = self.0.get_ref().get("device")?.get_ref() else {
-            return None;
-        };
-        let DeValue::Table(device) = devices.get(index)?.get_ref() else {
-            return None;
-        };
-        table(device, "settings")
-    }
-}
-
-fn table<'d, 't>(parent: &'d DeTable<'t>, name: &str) -> Option<&'d DeTable<'t>> {
-    match parent.get(name)?.get_ref() {
-        DeValue::Table(table) => Some(table),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sim_core::r150::R150Settings;
 
     fn parse(text: &str) -> Result<RigPlan, String> {
         let source = Source {
             file: "my-rig.toml",
             text,
         };
-        RigPlan::parse(source, &SimSettings::default()).map_err(|error| error.to_string())
+        RigPlan::parse(source, &SimSettings::new(sim_core::SHIPPED))
+            .map_err(|error| error.to_string())
     }
 
     #[test]
@@ -406,18 +486,19 @@ mod tests {
             (first.name.as_str(), second.name.as_str()),
             ("r150-1", "other")
         );
-        assert_eq!(first.start, Start::Locked);
+        let r150 = |device: &DevicePlan| device.settings.of::<R150Settings>().unwrap().clone();
+        assert_eq!(first.start, 1);
         assert_eq!((first.pose.x, first.pose.y), (1.5, -0.2));
         assert_eq!(first.pose.heading, std::f64::consts::FRAC_PI_2);
-        assert_eq!(first.settings.r150.plant.battery.initial_soc, 50.0);
-        assert_eq!(second.settings.r150.plant.battery.initial_soc, 80.0);
-        assert_eq!(second.settings.r150.firmware.heartbeat_timeout.as_secs(), 9);
+        assert_eq!(r150(first).plant.battery.initial_soc, 50.0);
+        assert_eq!(r150(second).plant.battery.initial_soc, 80.0);
+        assert_eq!(r150(second).firmware.heartbeat_timeout.as_secs(), 9);
         assert_eq!(plan.settings.world.slope, 3.0);
     }
 
     #[test]
     fn the_schema_is_the_published_one() {
-        let schema = RigPlan::json_schema();
+        let schema = RigPlan::json_schema(sim_core::SHIPPED);
         assert!(
             schema == include_str!("../worlds/rig.schema.json"),
             "worlds/rig.schema.json is to read:\n{schema}"

@@ -53,6 +53,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_core::SimTime;
+use sim_core::device::Observed;
 use sim_core::event::Event;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::report::Report;
@@ -63,7 +64,6 @@ use sim_settings::Source;
 pub use direct::{StepError, StepReport};
 pub use outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 
-use crate::condition::Seen;
 use crate::scenario::Scenario;
 use crate::trace::Recorder;
 use agenda::Agenda;
@@ -133,7 +133,7 @@ pub struct Run {
     options: RunOptions,
     rig: Rig,
     ports: Vec<PortId>,
-    seen: Vec<Seen>,
+    observed: Vec<Observed>,
     agenda: Agenda,
     steps: Vec<StepState>,
     rules: Vec<RuleState>,
@@ -197,7 +197,12 @@ impl Run {
             .trace
             .then(|| Recorder::new(&scenario, world, options));
         let mut run = Self {
-            seen: vec![Seen::default(); scenario.rig.devices.len()],
+            observed: scenario
+                .rig
+                .devices
+                .iter()
+                .map(|plan| Observed::new(plan.device))
+                .collect(),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
             rules: judge::rule_states(&scenario),
@@ -341,7 +346,7 @@ impl Run {
 
     /// What happened at each device so far, counted, and what of it is held against its client.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
-        self.seen.iter().map(Seen::report)
+        self.observed.iter().map(Observed::report)
     }
 
     /// How many events were lost because nobody took them.
@@ -452,8 +457,8 @@ impl Run {
             }
             let excused = self.is_excused(&event);
             let distance = self.rig.distance_m(event.device);
-            if let Some(seen) = self.seen.get_mut(event.device) {
-                seen.note(&event, distance, excused);
+            if let Some(observed) = self.observed.get_mut(event.device) {
+                observed.note(&event, distance, excused);
             }
             if let Some(recorder) = &mut self.recorder {
                 recorder.event(&event);

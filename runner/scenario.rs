@@ -31,24 +31,25 @@ mod host;
 mod problems;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
+use schemars::{JsonSchema as _, Schema, SchemaGenerator};
 use sim_core::SimTime;
+use sim_core::device::{self, DeviceSpec, Devices, HANDS};
+use sim_core::fault::Fault;
 use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
 pub use document::Only;
 
-pub(crate) use actions::{OperatorAction, WorldAction};
-pub(crate) use host::{
-    Fields, HostAction, HostDoes, ReplyWanted, Wanted, line_fields, matches_fields, r150_fields,
-    status_fields,
-};
+pub(crate) use actions::WorldAction;
+pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
 use crate::condition::Condition;
-use crate::fault::Fault;
-use crate::rig_file::{RigFileError, RigPlan};
+use crate::rig_file::{RigFileError, RigPlan, device_schema, settings_schema};
+use crate::schema;
 
 /// Most steps, and most conditions over time, of a file.
 pub const MOST_STEPS: usize = 1000;
@@ -129,7 +130,7 @@ pub(crate) enum Action {
     Fault(Fault),
     /// Mends what the step with this index broke.
     Clear(usize),
-    Operator(OperatorAction),
+    Operator(Arc<dyn device::Action>),
     World(WorldAction),
     Expect {
         that: Condition,
@@ -238,13 +239,44 @@ impl Scenario {
         }
     }
 
-    /// The JSON Schema of scenario files.
+    /// The JSON Schema of scenario files with these devices.
     #[must_use]
-    pub fn json_schema() -> String {
-        format!(
-            "{:#}\n",
-            schemars::schema_for!(document::Document).as_value()
-        )
+    pub fn json_schema(devices: Devices) -> String {
+        schema::compose::<document::Document>(devices, |devices, generator| {
+            let each = |part: fn(&DeviceSpec, &mut SchemaGenerator) -> Option<Schema>,
+                        generator: &mut SchemaGenerator| {
+                let parts = devices.iter().filter_map(|device| part(device, generator));
+                parts.collect::<Vec<Schema>>()
+            };
+            let device = device_schema(devices, generator);
+            let commands = each(|d, g| Some((d.host.schema)(g)), generator);
+            let mut operator = each(|d, g| Some((d.operator.as_ref()?.schema)(g)), generator);
+            operator.push((HANDS.schema)(generator));
+            let mut world = vec![document::AnyWorldText::json_schema(generator)];
+            world.extend(each(
+                |d, g| Some((d.surroundings.as_ref()?.schema)(g)),
+                generator,
+            ));
+            vec![
+                ("DeviceText", device),
+                ("SettingsText", settings_schema(devices)),
+                (
+                    "CommandText",
+                    schema::one_of(
+                        "A command by name and fields. Numbers are as on the wire.",
+                        commands,
+                    ),
+                ),
+                (
+                    "OperatorText",
+                    schema::one_of("What an operator, the app or a passer-by does.", operator),
+                ),
+                (
+                    "WorldText",
+                    schema::one_of("A change around the vehicle.", world),
+                ),
+            ]
+        })
     }
 
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.

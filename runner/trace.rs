@@ -232,9 +232,9 @@ impl Recorder {
         }
         self.poses.resize(rig.devices(), [f64::NAN; 3]);
         for device in 0..rig.devices() {
-            let r150 = rig.r150(device).map(|r150| r150.truth().pose);
-            let pose = r150.or_else(|| rig.mecanum(device).map(|car| car.truth().pose));
-            let Some(pose) = pose else { continue };
+            let Some(pose) = rig.motion(device).map(|motion| motion.pose) else {
+                continue;
+            };
             let place = [pose.x, pose.y, pose.heading];
             if std::mem::replace(&mut self.poses[device], place) != place {
                 self.write(&Record::Pose {

@@ -118,6 +118,50 @@ pub enum Role {
     Other,
 }
 
+/// An event that needs no type of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Told {
+    /// What it is called.
+    pub code: Code,
+    /// What it is to whoever counts.
+    pub role: Role,
+    /// It in words.
+    pub text: String,
+}
+
+impl EventKind for Told {
+    /// A warning if it may be held against the client.
+    fn level(&self) -> Level {
+        match self.role {
+            Role::Request | Role::Reply => Level::Traffic,
+            _ if self.code.may_blame_client() => Level::Warning,
+            _ => Level::Notice,
+        }
+    }
+
+    fn code(&self) -> Code {
+        self.code
+    }
+
+    fn link(&self) -> Option<usize> {
+        None
+    }
+
+    fn role(&self) -> Role {
+        self.role
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
+}
+
+impl fmt::Display for Told {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
 /// Bytes as spaced upper-case hexadecimal: `AA 55 00`.
 #[derive(Debug, Clone, Copy)]
 pub struct Hex<'a>(pub &'a [u8]);

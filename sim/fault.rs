@@ -9,22 +9,10 @@
 //! Each random one draws from streams of its own, named by the fault's name and direction, so that
 //! another fault never changes what it does. Without a fault none of this runs.
 
-mod active;
 mod catalogue;
 mod check;
 mod defaults;
-mod firmware;
-mod frame;
-mod hardware;
-mod mecanum;
-mod operator;
 pub mod parameters;
-mod protocol;
-mod r150;
-mod stage;
-mod traffic;
-mod wire;
-mod wire_parameters;
 
 #[cfg(test)]
 mod tests;
@@ -32,10 +20,8 @@ mod tests;
 use std::borrow::Cow;
 use std::fmt;
 
-pub(crate) use active::{Faults, Target};
 pub use catalogue::{Fault, catalogue};
 
-use crate::device_kind::DeviceKind;
 use crate::event::{Code, EventKind, Level, Role, code};
 
 /// At what level something goes wrong.
@@ -71,7 +57,7 @@ impl FaultLevel {
 
     /// Lower-case name.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Wire => "wire",
             Self::Protocol => "protocol",
@@ -86,7 +72,7 @@ impl FaultLevel {
 
 impl fmt::Display for FaultLevel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.word())
+        f.write_str(self.as_str())
     }
 }
 
@@ -97,8 +83,8 @@ pub struct FaultInfo {
     pub id: &'static str,
     /// Where it acts.
     pub level: FaultLevel,
-    /// Devices that can have it.
-    pub devices: &'static [DeviceKind],
+    /// Whether every device can have it, since it is none of the device's own.
+    pub everywhere: bool,
     /// What it takes.
     pub parameters: &'static [ParameterInfo],
     /// What a client notices of it.
@@ -225,31 +211,11 @@ impl fmt::Display for FaultEvent {
     }
 }
 
-/// How often a fault has acted, and on what first.
-#[derive(Debug, Default)]
-struct Tally {
-    hits: u64,
-    /// Until it has been told.
-    first: Option<String>,
-}
-
-impl Tally {
-    /// Counts; only the first is put into words.
-    fn hit(&mut self, what: impl FnOnce() -> String) {
-        if self.hits == 0 {
-            self.first = Some(what());
-        }
-        self.hits = self.hits.saturating_add(1);
-    }
-
-    fn hit_times(&mut self, times: u64, what: impl FnOnce() -> String) {
-        if times > 0 {
-            self.hit(what);
-            self.hits = self.hits.saturating_add(times - 1);
-        }
-    }
-
-    fn is_below(&self, most: Option<u64>) -> bool {
-        most.is_none_or(|most| self.hits < most)
-    }
+/// Zeros added or bytes taken away before the last `kept`.
+pub(crate) fn resized(mut bytes: Vec<u8>, by: i8, kept: usize) -> Vec<u8> {
+    let tail = bytes.split_off(bytes.len().saturating_sub(kept));
+    let length = bytes.len().saturating_add_signed(isize::from(by));
+    bytes.resize(length, 0);
+    bytes.extend(tail);
+    bytes
 }

@@ -6,6 +6,7 @@
 //!
 //! | module | what it is |
 //! |---|---|
+//! | [`device`] | what a device is to everybody else: a row of a table, and a trait |
 //! | [`r150_device`] | firmware of the XAG R150's IO module: bytes and pins |
 //! | [`r150`] | that firmware with the hardware around it |
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
@@ -19,9 +20,10 @@
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
 pub mod defects;
-pub mod device_kind;
+pub mod device;
 pub mod event;
 pub mod fault;
+mod injection;
 pub mod line;
 pub mod mecanum;
 pub mod mecanum_device;
@@ -32,6 +34,8 @@ pub mod report;
 pub mod rig;
 pub mod settings;
 pub mod uart;
-mod unit;
 
 pub use sim_settings::SimTime;
+
+/// The devices that the program `sim` has.
+pub const SHIPPED: device::Devices = &[&r150::R150_SPEC, &mecanum::MECANUM_SPEC];

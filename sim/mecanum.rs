@@ -1,21 +1,104 @@
 //! A mecanum car: the firmware of [`crate::mecanum_device`] with the hardware of
 //! [`sim_physics::mecanum`].
 
+mod actions;
 pub mod event;
+mod faults;
+mod framing;
+mod host;
+mod names;
+mod settings;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{BodyId, Drawing, Pose, World};
 use sim_settings::SimTime;
 
-use crate::defects::Defects;
+use crate::defects::{DefectCounts, Defects};
+use crate::device::names::MOTION;
+use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, TextLines};
 use crate::event::EventKind;
+use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Action, Link, MecanumDevice};
-use crate::settings::MecanumSettings;
-use crate::unit::Unit;
+use crate::noise::Noise;
+use crate::rig::Rig;
+pub use settings::MecanumSettings;
+
+/// The mecanum car.
+pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
+    id: "mecanum",
+    title: "a mecanum car",
+    about: "Mecanum car on the rayland-dual board: binary link, and ASCII link with --ros-pty",
+    links: &[
+        LinkSpec::always("main", "main"),
+        LinkSpec {
+            id: "ros",
+            name: "ROS",
+            optional: Some("this takes the UART of its magnetic sensor"),
+        },
+    ],
+    starts: &[],
+    settings: || Box::new(MecanumSettings::default()),
+    build: |setup, world| Box::new(Mecanum::new(setup, world)),
+    codes: event::CODES,
+    names: &[MOTION, names::NAMES],
+    observer: || Box::new(names::Noted::default()),
+    host: host::HOST,
+    operator: Some(actions::OPERATOR),
+    surroundings: None,
+    faults: &[
+        "reset",
+        "hang",
+        "slow-replies",
+        "stuck-status",
+        "frozen-sensors",
+        "watchdog-off",
+        "supply-lost",
+        "blocked",
+        "dragging",
+        "free-wheeling",
+        "encoder-lost",
+        "encoder-stuck",
+        "encoder-noisy",
+        "wired-backwards",
+        "ports-swapped",
+        "ice",
+        "payload",
+        "push",
+        "brake-stuck-on",
+        "brake-stuck-open",
+        "ultrasonic-missing",
+        "ultrasonic-stuck",
+        "ultrasonic-ghost",
+        "tag-misread",
+        "strip-lost",
+        "infrared-stuck",
+    ],
+    check_fault: faults::check,
+};
+
+/// Puts a mecanum car into the world of a rig; gives its index. Its main link has index 0, its ROS
+/// link, if it is configured, 1.
+pub fn add(
+    rig: &mut Rig,
+    name: &str,
+    settings: &MecanumSettings,
+    ros_configured: bool,
+    pose: Pose,
+) -> usize {
+    let setup = Setup {
+        name,
+        settings,
+        start: 0,
+        links: if ros_configured { 2 } else { 1 },
+        pose,
+        seed: 0,
+    };
+    rig.add(&MECANUM_SPEC, &setup)
+}
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.
@@ -26,30 +109,26 @@ const MOST_ROUNDS: usize = 8;
 pub struct Mecanum {
     device: MecanumDevice,
     plant: MecanumPlant,
+    faults: faults::Faults,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
 }
 
 impl Mecanum {
-    /// A car that has just been switched on, standing at `pose`; `ros_configured` says whether its
-    /// second UART is the ROS link instead of the magnetic sensor's.
-    #[must_use]
-    pub fn new(
-        name: &str,
-        settings: &MecanumSettings,
-        ros_configured: bool,
-        pose: Pose,
-        world: &mut World,
-    ) -> Self {
-        let plant = settings.plant.expecting(settings.firmware.wiring);
-        let mut plant = MecanumPlant::with_name(name, &plant, world, pose);
-        plant.set_directed_encoders(settings.firmware.pulse_direction == PulseDirection::Counted);
-        let firmware = settings.firmware.clone();
+    /// A car that has just been switched on; with two links its second UART is the ROS link
+    /// instead of the magnetic sensor's.
+    fn new(setup: &Setup<'_>, world: &mut World) -> Self {
+        let settings = setup.settings::<MecanumSettings>();
+        let MecanumSettings { firmware, plant } = settings.cloned().unwrap_or_default();
+        let plant = plant.expecting(firmware.wiring);
+        let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
+        plant.set_directed_encoders(firmware.pulse_direction == PulseDirection::Counted);
         let measured = plant.measurements();
-        let device = MecanumDevice::new(SimTime::ZERO, firmware, ros_configured, measured);
+        let device = MecanumDevice::new(SimTime::ZERO, firmware, setup.links > 1, measured);
         let mut car = Self {
             device,
             plant,
+            faults: faults::Faults::default(),
             plant_at: SimTime::ZERO,
         };
         car.settle(SimTime::ZERO);
@@ -59,16 +138,6 @@ impl Mecanum {
     /// Somebody works the remote control.
     pub fn operate(&mut self, now: SimTime, action: Action) {
         self.device.operate(now, action);
-    }
-
-    /// Replaces all that is wrong with the firmware.
-    pub fn set_defects(&mut self, now: SimTime, defects: Defects) {
-        self.device.set_defects(now, defects);
-    }
-
-    /// The firmware restarts, and is up after `boot`; says whether it ran.
-    pub fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
-        self.device.reset(now, boot)
     }
 
     /// The firmware's state.
@@ -83,12 +152,6 @@ impl Mecanum {
         self.plant.truth()
     }
 
-    /// Its body in the world, for contact queries.
-    #[must_use]
-    pub fn body(&self) -> BodyId {
-        self.plant.body()
-    }
-
     /// The hardware, to look at.
     #[must_use]
     pub fn plant(&self) -> &MecanumPlant {
@@ -101,7 +164,7 @@ impl Mecanum {
     }
 }
 
-impl Unit for Mecanum {
+impl Device for Mecanum {
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]) {
         if let Some(link) = Link::from_index(link) {
             self.device.receive(now, link, bytes);
@@ -114,10 +177,6 @@ impl Unit for Mecanum {
 
     fn next_deadline(&self) -> Option<SimTime> {
         self.device.next_deadline()
-    }
-
-    fn expect_burst(&mut self, _by: Duration, _until: SimTime) {
-        // The board has no rule for how closely packets may follow one another.
     }
 
     fn has_news(&self) -> bool {
@@ -135,9 +194,6 @@ impl Unit for Mecanum {
         }
     }
 
-    /// The board answers nothing, so it holds nothing back.
-    fn client_left(&mut self, _now: SimTime, _link: usize) {}
-
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
         self.device
             .poll_output()
@@ -149,8 +205,24 @@ impl Unit for Mecanum {
         Some((at, Arc::new(event)))
     }
 
-    fn distance_m(&self) -> f64 {
-        self.plant.truth().distance
+    fn body(&self) -> BodyId {
+        self.plant.body()
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.plant().drawing()
+    }
+
+    fn motion(&self) -> Motion {
+        let truth = self.plant.truth();
+        Motion {
+            pose: truth.pose,
+            forward_speed: truth.forward_speed,
+            leftward_speed: truth.leftward_speed,
+            yaw_rate: truth.yaw_rate,
+            distance: truth.distance,
+            mass: truth.mass,
+        }
     }
 
     fn at_rest(&self) -> bool {
@@ -172,8 +244,75 @@ impl Unit for Mecanum {
         self.plant.before_step(world);
     }
 
-    fn after_step(&mut self, now: SimTime, _step: Duration, world: &mut World) {
+    fn after_step(&mut self, now: SimTime, world: &mut World) {
         self.plant.after_step(world);
         self.plant_at = now;
+    }
+
+    fn set_push(&mut self, [ahead, left, turn]: [f64; 3]) {
+        self.plant.set_push(ahead, left, turn);
+    }
+
+    fn set_payload(&mut self, world: &mut World, mass: f64) {
+        self.plant.set_payload(world, mass);
+    }
+
+    fn place(&mut self, world: &mut World, pose: Pose) {
+        self.plant.place(world, pose);
+    }
+
+    fn set_defects(&mut self, now: SimTime, defects: Defects) {
+        self.device.set_defects(now, defects);
+    }
+
+    fn defect_counts(&self) -> DefectCounts {
+        *self.device.defect_counts()
+    }
+
+    fn check_watchdog(&self) -> Result<(), String> {
+        if self.device.has_watchdog() {
+            return Ok(());
+        }
+        let why = "this car has no watchdog that could fail: its `link_timeout` is \"off\"";
+        Err(why.to_owned())
+    }
+
+    fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
+        self.device.reset(now, boot)
+    }
+
+    fn framing(&self, link: usize) -> &'static dyn Framing {
+        match link {
+            0 => &framing::Packets,
+            _ => &TextLines {
+                name: "a report line",
+                unasked: b"V0 S0 \n",
+            },
+        }
+    }
+
+    fn arm(&mut self, _now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
+        self.arm_fault(handle, fault, noise);
+        false
+    }
+
+    fn disarm(&mut self, _now: SimTime, handle: FaultHandle) {
+        self.disarm_fault(handle);
+    }
+
+    fn apply_faults(&mut self, world: &mut World) {
+        self.apply_all_faults(world);
+    }
+
+    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+        self.add_pulses(seconds, acted);
+    }
+
+    fn acts(&self, handle: FaultHandle) -> bool {
+        self.fault_acts(handle)
+    }
+
+    fn acted_on(&self, handle: FaultHandle) -> String {
+        self.fault_acted_on(handle)
     }
 }

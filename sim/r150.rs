@@ -1,21 +1,126 @@
 //! An R150: the firmware of [`crate::r150_device`] with the hardware of [`sim_physics::r150`].
 
+mod actions;
 pub mod event;
+mod faults;
+mod framing;
+mod host;
+mod names;
+mod settings;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{BodyId, Drawing, Pose, World};
 use sim_settings::SimTime;
 
-use crate::defects::Defects;
+use crate::defects::{DefectCounts, Defects};
+use crate::device::names::MOTION;
+use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, StartSpec};
 use crate::event::EventKind;
+use crate::fault::parameters::{Key, RailName};
+use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
-use crate::r150_device::vehicle::{Action, Start};
-use crate::settings::R150Settings;
-use crate::unit::Unit;
+use crate::r150_device::vehicle::{self, Action, Start};
+use crate::rig::Rig;
+pub use settings::R150Settings;
+
+/// The XAG R150.
+pub static R150_SPEC: DeviceSpec = DeviceSpec {
+    id: "r150",
+    title: "an R150",
+    about: "XAG R150 unmanned ground vehicle, through its RS-232 IO module",
+    links: &[LinkSpec::always("main", "RS-232")],
+    starts: &[
+        StartSpec {
+            id: "ready",
+            about: "Unlocked, brake released, autonomous: the first motor command moves it",
+        },
+        StartSpec {
+            id: "locked",
+            about: "Locked, parked, in remote mode, as the hardware starts",
+        },
+    ],
+    settings: || Box::new(R150Settings::default()),
+    build: |setup, world| Box::new(R150::new(setup, world)),
+    codes: event::CODES,
+    names: &[MOTION, names::NAMES],
+    observer: || Box::new(names::Noted::default()),
+    host: host::HOST,
+    operator: Some(actions::OPERATOR),
+    surroundings: Some(actions::SURROUNDINGS),
+    faults: &[
+        "bad-crc",
+        "reset",
+        "hang",
+        "slow-replies",
+        "stuck-status",
+        "frozen-sensors",
+        "watchdog-off",
+        "rail-load",
+        "rail-short",
+        "rail-open",
+        "supply-sag",
+        "over-temperature",
+        "power-module-fault",
+        "battery-empty",
+        "charge-drop",
+        "fuse-blown",
+        "blocked",
+        "dragging",
+        "free-wheeling",
+        "encoder-lost",
+        "encoder-stuck",
+        "encoder-noisy",
+        "wired-backwards",
+        "sides-swapped",
+        "ice",
+        "payload",
+        "push",
+        "brake-stuck-on",
+        "brake-stuck-open",
+        "emergency-stop",
+        "remote-control-takes-over",
+        "locked",
+        "parked",
+        "app-takes-control",
+    ],
+    check_fault: faults::check,
+};
+
+/// Puts an R150 into the world of a rig; gives its index. Its one link has index 0.
+pub fn add(rig: &mut Rig, name: &str, settings: &R150Settings, start: Start, pose: Pose) -> usize {
+    let setup = Setup {
+        name,
+        settings,
+        start: start as usize,
+        links: 1,
+        pose,
+        seed: 0,
+    };
+    rig.add(&R150_SPEC, &setup)
+}
+
+/// The bits of outputs.
+fn bits(rails: &[RailName]) -> u8 {
+    let bit = |name: &RailName| 1 << rail(*name).index();
+    rails.iter().map(bit).fold(0, |bits, bit| bits | bit)
+}
+
+fn rail(name: RailName) -> Rail {
+    Rail::ALL[name as usize]
+}
+
+fn key(key: Key) -> vehicle::Key {
+    match key {
+        Key::Forward => vehicle::Key::Forward,
+        Key::Backward => vehicle::Key::Backward,
+        Key::Left => vehicle::Key::Left,
+        Key::Right => vehicle::Key::Right,
+    }
+}
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.
@@ -26,32 +131,30 @@ const MOST_ROUNDS: usize = 8;
 pub struct R150 {
     device: R150Device,
     plant: R150Plant,
+    faults: faults::Faults,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
 }
 
 impl R150 {
-    /// A vehicle that has just been switched on, standing at `pose`.
-    #[must_use]
-    pub fn new(
-        name: &str,
-        settings: &R150Settings,
-        start: Start,
-        pose: Pose,
-        seed: u64,
-        world: &mut World,
-    ) -> Self {
-        let plant = R150Plant::with_name(name, &settings.plant, world, pose);
+    /// A vehicle that has just been switched on.
+    fn new(setup: &Setup<'_>, world: &mut World) -> Self {
+        let &Setup { name, seed, .. } = setup;
+        let settings = setup
+            .settings::<R150Settings>()
+            .cloned()
+            .unwrap_or_default();
+        let start = match setup.start {
+            0 => Start::Ready,
+            _ => Start::Locked,
+        };
+        let plant = R150Plant::with_name(name, &settings.plant, world, setup.pose);
         let noise = Noise::new(seed, &format!("{name}.measurement_noise"));
-        let device = R150Device::new(
-            settings.firmware.clone(),
-            start,
-            plant.measurements(),
-            noise,
-        );
+        let device = R150Device::new(settings.firmware, start, plant.measurements(), noise);
         let mut vehicle = Self {
             device,
             plant,
+            faults: faults::Faults::default(),
             plant_at: SimTime::ZERO,
         };
         vehicle.settle(SimTime::ZERO);
@@ -61,16 +164,6 @@ impl R150 {
     /// Somebody works a button.
     pub fn operate(&mut self, now: SimTime, action: Action) {
         self.device.operate(now, action);
-    }
-
-    /// Replaces all that is wrong with the firmware.
-    pub fn set_defects(&mut self, now: SimTime, defects: Defects) {
-        self.device.set_defects(now, defects);
-    }
-
-    /// The firmware restarts, and is up after `boot`; says whether it ran.
-    pub fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
-        self.device.reset(now, boot)
     }
 
     /// The firmware's state.
@@ -85,20 +178,14 @@ impl R150 {
         self.plant.truth()
     }
 
-    /// Its body in the world, for contact queries.
-    #[must_use]
-    pub fn body(&self) -> BodyId {
-        self.plant.body()
-    }
-
     /// The hardware, to look at.
     #[must_use]
     pub fn plant(&self) -> &R150Plant {
         &self.plant
     }
 
-    /// The hardware, for its faults.
-    pub(crate) fn plant_mut(&mut self) -> &mut R150Plant {
+    /// The hardware, to load or break it.
+    pub fn plant_mut(&mut self) -> &mut R150Plant {
         &mut self.plant
     }
 }
@@ -116,24 +203,9 @@ impl R150 {
     pub fn set_pwm_source(&mut self, input: usize, source: PwmSource) {
         self.plant.set_pwm_source(input, source);
     }
-
-    /// Puts a payload on the deck, kg.
-    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.plant.set_payload(world, payload);
-    }
-
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
-    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.plant.set_push(ahead, left, turn);
-    }
-
-    /// Lifts the vehicle and sets it down elsewhere, standing.
-    pub fn place(&mut self, world: &mut World, pose: Pose) {
-        self.plant.place(world, pose);
-    }
 }
 
-impl Unit for R150 {
+impl Device for R150 {
     fn receive(&mut self, now: SimTime, _link: usize, bytes: &[u8]) {
         self.device.receive(now, bytes);
     }
@@ -183,8 +255,24 @@ impl Unit for R150 {
         Some((at, Arc::new(event)))
     }
 
-    fn distance_m(&self) -> f64 {
-        self.plant.truth().distance
+    fn body(&self) -> BodyId {
+        self.plant.body()
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.plant().drawing()
+    }
+
+    fn motion(&self) -> Motion {
+        let truth = self.plant.truth();
+        Motion {
+            pose: truth.pose,
+            forward_speed: truth.forward_speed,
+            leftward_speed: truth.leftward_speed,
+            yaw_rate: truth.yaw_rate,
+            distance: truth.distance,
+            mass: truth.mass,
+        }
     }
 
     fn at_rest(&self) -> bool {
@@ -206,8 +294,60 @@ impl Unit for R150 {
         self.plant.before_step(world);
     }
 
-    fn after_step(&mut self, now: SimTime, _step: Duration, world: &mut World) {
+    fn after_step(&mut self, now: SimTime, world: &mut World) {
         self.plant.after_step(world);
         self.plant_at = now;
+    }
+
+    fn set_push(&mut self, [ahead, left, turn]: [f64; 3]) {
+        self.plant.set_push(ahead, left, turn);
+    }
+
+    fn set_payload(&mut self, world: &mut World, mass: f64) {
+        self.plant.set_payload(world, mass);
+    }
+
+    fn place(&mut self, world: &mut World, pose: Pose) {
+        self.plant.place(world, pose);
+    }
+
+    fn set_defects(&mut self, now: SimTime, defects: Defects) {
+        self.device.set_defects(now, defects);
+    }
+
+    fn defect_counts(&self) -> DefectCounts {
+        *self.device.defect_counts()
+    }
+
+    fn reset(&mut self, now: SimTime, boot: Duration) -> bool {
+        self.device.reset(now, boot)
+    }
+
+    fn framing(&self, _link: usize) -> &'static dyn Framing {
+        &framing::Frames
+    }
+
+    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
+        self.arm_fault(now, handle, fault, noise)
+    }
+
+    fn disarm(&mut self, now: SimTime, handle: FaultHandle) {
+        self.disarm_fault(now, handle);
+    }
+
+    fn apply_faults(&mut self, world: &mut World) {
+        self.apply_all_faults(world);
+    }
+
+    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+        self.spoil_encoders(acted);
+    }
+
+    fn acts(&self, handle: FaultHandle) -> bool {
+        self.fault_acts(handle)
+    }
+
+    fn acted_on(&self, handle: FaultHandle) -> String {
+        self.fault_acted_on(handle)
     }
 }

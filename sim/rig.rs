@@ -14,17 +14,13 @@ mod service;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use sim_physics::{PhysicsError, Pose, World, WorldMap, WorldSettings};
+use sim_physics::{PhysicsError, World, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
+use crate::device::{Device, DeviceSpec, LineSettings, Motion, Setup};
 use crate::event::Event;
-use crate::fault::Faults;
+use crate::injection::Injection;
 use crate::line::{SerialLine, Wire};
-use crate::mecanum::Mecanum;
-use crate::r150::R150;
-use crate::r150_device::vehicle::Start;
-use crate::settings::{MecanumSettings, R150Settings};
-use crate::unit::Unit;
 use agenda::Agenda;
 use events::Events;
 pub use port::PortId;
@@ -65,32 +61,12 @@ pub struct RigSettings {
 }
 
 /// A device in the rig.
-enum Vehicle {
-    R150(Box<R150>),
-    Mecanum(Box<Mecanum>),
-}
-
-impl Vehicle {
-    fn unit(&self) -> &dyn Unit {
-        match self {
-            Self::R150(r150) => r150.as_ref(),
-            Self::Mecanum(car) => car.as_ref(),
-        }
-    }
-
-    fn unit_mut(&mut self) -> &mut dyn Unit {
-        match self {
-            Self::R150(r150) => r150.as_mut(),
-            Self::Mecanum(car) => car.as_mut(),
-        }
-    }
-}
-
 struct Slot {
-    vehicle: Vehicle,
+    spec: &'static DeviceSpec,
+    device: Box<dyn Device>,
     lines: Vec<SerialLine>,
     /// What goes wrong with it, if anything does.
-    faults: Option<Box<Faults>>,
+    faults: Option<Box<Injection>>,
 }
 
 /// Devices, their lines, and the world around them.
@@ -131,57 +107,19 @@ impl Rig {
         }
     }
 
-    /// Puts an R150 into the world. Its index is the number of devices there were before; its one
-    /// link has index 0.
-    pub fn add_r150(
-        &mut self,
-        name: &str,
-        settings: &R150Settings,
-        start: Start,
-        pose: Pose,
-    ) -> usize {
-        let r150 = R150::new(
-            name,
-            settings,
-            start,
-            pose,
-            self.settings.seed,
-            &mut self.world,
-        );
-        let line = (settings.firmware.baud, 1);
-        self.add(Vehicle::R150(Box::new(r150)), &[line])
-    }
-
-    /// Puts a mecanum car into the world. Its index is the number of devices there were before; its
-    /// main link has index 0, its ROS link, if it is configured, 1.
-    pub fn add_mecanum(
-        &mut self,
-        name: &str,
-        settings: &MecanumSettings,
-        ros_configured: bool,
-        pose: Pose,
-    ) -> usize {
-        let car = Mecanum::new(name, settings, ros_configured, pose, &mut self.world);
-        let board = &settings.firmware;
-        // The settings allow 1 and 2.
-        let stop_bits = |setting| u8::try_from(setting).unwrap_or(1);
-        let lines = [
-            (board.baud, stop_bits(board.stop_bits)),
-            (board.ros_baud, stop_bits(board.ros_stop_bits)),
-        ];
-        let links = if ros_configured { 2 } else { 1 };
-        self.add(Vehicle::Mecanum(Box::new(car)), &lines[..links])
-    }
-
-    /// `lines` are the speeds and stop bits of its links.
-    fn add(&mut self, vehicle: Vehicle, lines: &[(u32, u8)]) -> usize {
-        let wire = self.settings.wire;
+    /// Puts a device into the world; the rig gives it its seed. Its index is the number of devices
+    /// there were before.
+    pub fn add(&mut self, spec: &'static DeviceSpec, setup: &Setup<'_>) -> usize {
+        let seed = self.settings.seed;
+        let own = (spec.build)(&Setup { seed, ..*setup }, &mut self.world);
+        let line = |link| {
+            let LineSettings { baud, stop_bits } = setup.settings.line(link);
+            SerialLine::with_stop_bits(baud, stop_bits, self.settings.wire)
+        };
         self.slots.push(Slot {
-            vehicle,
-            lines: lines
-                .iter()
-                .map(|(baud, stop_bits)| SerialLine::with_stop_bits(*baud, *stop_bits, wire))
-                .collect(),
+            spec,
+            device: own,
+            lines: (0..setup.links).map(line).collect(),
             faults: None,
         });
         self.agenda.push();
@@ -208,7 +146,7 @@ impl Rig {
         let outcome = change(&mut self.world);
         for device in 0..self.slots.len() {
             self.rest_to_grid(device);
-            self.slots[device].vehicle.unit_mut().wake();
+            self.slots[device].device.wake();
             self.after_change(device);
         }
         outcome
@@ -220,64 +158,61 @@ impl Rig {
         self.slots.len()
     }
 
-    /// The R150 with this index; `None` if there is no such device.
+    /// What this device is; `None` if there is no such device.
     #[must_use]
-    pub fn r150(&self, device: usize) -> Option<&R150> {
-        match &self.slots.get(device)?.vehicle {
-            Vehicle::R150(r150) => Some(r150),
-            Vehicle::Mecanum(_) => None,
-        }
+    pub fn spec(&self, device: usize) -> Option<&'static DeviceSpec> {
+        self.slots.get(device).map(|slot| slot.spec)
     }
 
-    /// The mecanum car with this index; `None` if there is no such device.
+    /// The device with this index; `None` if there is no such device.
     #[must_use]
-    pub fn mecanum(&self, device: usize) -> Option<&Mecanum> {
-        match &self.slots.get(device)?.vehicle {
-            Vehicle::Mecanum(car) => Some(car),
-            Vehicle::R150(_) => None,
-        }
+    pub fn any_device(&self, device: usize) -> Option<&dyn Device> {
+        self.slots.get(device).map(|slot| slot.device.as_ref())
+    }
+
+    /// The device with this index as one of this type; `None` if there is no such device.
+    #[must_use]
+    pub fn device<T: Device>(&self, device: usize) -> Option<&T> {
+        self.any_device(device)?.get()
+    }
+
+    /// How a device really stands and moves; `None` if there is no such device.
+    #[must_use]
+    pub fn motion(&self, device: usize) -> Option<Motion> {
+        self.any_device(device).map(Device::motion)
     }
 
     /// How far a device has driven, m; 0 if there is no such device.
     #[must_use]
     pub fn distance_m(&self, device: usize) -> f64 {
-        self.slots
-            .get(device)
-            .map_or(0.0, |slot| slot.vehicle.unit().distance_m())
+        self.motion(device).map_or(0.0, |motion| motion.distance)
     }
 
-    /// Lets `change` work on the R150 with this index, in its world, at the present time, and
-    /// follows up what it changed; `None` if there is no such device.
-    pub fn with_r150<T>(
+    /// Lets `change` work on a device, in its world, at the present time, and follows up what it
+    /// changed; `None` if there is no such device.
+    pub fn with_any_device<T>(
         &mut self,
         device: usize,
-        change: impl FnOnce(&mut R150, &mut World, SimTime) -> T,
+        change: impl FnOnce(&mut dyn Device, &mut World, SimTime) -> T,
     ) -> Option<T> {
         let now = self.now;
         self.rest_to_grid(device);
-        let Vehicle::R150(r150) = &mut self.slots.get_mut(device)?.vehicle else {
-            return None;
-        };
-        let outcome = change(r150, &mut self.world, now);
+        let own = self.slots.get_mut(device)?.device.as_mut();
+        let outcome = change(own, &mut self.world, now);
         self.after_change(device);
         Some(outcome)
     }
 
-    /// Lets `change` work on the mecanum car with this index, in its world, at the present time, and
-    /// follows up what it changed; `None` if there is no such device.
-    pub fn with_mecanum<T>(
+    /// The same with a device of this type; `None` if the device is no such one.
+    pub fn with_device<D: Device, T>(
         &mut self,
         device: usize,
-        change: impl FnOnce(&mut Mecanum, &mut World, SimTime) -> T,
+        change: impl FnOnce(&mut D, &mut World, SimTime) -> T,
     ) -> Option<T> {
-        let now = self.now;
-        self.rest_to_grid(device);
-        let Vehicle::Mecanum(car) = &mut self.slots.get_mut(device)?.vehicle else {
-            return None;
-        };
-        let outcome = change(car, &mut self.world, now);
-        self.after_change(device);
-        Some(outcome)
+        self.device::<D>(device)?;
+        self.with_any_device(device, |own, world, now| {
+            own.get_mut().map(|own| change(own, world, now))
+        })?
     }
 
     /// Advances to `to`. Earlier than the present does nothing.
@@ -374,7 +309,7 @@ impl Rig {
         {
             let step = self.world.step_length();
             let begin = self.now.next_multiple(step) - step;
-            slot.vehicle.unit_mut().rest_until(begin);
+            slot.device.rest_until(begin);
         }
     }
 
@@ -389,28 +324,25 @@ impl Rig {
         let now = self.now;
         if self.resting {
             for slot in &mut self.slots {
-                slot.vehicle.unit_mut().rest_until(now);
+                slot.device.rest_until(now);
             }
         } else {
             let step = self.world.step_length();
             for slot in &mut self.slots {
-                let unit = slot.vehicle.unit_mut();
-                unit.rest_until(now - step);
-                unit.before_step(&mut self.world);
+                slot.device.rest_until(now - step);
+                slot.device.before_step(&mut self.world);
             }
             self.world.step()?;
             for slot in &mut self.slots {
-                slot.vehicle
-                    .unit_mut()
-                    .after_step(now, step, &mut self.world);
+                slot.device.after_step(now, &mut self.world);
             }
         }
         for slot in &mut self.slots {
             if let Some(faults) = &mut slot.faults {
-                faults.tick(now, &mut slot.vehicle.target());
+                faults.tick(now, slot.device.as_mut());
             }
         }
-        self.resting = self.slots.iter().all(|slot| slot.vehicle.unit().at_rest());
+        self.resting = self.slots.iter().all(|slot| slot.device.at_rest());
         let pace = if self.resting {
             self.rest_tick()
         } else {

@@ -1,120 +1,114 @@
 //! Every setting of a run, in one tree.
 
 use sim_physics::WorldSettings;
-use sim_physics::mecanum::MecanumPlantSettings;
-use sim_physics::r150::R150PlantSettings;
-use sim_settings::{Entry, Problem, Settings, Value, settings};
+use sim_settings::{Entry, Problem, Root, Settings, Value};
 
-use crate::mecanum_device::settings::MecanumFirmwareSettings;
-use crate::r150_device::settings::R150FirmwareSettings;
+use crate::device::{DeviceSettings, DeviceSpec, Devices};
 
-settings! {
-    /// Every setting of a run.
-    pub struct SimSettings {}
-    groups {
-        /// The plane that all vehicles share.
-        world: WorldSettings,
-        /// The XAG R150.
-        r150: R150Settings,
-        /// The mecanum car.
-        mecanum: MecanumSettings,
-    }
-}
-
-/// Joins a firmware's and a plant's settings under one name.
-macro_rules! device_settings {
-    ($( $(#[$meta:meta])* $name:ident { $firmware:ty, $plant:ty } )*) => { $(
-        $(#[$meta])*
-        #[derive(Debug, Clone, PartialEq, Default)]
-        pub struct $name {
-            /// The firmware.
-            pub firmware: $firmware,
-            /// The hardware around it.
-            pub plant: $plant,
-        }
-
-        impl Settings for $name {
-            fn visit(&self, prefix: &str, visit: &mut dyn FnMut(Entry)) {
-                self.firmware.visit(prefix, visit);
-                self.plant.visit(prefix, visit);
-            }
-
-            fn assign(&mut self, path: &str, value: &Value) -> Result<(), Problem> {
-                match self.firmware.assign(path, value) {
-                    Err(Problem::UnknownKey) => self.plant.assign(path, value),
-                    outcome => outcome,
-                }
-            }
-        }
-    )* };
-}
-
-device_settings! {
-    /// The R150.
-    R150Settings { R150FirmwareSettings, R150PlantSettings }
-    /// The mecanum car.
-    MecanumSettings { MecanumFirmwareSettings, MecanumPlantSettings }
+/// Every setting of a run: those of the plane that all vehicles share, and those of each device that
+/// there is, under its id.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimSettings {
+    /// The plane that all vehicles share.
+    pub world: WorldSettings,
+    table: Devices,
+    /// As the table has the devices.
+    devices: Vec<Box<dyn DeviceSettings>>,
 }
 
 impl SimSettings {
+    /// Every setting as it is by default, with these devices.
+    #[must_use]
+    pub fn new(devices: Devices) -> Self {
+        Self {
+            world: WorldSettings::default(),
+            table: devices,
+            devices: devices.iter().map(|device| (device.settings)()).collect(),
+        }
+    }
+
+    /// The devices that there are.
+    #[must_use]
+    pub fn table(&self) -> Devices {
+        self.table
+    }
+
+    /// The settings of a device; `None` if there is no such device.
+    #[must_use]
+    pub fn of_device(&self, device: &DeviceSpec) -> Option<&dyn DeviceSettings> {
+        let at = self.table.iter().position(|known| *known == device)?;
+        self.devices.get(at).map(Box::as_ref)
+    }
+
+    /// The settings of this type; `None` if no device has such.
+    #[must_use]
+    pub fn of<T: DeviceSettings>(&self) -> Option<&T> {
+        self.devices.iter().find_map(|own| own.get())
+    }
+
+    /// The settings of this type; `None` if no device has such.
+    pub fn of_mut<T: DeviceSettings>(&mut self) -> Option<&mut T> {
+        self.devices.iter_mut().find_map(|own| own.get_mut())
+    }
+
     /// Checks what no setting can say alone.
     ///
     /// # Errors
     /// A sentence for each pair of settings that do not fit together, naming both.
     pub fn check(&self) -> Result<(), Vec<String>> {
-        let protection = &self.r150.firmware.protection;
-        let pwm = &self.r150.plant.pwm;
-        let car = &self.mecanum.firmware;
-        let pairs = [
-            (
-                "r150.protection.over_temperature_clear",
-                protection.over_temperature_clear,
-                "r150.protection.over_temperature",
-                protection.over_temperature,
-            ),
-            (
-                "r150.protection.undervoltage",
-                protection.undervoltage,
-                "r150.protection.undervoltage_clear",
-                protection.undervoltage_clear,
-            ),
-            (
-                "r150.pwm.input_frequency_min",
-                pwm.input_frequency_min,
-                "r150.pwm.input_frequency_max",
-                pwm.input_frequency_max,
-            ),
-            (
-                "mecanum.ultrasonic_nearest",
-                car.ultrasonic_nearest,
-                "mecanum.ultrasonic_farthest",
-                car.ultrasonic_farthest,
-            ),
-        ];
+        let own = self.table.iter().zip(&self.devices);
+        let pairs = own.flat_map(|(device, own)| {
+            let pairs = own.ordered().into_iter();
+            pairs.map(move |pair| (device.id, pair))
+        });
         let wrong: Vec<String> = pairs
-            .into_iter()
-            .filter(|(_, low, _, high)| low > high)
-            .map(|(low_key, low, high_key, high)| {
-                format!("`{low_key}` ({low}) must not be above `{high_key}` ({high})")
+            .filter(|(_, [(_, low), (_, high)])| low > high)
+            .map(|(id, [(low_key, low), (high_key, high)])| {
+                format!("`{id}.{low_key}` ({low}) must not be above `{id}.{high_key}` ({high})")
             })
             .collect();
         if wrong.is_empty() { Ok(()) } else { Err(wrong) }
     }
 }
 
+impl Root for SimSettings {
+    fn visit(&self, visit: &mut dyn FnMut(Entry)) {
+        Settings::visit(&self.world, "world", visit);
+        for (device, own) in self.table.iter().zip(&self.devices) {
+            Settings::visit(&**own, device.id, visit);
+        }
+    }
+
+    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem> {
+        let (group, rest) = match key.split_once('.') {
+            Some((group, rest)) => (group, Some(rest)),
+            None => (key, None),
+        };
+        let own: &mut dyn Settings = if group == "world" {
+            &mut self.world
+        } else {
+            let at = self.table.iter().position(|device| device.id == group);
+            let own = at.and_then(|at| self.devices.get_mut(at));
+            own.ok_or(Problem::UnknownKey)?.as_mut()
+        };
+        Settings::assign(own, rest.ok_or(Problem::IsGroup)?, value)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::r150::R150Settings;
     use std::collections::BTreeSet;
 
     #[test]
     fn every_default_is_allowed_and_every_key_is_there_once() {
         let mut seen = BTreeSet::new();
-        let mut tree = SimSettings::default();
+        let mut tree = SimSettings::new(crate::SHIPPED);
         let text = sim_settings::show_toml(&tree);
         sim_settings::load_toml(&text, "defaults", &mut tree).unwrap();
-        assert_eq!(tree, SimSettings::default());
-        Settings::visit(&tree, "", &mut |entry| {
+        assert_eq!(tree, SimSettings::new(crate::SHIPPED));
+        tree.visit(&mut |entry| {
             assert!(seen.insert(entry.key.clone()), "{} twice", entry.key);
             assert!(!entry.basis.source().is_empty());
         });
@@ -130,7 +124,7 @@ mod tests {
         let page = include_str!("../docs/r150.md");
         let words: BTreeSet<&str> = page.split('`').skip(1).step_by(2).collect();
         let mut keys = BTreeSet::new();
-        SimSettings::default().visit("", &mut |entry| {
+        SimSettings::new(crate::SHIPPED).visit(&mut |entry| {
             keys.insert(entry.key);
         });
         for key in keys.iter().filter(|key| key.starts_with("r150.")) {
@@ -150,8 +144,12 @@ mod tests {
 
     #[test]
     fn thresholds_in_the_wrong_order_are_refused_by_name() {
-        let mut tree = SimSettings::default();
-        tree.r150.firmware.protection.undervoltage_clear = 0.0;
+        let mut tree = SimSettings::new(crate::SHIPPED);
+        tree.of_mut::<R150Settings>()
+            .unwrap()
+            .firmware
+            .protection
+            .undervoltage_clear = 0.0;
         let wrong = tree.check().unwrap_err();
         assert_eq!(
             wrong,

@@ -13,8 +13,10 @@ mod steps;
 use std::sync::LazyLock;
 
 use serde_json::Value as Json;
+use sim_core::SHIPPED;
+use sim_core::device::DeviceSpec;
 use sim_physics::WorldMap;
-use sim_runner::{Kind, RigPlan, Scenario};
+use sim_runner::{RigPlan, Scenario};
 use toml::{Table, Value};
 
 use crate::setting::SettingChoice;
@@ -23,7 +25,7 @@ use choices::Choices;
 /// The text of a scenario file.
 #[must_use]
 pub fn scenario(choices: &[u8]) -> String {
-    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&Scenario::json_schema()));
+    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&Scenario::json_schema(SHIPPED)));
     let mut writer = Writer::new(choices, &SCHEMA);
     let devices = writer.devices(3);
     let mut document = Table::new();
@@ -41,7 +43,7 @@ pub fn scenario(choices: &[u8]) -> String {
 /// The text of a rig file.
 #[must_use]
 pub fn rig(choices: &[u8]) -> String {
-    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&RigPlan::json_schema()));
+    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&RigPlan::json_schema(SHIPPED)));
     let mut writer = Writer::new(choices, &SCHEMA);
     let mut document = Table::new();
     document.insert("device".to_owned(), writer.devices(6));
@@ -96,9 +98,9 @@ const BYTES: &[&str] = &[
 struct Writer<'b> {
     choices: Choices<'b>,
     schema: &'static Json,
-    devices: Vec<(String, Kind)>,
+    devices: Vec<(String, &'static DeviceSpec)>,
     /// The device that is spoken of.
-    kind: Option<Kind>,
+    kind: Option<&'static DeviceSpec>,
     names: usize,
 }
 
@@ -137,14 +139,12 @@ impl<'b> Writer<'b> {
         let schema = &self.schema["$defs"]["DeviceText"];
         let mut written = Vec::new();
         for number in 0..=self.choices.below(most) {
-            let kind = if self.choices.once_in(2) {
-                Kind::Mecanum
-            } else {
-                Kind::R150
+            let Some(kind) = self.choices.pick(SHIPPED).copied() else {
+                continue;
             };
-            let foreign: &[&str] = match kind {
-                Kind::R150 => &["ros", "ros_port"],
-                Kind::Mecanum => &["start"],
+            let foreign: &[&str] = match kind.starts {
+                [] => &["start"],
+                _ => &["ros", "ros_port"],
             };
             self.kind = Some(kind);
             let left_out = [foreign, &["kind", "name", "pose", "settings"]].concat();
@@ -152,10 +152,7 @@ impl<'b> Writer<'b> {
                 Value::Table(device) => device,
                 _ => Table::new(),
             };
-            let word = match kind {
-                Kind::R150 => "r150",
-                Kind::Mecanum => "mecanum",
-            };
+            let word = kind.id;
             let name = format!("v{number}{}", ["", "-a"][self.choices.below(2)]);
             let kind_word = if self.choices.is_odd() {
                 self.odd()
@@ -270,9 +267,9 @@ impl<'b> Writer<'b> {
     /// What one kind of device has only is described so.
     fn is_for_it(&self, schema: &Json) -> bool {
         let about = schema["description"].as_str().unwrap_or_default();
-        let foreign = match self.kind {
-            Some(Kind::R150) => about.starts_with("Mecanum car"),
-            Some(Kind::Mecanum) => about.starts_with("R150"),
+        let foreign = match self.kind.map(|kind| kind.id) {
+            Some("r150") => about.starts_with("Mecanum car"),
+            Some(_) => about.starts_with("R150"),
             None => false,
         };
         !foreign && schema["type"].as_str() != Some("null")
@@ -322,13 +319,6 @@ impl<'b> Writer<'b> {
         let example = schema["examples"][0].as_str().unwrap_or_default();
         match key {
             "that" | "when" => condition::condition(&mut self.choices, &self.devices),
-            "press" => {
-                let keys = match self.kind {
-                    Some(Kind::Mecanum) => ["forward", "strafe-left", "turn-right", "left-front"],
-                    _ => ["forward", "backward", "left", "right"],
-                };
-                keys[self.choices.below(4)].to_owned()
-            }
             "bytes" => BYTES[self.choices.below(BYTES.len())].to_owned(),
             "line" => ["X10", "Y-5", "Z99999", "B1", "Q"][self.choices.below(5)].to_owned(),
             "remove" | "obstacle" => format!("o{}", self.choices.below(4)),

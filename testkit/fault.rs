@@ -5,7 +5,7 @@
 
 use std::sync::LazyLock;
 
-use sim_core::device_kind::DeviceKind;
+use sim_core::device::DeviceSpec;
 use sim_core::fault::parameters::{
     Direction, EchoSensor, FuseName, Key, LinkName, Motors, PairName, PortName, RailName,
     WrongLength,
@@ -73,8 +73,8 @@ impl FaultChoice {
 
     /// Whether a device of this kind has it.
     #[must_use]
-    pub fn is_for(&self, kind: DeviceKind) -> bool {
-        self.info().0.devices.contains(&kind)
+    pub fn is_for(&self, device: &DeviceSpec) -> bool {
+        device.has_fault(self.info().0)
     }
 
     fn info(&self) -> &'static (&'static FaultInfo, Taken) {

@@ -18,6 +18,8 @@ use std::time::Duration;
 use sim_core::SimTime;
 use sim_core::fault::{FaultHandle, FaultLevel};
 use sim_core::line::{ClientLine, LineEvent};
+use sim_core::mecanum::Mecanum;
+use sim_core::r150::R150;
 use sim_core::rig::Rig;
 use sim_physics::r150::{Load, Rail};
 use sim_physics::{Ground, Pose};
@@ -199,10 +201,10 @@ impl Player {
                 let device = self.device(*device);
                 let action = r150_button(*button);
                 self.rig
-                    .with_r150(device, |r150, _, now| r150.operate(now, action));
+                    .with_device(device, |r150: &mut R150, _, now| r150.operate(now, action));
                 let action = car_key(*button);
                 self.rig
-                    .with_mecanum(device, |car, _, now| car.operate(now, action));
+                    .with_device(device, |car: &mut Mecanum, _, now| car.operate(now, action));
             }
             Operation::Handle { device, how } => {
                 let device = self.device(*device);
@@ -332,29 +334,23 @@ impl Player {
             y: f64::from(y) / 10.0,
             heading: f64::from(heading) / 100.0,
         };
-        self.rig.with_r150(device, |r150, world, _| match how {
+        let rig = &mut self.rig;
+        let done = match how {
             Hands::Push(push) => {
-                let [ahead, left, turn] = scale(push, 3.0);
-                r150.set_push(ahead, left, turn);
+                rig.with_any_device(device, |own, _, _| own.set_push(scale(push, 3.0)))
             }
-            Hands::Payload(mass) => r150.set_payload(world, mass.into()),
-            Hands::Place(pose) => r150.place(world, place(pose)),
-            Hands::Load { rail, watts } => {
+            Hands::Payload(mass) => {
+                rig.with_any_device(device, |own, world, _| own.set_payload(world, mass.into()))
+            }
+            Hands::Place(pose) => {
+                rig.with_any_device(device, |own, world, _| own.place(world, place(pose)))
+            }
+            Hands::Load { rail, watts } => rig.with_device(device, |r150: &mut R150, _, _| {
                 let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
                 r150.set_load(rail, Load::Power(watts.into()));
-            }
-        });
-        self.rig.with_mecanum(device, |car, world, _| {
-            let plant = car.plant_mut();
-            match how {
-                Hands::Push(push) => {
-                    let [ahead, left, turn] = scale(push, 3.0);
-                    plant.set_push(ahead, left, turn);
-                }
-                Hands::Payload(mass) => plant.set_payload(world, mass.into()),
-                Hands::Place(pose) => plant.place(world, place(pose)),
-                Hands::Load { .. } => {}
-            }
-        });
+            }),
+        };
+        // Some are for one kind of device only.
+        let _ = done;
     }
 }

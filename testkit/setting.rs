@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use sim_core::settings::SimSettings;
-use sim_settings::{Entry, Settings as _, load_toml};
+use sim_settings::{Entry, Root as _, load_toml};
 
 /// A choice of a setting and its value; any numbers are one.
 #[derive(Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
@@ -46,7 +46,7 @@ impl std::fmt::Debug for SettingChoice {
 /// The settings with these choices; one that does not go with those before it is left out.
 #[must_use]
 pub fn settings(choices: &[SettingChoice]) -> SimSettings {
-    let mut settings = SimSettings::default();
+    let mut settings = SimSettings::new(sim_core::SHIPPED);
     for choice in choices {
         let mut changed = settings.clone();
         let (key, value) = choice.pair();
@@ -64,7 +64,7 @@ pub fn settings(choices: &[SettingChoice]) -> SimSettings {
 #[must_use]
 pub fn entries() -> Vec<Entry> {
     let mut entries = Vec::new();
-    SimSettings::default().visit("", &mut |entry| entries.push(entry));
+    SimSettings::new(sim_core::SHIPPED).visit(&mut |entry| entries.push(entry));
     entries
 }
 
@@ -135,7 +135,7 @@ static TAKEN: LazyLock<Vec<(Entry, Vec<String>)>> = LazyLock::new(|| {
         let others = ["true", "false", "\"1.2.3.4\""].map(str::to_owned);
         let tried = words.chain(others).chain(extremes(&entry));
         let taken = tried.filter(|literal| {
-            let mut settings = SimSettings::default();
+            let mut settings = SimSettings::new(sim_core::SHIPPED);
             load_toml(&line(&entry.key, literal), "choice", &mut settings).is_ok()
                 && settings.check().is_ok()
         });

@@ -31,7 +31,7 @@ pub(crate) fn is_told(error: &str) {
 
 /// A settings file: both devices are driven with it for some steps of the physics.
 pub fn settings(text: &str) {
-    let mut settings = SimSettings::default();
+    let mut settings = SimSettings::new(sim_core::SHIPPED);
     match load_toml(text, "settings.toml", &mut settings) {
         Ok(()) => {}
         Err(errors) => return errors.iter().for_each(|error| is_told(&error.to_string())),
@@ -45,7 +45,7 @@ pub fn settings(text: &str) {
 /// A world file: both devices are driven in it for some steps.
 pub fn world(text: &str) {
     match WorldMap::from_toml(text, "world.toml") {
-        Ok(map) => drive(&SimSettings::default(), map, Steps(40)),
+        Ok(map) => drive(&SimSettings::new(sim_core::SHIPPED), map, Steps(40)),
         Err(error) => is_told(&error.to_string()),
     }
 }
@@ -53,7 +53,7 @@ pub fn world(text: &str) {
 /// A rig file: its devices are driven for some steps, in the empty plane.
 pub fn rig(text: &str) {
     let file = "rig.toml";
-    match RigPlan::parse(Source { file, text }, &SimSettings::default()) {
+    match RigPlan::parse(Source { file, text }, &SimSettings::new(sim_core::SHIPPED)) {
         Ok(plan) => {
             let sound = |settings: &SimSettings| settings.check().is_ok();
             if plan.devices.len() <= MOST_DRIVEN
@@ -70,10 +70,11 @@ pub fn rig(text: &str) {
 /// A scenario file: it is played for a while.
 pub fn scenario(text: &str) {
     let file = "scenario.toml";
-    let scenario = match Scenario::parse(Source { file, text }, &SimSettings::default()) {
-        Ok(scenario) => scenario,
-        Err(error) => return is_told(&error.to_string()),
-    };
+    let scenario =
+        match Scenario::parse(Source { file, text }, &SimSettings::new(sim_core::SHIPPED)) {
+            Ok(scenario) => scenario,
+            Err(error) => return is_told(&error.to_string()),
+        };
     if scenario.rig.devices.len() > MOST_DRIVEN {
         return;
     }
@@ -123,12 +124,24 @@ pub fn drive(settings: &SimSettings, map: WorldMap, how_long: Drive) {
         wire: Wire::Paced,
         seed: 1,
     });
-    rig.add_r150("r150", &settings.r150, Start::Ready, Pose::default());
+    sim_core::r150::add(
+        &mut rig,
+        "r150",
+        &settings.of().cloned().unwrap_or_default(),
+        Start::Ready,
+        Pose::default(),
+    );
     let beside = Pose {
         y: 1.5,
         ..Pose::default()
     };
-    rig.add_mecanum("car", &settings.mecanum, true, beside);
+    sim_core::mecanum::add(
+        &mut rig,
+        "car",
+        &settings.of().cloned().unwrap_or_default(),
+        true,
+        beside,
+    );
     drive_rig(rig, how_long);
 }
 
@@ -153,7 +166,7 @@ fn drive_rig(mut rig: Rig, how_long: Drive) {
         if round % 10 == 0 {
             for device in 0..rig.devices() {
                 let port = PortId { device, link: 0 };
-                let request = if rig.r150(device).is_some() {
+                let request = if rig.device::<sim_core::r150::R150>(device).is_some() {
                     let (right, left) = (1000, if round % 20 == 0 { 1000 } else { -600 });
                     Request::SetMotors { right, left }.encode()
                 } else {

@@ -72,7 +72,7 @@ impl Recording {
             file: "recorded.toml",
             text: SCENARIO,
         };
-        let scenario = Scenario::parse(source, &SimSettings::default());
+        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED));
         let scenario = scenario.unwrap_or_else(|error| panic!("{error}"));
         let options = RunOptions {
             seed: self.seed,
@@ -272,7 +272,7 @@ impl Damage {
 /// A recording is the same again; with anything done to it, it is replayed or refused in words.
 pub fn recorded(recording: &Recording, damages: &[Damage]) {
     let lines = recording.record();
-    if let Err(error) = Replay::all(lines.iter().map(String::as_str)) {
+    if let Err(error) = Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str)) {
         panic!("a recording is not the same again: {error}");
     }
     let mut text: String = lines.iter().map(|line| format!("{line}\n")).collect();
@@ -289,7 +289,7 @@ pub fn play(text: &str) {
     if is_large(header) {
         return;
     }
-    let mut replay = match Replay::begin(header) {
+    let mut replay = match Replay::begin(sim_core::SHIPPED, header) {
         Ok(replay) => replay,
         Err(error) => return told(&error),
     };
@@ -315,7 +315,7 @@ fn is_large(header: &str) -> bool {
         file: "recorded.toml",
         text: &header.scenario,
     };
-    Scenario::parse(source, &SimSettings::default())
+    Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
         .is_ok_and(|scenario| scenario.rig.devices.len() > MOST_DRIVEN)
 }
 

@@ -334,7 +334,7 @@ fn what_would_be_played_is_shown_without_playing() {
     for part in [
         "seed 3",
         "$SIM_R150_PORT",
-        "sim run --seed 3 drive.toml -- './my client'",
+        "sim run --seed 3 --time real drive.toml -- './my client'",
     ] {
         assert!(ended.out.contains(part), "no {part} in {}", ended.out);
     }
@@ -345,5 +345,5 @@ fn what_would_be_played_is_shown_without_playing() {
     let none = folder.sim(&["run", "--filter", "fly", "."]);
     none.expect_refusal(2, &["`fly`", "nothing to run"]);
     let speed = folder.sim(&["run", "--speed", "2", "."]);
-    speed.expect_refusal(2, &["--speed is for runs with a client"]);
+    speed.expect_refusal(2, &["--speed is for a client with --time real"]);
 }

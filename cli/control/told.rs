@@ -2,15 +2,16 @@
 
 use serde_json::{Map, Value, json};
 use sim_control::{Refusal, Reply};
+use sim_core::device::Devices;
 use sim_core::fault::catalogue;
 use sim_core::rig::{PortId, Rig};
 use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
+use sim_physics::Drawing;
 use sim_physics::world::{FeatureKind, FeatureShape};
-use sim_physics::{Drawing, Pose};
-use sim_runner::condition::{Probe, ProbeValue, names as names_of};
+use sim_runner::condition::{Probe, ProbeValue};
 use sim_runner::run::StepReport;
-use sim_runner::{Kind, Run, Scenario};
+use sim_runner::{Run, Scenario};
 
 use super::ask::TimeChange;
 
@@ -107,7 +108,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
             json!({
                 "name": plan.name,
                 "identifier": sim_runner::condition::identifier(&plan.name),
-                "kind": plan.kind.word(),
+                "kind": plan.device.id,
                 "ports": own.map(ShownPort::json).collect::<Vec<_>>(),
                 "body": { "length": length, "width": width },
                 "wheels": wheels.collect::<Vec<_>>(),
@@ -121,24 +122,8 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
 }
 
 fn drawing(rig: &Rig, device: usize) -> Drawing {
-    let r150 = rig.r150(device).map(|r150| r150.plant().drawing());
-    let car = || rig.mecanum(device).map(|car| car.plant().drawing());
-    r150.or_else(car).unwrap_or_default()
-}
-
-/// Where a device is, and whether it touches anything.
-fn whereabouts(rig: &Rig, device: usize) -> (Pose, bool) {
-    let r150 = rig
-        .r150(device)
-        .map(|r150| (r150.truth().pose, r150.body()));
-    let car = || {
-        rig.mecanum(device)
-            .map(|car| (car.truth().pose, car.plant().body()))
-    };
-    r150.or_else(car)
-        .map_or_else(Default::default, |(pose, body)| {
-            (pose, rig.world().is_touching(body))
-        })
+    let device = rig.any_device(device);
+    device.map(|device| device.drawing()).unwrap_or_default()
 }
 
 /// What lies and stands around.
@@ -204,7 +189,12 @@ fn outline(shape: &FeatureShape) -> Vec<[f64; 2]> {
 pub(super) fn picture(run: &Run) -> Value {
     let rig = run.rig();
     let devices = (0..rig.devices()).map(|index| {
-        let (pose, touching) = whereabouts(rig, index);
+        let device = rig.any_device(index);
+        let touching = device.is_some_and(|device| rig.world().is_touching(device.body()));
+        let pose = rig
+            .motion(index)
+            .map(|motion| motion.pose)
+            .unwrap_or_default();
         let drawing = drawing(rig, index);
         json!({
             "x": pose.x,
@@ -249,28 +239,21 @@ pub(super) fn names(run: &Run) -> Value {
             Some((_, bare)) if alone => bare,
             _ => &probe.name,
         };
-        json!({"name": name, "unit": probe.unit.to_string(), "meaning": meaning(&probe.name)})
+        json!({"name": name, "unit": probe.unit.to_string(), "meaning": probe.meaning})
     });
     json!({ "names": names.collect::<Vec<_>>() })
 }
 
-/// What a name means that begins with a device's.
-fn meaning(name: &str) -> &'static str {
-    let bare = name.split_once('.').map_or(name, |(_, bare)| bare);
-    let all = [Kind::R150, Kind::Mecanum].into_iter().flat_map(names_of);
-    let found = all.into_iter().find(|info| info.name == bare);
-    found.map_or("", |info| info.meaning)
-}
-
 /// The forms of all that can be asked.
-pub(super) fn schema() -> Value {
-    let mut step: Value = serde_json::from_str(&Scenario::json_schema()).unwrap_or_default();
+pub(super) fn schema(devices: Devices) -> Value {
+    let mut step: Value = serde_json::from_str(&Scenario::json_schema(devices)).unwrap_or_default();
     if let Some(schema) = step.as_object_mut() {
         schema.retain(|key, _| key == "$defs" || key == "$schema");
         schema.insert("$ref".to_owned(), json!("#/$defs/StepText"));
     }
     let faults = catalogue().iter().map(|fault| {
-        let devices: Vec<&str> = fault.devices.iter().map(|kind| kind.word()).collect();
+        let able = devices.iter().filter(|device| device.has_fault(fault));
+        let devices: Vec<&str> = able.map(|device| device.id).collect();
         json!({"kind": fault.id, "devices": devices, "summary": fault.summary, "sees": fault.client_sees})
     });
     json!({

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use sim_control::Listen;
+use sim_core::device::Devices;
 use sim_core::line::Wire;
 use sim_embed::serve::HeldUp;
 use sim_runner::{Outcome, Run, RunOptions};
 use sim_settings::show_duration;
 
-use crate::args::RunArgs;
+use crate::args::{RandomArg, RunArgs, TimeArg};
 use crate::exit::Failure;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
@@ -21,12 +22,27 @@ use super::trace_file::TraceFile;
 /// Real time that a scenario may take beyond twice its own.
 const ALLOWANCE: Duration = Duration::from_secs(30);
 
+/// The date on which clients begin unless another is asked for: 2025-01-01.
+const DATE: Duration = Duration::from_secs(1_735_689_600);
+
 /// A scenario to be played.
+#[derive(Clone)]
 pub(crate) struct Job<'a> {
+    pub(crate) devices: Devices,
     pub(crate) loaded: &'a Loaded,
     pub(crate) seed: u64,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
+    /// Whose time the client has.
+    pub(crate) time: TimeArg,
+    /// What the client reads as random comes from the seed.
+    pub(crate) random_from_seed: bool,
+    /// The date on which the client begins, since 1970.
+    pub(crate) date: Duration,
+    /// The same as it was asked for, if it was.
+    dated: bool,
+    /// Played two times, to be compared.
+    pub(crate) twice: bool,
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
     /// Where each live run can be controlled.
@@ -44,16 +60,28 @@ pub(crate) struct Job<'a> {
 
 impl<'a> Job<'a> {
     /// The time number `repeat` of a scenario; `base` is the seed if none is given.
-    pub(crate) fn new(args: &'a RunArgs, loaded: &'a Loaded, repeat: u32, base: u64) -> Self {
+    pub(crate) fn new(
+        devices: Devices,
+        args: &'a RunArgs,
+        loaded: &'a Loaded,
+        repeat: u32,
+        base: u64,
+    ) -> Self {
         let scenario = &loaded.scenario;
         let seed = args.seed.or(scenario.rig.seed).unwrap_or(base);
         let speed = args.speed.unwrap_or(1.0);
         let own = scenario.limit.div_f64(speed).saturating_mul(2) + ALLOWANCE;
         let timeout = args.timeout.map(|timeout| timeout.0);
         Self {
+            devices,
             loaded,
             seed: seed.wrapping_add(u64::from(repeat)),
             repeat: (args.repeat > 1).then_some(repeat),
+            time: args.time,
+            random_from_seed: args.random == RandomArg::Seed,
+            date: args.date,
+            dated: args.date != DATE,
+            twice: args.twice,
             speed,
             control: args.control,
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
@@ -66,6 +94,20 @@ impl<'a> Job<'a> {
 
     pub(crate) fn is_live(&self) -> bool {
         !self.client.is_empty()
+    }
+
+    /// Whether a real client plays in the simulator's time.
+    pub(crate) fn is_lockstep(&self) -> bool {
+        self.is_live() && self.time == TimeArg::Lockstep
+    }
+
+    /// What the time of the run is called.
+    pub(crate) fn time_word(&self) -> &'static str {
+        if self.is_live() {
+            self.time.word()
+        } else {
+            "simulated"
+        }
     }
 
     /// The file's path, and which time it is.
@@ -106,6 +148,17 @@ impl<'a> Job<'a> {
     pub(crate) fn command(&self) -> String {
         let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
         words.push(self.seed.to_string().into());
+        if self.is_live() && self.time == TimeArg::Real {
+            words.extend(["--time".into(), self.time.word().into()]);
+        }
+        if self.is_lockstep() && self.dated {
+            let date = std::time::UNIX_EPOCH + self.date;
+            let date = humantime::format_rfc3339_seconds(date).to_string();
+            words.extend(["--date".into(), date.into()]);
+        }
+        if self.is_lockstep() && !self.random_from_seed {
+            words.extend(["--random".into(), "real".into()]);
+        }
         if self.is_live() && self.speed != 1.0 {
             words.extend(["--speed".into(), self.speed.to_string().into()]);
         }
@@ -171,6 +224,10 @@ pub(crate) struct PlayedClient {
     pub(crate) stopped: bool,
     /// The end of what it wrote.
     pub(crate) output: String,
+    /// What it waited for outside of the simulation, for which the run is not repeatable.
+    pub(crate) outside: Vec<String>,
+    /// What lockstep refused it.
+    pub(crate) refused: Vec<String>,
 }
 
 impl JobResult {

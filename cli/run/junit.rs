@@ -190,12 +190,16 @@ fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
         ("sim.version", env!("CARGO_PKG_VERSION").to_owned()),
         ("sim.scenario", visible::name(&job.loaded.path)),
         ("sim.seed", job.seed.to_string()),
+        ("sim.time", job.time_word().to_owned()),
         ("sim.command", job.command()),
     ];
     if let Some(trace) = job.file("trace.jsonl") {
         properties.push(("sim.trace", visible::name(&trace)));
     }
     if let Some(JobResult::Played(played)) = result {
+        for what in played.client.iter().flat_map(|client| &client.outside) {
+            properties.push(("sim.not_repeatable", what.clone()));
+        }
         for line in tell::client_report(&played.outcome) {
             properties.push(("sim.client_report", line));
         }

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -16,10 +16,10 @@ use crate::control::Desk;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::visible;
+use sim_core::rig::PortId;
 use sim_embed::clock::Clock;
-use sim_embed::ports::{Elsewhere, ShownPort, open_all};
+use sim_embed::ports::{Elsewhere, ShownPort, open_all, variable};
 use sim_embed::serve::{Attendant, Begin, Ended, Server};
-use sim_embed::served::Served;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
@@ -58,11 +58,12 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
     let ports = open_all(plan, &job.loaded.folder(), None, &elsewhere).map_err(Failure::system)?;
-    let mut environment = environment(job, &ports)?;
+    let paths = ports.iter().map(|served| (served.id, served.path.clone()));
+    let mut environment = environment(job, paths)?;
     let shown = ports.iter().map(|port| ShownPort::new(port, plan));
     let desk = job
         .control
-        .map(|listen| Desk::open(&listen, &run, shown.collect()))
+        .map(|listen| Desk::open(&listen, job.devices, &run, shown.collect()))
         .transpose()?;
     if let Some(desk) = &desk {
         environment.push(("SIM_CONTROL".to_owned(), desk.url().into()));
@@ -120,11 +121,17 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
 }
 
 /// What the client finds in its environment.
-fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)>, Failure> {
+pub(crate) fn environment(
+    job: &Job<'_>,
+    ports: impl Iterator<Item = (PortId, PathBuf)>,
+) -> Result<Vec<(String, OsString)>, Failure> {
     let plan = &job.loaded.scenario.rig;
     let mut environment: Vec<(String, OsString)> = Vec::new();
-    for served in ports {
-        let variable = ShownPort::new(served, plan).variable();
+    for (id, path) in ports {
+        let device = &plan.devices[id.device];
+        let links = device.links();
+        let link = links.iter().find(|link| link.index == id.link);
+        let variable = variable(&device.name, id.link, link.map_or("", |link| link.name));
         if environment.iter().any(|(other, _)| *other == variable) {
             return Err(Failure::usage(anyhow!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
@@ -132,7 +139,7 @@ fn environment(job: &Job<'_>, ports: &[Served]) -> Result<Vec<(String, OsString)
                 visible::name(&job.loaded.path)
             )));
         }
-        environment.push((variable, absolute(&served.path)?));
+        environment.push((variable, absolute(&path)?));
     }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
     environment.push(("SIM_SCENARIO".to_owned(), absolute(&job.loaded.path)?));
@@ -192,6 +199,8 @@ impl LivePlay {
             end,
             stopped,
             output: self.client.output().text(),
+            outside: Vec::new(),
+            refused: Vec::new(),
         }))
     }
 
@@ -257,7 +266,7 @@ impl Attendant for Looking<'_> {
 }
 
 /// Takes what the run has to tell.
-fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
+pub(crate) fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
     while run.poll_event().is_some() {}
     while let Some(line) = run.poll_trace() {
         if let Some(trace) = trace {

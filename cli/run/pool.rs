@@ -10,12 +10,12 @@ use anyhow::{Context as _, anyhow};
 use crossbeam_channel::RecvTimeoutError;
 use sim_pty::Waiter;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::complain;
 
 use super::job::{Job, JobResult, Verdict};
-use super::{live, report, scripted};
+use super::{live, lockstep, report, scripted, twice};
 
 /// How long everything may take to end after a second signal.
 const LAST_PATIENCE: Duration = Duration::from_secs(15);
@@ -127,7 +127,9 @@ pub(crate) fn play_all(
 fn threads(args: &RunArgs, jobs: usize) -> usize {
     let asked = args.jobs.and_then(|jobs| usize::try_from(jobs).ok());
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let usual = if args.client.is_empty() { cores() } else { 1 };
+    // In real time one client must not make another late.
+    let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
+    let usual = if is_real { 1 } else { cores() };
     asked.unwrap_or(usual).min(jobs)
 }
 
@@ -174,7 +176,11 @@ fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
 }
 
 fn play_once(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
-    if job.is_live() {
+    if job.twice {
+        twice::play(job, stop)
+    } else if job.is_lockstep() {
+        lockstep::play(job, stop)
+    } else if job.is_live() {
         live::play(job, stop)
     } else {
         scripted::play(job, stop)

@@ -19,6 +19,7 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
     report["scenario"] = json!(visible::path_value(&job.loaded.path));
     report["version"] = json!(env!("CARGO_PKG_VERSION"));
     report["took_s"] = json!(played.took.as_secs_f64());
+    report["time"] = json!(job.time_word());
     report["command"] = json!(job.command());
     report["trace"] = json!(
         job.file("trace.jsonl")
@@ -60,5 +61,7 @@ fn client(job: &Job<'_>, played: &Played) -> Value {
         "signal": signal,
         "stopped": client.stopped,
         "output": job.file("client.log").map(|path| visible::path_value(&path)),
+        "outside": client.outside,
+        "refused": client.refused,
     })
 }

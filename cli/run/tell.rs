@@ -40,14 +40,15 @@ pub(crate) fn listed(loaded: &Loaded) -> String {
 pub(crate) fn planned(job: &Job<'_>) -> String {
     let scenario = &job.loaded.scenario;
     let mut text = format!(
-        "{}: {}\n  seed {}, {} simulated",
+        "{}: {}\n  seed {}, {} simulated, {} time",
         job.name(),
         visible::line(&scenario.title),
         job.seed,
-        show_duration(scenario.limit)
+        show_duration(scenario.limit),
+        job.time_word()
     );
     for device in &scenario.rig.devices {
-        let _ = write!(text, "\n  device {} ({})", device.name, device.kind.word());
+        let _ = write!(text, "\n  device {} ({})", device.name, device.device.id);
         if job.is_live() {
             let variables: Vec<String> = device
                 .links()
@@ -85,11 +86,22 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
         outcome.ended_at.as_secs_f64()
     );
     if job.is_live() {
-        let _ = write!(text, " in {:.1} s", played.took.as_secs_f64());
+        let _ = write!(
+            text,
+            " in {:.1} s, {} time",
+            played.took.as_secs_f64(),
+            job.time_word()
+        );
     }
     text += ")";
     if args.repeat > 1 && outcome.passed {
         let _ = write!(text, ", seed {}", outcome.seed);
+    }
+    for what in played.client.iter().flat_map(|client| &client.outside) {
+        let _ = write!(text, "\n  not repeatable: it waited for {what}");
+    }
+    for what in played.client.iter().flat_map(|client| &client.refused) {
+        let _ = write!(text, "\n  refused: {what}");
     }
     // What a scripted client does wrong, it was told to do.
     if job.is_live() || !outcome.passed {
@@ -137,7 +149,7 @@ fn last(lines: &[String], count: usize) -> &[String] {
 }
 
 /// A line that may be of any length.
-fn shortened(line: &str) -> String {
+pub(crate) fn shortened(line: &str) -> String {
     match line.char_indices().nth(MOST_CHARACTERS) {
         Some((end, _)) => format!("{} ({} bytes)", visible::line(&line[..end]), line.len()),
         None => visible::line(line).into_owned(),

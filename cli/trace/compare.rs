@@ -18,6 +18,7 @@ use crate::log::Words;
 use crate::print::print;
 use crate::recording::{self, Played};
 use crate::visible;
+use sim_core::device::Devices;
 
 /// How many events one of them may be ahead of the other.
 const AHEAD: usize = 1 << 10;
@@ -27,13 +28,17 @@ const BEFORE: usize = 8;
 const AFTERWARDS: usize = 4;
 
 /// Says where two recordings part; the exit code is 1 if they do.
-pub(super) fn compare(args: &TraceArgs, paths: [&PathBuf; 2]) -> Result<Exit, Failure> {
+pub(super) fn compare(
+    devices: Devices,
+    args: &TraceArgs,
+    paths: [&PathBuf; 2],
+) -> Result<Exit, Failure> {
     thread::scope(|scope| {
         let players = paths.map(|path| {
             let (begins, begun) = bounded(1);
             let (happens, happened) = bounded(AHEAD);
             let player = scope.spawn(move || {
-                let (_, played) = recording::view(path, |run| {
+                let (_, played) = recording::view(devices, path, |run| {
                     // Nobody waits for it if the other one cannot be read.
                     let _ = begins.send(Begun::new(run));
                     Teller::new(args, run, happens)

@@ -1,109 +1,100 @@
 //! Starting the program so that it is traced from its first instruction on.
-#![expect(
-    unsafe_code,
-    reason = "what a child does before exec has no safe interface"
-)]
 
+use std::ffi::{CString, OsStr, OsString};
 use std::io::{self, Read as _, Write as _};
 use std::os::fd::AsRawFd as _;
+use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
+use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt as _;
-use std::process::{Child, Command, Stdio};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
 
 use crate::traced::arch;
-use crate::traced::sys::{self, Tid};
+use crate::traced::sys::{self, Tid, child::Image};
 use crate::{Error, Program};
-
-/// How long a child may take to fork.
-const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A program on its way: traced, and let go.
 pub(crate) struct Starting {
     pub(crate) pid: Tid,
-    /// Ends when the program has begun or could not.
-    spawning: JoinHandle<io::Result<Child>>,
+    /// Closed when the program begins; before that it tells why it cannot.
+    line: UnixStream,
 }
 
 impl Starting {
     /// Why the program did not begin, if it did not; it has, or has ended.
-    pub(crate) fn failure(self) -> Option<io::Error> {
-        match self.spawning.join() {
-            Ok(Ok(_)) => None,
-            Ok(Err(error)) => Some(error),
-            Err(_) => Some(io::Error::other("the thread that starts it panicked")),
-        }
+    pub(crate) fn failure(&mut self) -> Option<io::Error> {
+        let mut error = [0; 4];
+        self.line.read_exact(&mut error).ok()?;
+        Some(io::Error::from_raw_os_error(i32::from_ne_bytes(error)))
     }
 }
 
 /// Starts it; this thread is its tracer from then on.
-pub(crate) fn start(program: Program<'_>, random: bool) -> Result<Starting, Error> {
+pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Error> {
     let system = |what| move |error| Error::System { what, error };
-    let (name, arguments) = program
+    let (name, _) = program
         .words
         .split_first()
         .ok_or_else(|| Error::NotStarted(io::Error::other("no program is named")))?;
-    let (mut ours, theirs) =
+    let words = program.words.iter().map(|word| word.as_bytes().to_vec());
+    let words = strings(words).map_err(Error::NotStarted)?;
+    let environment = strings(environment(program)).map_err(Error::NotStarted)?;
+    let file = CString::new(file(name).into_os_string().into_vec());
+    let file = file.map_err(|error| Error::NotStarted(error.into()))?;
+    let input = std::fs::File::open("/dev/null").map_err(system("cannot open /dev/null"))?;
+    let (mut line, theirs) =
         UnixStream::pair().map_err(system("cannot make a line to the program"))?;
-    ours.set_read_timeout(Some(PATIENCE))
-        .map_err(system("cannot make a line to the program"))?;
-    let errors = program
-        .output
-        .try_clone()
-        .map_err(system("cannot share the program's output"))?;
-    let mut command = Command::new(name);
-    command
-        .args(arguments)
-        .envs(
-            program
-                .environment
-                .iter()
-                .map(|(name, value)| (name, value)),
-        )
-        .stdin(Stdio::null())
-        .stdout(program.output)
-        .stderr(errors)
-        // Ctrl-C is for the tracer, which then ends it.
-        .process_group(0);
-    let (line, other) = (theirs.as_raw_fd(), ours.as_raw_fd());
-    let filter = arch::filter(random);
-    let set_up = move || {
-        sys::child::wait_to_be_traced(line, other)?;
-        sys::child::set_up(&filter, random)
-    };
-    // SAFETY: the closure makes plain calls only, and takes no lock and no memory.
-    unsafe { command.pre_exec(set_up) };
-    // It returns only when the program has begun, for which somebody must trace it.
-    let spawning = std::thread::Builder::new()
-        .name("start of the client".to_owned())
-        .spawn(move || {
-            let child = command.spawn();
-            drop(theirs);
-            child
-        })
-        .map_err(system("cannot start a thread"))?;
-    let mut number = [0; 4];
-    if let Err(error) = ours.read_exact(&mut number) {
-        // The child has not come to be, and spawning says why.
-        return Err(match spawning.join() {
-            Ok(Err(error)) => Error::NotStarted(error),
-            _ => Error::System {
-                what: "the program does not begin",
-                error,
-            },
-        });
-    }
-    let pid = Tid::from_ne_bytes(number);
+    let image = Image::new(&file, &words, &environment, arch::filter(random), random);
+    let ends = (theirs.as_raw_fd(), line.as_raw_fd());
+    let streams = (input.as_raw_fd(), program.output.as_raw_fd());
+    let pid = sys::child::fork(&image, ends, streams)
+        .map_err(system("cannot start a process for the program"))?;
+    drop(theirs);
     if let Err(error) = sys::seize(pid) {
         // It ends when the line does.
-        drop(ours);
-        let _ = spawning.join();
+        drop(line);
+        sys::reap_soon(pid);
         return Err(Error::Unsupported(format!(
             "this system does not let a program be traced ({error})"
         )));
     }
-    ours.write_all(b".")
+    line.write_all(b".")
         .map_err(system("cannot let the program begin"))?;
-    Ok(Starting { pid, spawning })
+    Ok(Starting { pid, line })
+}
+
+fn strings(bytes: impl Iterator<Item = Vec<u8>>) -> io::Result<Vec<CString>> {
+    bytes
+        .map(|bytes| CString::new(bytes).map_err(io::Error::from))
+        .collect()
+}
+
+/// This program's environment, with the program's own variables.
+fn environment(program: &Program<'_>) -> impl Iterator<Item = Vec<u8>> {
+    let own = program.environment;
+    let inherited = std::env::vars_os()
+        .filter(|(name, _)| !own.iter().any(|(other, _)| name == OsStr::new(other)));
+    let own = own
+        .iter()
+        .map(|(name, value)| (OsString::from(name), value.clone()));
+    inherited.chain(own).map(|(mut name, value)| {
+        name.push("=");
+        name.push(value);
+        name.into_vec()
+    })
+}
+
+/// The file that a program is: looked up in `PATH` unless it names a folder.
+fn file(name: &OsStr) -> PathBuf {
+    let named = Path::new(name).to_owned();
+    if name.as_bytes().contains(&b'/') {
+        return named;
+    }
+    let path = std::env::var_os("PATH").unwrap_or_else(|| "/usr/local/bin:/usr/bin:/bin".into());
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|file| {
+            std::fs::metadata(file)
+                .is_ok_and(|found| found.is_file() && found.permissions().mode() & 0o111 != 0)
+        })
+        .unwrap_or(named)
 }

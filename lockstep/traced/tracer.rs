@@ -129,7 +129,7 @@ pub(crate) fn run(
         what: "cannot make a timer",
         error,
     })?;
-    let starting = spawn::start(program, options.seed.is_some())?;
+    let mut starting = spawn::start(&program, options.seed.is_some())?;
     let mut tracer = Tracer::new(options, ports, world, &starting)?;
     let outcome = tracer.go_to_the_end();
     tracer.kill_all();
@@ -975,12 +975,11 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// In which file a thread computes.
+/// In which file a thread computes, which it does no more after that.
 fn place_of(process: Tid, tid: Tid) -> Option<String> {
-    // The registers of a thread that is not stopped are for its tracer's eyes only when it is.
-    let syscall = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/syscall")).ok()?;
-    let place = syscall.split_whitespace().last()?.strip_prefix("0x")?;
-    let place = u64::from_str_radix(place, 16).ok()?;
+    sys::interrupt(tid).ok()?;
+    sys::wait(Whom::One(tid), true).ok()?;
+    let place = Registers::of(tid).ok()?.place();
     let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
     let line = maps.lines().find(|line| {
         let ends = line

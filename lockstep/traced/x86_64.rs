@@ -74,6 +74,11 @@ impl Registers {
         self.0.rsp
     }
 
+    /// Where the program is.
+    pub(crate) fn place(&self) -> u64 {
+        self.0.rip
+    }
+
     /// Whether the program is of this architecture.
     pub(crate) fn is_native(&self) -> bool {
         // The code segment of 64-bit programs; that of 32-bit ones is 0x23.

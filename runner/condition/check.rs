@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use cel::common::ast::{CallExpr, Expr, IdedExpr, LiteralValue, operators};
 use cel::common::types::CelDouble;
+use sim_core::device::NameInfo;
+use sim_core::device::names::Unit;
 
-use super::names::{NameInfo, Unit, names};
 use super::{Devices, Origin};
 use crate::suggest::nearest;
 
@@ -191,23 +192,23 @@ impl Scope<'_> {
             .0
             .iter()
             .enumerate()
-            .filter_map(|(index, (own, kind))| {
+            .filter_map(|(index, (own, device))| {
                 let own = identifier(own);
                 let inner = name
                     .strip_prefix(&own)
                     .and_then(|rest| rest.strip_prefix('.'))
                     .or_else(|| (self.0.len() == 1).then_some(name))?;
-                let info = names(*kind).iter().find(|info| info.name == inner)?;
+                let info = device.find_name(inner)?;
                 Some((Origin::Device(index, info.getter()), info.unit))
             });
         candidates.next().ok_or_else(|| self.unknown(name))
     }
 
     fn unknown(&self, name: &str) -> String {
-        let all = self.0.iter().flat_map(|(own, kind)| {
+        let all = self.0.iter().flat_map(|(own, device)| {
             let own = identifier(own);
             let short = self.0.len() == 1 && !name.starts_with(&format!("{own}."));
-            names(*kind).iter().map(move |NameInfo { name, .. }| {
+            device.all_names().map(move |NameInfo { name, .. }| {
                 if short {
                     (*name).to_owned()
                 } else {

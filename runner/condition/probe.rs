@@ -1,7 +1,9 @@
 //! Values of single names, for tables and plots.
 
+use sim_core::device::DeviceSpec;
+use sim_core::device::names::{Reading, Unit};
+
 use super::check::Scope;
-use super::names::{Reading, Unit, names};
 use super::{Devices, Origin, identifier};
 use crate::run::Run;
 
@@ -12,6 +14,8 @@ pub struct Probe {
     pub name: String,
     /// What it gives.
     pub unit: Unit,
+    /// What it means.
+    pub meaning: &'static str,
     /// Index of the device; `None` for the time.
     pub device: Option<usize>,
     origin: Origin,
@@ -51,6 +55,7 @@ impl Probe {
         Ok(Self {
             name: name.to_owned(),
             unit,
+            meaning: "",
             device,
             origin,
         })
@@ -58,11 +63,12 @@ impl Probe {
 
     /// Every name of every device, the device's own name before it.
     fn all(devices: &Devices<'_>) -> Vec<Self> {
-        let of_device = |(device, (own, kind)): (usize, &(&str, crate::Kind))| {
+        let of_device = |(device, (own, kind)): (usize, &(&str, &'static DeviceSpec))| {
             let own = identifier(own);
-            names(*kind).iter().map(move |info| Self {
+            kind.all_names().map(move |info| Self {
                 name: format!("{own}.{}", info.name),
                 unit: info.unit,
+                meaning: info.meaning,
                 device: Some(device),
                 origin: Origin::Device(device, info.getter()),
             })
@@ -95,8 +101,10 @@ impl Run {
         Probe::all(&self.devices())
     }
 
-    fn devices(&self) -> Vec<(&str, crate::Kind)> {
+    fn devices(&self) -> Vec<(&str, &'static DeviceSpec)> {
         let plans = self.scenario().rig.devices.iter();
-        plans.map(|plan| (plan.name.as_str(), plan.kind)).collect()
+        plans
+            .map(|plan| (plan.name.as_str(), plan.device))
+            .collect()
     }
 }

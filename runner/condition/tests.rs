@@ -1,22 +1,25 @@
 use super::*;
-use crate::Kind;
+use sim_core::SHIPPED;
+use sim_core::device::names::Unit;
+use sim_core::mecanum::MECANUM_SPEC;
+use sim_core::r150::R150_SPEC;
 
 fn parse(text: &str) -> Result<Condition, String> {
-    Condition::parse(text, &[("r150", Kind::R150)])
+    Condition::parse(text, &[("r150", &R150_SPEC)])
 }
 
 #[test]
 fn names_are_sorted_into_groups_and_unique() {
-    for kind in [Kind::R150, Kind::Mecanum] {
+    for device in SHIPPED {
         let mut seen = std::collections::BTreeSet::new();
-        for info in names(kind) {
+        for info in device.all_names() {
             assert!(seen.insert(info.name), "{} twice", info.name);
             assert!(!info.meaning.is_empty());
             let text = match info.unit {
                 Unit::Flag => info.name.to_owned(),
                 Unit::Number(_) => format!("{} > 1", info.name),
             };
-            Condition::parse(&text, &[("d", kind)]).unwrap();
+            Condition::parse(&text, &[("d", device)]).unwrap();
         }
     }
 }
@@ -80,7 +83,7 @@ fn what_makes_none_is_refused_in_words() {
 
 #[test]
 fn several_devices_have_to_be_named() {
-    let devices = [("r150-1", Kind::R150), ("car", Kind::Mecanum)];
+    let devices = [("r150-1", &R150_SPEC), ("car", &MECANUM_SPEC)];
     let read = |text| Condition::parse(text, &devices);
     assert!(read("r150_1.mode.locked && car.motion.running").is_ok());
     let why = read("mode.locked").unwrap_err();

@@ -7,7 +7,6 @@ use sim_core::SimTime;
 use super::effects::Undo;
 
 /// Something planned.
-#[derive(Debug, Clone)]
 pub(super) enum Item {
     /// A step happens, for the first time or again.
     Occur(usize),
@@ -20,7 +19,7 @@ pub(super) enum Item {
 }
 
 /// By time, then in the order of the file, then as it was planned.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Agenda {
     items: BTreeMap<(SimTime, usize, u64), Item>,
     planned: u64,

@@ -74,7 +74,10 @@ impl Run {
         parse: fn(&str, &Devices<'_>) -> Result<Condition, String>,
     ) -> Result<Condition, String> {
         let devices = &self.scenario.rig.devices;
-        let devices: Vec<_> = devices.iter().map(|d| (d.name.as_str(), d.kind)).collect();
+        let devices: Vec<_> = devices
+            .iter()
+            .map(|d| (d.name.as_str(), d.device))
+            .collect();
         parse(text, &devices)
     }
 

@@ -1,29 +1,16 @@
 //! The scripted client: it sends what the file says and compares what comes back.
 
-use std::time::Duration;
-
 use sim_core::SimTime;
+use sim_core::device::host::{Reply, ReplyReader};
 use sim_core::event::Hex;
 use sim_core::line::ClientLine;
-use sim_core::mecanum_device::ascii;
-use sim_core::mecanum_device::codec as car;
-use sim_core::mecanum_device::packet::Status;
-use sim_core::r150_device::codec as r150;
-use sim_core::r150_device::reply::Reply;
-use sim_core::r150_device::settings::Resync;
 use sim_core::rig::PortId;
 
 use super::agenda::Item;
 use super::{Run, RunError};
-use crate::Kind;
 use crate::rig_file::DevicePlan;
-use crate::scenario::{
-    Fields, HostAction, HostDoes, ReplyWanted, Wanted, line_fields, matches_fields, r150_fields,
-    status_fields,
-};
+use crate::scenario::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
-/// Silence after which a client gives up a frame that was begun.
-const PAUSE: Duration = Duration::from_millis(50);
 /// Most bytes kept for a comparison.
 const MOST_RAW: usize = 4096;
 
@@ -31,16 +18,10 @@ const MOST_RAW: usize = 4096;
 pub(super) struct HostPort {
     /// What it sends without an open port goes nowhere.
     open: bool,
-    decoder: Decoder,
-    /// A car sends by itself, so not every packet answers.
+    reader: Box<dyn ReplyReader>,
+    /// It sends by itself, so not all that comes answers.
     chatters: bool,
     waiting: Vec<Waiting>,
-}
-
-enum Decoder {
-    R150(r150::Decoder),
-    Main(car::Decoder<Status>),
-    Ros(Vec<u8>),
 }
 
 struct Waiting {
@@ -52,82 +33,16 @@ struct Waiting {
     so_far: String,
 }
 
-/// What came.
-struct Found {
-    command: Option<u8>,
-    fields: Fields,
-}
-
 impl HostPort {
-    fn new(plan: &DevicePlan, link: usize) -> Self {
-        let decoder = match (plan.kind, link) {
-            (Kind::R150, _) => Decoder::R150(r150::Decoder::new(PAUSE, Resync::SecondByte)),
-            (Kind::Mecanum, 0) => Decoder::Main(car::Decoder::by(car::Rules {
-                order: plan.settings.mecanum.firmware.byte_order,
-                ..car::Rules::new(PAUSE)
-            })),
-            (Kind::Mecanum, _) => Decoder::Ros(Vec::new()),
-        };
-        Self {
+    fn new(plan: &DevicePlan, link: usize) -> Option<Self> {
+        let host = &plan.device.host;
+        Some(Self {
             open: true,
-            decoder,
-            chatters: plan.kind == Kind::Mecanum,
+            reader: (host.reader)(link, plan.own_settings()?),
+            chatters: host.chatters,
             waiting: Vec::new(),
-        }
-    }
-}
-
-impl Decoder {
-    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Found> {
-        let mut found = Vec::new();
-        match self {
-            Self::R150(decoder) => {
-                decoder.expire(now, &mut |_| {});
-                decoder.push(now, byte, &mut |decoded| {
-                    if let r150::Decoded::Frame(frame) = decoded {
-                        found.extend(read_frame(&frame));
-                    }
-                });
-            }
-            Self::Main(decoder) => {
-                decoder.expire(now, &mut |_| {});
-                decoder.push(now, byte, &mut |decoded| {
-                    if let car::Decoded::Packet(status) = decoded {
-                        let fields = status_fields(&status);
-                        found.push(Found {
-                            command: None,
-                            fields,
-                        });
-                    }
-                });
-            }
-            Self::Ros(line) if byte == b'\n' => {
-                let report = ascii::Report::parse(&std::mem::take(line));
-                found.extend(report.map(|report| Found {
-                    command: None,
-                    fields: line_fields(&report),
-                }));
-            }
-            Self::Ros(line) => {
-                if line.len() < MOST_RAW {
-                    line.push(byte);
-                }
-            }
-        }
-        found
-    }
-}
-
-/// A reply; some modules set the command's high bit in it.
-fn read_frame(frame: &r150::Frame) -> Option<Found> {
-    let plain = [frame.command, frame.command & 0x7F];
-    plain.into_iter().find_map(|command| {
-        let reply = Reply::parse(command, &frame.parameters).ok()?;
-        Some(Found {
-            command: Some(command),
-            fields: r150_fields(&reply),
         })
-    })
+    }
 }
 
 /// What a byte or a reply means to one that waits.
@@ -159,7 +74,7 @@ impl Waiting {
         }
     }
 
-    fn found(&mut self, found: &Found, chatters: bool) -> Verdict {
+    fn found(&mut self, found: &Reply, chatters: bool) -> Verdict {
         if self.wanted.command.is_some() && self.wanted.command != found.command {
             return Verdict::GoOn;
         }
@@ -186,7 +101,8 @@ impl Run {
         }
         for port in self.ports.clone() {
             let plan = &self.scenario.rig.devices[port.device];
-            self.hosts.insert(port, HostPort::new(plan, port.link));
+            let host = HostPort::new(plan, port.link);
+            self.hosts.extend(host.map(|host| (port, host)));
             self.rig.attach(port, SimTime::ZERO)?;
         }
         Ok(())
@@ -262,7 +178,7 @@ impl Run {
         let chatters = host.chatters;
         let mut over = Vec::new();
         for &byte in bytes {
-            let found = host.decoder.push(now, byte);
+            let found = host.reader.push(now, byte);
             host.waiting.retain_mut(|waiting| {
                 let mut verdict = waiting.byte(byte, chatters);
                 for found in &found {

@@ -152,7 +152,7 @@ impl Run {
     pub(crate) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
-            seen: &self.seen,
+            observed: &self.observed,
         }
     }
 
@@ -227,10 +227,10 @@ impl Run {
                 .rig
                 .devices
                 .iter()
-                .zip(&self.seen)
-                .map(|(plan, seen)| DeviceReport {
+                .zip(&self.observed)
+                .map(|(plan, observed)| DeviceReport {
                     name: plan.name.clone(),
-                    report: seen.report().clone(),
+                    report: observed.report().clone(),
                 })
                 .collect(),
             traffic: self.traffic(),
@@ -333,7 +333,7 @@ impl Run {
             return;
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.seen[index]
+            let found: Vec<String> = self.observed[index]
                 .report()
                 .client_faults()
                 .filter(|(code, _)| match &demand.allowed {

@@ -39,6 +39,18 @@ pub struct Failure {
     pub what: String,
 }
 
+impl Outcome {
+    /// Something turned out to be wrong after the end.
+    pub fn fail(&mut self, what: String) {
+        self.passed = false;
+        self.failures.push(Failure {
+            at: self.ended_at,
+            step: None,
+            what,
+        });
+    }
+}
+
 /// A fault of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FaultRecord {

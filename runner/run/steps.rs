@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use sim_core::SimTime;
+use sim_core::fault::{Fault, FaultHandle};
 use sim_core::noise::Noise;
 use sim_core::rig::Rig;
 
@@ -10,11 +11,9 @@ use super::agenda::Item;
 use super::effects::Undo;
 use super::judge::Expected;
 use super::{MOST_ROUNDS, Run};
-use crate::fault::{self, Fault, FaultHandle};
 use crate::scenario::{Action, Only, Scenario, Step, Trigger};
 
 /// How far a step has come.
-#[derive(Debug)]
 pub(super) struct StepState {
     /// Whether its condition is still waited for.
     pub(super) watching: bool,
@@ -184,7 +183,7 @@ impl Run {
                 }
                 None
             }
-            Action::Operator(action) => self.operate(step.device, action),
+            Action::Operator(action) => self.operate(step.device, action.as_ref()),
             Action::World(action) => self.change_world(index, step.device, action, now),
             Action::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
@@ -217,7 +216,7 @@ impl Run {
                 state.injected = number;
                 state.faults.insert(number, handle);
                 self.hang_up(step.device, now);
-                if fault::disturbs_requests(fault) {
+                if fault.disturbs_requests() {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
                 Some(Undo::Fault(number))
@@ -270,7 +269,7 @@ impl Run {
         steps
             .filter(|(step, state)| step.device == device && !state.faults.is_empty())
             .any(
-                |(step, _)| matches!(&step.action, Action::Fault(f) if fault::disturbs_requests(f)),
+                |(step, _)| matches!(&step.action, Action::Fault(fault) if fault.disturbs_requests()),
             )
     }
 

@@ -20,7 +20,7 @@ fn scenario(text: &str) -> Arc<Scenario> {
         file: "s.toml",
         text,
     };
-    let scenario = Scenario::parse(source, &SimSettings::default());
+    let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED));
     Arc::new(scenario.unwrap_or_else(|error| panic!("{text}\n{error}")))
 }
 

@@ -4,22 +4,20 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use sim_core::SimTime;
+use sim_core::device::DeviceSpec;
 use sim_core::settings::SimSettings;
 use sim_settings::{Source, Span};
 use toml::Spanned;
 
+use super::actions::read_operator;
 use super::document::{DemandText, Document, RuleText, StepText};
 use super::problems::Problems;
-use super::{
-    Action, Demand, HostAction, MOST_STEPS, OperatorAction, Rule, Scenario, Step, Trigger,
-    WorldAction,
-};
-use crate::Kind;
-use crate::condition::{Condition, identifier, names};
-use crate::fault;
+use super::{Action, Demand, HostAction, MOST_STEPS, Rule, Scenario, Step, Trigger, WorldAction};
+use crate::condition::{Condition, identifier};
 use crate::report::client_faults;
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::suggest::{improve, nearest, or_allowed};
+use crate::tables::{self, Tables};
 
 pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
     let document: Document = toml::from_str(source.text).map_err(|error| {
@@ -43,8 +41,9 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         devices: rig
             .devices
             .iter()
-            .map(|device| (device.name.as_str(), device.kind))
+            .map(|device| (device.name.as_str(), device.device))
             .collect(),
+        tables: Tables::parse(source)?,
         names: BTreeMap::new(),
         limit: document.limit.get_ref().0,
         obstacles: Vec::new(),
@@ -114,7 +113,8 @@ pub(super) fn read_step(source: Source<'_>, scenario: &Scenario) -> Result<Step,
     let names = scenario.steps.iter().enumerate();
     let mut checker = Checker {
         rig: &scenario.rig,
-        devices: devices.map(|d| (d.name.as_str(), d.kind)).collect(),
+        devices: devices.map(|d| (d.name.as_str(), d.device)).collect(),
+        tables: Tables::parse(source)?,
         names: names.map(|(at, step)| (step.name.clone(), at)).collect(),
         limit: scenario.limit,
         obstacles: Vec::new(),
@@ -143,7 +143,8 @@ pub(super) fn read_step(source: Source<'_>, scenario: &Scenario) -> Result<Step,
 
 struct Checker<'a> {
     rig: &'a RigPlan,
-    devices: Vec<(&'a str, Kind)>,
+    devices: Vec<(&'a str, &'static DeviceSpec)>,
+    tables: Tables<'a>,
     /// Steps by their names.
     names: BTreeMap<String, usize>,
     limit: std::time::Duration,
@@ -160,9 +161,12 @@ impl Checker<'_> {
         let mut seen = BTreeMap::new();
         for (name, _) in &self.devices {
             let own = identifier(name);
-            let group = [Kind::R150, Kind::Mecanum]
+            let group = self
+                .rig
+                .settings
+                .table()
                 .iter()
-                .flat_map(|kind| names(*kind))
+                .flat_map(|device| device.all_names())
                 .any(|info| info.name.split('.').next() == Some(own.as_str()));
             let why =
                 if own.starts_with(|first: char| first.is_ascii_digit()) || own == "t" || group {
@@ -231,7 +235,7 @@ impl Checker<'_> {
         let text = spanned.get_ref();
         let at = spanned.span();
         let device = self.device(text, at.clone());
-        let action = device.and_then(|device| self.action(text, at.clone(), device));
+        let action = device.and_then(|device| self.action(index, text, at.clone(), device));
         let trigger = self.trigger(text, at);
         let (action, trigger, device) = (action?, trigger?, device?);
         let (every, count, lasts) = self.timing(text, &action)?;
@@ -306,31 +310,40 @@ impl Checker<'_> {
         }
     }
 
-    fn action(&mut self, text: &StepText, at: Range<usize>, device: usize) -> Option<Action> {
+    fn action(
+        &mut self,
+        index: usize,
+        text: &StepText,
+        at: Range<usize>,
+        device: usize,
+    ) -> Option<Action> {
         let plan = &self.rig.devices[device];
-        let kind = plan.kind;
+        // A step that is added is a text of its own.
+        let table = self.tables.of("step", index).unwrap_or(self.tables.root());
+        let table = table.clone();
         let mut actions = Vec::new();
         if let Some(host) = &text.host {
             let (own, at) = (host.get_ref(), host.span());
-            let read = HostAction::read(own, at, device, plan, &mut self.problems);
+            let send = tables::table(&table, "host").and_then(|host| host.get("send"));
+            let read = HostAction::read(own, at, send, (device, plan), &mut self.problems);
             actions.push(read.map(Action::Host));
         }
         if let Some(fault) = &text.fault {
-            let checked = fault::check(fault.get_ref(), plan);
+            let checked = plan.check_fault(fault.get_ref());
             let checked = self.problems.take(fault.span(), checked);
             actions.push(checked.map(|()| Action::Fault(fault.get_ref().clone())));
         }
         if let Some(name) = &text.clear {
             actions.push(self.step_named(name).map(Action::Clear));
         }
-        if let Some(operator) = &text.operator {
-            let read = OperatorAction::read(operator.get_ref(), kind);
-            let read = self.problems.take(operator.span(), read);
+        if let (Some(operator), Some(value)) = (&text.operator, table.get("operator")) {
+            let read = read_operator(value, plan.device);
+            let read = self.problems.read(operator.span(), read);
             actions.push(read.map(Action::Operator));
         }
-        if let Some(world) = &text.world {
-            let read = WorldAction::read(world.get_ref(), kind);
-            let read = self.problems.take(world.span(), read);
+        if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
+            let read = WorldAction::read(value, plan.device);
+            let read = self.problems.read(world.span(), read);
             if let Some(name) = read.as_ref().and_then(WorldAction::obstacle) {
                 let place = self.problems.place(world.span());
                 self.obstacles.push((name.to_owned(), place));
@@ -439,7 +452,7 @@ impl Checker<'_> {
                 only: None,
             };
         };
-        let known: Vec<&str> = client_faults().collect();
+        let known: Vec<&str> = client_faults(self.rig.settings.table()).collect();
         for kind in kinds.allowed.iter().chain(&kinds.forbidden).flatten() {
             if !known.contains(&kind.as_str()) {
                 let allowed = or_allowed(kind, &known);

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use sim_settings::{
-    Angle, Force, Frequency, Length, Mass, Percent, Power, Resistance, Span, Torque, Voltage,
-};
+use sim_core::fault::parameters::LinkName;
+use sim_settings::{Angle, Length, Span};
 use toml::Spanned;
 
-use crate::fault::{Fault, LinkName, RailName};
-use crate::rig_file::{DeviceText, all_settings};
+use sim_core::fault::Fault;
+
+use crate::rig_file::{DeviceText, SettingsText};
 
 /// A scenario for `sim run`: devices in a world, what happens to them, and what must come of it.
 /// Times and quantities are text with a unit, as in "250ms" or "48 V"; paths are relative to this
@@ -44,12 +44,12 @@ pub(crate) struct Document {
     pub wall_limit: Option<Span>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default)]
-    #[schemars(schema_with = "all_settings")]
+    #[schemars(with = "SettingsText")]
     pub settings: toml::Table,
     /// The devices.
     #[serde(default)]
     #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1))]
-    pub device: Vec<Spanned<DeviceText>>,
+    pub device: Vec<Spanned<toml::Table>>,
     /// What happens.
     #[serde(default)]
     #[schemars(with = "Vec<StepText>")]
@@ -118,10 +118,10 @@ pub(crate) struct StepText {
     pub clear: Option<Spanned<String>>,
     /// Somebody does something to the vehicle.
     #[schemars(with = "Option<OperatorText>")]
-    pub operator: Option<Spanned<OperatorText>>,
+    pub operator: Option<Spanned<toml::Value>>,
     /// Something changes around the vehicle.
     #[schemars(with = "Option<WorldText>")]
-    pub world: Option<Spanned<WorldText>>,
+    pub world: Option<Spanned<toml::Value>>,
     /// A condition holds now, or within a time.
     pub expect: Option<ExpectText>,
 }
@@ -140,10 +140,13 @@ pub enum Only {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct HostText {
-    /// On which link of a mecanum car; the main one unless given.
-    pub link: Option<LinkName>,
+    /// On which link of a device with several; that of the command, or the main one, unless given.
+    #[schemars(with = "Option<LinkName>")]
+    pub link: Option<Spanned<String>>,
     /// Sends a command.
-    pub send: Option<CommandText>,
+    #[serde(rename = "send")]
+    #[schemars(with = "Option<CommandText>")]
+    pub _send: Option<toml::Value>,
     /// Sends bytes: hexadecimal, as in "AA 55 00 07".
     #[schemars(with = "Option<String>")]
     pub bytes: Option<Spanned<String>>,
@@ -165,111 +168,9 @@ pub(crate) enum PortText {
     Close,
 }
 
-/// A command by name and fields. Numbers are as on the wire.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum CommandText {
-    /// R150: switch these rails on and the others off.
-    PowerControl(PowerText),
-    /// R150: duty of the four PWM outputs.
-    SetPwmOutputs(DutyText),
-    /// R150.
-    GetPwmOutputs,
-    /// R150.
-    GetPwmInputs,
-    /// R150.
-    SystemInfo,
-    /// R150.
-    Heartbeat,
-    /// R150.
-    Version,
-    /// R150: motor PWM.
-    SetMotors(MotorsText),
-    /// Mecanum car: a motion.
-    Motion(MotionText),
-    /// Mecanum car: says where it is.
-    SetPose(SetPoseText),
-    /// Mecanum car: who drives.
-    ControlMode(ModeText),
-    /// Mecanum car, ROS link: a line without its end, as in "X10".
-    Line(String),
-}
-
-/// Which rails are to be on: names, or the bits themselves.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct PowerText {
-    /// Names of rails.
-    pub on: Option<Vec<RailName>>,
-    /// The bits as on the wire.
-    pub status: Option<u32>,
-}
-
-/// Duties of A to D.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct DutyText {
-    /// 0.1 %.
-    pub duty: [u16; 4],
-}
-
-/// Motor PWM, 0.1 %, positive forward.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct MotorsText {
-    /// Right motor.
-    pub right: i16,
-    /// Left motor.
-    pub left: i16,
-}
-
-/// A motion packet.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct MotionText {
-    /// Sequence number; 0 unless given.
-    #[serde(default)]
-    pub seq: u8,
-    /// 1 discards what runs and waits, 0 appends; 1 unless given.
-    #[serde(default = "one")]
-    pub is_reset: u8,
-    /// 0 forward, 1 rotate, 2 strafe, 3 left-front, 4 right-front.
-    pub moving_idx: u8,
-    /// Distance, 1/10 revolution.
-    pub s: u16,
-    /// Speed, 1/10 r/min, -500 to 500.
-    pub v: i16,
-}
-
-fn one() -> u8 {
-    1
-}
-
-/// A pose packet.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct SetPoseText {
-    /// Sequence number; 0 unless given.
-    #[serde(default)]
-    pub seq: u8,
-    /// 1/10 revolution.
-    pub axis_x: i16,
-    /// 1/10 revolution.
-    pub axis_y: i16,
-    /// 1/10 degree, counter-clockwise.
-    pub ori: i16,
-}
-
-/// A control mode packet.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct ModeText {
-    /// Sequence number; 0 unless given.
-    #[serde(default)]
-    pub seq: u8,
-    /// 0 board, 1 remote control.
-    pub mode: u8,
-}
+/// A command by name and fields. Numbers are as on the wire. Each device has its own.
+#[derive(JsonSchema)]
+pub(crate) struct CommandText {}
 
 /// What has to come back: any answer unless one of `reply`, `bytes` and `silence` says more. An
 /// R150's next reply to the command has to match; of a mecanum car's packets, one has to.
@@ -291,90 +192,18 @@ pub(crate) struct ReplyText {
     pub silence: bool,
 }
 
-/// What an operator, the app or a passer-by does.
+/// What an operator, the app or a passer-by does. Each device has its own beside those of all.
+#[derive(JsonSchema)]
+pub(crate) struct OperatorText {}
+
+/// A change around the vehicle, or of what hangs on it, of which each device has its own.
+#[derive(JsonSchema)]
+pub(crate) struct WorldText {}
+
+/// A change around any vehicle.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum OperatorText {
-    /// R150: long press of both rear buttons.
-    Unlock,
-    /// R150: short press of the rear buttons.
-    Lock,
-    /// R150: long press of the top button.
-    ReleaseParking,
-    /// R150: long press of the middle button.
-    Autonomous,
-    /// A motion key of the remote control goes down; with `for`, up again after that. R150:
-    /// forward, backward, left, right; mecanum car: forward, backward, turn-left, turn-right,
-    /// strafe-left, strafe-right, left-front, right-front, left-rear, right-rear.
-    Press(String),
-    /// The motion key goes up.
-    Release,
-    /// R150: the emergency stop goes in (true) or out; with `for`, the other way after that.
-    EmergencyStop(bool),
-    /// R150: the app takes or leaves control.
-    AppHolds(AppHoldsText),
-    /// R150: what the app wants of the outputs.
-    AppSets(AppSetsText),
-    /// Pushes steadily until another push, or for as long as `for` says.
-    Push(PushText),
-    /// Puts a payload on the deck.
-    Payload(Mass),
-    /// Lifts the vehicle and sets it down elsewhere.
-    Place(PlaceText),
-}
-
-/// Of what the app has control, whatever the client sends.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct AppHoldsText {
-    /// Of the power rails.
-    #[serde(default)]
-    pub power: bool,
-    /// Of the PWM outputs.
-    #[serde(default)]
-    pub pwm: bool,
-}
-
-/// The app's set-points.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct AppSetsText {
-    /// Rails to be on.
-    #[serde(default)]
-    pub on: Vec<RailName>,
-    /// Duty of the PWM outputs, 0.1 %.
-    #[serde(default)]
-    pub pwm: [u16; 4],
-}
-
-/// A push in the vehicle's axes.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct PushText {
-    /// Ahead.
-    pub ahead: Option<Force>,
-    /// To the left.
-    pub left: Option<Force>,
-    /// Counter-clockwise.
-    pub turn: Option<Torque>,
-}
-
-/// A place.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct PlaceText {
-    /// East.
-    pub x: Length,
-    /// North.
-    pub y: Length,
-    /// Counter-clockwise from x; 0 unless given.
-    pub heading: Option<Angle>,
-}
-
-/// A change around the vehicle.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum WorldText {
+pub(crate) enum AnyWorldText {
     /// Puts things into the world, in the form of a world file: `wall`, `box`, `circle`, `slope`,
     /// `friction`, `tag`, `strip`. They stay; with `for`, which takes obstacles with names only,
     /// they are taken away after that.
@@ -387,10 +216,6 @@ pub(crate) enum WorldText {
     /// Changes the friction of the ground wherever no area of the world has its own; with `for`,
     /// back after that.
     Friction(f64),
-    /// R150: wires a load to a rail; with `for`, what was there before after that.
-    Load(LoadText),
-    /// R150: wires a signal to a PWM input; with `for`, nothing after that.
-    PwmSignal(SignalText),
 }
 
 /// Where an obstacle is to stand: the middle of a box or post, the first point of a wall.
@@ -405,50 +230,6 @@ pub(crate) struct MoveText {
     pub y: Length,
     /// Counter-clockwise from x; its own unless given.
     pub heading: Option<Angle>,
-}
-
-/// A load: one of `power` and `resistance`, or nothing.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct LoadText {
-    /// Where.
-    pub rail: RailName,
-    /// A device that draws this at any voltage.
-    pub power: Option<Power>,
-    /// A resistor.
-    pub resistance: Option<Resistance>,
-    /// A dead short.
-    #[serde(default)]
-    pub short: bool,
-}
-
-/// A signal: a generator's `frequency` and `duty`, one of the module's own outputs, or nothing.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct SignalText {
-    /// The input.
-    pub input: ChannelText,
-    /// Of a generator.
-    pub frequency: Option<Frequency>,
-    /// Of a generator; 50 % unless given.
-    pub duty: Option<Percent>,
-    /// Of a generator; 5 V unless given.
-    pub high: Option<Voltage>,
-    /// The module's own output.
-    pub from_output: Option<ChannelText>,
-}
-
-/// A PWM input or output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
-pub(crate) enum ChannelText {
-    /// A.
-    A,
-    /// B.
-    B,
-    /// C.
-    C,
-    /// D.
-    D,
 }
 
 /// A condition that is to hold.

@@ -2,17 +2,13 @@
 
 use std::time::Duration;
 
-use sim_core::mecanum_device::ascii;
-use sim_core::mecanum_device::packet::{Request as Packet, Status};
-use sim_core::r150_device::command::{Request, code};
-use sim_core::r150_device::reply::Reply;
+use sim_core::device::host::{Field, Fields};
 use sim_core::rig::PortId;
-use toml::Value;
+use toml::de::{DeValue, ValueDeserializer};
+use toml::{Spanned, Value};
 
-use super::document::{CommandText, HostText, PortText, PowerText, ReplyText};
+use super::document::{HostText, PortText, ReplyText};
 use super::problems::Problems;
-use crate::Kind;
-use crate::fault::{LinkName, RailName};
 use crate::rig_file::DevicePlan;
 use crate::suggest::or_allowed;
 
@@ -62,17 +58,6 @@ pub(crate) enum FieldWanted {
     Between(f64, f64),
 }
 
-/// The value of a field.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Field {
-    Flag(bool),
-    Number(f64),
-    List(Vec<f64>),
-}
-
-/// A reply's fields by name.
-pub(crate) type Fields = Vec<(&'static str, Field)>;
-
 /// Whether a reply is as wanted; if not, which field is not.
 pub(crate) fn matches_fields(
     fields: &Fields,
@@ -97,133 +82,47 @@ pub(crate) fn matches_fields(
     Ok(())
 }
 
-/// The fields of an R150's reply.
-pub(crate) fn r150_fields(reply: &Reply) -> Fields {
-    let list = |values: &[f64]| Field::List(values.to_vec());
-    let four = |values: [u16; 4]| list(&values.map(f64::from));
-    match *reply {
-        Reply::Bool { success, .. } => vec![("success", Field::Flag(success))],
-        Reply::PwmOutputs { duty } => vec![("duty", four(duty))],
-        Reply::PwmInputs { frequency_hz, duty } => vec![
-            ("frequency_hz", list(&frequency_hz.map(f64::from))),
-            ("duty", four(duty)),
-        ],
-        Reply::SystemInfo(info) => vec![
-            ("voltage_12v", list(&info.voltage_12v.map(f64::from))),
-            ("voltage_48v", Field::Number(info.voltage_48v.into())),
-            ("current_12v", list(&info.current_12v.map(f64::from))),
-            ("current_48v", Field::Number(info.current_48v.into())),
-            ("temp_12v", list(&info.temp_12v.map(f64::from))),
-            ("sys_status", Field::Number(info.sys_status.into())),
-            (
-                "power_ctrl_mode",
-                Field::Number(info.power_ctrl_mode.into()),
-            ),
-            ("pwm_ctrl_mode", Field::Number(info.pwm_ctrl_mode.into())),
-            ("power_status", Field::Number(info.power_status.into())),
-            ("pwm_status", Field::Number(info.pwm_status.into())),
-        ],
-        Reply::Version { hardware, software } => vec![
-            ("hardware", Field::Number(hardware.into())),
-            ("software", Field::Number(software.into())),
-        ],
-        Reply::Motors {
-            right_rpm,
-            left_rpm,
-            soc,
-        } => vec![
-            ("right_rpm", Field::Number(right_rpm.into())),
-            ("left_rpm", Field::Number(left_rpm.into())),
-            ("soc", Field::Number(soc.into())),
-        ],
-    }
-}
-
-/// The fields of a car's status packet.
-pub(crate) fn status_fields(status: &Status) -> Fields {
-    let four = |values: [u16; 4]| Field::List(values.map(f64::from).to_vec());
-    vec![
-        ("seq", Field::Number(status.seq.into())),
-        ("v_x", Field::Number(status.v_x.into())),
-        ("v_y", Field::Number(status.v_y.into())),
-        ("axis_x", Field::Number(status.axis_x.into())),
-        ("axis_y", Field::Number(status.axis_y.into())),
-        ("ori", Field::Number(status.ori.into())),
-        ("rfid", Field::Number(status.rfid.into())),
-        ("magn", Field::Number(status.magn.into())),
-        ("infra", Field::Number(status.infra.into())),
-        ("ut_f", four(status.ut_f)),
-        ("ut_b", four(status.ut_b)),
-        ("moto_state", Field::Number(status.moto_state.into())),
-        ("mile", Field::Number(status.mile.into())),
-    ]
-}
-
-/// The fields of a line of the ROS link.
-pub(crate) fn line_fields(report: &ascii::Report) -> Fields {
-    #[expect(clippy::cast_precision_loss, reason = "these stay far below 2^53")]
-    let number = |value: i64| Field::Number(value as f64);
-    vec![
-        ("speed", number(report.speed)),
-        ("mileage", number(report.mileage)),
-    ]
-}
-
-/// Names that a reply to this command can have; of any command where it is not known.
-fn field_names(kind: Kind, link: usize, command: Option<u8>) -> Vec<&'static str> {
-    let fields = match (kind, link) {
-        (Kind::Mecanum, 0) => status_fields(&Status::default()),
-        (Kind::Mecanum, _) => line_fields(&ascii::Report::default()),
-        (Kind::R150, _) => {
-            let all = [
-                code::POWER_CONTROL,
-                code::SET_PWM_OUTPUTS,
-                code::GET_PWM_OUTPUTS,
-                code::GET_PWM_INPUTS,
-                code::SYSTEM_INFO,
-                code::HEARTBEAT,
-                code::VERSION,
-                code::SET_MOTORS,
-            ];
-            let asked = all
-                .into_iter()
-                .filter(|code| command.is_none_or(|command| command == *code));
-            // Of each command the one length that its reply has parses.
-            asked
-                .filter_map(|code| {
-                    (0..=255).find_map(|length| Reply::parse(code, &vec![0; length]).ok())
-                })
-                .flat_map(|reply| r150_fields(&reply))
-                .collect()
-        }
-    };
-    fields.into_iter().map(|(name, _)| name).collect()
-}
-
 impl HostAction {
     pub(super) fn read(
         text: &HostText,
         at: std::ops::Range<usize>,
-        device: usize,
-        plan: &DevicePlan,
+        send: Option<&Spanned<DeValue<'_>>>,
+        (device, plan): (usize, &DevicePlan),
         problems: &mut Problems<'_>,
     ) -> Option<Self> {
-        let link = match (text.link, &text.send) {
-            (Some(LinkName::Ros), _) | (None, Some(CommandText::Line(_))) => 1,
-            _ => 0,
+        let spec = plan.device;
+        let message = match (send, plan.own_settings()) {
+            (Some(send), Some(settings)) => {
+                let read = (spec.host.read)(ValueDeserializer::from(send.clone()), settings);
+                Some(problems.read(send.span(), read)?)
+            }
+            _ => None,
         };
-        if link >= plan.links().len() {
-            let why = "this device has no ROS link; a mecanum car has one with `ros = true`";
-            problems.add(at, why);
+        let link = match (&text.link, &message) {
+            (Some(name), _) => {
+                let all: Vec<&str> = spec.links.iter().map(|link| link.id).collect();
+                let found = spec.link(name.get_ref()).ok_or_else(|| {
+                    let allowed = or_allowed(name.get_ref(), &all);
+                    format!("{} has no link `{}`; {allowed}", spec.title, name.get_ref())
+                });
+                problems.take(name.span(), found)?
+            }
+            (None, Some(message)) => message.link,
+            (None, None) => 0,
+        };
+        if let Some(message) = message.as_ref().filter(|message| message.link != link) {
+            let of = |index: usize| spec.links.get(index).map_or("?", |link| link.id);
+            let why = format!("this is a command of the {} link", of(message.link));
+            problems.add(at, &why);
+            return None;
+        }
+        if link >= plan.ports.len() {
+            problems.add(at, &plan.lacks_link(link));
             return None;
         }
         let mut does = Vec::new();
-        let mut command = None;
-        if let Some(send) = &text.send {
-            let (bytes, code) = problems.take(at.clone(), encode(send, plan, link))?;
-            command = code;
-            does.push(HostDoes::Send(bytes));
-        }
+        let command = message.as_ref().and_then(|message| message.command);
+        does.extend(message.map(|message| HostDoes::Send(message.bytes)));
         if let Some(bytes) = &text.bytes {
             let bytes = problems.take(bytes.span(), read_hex(bytes.get_ref()))?;
             does.push(HostDoes::Send(bytes));
@@ -234,9 +133,10 @@ impl HostAction {
         }));
         does.extend(text.baud.map(HostDoes::Baud));
         let expect = match &text.expect {
-            Some(expect) => Some(ReplyWanted::read(
-                expect, plan.kind, link, command, problems,
-            )?),
+            Some(expect) => {
+                let names = (spec.host.fields)(link, command);
+                Some(ReplyWanted::read(expect, &names, command, problems)?)
+            }
             None => None,
         };
         if does.len() > 1 || (does.is_empty() && expect.is_none()) {
@@ -256,8 +156,7 @@ impl HostAction {
 impl ReplyWanted {
     fn read(
         text: &ReplyText,
-        kind: Kind,
-        link: usize,
+        names: &[&str],
         command: Option<u8>,
         problems: &mut Problems<'_>,
     ) -> Option<Self> {
@@ -268,13 +167,12 @@ impl ReplyWanted {
                 Wanted::Bytes(problems.take(bytes.span(), read_hex(bytes.get_ref()))?)
             }
             (Some(reply), None, false) => {
-                let names = field_names(kind, link, command);
                 let mut fields = Vec::new();
                 for (name, value) in reply.get_ref() {
                     let field = if names.contains(&name.as_str()) {
                         read_field(value).map_err(|why| format!("`{name}`: {why}"))
                     } else {
-                        let allowed = or_allowed(name, &names);
+                        let allowed = or_allowed(name, names);
                         Err(format!("that reply has no field `{name}`; {allowed}"))
                     };
                     fields.push((name.clone(), problems.take(reply.span(), field)?));
@@ -323,76 +221,6 @@ fn read_field(value: &Value) -> Result<FieldWanted, String> {
         }
         other => exactly(Field::Number(number(other).ok_or(allowed)?)),
     }
-}
-
-/// A command's bytes as this device reads them, and the command byte of its reply.
-fn encode(
-    send: &CommandText,
-    plan: &DevicePlan,
-    link: usize,
-) -> Result<(Vec<u8>, Option<u8>), String> {
-    let order = plan.settings.mecanum.firmware.byte_order;
-    let r150 = |request: Request| Ok((request.encode(), Some(request.command())));
-    let packet = |packet: Packet| Ok((packet.encode_in(order), None));
-    match (plan.kind, link, send) {
-        (Kind::R150, _, CommandText::PowerControl(power)) => r150(Request::PowerControl {
-            status: status(power)?,
-        }),
-        (Kind::R150, _, CommandText::SetPwmOutputs(duty)) => {
-            r150(Request::SetPwmOutputs { duty: duty.duty })
-        }
-        (Kind::R150, _, CommandText::SetMotors(motors)) => r150(Request::SetMotors {
-            right: motors.right,
-            left: motors.left,
-        }),
-        (Kind::R150, _, CommandText::GetPwmOutputs) => r150(Request::GetPwmOutputs),
-        (Kind::R150, _, CommandText::GetPwmInputs) => r150(Request::GetPwmInputs),
-        (Kind::R150, _, CommandText::SystemInfo) => r150(Request::SystemInfo),
-        (Kind::R150, _, CommandText::Heartbeat) => r150(Request::Heartbeat),
-        (Kind::R150, _, CommandText::Version) => r150(Request::Version),
-        (Kind::Mecanum, 0, CommandText::Motion(motion)) => packet(Packet::Motion {
-            seq: motion.seq,
-            is_reset: motion.is_reset,
-            moving_idx: motion.moving_idx,
-            s: motion.s,
-            v: motion.v,
-        }),
-        (Kind::Mecanum, 0, CommandText::SetPose(pose)) => packet(Packet::SetPose {
-            seq: pose.seq,
-            axis_x: pose.axis_x,
-            axis_y: pose.axis_y,
-            ori: pose.ori,
-        }),
-        (Kind::Mecanum, 0, CommandText::ControlMode(mode)) => packet(Packet::ControlMode {
-            seq: mode.seq,
-            mode: mode.mode,
-        }),
-        (Kind::Mecanum, 1, CommandText::Line(line)) if line.len() <= MOST_BYTES => {
-            Ok((format!("{line} \n").into_bytes(), None))
-        }
-        (Kind::R150, ..) => Err("an R150 has no such command".to_owned()),
-        (Kind::Mecanum, 0, _) => Err("a mecanum car's main link has motion, set_pose and \
-                                      control_mode"
-            .to_owned()),
-        (Kind::Mecanum, ..) => Err(format!(
-            "the ROS link has `line`, of at most {MOST_BYTES} bytes"
-        )),
-    }
-}
-
-fn status(power: &PowerText) -> Result<u32, String> {
-    match (&power.on, power.status) {
-        (Some(on), None) => Ok(bits(on).into()),
-        (None, Some(status)) => Ok(status),
-        _ => Err("`power_control` has either `on` or `status`".to_owned()),
-    }
-}
-
-/// The bits of rails.
-pub(super) fn bits(rails: &[RailName]) -> u8 {
-    rails
-        .iter()
-        .fold(0, |bits, rail| bits | 1 << rail.rail().index())
 }
 
 fn read_hex(text: &str) -> Result<Vec<u8>, String> {

@@ -5,6 +5,7 @@ use std::ops::Range;
 use sim_settings::{Source, shorten};
 
 use crate::rig_file::RigFileError;
+use crate::suggest::improve;
 
 /// The most errors that one file reports.
 pub(super) const MOST_ERRORS: usize = 20;
@@ -43,6 +44,22 @@ impl<'t> Problems<'t> {
     /// The value, or `None` and one problem more.
     pub(super) fn take<T>(&mut self, at: Range<usize>, result: Result<T, String>) -> Option<T> {
         result.map_err(|why| self.add(at, &why)).ok()
+    }
+
+    /// The value, or `None` and one problem more, at the place that the reader's error names or else
+    /// here.
+    pub(super) fn read<T>(
+        &mut self,
+        at: Range<usize>,
+        result: Result<T, toml::de::Error>,
+    ) -> Option<T> {
+        result
+            .map_err(|error| {
+                let at = error.span().filter(|span| *span != (0..0)).unwrap_or(at);
+                let why = improve(&error.message().replace('\n', " "));
+                self.add(at, &why);
+            })
+            .ok()
     }
 
     pub(super) fn into_result(self) -> Result<(), RigFileError> {

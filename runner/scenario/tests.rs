@@ -5,7 +5,7 @@ fn parse(text: &str) -> Result<Scenario, String> {
         file: "s.toml",
         text,
     };
-    Scenario::parse(source, &SimSettings::default()).map_err(|error| error.to_string())
+    Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)).map_err(|error| error.to_string())
 }
 
 /// Four lines, so that what follows begins at line 5.
@@ -32,7 +32,8 @@ fn a_full_scenario_is_read() {
     assert_eq!(scenario.wall_limit, Some(Duration::from_secs(60)));
     let timeout = scenario.rig.devices[0]
         .settings
-        .r150
+        .of::<sim_core::r150::R150Settings>()
+        .unwrap()
         .firmware
         .heartbeat_timeout;
     assert_eq!(timeout.as_secs(), 2);
@@ -91,11 +92,11 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}host = {{ link = \"ros\", bytes = \"AA\" }}"),
-            "no ROS link",
+            "no link `ros`",
         ),
         (
             &format!("{step}host = {{ send = {{ motion = {{ moving_idx = 0, s = 1, v = 1 }} }} }}"),
-            "an R150 has no such command",
+            "unknown variant `motion`, expected one of `power_control`",
         ),
         (
             &format!("{step}host = {{ send = {{ power_control = {{ on = [\"49v\"] }} }} }}"),
@@ -199,7 +200,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}operator = {{ press = \"up\" }}"),
-            "no key `up`",
+            "unknown variant `up`",
         ),
         (
             &format!("{step}operator = \"locked\""),
@@ -280,7 +281,7 @@ fn what_the_whole_file_lacks_is_told() {
         ),
         (
             format!("{HEAD}{CAR}[[step]]\nat = \"1s\"\noperator = \"unlock\"\n"),
-            "a mecanum car has press",
+            "a mecanum car has no `unlock`",
         ),
         (
             format!("{HEAD}client_report = {{ allowed = [\"over_rat\"] }}\n{CAR}"),
@@ -309,7 +310,7 @@ fn several_errors_are_told_at_once() {
 
 #[test]
 fn the_schema_is_the_published_one() {
-    let schema = Scenario::json_schema();
+    let schema = Scenario::json_schema(sim_core::SHIPPED);
     assert!(
         schema == include_str!("../../scenarios/scenario.schema.json"),
         "scenarios/scenario.schema.json is to read:\n{schema}"
@@ -326,7 +327,7 @@ fn a_fault_that_is_added_does_not_rename_another() {
             file: "s.toml",
             text: &text,
         };
-        let scenario = Scenario::parse(source, &SimSettings::default()).unwrap();
+        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)).unwrap();
         scenario.steps.into_iter().map(|step| step.name).collect()
     };
     assert_eq!(named(flips), ["bit-flips"]);

@@ -46,7 +46,7 @@ fn check(file: &Path) -> Result<(), Failed> {
     if lines.len() != again.len() {
         return Err("a second run has another number of lines".into());
     }
-    Replay::all(lines.iter().map(String::as_str))?;
+    Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str))?;
     Ok(())
 }
 

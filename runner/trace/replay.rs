@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_core::SimTime;
+use sim_core::device::Devices;
 use sim_core::event::Hex;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::rig::PortId;
@@ -102,24 +103,27 @@ pub enum ReplayError {
 }
 
 impl<'o> Replay<'o> {
-    /// Repeats a whole trace.
+    /// Repeats a whole trace of these devices.
     ///
     /// # Errors
     /// Where the second run first differs, or what is wrong with the trace.
-    pub fn all<'l>(lines: impl IntoIterator<Item = &'l str>) -> Result<(), ReplayError> {
+    pub fn all<'l>(
+        devices: Devices,
+        lines: impl IntoIterator<Item = &'l str>,
+    ) -> Result<(), ReplayError> {
         let mut lines = lines.into_iter();
-        let mut replay = Self::begin(lines.next().unwrap_or_default())?;
+        let mut replay = Self::begin(devices, lines.next().unwrap_or_default())?;
         for line in lines {
             replay.line(line)?;
         }
         replay.finish()
     }
 
-    /// Begins with the first line.
+    /// Begins with the first line of a trace of these devices.
     ///
     /// # Errors
     /// When it is no header, or the scenario in it cannot be read any more.
-    pub fn begin(line: &str) -> Result<Self, ReplayError> {
+    pub fn begin(devices: Devices, line: &str) -> Result<Self, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
         let Record::Header(header) = read(line, 1)? else {
             return Err(malformed("a trace begins with its header".to_owned()));
@@ -128,7 +132,7 @@ impl<'o> Replay<'o> {
             let why = format!("format {} is not known; allowed: {FORMAT}", header.format);
             return Err(malformed(why));
         }
-        let run = start(&header).map_err(malformed)?;
+        let run = start(devices, &header).map_err(malformed)?;
         Ok(Self {
             run,
             onlooker: None,
@@ -378,8 +382,8 @@ impl<'o> Replay<'o> {
     }
 }
 
-fn start(header: &Header) -> Result<Run, String> {
-    let mut base = SimSettings::default();
+fn start(devices: Devices, header: &Header) -> Result<Run, String> {
+    let mut base = SimSettings::new(devices);
     load_toml(&header.settings, "settings of the trace", &mut base).map_err(|errors| {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
         shorten(errors.join("; "))

@@ -30,17 +30,12 @@ use super::parameters::{
     Probability, RailName, WrongLength,
 };
 use super::{FaultInfo, FaultLevel, ParameterInfo};
-use crate::device_kind::DeviceKind;
-
-const BOTH: &[DeviceKind] = &DeviceKind::ALL;
-const R150: &[DeviceKind] = &[DeviceKind::R150];
-const CAR: &[DeviceKind] = &[DeviceKind::Mecanum];
 
 /// Declares the type [`Fault`] and its catalogue. A parameter without `#[serde(…)]` must be given.
 macro_rules! faults {
     ({} $(
         $(#[doc = $summary:literal])+
-        $variant:ident = $id:literal, $level:ident, $devices:ident,
+        $variant:ident = $id:literal, $level:ident, $everywhere:literal,
         sees $sees:literal, counts $counts:literal,
         { $(
             $(#[doc = $about:literal])+
@@ -80,7 +75,7 @@ macro_rules! faults {
         const CATALOGUE: &[FaultInfo] = &[$( FaultInfo {
             id: $id,
             level: FaultLevel::$level,
-            devices: $devices,
+            everywhere: $everywhere,
             parameters: &[$( ParameterInfo {
                 name: stringify!($field),
                 description: concat!($($about),+).trim_ascii_start(),

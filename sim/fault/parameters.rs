@@ -5,11 +5,6 @@ use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
-use sim_physics::mecanum::{Port, Wheel};
-use sim_physics::r150::{FuseId, Rail, Side};
-
-use crate::mecanum_device::Link;
-use crate::r150_device::vehicle;
 
 /// A share of chances, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Deserialize, Serialize)]
@@ -127,9 +122,9 @@ macro_rules! words {
             /// All of them.
             pub const ALL: &'static [Self] = &[$(Self::$variant),+];
 
-            /// The word in files.
+            /// As it is in files.
             #[must_use]
-            pub fn word(self) -> &'static str {
+            pub fn as_str(self) -> &'static str {
                 match self { $(Self::$variant => $word,)+ }
             }
         }
@@ -142,7 +137,7 @@ macro_rules! words {
 
         impl fmt::Display for $name {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(self.word())
+                f.write_str(self.as_str())
             }
         }
     )+ };
@@ -273,94 +268,11 @@ words! {
     }
 }
 
-impl LinkName {
-    /// Index of the link on its device.
-    #[must_use]
-    pub fn index(self) -> usize {
-        match self {
-            Self::Main => Link::Main.index(),
-            Self::Ros => Link::Ros.index(),
-        }
-    }
-}
-
-impl RailName {
-    /// The rail.
-    #[must_use]
-    pub fn rail(self) -> Rail {
-        Rail::ALL[self as usize]
-    }
-
-    /// What it should have, V.
-    #[must_use]
-    pub fn nominal_voltage(self) -> f64 {
-        match self {
-            Self::V48 => 48.0,
-            Self::V5 => 5.0,
-            _ => 12.0,
-        }
-    }
-}
-
-impl FuseName {
-    /// The fuse.
-    #[must_use]
-    pub fn id(self) -> FuseId {
-        FuseId::ALL[self as usize]
-    }
-}
-
 impl Motors {
     /// Whether it is one wheel of a car.
     #[must_use]
     pub fn is_wheel(self) -> bool {
         !matches!(self, Self::Left | Self::Right | Self::All)
-    }
-
-    /// Whether a side of an R150 is meant.
-    #[must_use]
-    pub fn has_side(self, side: Side) -> bool {
-        match self {
-            Self::Left => side == Side::Left,
-            Self::Right => side == Side::Right,
-            Self::All => true,
-            _ => false,
-        }
-    }
-
-    /// Whether a wheel of a car is meant.
-    #[must_use]
-    pub fn has_wheel(self, wheel: Wheel) -> bool {
-        match self {
-            Self::Left => wheel.is_left(),
-            Self::Right => !wheel.is_left(),
-            Self::All => true,
-            Self::LeftFront => wheel == Wheel::LeftFront,
-            Self::RightFront => wheel == Wheel::RightFront,
-            Self::LeftRear => wheel == Wheel::LeftRear,
-            Self::RightRear => wheel == Wheel::RightRear,
-        }
-    }
-}
-
-impl PortName {
-    /// The port.
-    #[must_use]
-    pub fn port(self) -> Port {
-        Port::ALL[self as usize]
-    }
-}
-
-impl Key {
-    /// The key.
-    #[must_use]
-    pub fn key(self) -> vehicle::Key {
-        match self {
-            Self::Forward => vehicle::Key::Forward,
-            Self::Backward => vehicle::Key::Backward,
-            Self::Left => vehicle::Key::Left,
-            Self::Right => vehicle::Key::Right,
-        }
     }
 }
 

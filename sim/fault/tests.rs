@@ -19,14 +19,15 @@ use sim_settings::SimTime;
 use super::*;
 use crate::event::Event;
 use crate::line::Wire;
+use crate::mecanum::{Mecanum, MecanumSettings};
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
+use crate::r150::{R150, R150Settings};
 use crate::r150_device::command::Request;
 use crate::r150_device::reply::{Reply, SystemInfo};
 use crate::r150_device::vehicle::Start;
 use crate::r150_device::{codec, settings};
 use crate::rig::{PortId, Rig, RigSettings};
-use crate::settings::{MecanumSettings, R150Settings};
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
 const ROS: PortId = PortId { device: 0, link: 1 };
@@ -51,8 +52,8 @@ fn r150_with(seed: u64, change: impl FnOnce(&mut R150Settings)) -> Rig {
     let mut rig = rig(WorldMap::default(), seed);
     let mut settings = R150Settings::default();
     change(&mut settings);
-    rig.add_r150("r150", &settings, Start::Ready, Pose::default());
-    rig.with_r150(0, |r150, _, _| {
+    crate::r150::add(&mut rig, "r150", &settings, Start::Ready, Pose::default());
+    rig.with_device(0, |r150: &mut R150, _, _| {
         for rail in Rail::ALL {
             r150.plant_mut().set_load(rail, Load::Power(5.0));
         }
@@ -78,7 +79,7 @@ fn car(ros: bool) -> Rig {
     let mut rig = rig(map, 1);
     let mut settings = MecanumSettings::default();
     settings.firmware.link_timeout = Some(MS(400));
-    rig.add_mecanum("car", &settings, ros, Pose::default());
+    crate::mecanum::add(&mut rig, "car", &settings, ros, Pose::default());
     rig.attach(MAIN, SimTime::ZERO).unwrap();
     rig.attach(ROS, SimTime::ZERO).unwrap();
     rig

@@ -1,36 +1,12 @@
 //! What goes wrong in a rig, on purpose.
 
-use super::{PortId, Rig, Slot, Vehicle};
-use crate::device_kind::DeviceKind;
-use crate::fault::{
-    Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, Faults, MOST_ARMED, MOST_EVER, Target,
-};
+use super::{PortId, Rig, Slot};
+use crate::fault::{Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, MOST_ARMED, MOST_EVER};
+use crate::injection::Injection;
 use crate::line::SerialLine;
 use crate::noise::Noise;
 
-impl Vehicle {
-    fn kind(&self) -> DeviceKind {
-        match self {
-            Self::R150(_) => DeviceKind::R150,
-            Self::Mecanum(_) => DeviceKind::Mecanum,
-        }
-    }
-
-    pub(super) fn target(&mut self) -> Target<'_> {
-        match self {
-            Self::R150(r150) => Target::R150(r150),
-            Self::Mecanum(car) => Target::Mecanum(car),
-        }
-    }
-}
-
 impl Rig {
-    /// Which device this is; `None` if there is no such device.
-    #[must_use]
-    pub fn kind(&self, device: usize) -> Option<DeviceKind> {
-        self.slots.get(device).map(|slot| slot.vehicle.kind())
-    }
-
     /// Arms a fault on a device now. `name` tells it apart in events, and gives its random numbers:
     /// the same ones in every run with the same seed, whatever else is armed.
     ///
@@ -44,9 +20,7 @@ impl Rig {
     ) -> Result<FaultHandle, FaultError> {
         let now = self.now;
         let slot = self.slots.get(device).ok_or(FaultError::NoDevice(device))?;
-        let kind = slot.vehicle.kind();
-        fault.check(kind).map_err(FaultError::Impossible)?;
-        possible(fault, slot).map_err(FaultError::Impossible)?;
+        let link = possible(fault, slot).map_err(FaultError::Impossible)?;
         let armed = slot.faults.as_ref().map_or(0, |faults| faults.count());
         if armed >= MOST_ARMED || self.fault_hits.len() >= MOST_EVER {
             return Err(FaultError::TooMany);
@@ -64,17 +38,16 @@ impl Rig {
         let links = slot.lines.len();
         let faults = slot
             .faults
-            .get_or_insert_with(|| Box::new(Faults::new(kind, links, now)));
+            .get_or_insert_with(|| Box::new(Injection::new(links, now)));
         // What has arrived already has arrived whole.
         for (link, line) in slot.lines.iter_mut().enumerate() {
             faults.pump(now, link, line);
         }
-        let mut target = slot.vehicle.target();
         let stream = |purpose: &str| Noise::new(seed, &format!("{stem}.{purpose}"));
-        faults.arm(now, (handle, name), fault, &mut target, stream);
-        faults.apply(now, &mut target, &mut self.world);
-        if let Fault::CablePulled { link } = fault {
-            let link = link.index();
+        let own = slot.device.as_mut();
+        faults.arm(now, (handle, name), (fault, link), own, stream);
+        faults.apply(now, own, &mut self.world);
+        if let Fault::CablePulled { .. } = fault {
             let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
             faults.pull_cable(now, link, attached);
         }
@@ -98,9 +71,9 @@ impl Rig {
         let Some(faults) = &mut slot.faults else {
             return;
         };
-        let mut target = slot.vehicle.target();
-        let ended = faults.disarm(now, handle, &mut target);
-        faults.apply(now, &mut target, &mut self.world);
+        let own = slot.device.as_mut();
+        let ended = faults.disarm(now, handle, own);
+        faults.apply(now, own, &mut self.world);
         slot.follow_baud();
         if let Some((name, id)) = ended {
             self.fault_event(device, &name, id, FaultPhase::Cleared);
@@ -139,7 +112,7 @@ impl Rig {
         let Some(faults) = &mut slot.faults else {
             return;
         };
-        faults.watch(&slot.vehicle.target());
+        faults.watch(slot.device.as_ref());
         self.report_faults(device);
         let slot = &mut self.slots[device];
         slot.faults.take_if(|faults| faults.is_spent());
@@ -179,19 +152,16 @@ impl Slot {
     }
 }
 
-/// What depends on how the device is set up.
-fn possible(fault: &Fault, slot: &Slot) -> Result<(), String> {
-    if let Some(link) = fault.link()
-        && link.index() >= slot.lines.len()
-    {
-        return Err(format!(
-            "`link`: the {link} link of this car is not configured"
-        ));
+/// Whether a device as it is set up can have a fault; gives the link that it is about.
+fn possible(fault: &Fault, slot: &Slot) -> Result<usize, String> {
+    slot.spec.check(fault)?;
+    if matches!(fault, Fault::WatchdogOff {}) {
+        slot.device.check_watchdog()?;
     }
-    match (fault, &slot.vehicle) {
-        (Fault::WatchdogOff {}, Vehicle::Mecanum(car)) if !car.device().has_watchdog() => Err(
-            "this car has no watchdog that could fail: its `link_timeout` is \"off\"".to_owned(),
-        ),
-        _ => Ok(()),
-    }
+    let Some(name) = fault.link() else {
+        return Ok(0);
+    };
+    let link = slot.spec.link(name.as_str());
+    link.filter(|link| *link < slot.lines.len())
+        .ok_or_else(|| format!("`link`: the {name} link of this device is not configured"))
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use sim_settings::SimTime;
 
 use super::{Rig, RigError};
-use crate::fault::Faults;
+use crate::injection::Injection;
 use crate::line::{ClientLine, LineEvent, SerialLine};
 
 /// One serial port: a link of a device.
@@ -63,7 +63,7 @@ impl Rig {
     /// soon.
     pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         for slot in &mut self.slots {
-            slot.vehicle.unit_mut().expect_burst(by, until);
+            slot.device.expect_burst(by, until);
         }
     }
 
@@ -119,7 +119,7 @@ impl Rig {
         faults.take_for_client(now, port.link, bytes);
     }
 
-    fn faults_mut(&mut self, device: usize) -> Option<&mut Faults> {
+    fn faults_mut(&mut self, device: usize) -> Option<&mut Injection> {
         self.slots.get_mut(device)?.faults.as_deref_mut()
     }
 

@@ -5,10 +5,10 @@ use sim_settings::SimTime;
 
 use super::events::Events;
 use super::{PortId, Rig, Slot};
+use crate::device::Device;
 use crate::event::Event;
-use crate::fault::Faults;
+use crate::injection::Injection;
 use crate::line::{LineEvent, OnLine, SerialLine};
-use crate::unit::Unit;
 
 /// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A device
 /// keeps a thousand events, and none of its frames is shorter than two bytes.
@@ -19,7 +19,7 @@ impl Rig {
     pub(super) fn serve(&mut self, device: usize) {
         let now = self.now;
         let slot = &mut self.slots[device];
-        let unit = slot.vehicle.unit_mut();
+        let unit = slot.device.as_mut();
         let faults = slot.faults.as_deref_mut();
         let mut told = 0;
         receive(now, unit, &mut slot.lines, faults, &mut |unit| {
@@ -50,7 +50,7 @@ impl Rig {
         self.rest_to_grid(device);
         let now = self.now;
         if let Some(slot) = self.slots.get_mut(device) {
-            let unit = slot.vehicle.unit_mut();
+            let unit = slot.device.as_mut();
             unit.settle(now);
             if unit.next_deadline().is_some_and(|due| due <= now) {
                 // What the firmware answers to a measurement at once, such as a trip without delay.
@@ -68,9 +68,9 @@ impl Rig {
         let now = self.now;
         say_farewell(now, slot);
         send(now, device, slot, &mut self.events);
-        take_events(device, slot.vehicle.unit_mut(), &mut self.events);
+        take_events(device, slot.device.as_mut(), &mut self.events);
         self.agenda.set(device, next(slot));
-        if self.resting && !slot.vehicle.unit().at_rest() {
+        if self.resting && !slot.device.at_rest() {
             self.resting = false;
             self.physics_due = self
                 .physics_due
@@ -91,7 +91,7 @@ impl Rig {
 }
 
 /// Takes what a device tells, before it has to forget any of it.
-fn take_events(device: usize, unit: &mut dyn Unit, events: &mut Events) {
+fn take_events(device: usize, unit: &mut dyn Device, events: &mut Events) {
     while let Some((at, kind)) = unit.poll_event() {
         events.keep_event(Event { at, device, kind });
     }
@@ -100,10 +100,10 @@ fn take_events(device: usize, unit: &mut dyn Unit, events: &mut Events) {
 /// Hands a device the bytes that have arrived; `between` is called after each.
 fn receive(
     now: SimTime,
-    unit: &mut dyn Unit,
+    unit: &mut dyn Device,
     lines: &mut [SerialLine],
-    mut faults: Option<&mut Faults>,
-    between: &mut dyn FnMut(&mut dyn Unit),
+    mut faults: Option<&mut Injection>,
+    between: &mut dyn FnMut(&mut dyn Device),
 ) {
     for (link, line) in lines.iter_mut().enumerate() {
         if let Some(faults) = &mut faults {
@@ -123,7 +123,7 @@ fn receive(
 fn say_farewell(now: SimTime, slot: &mut Slot) {
     for (link, line) in slot.lines.iter_mut().enumerate() {
         if line.take_former_done(now) {
-            slot.vehicle.unit_mut().client_left(now, link);
+            slot.device.as_mut().client_left(now, link);
             if let Some(faults) = &mut slot.faults {
                 faults.forget_late(link);
             }
@@ -144,14 +144,14 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
             events.keep(now, device, OnLine { link, event });
         }
     };
-    let unit = slot.vehicle.unit_mut();
+    let unit = slot.device.as_mut();
     let Some(faults) = &mut slot.faults else {
         while let Some((link, bytes)) = unit.poll_output() {
             put(&mut slot.lines[link], link, &bytes, true);
         }
         return;
     };
-    let mut put = |faults: &mut Faults, link: usize, frame: &[u8]| {
+    let mut put = |faults: &mut Injection, link: usize, frame: &[u8]| {
         let line = &mut slot.lines[link];
         faults.before_sending(now, link, frame.len(), line);
         put(line, link, frame, faults.has_room(link));
@@ -169,7 +169,7 @@ fn send(now: SimTime, device: usize, slot: &mut Slot, events: &mut Events) {
 /// When a device next has something to do.
 fn next(slot: &Slot) -> SimTime {
     let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
-    let own = arrivals.chain(slot.vehicle.unit().next_deadline()).min();
+    let own = arrivals.chain(slot.device.next_deadline()).min();
     let Some(faults) = &slot.faults else {
         return own.unwrap_or(SimTime::MAX);
     };

@@ -8,7 +8,10 @@ use sim_physics::r150::Load;
 
 use super::*;
 use crate::line::{ClientLine, LineEvent};
+use crate::r150::{R150, R150Settings};
 use crate::r150_device::command::Request;
+use crate::r150_device::vehicle::Start;
+use sim_physics::Pose;
 
 const PORT: PortId = PortId { device: 0, link: 0 };
 
@@ -37,7 +40,7 @@ fn rig_with(wire: Wire, seed: u64, change: impl FnOnce(&mut R150Settings)) -> Ri
     });
     let mut settings = R150Settings::default();
     change(&mut settings);
-    rig.add_r150("r150", &settings, Start::Ready, Pose::default());
+    crate::r150::add(&mut rig, "r150", &settings, Start::Ready, Pose::default());
     rig.attach(PORT, SimTime::ZERO).unwrap();
     rig
 }
@@ -74,7 +77,10 @@ fn transcript(seed: u64, inputs: &[(SimTime, Vec<u8>)], ask_often: bool) -> Stri
     let events: Vec<String> = std::iter::from_fn(|| rig.poll_event())
         .map(|event| format!("{} {}", event.at, event.kind))
         .collect();
-    format!("{bytes:?}\n{events:#?}\n{:?}", rig.r150(0).unwrap().truth())
+    format!(
+        "{bytes:?}\n{events:#?}\n{:?}",
+        rig.device::<R150>(0).unwrap().truth()
+    )
 }
 
 fn inputs() -> impl Strategy<Value = Vec<(SimTime, Vec<u8>)>> {
@@ -150,7 +156,7 @@ fn full_ahead_reaches_the_manuals_speed_and_the_watchdog_ends_it() {
         now += Duration::from_millis(50);
     }
     rig.advance(now).unwrap();
-    let driving = rig.r150(0).unwrap().truth();
+    let driving = rig.device::<R150>(0).unwrap().truth();
     assert!(
         (driving.forward_speed / 1.4 - 1.0).abs() < 0.03,
         "{driving:?}"
@@ -158,9 +164,9 @@ fn full_ahead_reaches_the_manuals_speed_and_the_watchdog_ends_it() {
     let last_command = now - Duration::from_millis(50);
     rig.advance(last_command + Duration::from_millis(500))
         .unwrap();
-    let fired_at = rig.r150(0).unwrap().truth().distance;
+    let fired_at = rig.device::<R150>(0).unwrap().truth().distance;
     rig.advance(now + Duration::from_secs(3)).unwrap();
-    let stopped = rig.r150(0).unwrap().truth();
+    let stopped = rig.device::<R150>(0).unwrap().truth();
     assert!(stopped.distance - fired_at < 0.5, "{stopped:?}");
     assert_eq!(stopped.forward_speed, 0.0);
     assert!(stopped.at_rest);
@@ -187,7 +193,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
     // 100 W on the 48 V output; a wake-up in the middle must neither lose nor double time.
     let run = |disturb: bool| {
         let mut rig = rig(Wire::Instant);
-        rig.with_r150(0, |r150, _, _| {
+        rig.with_device(0, |r150: &mut R150, _, _| {
             r150.set_load(sim_physics::r150::Rail::V48, Load::Power(100.0));
         });
         for second in 0..60 {
@@ -201,7 +207,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
             }
         }
         rig.advance(SimTime::from_secs(60)).unwrap();
-        rig.r150(0).unwrap().truth().charge_drawn
+        rig.device::<R150>(0).unwrap().truth().charge_drawn
     };
     let (still, disturbed) = (run(false), run(true));
     assert!(
@@ -214,7 +220,7 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
 #[test]
 fn an_overload_on_a_real_rail_trips_through_measured_currents() {
     let mut rig = rig(Wire::Instant);
-    rig.with_r150(0, |r150, _, _| {
+    rig.with_device(0, |r150: &mut R150, _, _| {
         r150.set_load(sim_physics::r150::Rail::V12A, Load::Power(300.0));
     });
     let on = SimTime::from_millis(7);
@@ -222,9 +228,9 @@ fn an_overload_on_a_real_rail_trips_through_measured_currents() {
         .unwrap();
     rig.advance(on + Duration::from_millis(200) - Duration::from_nanos(1))
         .unwrap();
-    assert_eq!(rig.r150(0).unwrap().device().sys_status(), 0);
+    assert_eq!(rig.device::<R150>(0).unwrap().device().sys_status(), 0);
     rig.advance(on + Duration::from_millis(200)).unwrap();
-    let device = rig.r150(0).unwrap().device();
+    let device = rig.device::<R150>(0).unwrap().device();
     assert_eq!((device.sys_status(), device.power_status()), (1, 0));
 }
 
@@ -235,9 +241,9 @@ fn a_short_on_each_rail_trips_within_a_millisecond() {
         let on = SimTime::from_millis(7);
         let all = Request::PowerControl { status: 0b11_1111 };
         rig.client_sends(PORT, on, &all.encode()).unwrap();
-        rig.with_r150(0, |r150, _, _| r150.set_load(rail, Load::Short));
+        rig.with_device(0, |r150: &mut R150, _, _| r150.set_load(rail, Load::Short));
         rig.advance(on + Duration::from_millis(1)).unwrap();
-        let device = rig.r150(0).unwrap().device();
+        let device = rig.device::<R150>(0).unwrap().device();
         assert_eq!(device.power_status() >> bit & 1, 0, "{rail:?}");
         assert_ne!(device.sys_status(), 0, "{rail:?}");
     }
@@ -294,7 +300,7 @@ fn a_port_that_does_not_exist_does_nothing() {
         .unwrap();
     rig.tell(nowhere, LineEvent::Overrun { bytes: 1 });
     assert_eq!(rig.room(nowhere), 0);
-    assert!(rig.with_r150(3, |_, _, _| ()).is_none());
+    assert!(rig.with_device(3, |_: &mut R150, _, _| ()).is_none());
 }
 
 /// Of everything that came out, and of the last bit of where it ended.
@@ -337,7 +343,7 @@ fn golden_drive() {
         }
         send(&mut rig, Request::SystemInfo);
     }
-    let pose = rig.r150(0).unwrap().truth().pose;
+    let pose = rig.device::<R150>(0).unwrap().truth().pose;
     let seen = (
         output.len(),
         format!("{:.3} {:.3} {:.3}", pose.x, pose.y, pose.heading),

@@ -1,7 +1,7 @@
 //! Conditions of the names, operators and functions that there are.
 
-use sim_runner::Kind;
-use sim_runner::condition::{Unit, names};
+use sim_core::device::DeviceSpec;
+use sim_core::device::names::Unit;
 
 use super::choices::Choices;
 
@@ -9,11 +9,18 @@ use super::choices::Choices;
 const MOST_DEPTH: usize = 4;
 
 /// A condition about these devices.
-pub(super) fn condition(choices: &mut Choices<'_>, devices: &[(String, Kind)]) -> String {
+pub(super) fn condition(
+    choices: &mut Choices<'_>,
+    devices: &[(String, &'static DeviceSpec)],
+) -> String {
     flag(choices, devices, MOST_DEPTH)
 }
 
-fn flag(choices: &mut Choices<'_>, devices: &[(String, Kind)], depth: usize) -> String {
+fn flag(
+    choices: &mut Choices<'_>,
+    devices: &[(String, &'static DeviceSpec)],
+    depth: usize,
+) -> String {
     if choices.is_odd() {
         return number(choices, devices, depth.min(1));
     }
@@ -44,7 +51,11 @@ fn flag(choices: &mut Choices<'_>, devices: &[(String, Kind)], depth: usize) -> 
     }
 }
 
-fn number(choices: &mut Choices<'_>, devices: &[(String, Kind)], depth: usize) -> String {
+fn number(
+    choices: &mut Choices<'_>,
+    devices: &[(String, &'static DeviceSpec)],
+    depth: usize,
+) -> String {
     if choices.is_odd() {
         return flag(choices, devices, depth.min(1));
     }
@@ -81,7 +92,11 @@ fn number(choices: &mut Choices<'_>, devices: &[(String, Kind)], depth: usize) -
 }
 
 /// A name of a device's tree, true or false or a number; or one that is not there.
-fn name(choices: &mut Choices<'_>, devices: &[(String, Kind)], is_flag: bool) -> String {
+fn name(
+    choices: &mut Choices<'_>,
+    devices: &[(String, &'static DeviceSpec)],
+    is_flag: bool,
+) -> String {
     if choices.is_odd() {
         let odd = [
             "nobody.truth.speed_mps",
@@ -98,8 +113,8 @@ fn name(choices: &mut Choices<'_>, devices: &[(String, Kind)], is_flag: bool) ->
     let Some((device, kind)) = choices.pick(devices) else {
         return "t".to_owned();
     };
-    let names: Vec<&str> = names(*kind)
-        .iter()
+    let names: Vec<&str> = kind
+        .all_names()
         .filter(|info| (info.unit == Unit::Flag) == is_flag)
         .map(|info| info.name)
         .collect();

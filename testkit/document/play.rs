@@ -40,7 +40,7 @@ pub fn scenario(choices: &[u8]) -> Became {
         file: "scenario.toml",
         text: &text,
     };
-    let scenario = match Scenario::parse(source, &SimSettings::default()) {
+    let scenario = match Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)) {
         Ok(scenario) => Arc::new(scenario),
         Err(error) => {
             text::is_told(&error.to_string());
@@ -56,7 +56,7 @@ pub fn scenario(choices: &[u8]) -> Became {
     };
     let again = play(&scenario).map_err(|error| error.to_string());
     assert_eq!(again.as_ref(), Ok(&lines), "another run of\n{text}");
-    let same = Replay::all(lines.iter().map(String::as_str));
+    let same = Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str));
     assert_eq!(same, Ok(()), "the recording of\n{text}");
     Became::Played
 }

@@ -1,7 +1,5 @@
 //! What happens in a scenario, and what its schema does not say of it.
 
-use sim_core::device_kind::DeviceKind;
-use sim_runner::Kind;
 use toml::{Table, Value};
 
 use super::{Writer, condition};
@@ -58,12 +56,7 @@ impl Writer<'_> {
     fn fault(&mut self) -> Value {
         let mut fault = FaultChoice::new([0; 7].map(|_| self.choices.byte()));
         for _ in 0..200 {
-            let is_for_it = self.kind.is_none_or(|kind| {
-                fault.is_for(match kind {
-                    Kind::R150 => DeviceKind::R150,
-                    Kind::Mecanum => DeviceKind::Mecanum,
-                })
-            });
+            let is_for_it = self.kind.is_none_or(|kind| fault.is_for(kind));
             if is_for_it || self.choices.is_odd() {
                 break;
             }
@@ -139,7 +132,7 @@ impl Writer<'_> {
                 put("may_not_trigger", Value::from(true));
             }
         }
-        let is_mecanum = kind == Kind::Mecanum;
+        let has_links = kind.links.len() > 1;
         let (key, named) = [
             ("host", "HostText"),
             ("fault", "Fault"),
@@ -149,7 +142,7 @@ impl Writer<'_> {
         ][self.choices.below(5)];
         let mut action = self.defined(named, key);
         if let Value::Table(action) = &mut action {
-            self.mend(action, is_mecanum);
+            self.mend(action, has_links);
         }
         if key == "fault" && self.choices.once_in(2) {
             put("for", Value::from("50 ms"));
@@ -175,8 +168,8 @@ impl Writer<'_> {
     }
 
     /// What goes with what, where an action has it.
-    fn mend(&mut self, action: &mut Table, is_mecanum: bool) {
-        if !is_mecanum {
+    fn mend(&mut self, action: &mut Table, has_links: bool) {
+        if !has_links {
             action.remove("link");
         }
         if let Some(add) = action.get_mut("add") {

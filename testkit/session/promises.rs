@@ -4,6 +4,8 @@ use std::hash::Hash as _;
 use std::time::Duration;
 
 use sim_core::SimTime;
+use sim_core::device::names::Reading;
+use sim_core::device::{Observed, View};
 use sim_core::line::{ClientLine, MOST_IN_FLIGHT};
 use sim_core::mecanum_device::Link;
 use sim_core::rig::{PortId, Rig};
@@ -17,14 +19,14 @@ impl Player {
     pub(super) fn check(&mut self) {
         for device in 0..self.rig.devices() {
             let numbers = truth(&self.rig, device);
-            for number in numbers {
+            for number in &numbers {
                 assert!(number.is_finite(), "device {device}: {numbers:?}");
                 number.to_bits().hash(&mut self.seen);
             }
             let distance = self.rig.distance_m(device);
             assert!(distance >= self.distance[device], "{distance} m");
             self.distance[device] = distance;
-            if let Some(r150) = self.rig.r150(device) {
+            if let Some(r150) = self.rig.device::<sim_core::r150::R150>(device) {
                 let soc = r150.truth().soc;
                 assert!((0.0..=1.0).contains(&soc), "charge of {soc}");
             }
@@ -179,46 +181,22 @@ impl ExpectDue for Option<SimTime> {
 
 /// The numbers of a device's truth.
 #[must_use]
-pub fn truth(rig: &Rig, device: usize) -> [f64; 18] {
-    let mut numbers = [0.0; 18];
-    if let Some(r150) = rig.r150(device) {
-        let t = r150.truth();
-        numbers = [
-            t.pose.x,
-            t.pose.y,
-            t.pose.heading,
-            t.forward_speed,
-            t.leftward_speed,
-            t.yaw_rate,
-            t.distance,
-            t.wheel_speed.right,
-            t.wheel_speed.left,
-            t.motor_current.right,
-            t.motor_current.left,
-            t.motor_supply_current.right,
-            t.motor_supply_current.left,
-            t.battery_voltage,
-            t.battery_current,
-            t.soc,
-            t.charge_drawn,
-            t.mass,
-        ];
-    }
-    if let Some(car) = rig.mecanum(device) {
-        let t = car.truth();
-        let body = [
-            t.pose.x,
-            t.pose.y,
-            t.pose.heading,
-            t.forward_speed,
-            t.leftward_speed,
-            t.yaw_rate,
-        ];
-        let rest = body.into_iter().chain([t.distance, t.mass]);
-        let rest = rest.chain(t.wheel_speed).chain(t.motor_torque);
-        for (number, value) in numbers.iter_mut().zip(rest) {
-            *number = value;
-        }
-    }
-    numbers
+pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
+    let (Some(spec), Some(device)) = (rig.spec(index), rig.any_device(index)) else {
+        return Vec::new();
+    };
+    let view = View {
+        now: rig.now(),
+        world: rig.world(),
+        device,
+        observed: &Observed::new(spec),
+    };
+    let groups = ["truth.", "wheel.", "rail."];
+    let names = spec.all_names();
+    let names = names.filter(|info| groups.iter().any(|group| info.name.starts_with(group)));
+    let numbers = names.filter_map(|info| match info.getter().read(&view) {
+        Reading::Number(number) => Some(number),
+        Reading::Flag(_) => None,
+    });
+    numbers.collect()
 }

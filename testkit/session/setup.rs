@@ -4,8 +4,10 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 use sim_core::line::Wire;
+use sim_core::mecanum::MecanumSettings;
 use sim_core::mecanum_device::Link;
 use sim_core::mecanum_device::settings::Acknowledge;
+use sim_core::r150::R150Settings;
 use sim_core::r150_device::vehicle::Start;
 use sim_core::rig::{PortId, Rig, RigSettings};
 use sim_core::settings::SimSettings;
@@ -65,17 +67,17 @@ impl Setup {
             clients.push(Client::new(PortId { device, link }, baud, says));
         };
         if self.devices != Devices::Mecanum {
-            let settings = &settings.r150;
+            let settings: R150Settings = settings.of().cloned().unwrap_or_default();
             let start = if self.locked {
                 Start::Locked
             } else {
                 Start::Ready
             };
-            let device = rig.add_r150("r150", settings, start, Pose::default());
+            let device = sim_core::r150::add(&mut rig, "r150", &settings, start, Pose::default());
             serve(device, 0, settings.firmware.baud, Says::Replies);
         }
         if self.devices != Devices::R150 {
-            let mut settings = settings.mecanum.clone();
+            let mut settings: MecanumSettings = settings.of().cloned().unwrap_or_default();
             let firmware = &mut settings.firmware;
             if self.locked && firmware.link_timeout.is_none() {
                 // There is a watchdog that can fail only then.
@@ -85,7 +87,7 @@ impl Setup {
                 x: 1.2,
                 ..Pose::default()
             };
-            let device = rig.add_mecanum("car", &settings, self.ros, pose);
+            let device = sim_core::mecanum::add(&mut rig, "car", &settings, self.ros, pose);
             let firmware = &settings.firmware;
             let reports = |link, period| Says::Reports {
                 link,

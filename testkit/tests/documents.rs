@@ -49,7 +49,7 @@ fn a_third_of_the_scenarios_is_sound() {
             file: "s",
             text: &text,
         };
-        let read = Scenario::parse(source, &SimSettings::default());
+        let read = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED));
         read.map(drop).map_err(|error| error.to_string())
     }));
 }
@@ -62,7 +62,7 @@ fn a_third_of_the_rigs_is_sound() {
             file: "r",
             text: &text,
         };
-        let read = RigPlan::parse(source, &SimSettings::default());
+        let read = RigPlan::parse(source, &SimSettings::new(sim_core::SHIPPED));
         read.map(drop).map_err(|error| error.to_string())
     }));
 }

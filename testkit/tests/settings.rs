@@ -42,7 +42,7 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
         let absurd = literals(&entry, ABSURD.iter().map(|&number| number.to_owned()));
         let foreign = FOREIGN.iter().map(|&literal| literal.to_owned());
         for literal in absurd.into_iter().chain(foreign) {
-            let mut settings = SimSettings::default();
+            let mut settings = SimSettings::new(sim_core::SHIPPED);
             let text = line(&entry.key, &literal);
             match load_toml(&text, "my.toml", &mut settings) {
                 Err(errors) => {
@@ -72,7 +72,8 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
             }
             for not_finite in ["nan", "inf", "1e308", "1e400"] {
                 assert!(
-                    !literal.contains(not_finite) || settings == SimSettings::default(),
+                    !literal.contains(not_finite)
+                        || settings == SimSettings::new(sim_core::SHIPPED),
                     "{text} is taken"
                 );
             }
@@ -89,7 +90,7 @@ fn both_ends_of_every_range_drive() {
     let mut tried = 0;
     for entry in entries() {
         for literal in literals(&entry, bounds(&entry).into_iter().flatten()) {
-            let mut settings = SimSettings::default();
+            let mut settings = SimSettings::new(sim_core::SHIPPED);
             let text = line(&entry.key, &literal);
             let loaded = load_toml(&text, "my.toml", &mut settings);
             assert_eq!(loaded, Ok(()), "{text}");
@@ -140,7 +141,7 @@ proptest! {
 
     #[test]
     fn any_extremes_together_drive(text in any_extremes()) {
-        let mut settings = SimSettings::default();
+        let mut settings = SimSettings::new(sim_core::SHIPPED);
         prop_assert_eq!(load_toml(&text, "my.toml", &mut settings), Ok(()));
         if settings.check().is_ok() {
             text::drive(&settings, WorldMap::default(), Drive::For(Duration::from_millis(500)));

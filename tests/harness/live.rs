@@ -62,8 +62,12 @@ impl Folder {
         fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     }
 
-    /// Starts `sim` in the folder.
+    /// Starts `sim` in the folder; a client has real time unless another is asked for.
     pub fn start(&self, args: &[&str]) -> Sim {
+        let real = args.contains(&"--") && !args.contains(&"--time");
+        let (run, rest) = args.split_at(usize::from(real));
+        let time: &[&str] = if real { &["--time", "real"] } else { &[] };
+        let args = [run, time, rest].concat();
         let mut command = command();
         // What it leaves behind for clients can be found there.
         command.env("TMPDIR", self.path());
@@ -96,6 +100,13 @@ impl Folder {
     pub fn pids(&self, name: &str) -> Vec<Pid> {
         let parse = |line: &str| Pid::from_raw(line.parse().unwrap()).unwrap();
         self.read(name).lines().map(parse).collect()
+    }
+
+    /// How many folders for ports of runs in lockstep are there now.
+    pub fn ports_left(&self) -> usize {
+        let user = rustix::process::geteuid().as_raw();
+        let entries = fs::read_dir(self.path().join(format!("sim-{user}")));
+        entries.map_or(0, Iterator::count)
     }
 
     /// The folders for ports that are there now.

@@ -100,7 +100,7 @@ fn a_fault_that_the_device_cannot_have_is_refused_with_its_line() {
             file: "s.toml",
             text: &text,
         };
-        Scenario::parse(source, &SimSettings::default())
+        Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
             .unwrap_err()
             .to_string()
     };
@@ -148,5 +148,5 @@ fn a_run_with_every_kind_of_chance_is_repeated_from_its_trace() {
     let mut run = Run::new(scenario(&text), None, options).unwrap();
     let mut lines = Vec::new();
     run.play(&mut |line| lines.push(line.to_owned())).unwrap();
-    crate::trace::Replay::all(lines.iter().map(String::as_str)).unwrap();
+    crate::trace::Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str)).unwrap();
 }

@@ -290,7 +290,13 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
         )
         .unwrap();
         run.play(&mut |_| {}).unwrap();
-        let locked = run.rig().r150(0).unwrap().device().vehicle().locked();
+        let locked = run
+            .rig()
+            .device::<sim_core::r150::R150>(0)
+            .unwrap()
+            .device()
+            .vehicle()
+            .locked();
         let events: Vec<_> = std::iter::from_fn(|| run.poll_event())
             .filter(|event| event.kind.code().as_str() == "operated")
             .map(|event| (event.at, event.kind.to_string()))

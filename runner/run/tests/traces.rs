@@ -18,7 +18,7 @@ fn trace(text: &str, seed: u64) -> Vec<String> {
 }
 
 fn replay(lines: &[String]) -> Result<(), ReplayError> {
-    Replay::all(lines.iter().map(String::as_str))
+    Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str))
 }
 
 /// A live run whose client sends these at these times, and is asked for its bytes at odd times; the
@@ -261,7 +261,7 @@ fn neither_side_of_a_comparison_grows_without_bound() {
     // A car that talks by itself and a recording that has nothing of it; and one that has ever more.
     let lines = live(&text(CAR, "2s", ""), Wire::Paced, &[]);
     let header = lines[0].replace("2s", "100000 s");
-    let mut silent = Replay::begin(&header).unwrap();
+    let mut silent = Replay::begin(sim_core::SHIPPED, &header).unwrap();
     let attach = lines.iter().find(|line| line.contains("attach"));
     silent.line(attach.unwrap()).unwrap();
     let end = r#"{"kind":"end","t":100000000000000,"passed":true,"dropped":0}"#;
@@ -269,7 +269,7 @@ fn neither_side_of_a_comparison_grows_without_bound() {
         panic!("the recording lacks all bytes")
     };
     assert_eq!(difference.recorded, None);
-    let mut talks = Replay::begin(&header).unwrap();
+    let mut talks = Replay::begin(sim_core::SHIPPED, &header).unwrap();
     let bytes = "00".repeat(1024);
     let out = format!(r#"{{"kind":"out","t":0,"dt":0,"port":[0,1],"bytes":"{bytes}"}}"#);
     assert!((0..100).any(|_| talks.line(&out).is_err()));
@@ -282,7 +282,7 @@ fn base_settings_travel_in_the_header() {
         "2s",
         "[[step]]\nat = \"1s\"\nhost = { send = \"version\" }\n",
     );
-    let mut base = SimSettings::default();
+    let mut base = SimSettings::new(sim_core::SHIPPED);
     sim_settings::load_toml(
         "r150.software_version = \"9.8.7.6\"\nr150.reply_delay = \"3ms\"",
         "flags",

@@ -55,7 +55,7 @@ impl Loaded {
             file: &file,
             text: &text,
         };
-        let scenario = Scenario::parse(source, &SimSettings::default())
+        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
             .map_err(|errors| errors.to_string())?;
         let world = match scenario.world() {
             Some(world) => {

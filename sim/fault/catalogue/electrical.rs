@@ -5,7 +5,7 @@ macro_rules! electrical {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Something else hangs on an output. Give one of power, resistance and current.
-    RailLoad = "rail-load", Electrical, R150,
+    RailLoad = "rail-load", Electrical, false,
     sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
     counts "The output was on.",
     {
@@ -22,7 +22,7 @@ macro_rules! electrical {
         current: Option<Current>,
     }
     /// An output is shorted.
-    RailShort = "rail-short", Electrical, R150,
+    RailShort = "rail-short", Electrical, false,
     sees "The output trips within a millisecond and `sysStatus` says so; 0x02 may answer false.",
     counts "The output was on.",
     {
@@ -30,7 +30,7 @@ macro_rules! electrical {
         rail: RailName,
     }
     /// What hangs on an output is off.
-    RailOpen = "rail-open", Electrical, R150,
+    RailOpen = "rail-open", Electrical, false,
     sees "No current from an output that is on.",
     counts "The output was on.",
     {
@@ -38,7 +38,7 @@ macro_rules! electrical {
         rail: RailName,
     }
     /// The supply sags.
-    SupplySag = "supply-sag", Electrical, R150,
+    SupplySag = "supply-sag", Electrical, false,
     sees "A lower `voltage_48v` and speed; under 39 V the power module fault and all outputs off.",
     counts "The supply was lower by 0.1 V or more.",
     {
@@ -50,7 +50,7 @@ macro_rules! electrical {
         resistance: Resistance,
     }
     /// A pair of 12 V outputs gets hot.
-    OverTemperature = "over-temperature", Electrical, R150,
+    OverTemperature = "over-temperature", Electrical, false,
     sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
     counts "The sensor read more than without the fault.",
     {
@@ -61,17 +61,17 @@ macro_rules! electrical {
         temperature: Temperature,
     }
     /// The power module is faulty.
-    PowerModuleFault = "power-module-fault", Electrical, R150,
+    PowerModuleFault = "power-module-fault", Electrical, false,
     sees "Bit 6 of `sysStatus`, and all outputs off.",
     counts "The module was powered.",
     {}
     /// The battery is empty; at the end it has what it would have had.
-    BatteryEmpty = "battery-empty", Electrical, R150,
+    BatteryEmpty = "battery-empty", Electrical, false,
     sees "`soc` 0, a low voltage with the power module fault, and motors that do not turn.",
     counts "The battery had charge.",
     {}
     /// The battery suddenly has less charge, as with a bad cell; at the end it has it again.
-    ChargeDrop = "charge-drop", Electrical, R150,
+    ChargeDrop = "charge-drop", Electrical, false,
     sees "`soc` falls at once, and the voltage with it.",
     counts "The battery had charge.",
     {
@@ -80,7 +80,7 @@ macro_rules! electrical {
         by: Percent,
     }
     /// A fuse is blown; it is replaced at the end.
-    FuseBlown = "fuse-blown", Electrical, R150,
+    FuseBlown = "fuse-blown", Electrical, false,
     sees "A side that the other drags along; or, without the tail supply, a module that is silent.",
     counts "Current would have flowed through it.",
     {
@@ -88,7 +88,7 @@ macro_rules! electrical {
         fuse: FuseName,
     }
     /// Board and motors have no supply.
-    SupplyLost = "supply-lost", Electrical, CAR,
+    SupplyLost = "supply-lost", Electrical, false,
     sees "Silence, then a board that has forgotten motions and position.",
     counts "The board was powered.",
     {}

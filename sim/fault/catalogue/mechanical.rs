@@ -5,7 +5,7 @@ macro_rules! mechanical {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Wheels cannot turn.
-    Blocked = "blocked", Mechanical, BOTH,
+    Blocked = "blocked", Mechanical, false,
     sees "No speed from there although driven; an R150's bus voltage falls and fuses may blow; a car's motion does not end.",
     counts "A blocked wheel was driven.",
     {
@@ -13,7 +13,7 @@ macro_rules! mechanical {
         motors: Motors,
     }
     /// Something drags on wheels.
-    Dragging = "dragging", Mechanical, BOTH,
+    Dragging = "dragging", Mechanical, false,
     sees "Less speed, and a vehicle that pulls to one side.",
     counts "A dragged wheel was driven or turned.",
     {
@@ -25,7 +25,7 @@ macro_rules! mechanical {
         torque: Option<Torque>,
     }
     /// Motors neither drive nor hold their wheels.
-    FreeWheeling = "free-wheeling", Mechanical, BOTH,
+    FreeWheeling = "free-wheeling", Mechanical, false,
     sees "Wheels that turn only as the others drag them, and less speed.",
     counts "A motor without effect was driven.",
     {
@@ -33,7 +33,7 @@ macro_rules! mechanical {
         motors: Motors,
     }
     /// The cables of encoders are off.
-    EncoderLost = "encoder-lost", Mechanical, BOTH,
+    EncoderLost = "encoder-lost", Mechanical, false,
     sees "Speed 0 while driving; a car's motion does not end.",
     counts "A wheel turned unseen.",
     {
@@ -41,7 +41,7 @@ macro_rules! mechanical {
         motors: Motors,
     }
     /// Encoders repeat what they gave last.
-    EncoderStuck = "encoder-stuck", Mechanical, BOTH,
+    EncoderStuck = "encoder-stuck", Mechanical, false,
     sees "A speed that does not change; a car's pulses come all at once at the end.",
     counts "A wheel turned at another speed than the encoder gave.",
     {
@@ -49,7 +49,7 @@ macro_rules! mechanical {
         motors: Motors,
     }
     /// Interference spoils encoders.
-    EncoderNoisy = "encoder-noisy", Mechanical, BOTH,
+    EncoderNoisy = "encoder-noisy", Mechanical, false,
     sees "Speeds that jump about; a car that thinks it has gone farther, even standing.",
     counts "A reading was spoilt.",
     {
@@ -63,7 +63,7 @@ macro_rules! mechanical {
         pulses_per_second: u16,
     }
     /// Motors are wired backwards; their encoders are not.
-    WiredBackwards = "wired-backwards", Mechanical, BOTH,
+    WiredBackwards = "wired-backwards", Mechanical, false,
     sees "An R150's speed with the wrong sign; a car that turns away while its packets say all is well.",
     counts "Such a motor was driven.",
     {
@@ -71,7 +71,7 @@ macro_rules! mechanical {
         motors: Motors,
     }
     /// Two motors are plugged into one another's ports.
-    PortsSwapped = "ports-swapped", Mechanical, CAR,
+    PortsSwapped = "ports-swapped", Mechanical, false,
     sees "A car that moves otherwise than its packets say.",
     counts "One of the two ports was driven.",
     {
@@ -81,12 +81,12 @@ macro_rules! mechanical {
         with: PortName,
     }
     /// The cables of the two sides, motors and encoders, are swapped.
-    SidesSwapped = "sides-swapped", Mechanical, R150,
+    SidesSwapped = "sides-swapped", Mechanical, false,
     sees "Left turns become right turns, although the reported speeds are as expected.",
     counts "The sides were driven differently.",
     {}
     /// The ground under the wheels is slippery.
-    Ice = "ice", Mechanical, BOTH,
+    Ice = "ice", Mechanical, false,
     sees "Speeds of wheels that spin; the vehicle itself lags behind and slides.",
     counts "The vehicle was driven or moved.",
     {
@@ -95,7 +95,7 @@ macro_rules! mechanical {
         friction: Probability,
     }
     /// Something heavy lies on the deck.
-    Payload = "payload", Mechanical, BOTH,
+    Payload = "payload", Mechanical, false,
     sees "Slower starts and longer stops; more current.",
     counts "The vehicle was driven or moved.",
     {
@@ -103,7 +103,7 @@ macro_rules! mechanical {
         mass: Mass,
     }
     /// Something pushes the vehicle.
-    Push = "push", Mechanical, BOTH,
+    Push = "push", Mechanical, false,
     sees "Speeds that it did not ask for, or none; it may be pushed with its brakes on.",
     counts "The push was there.",
     {
@@ -118,7 +118,7 @@ macro_rules! mechanical {
         turn: Torque,
     }
     /// Brakes do not release: the R150's parking brake, or the motor brakes of the car.
-    BrakeStuckOn = "brake-stuck-on", Mechanical, BOTH,
+    BrakeStuckOn = "brake-stuck-on", Mechanical, false,
     sees "Little or no speed although driven.",
     counts "A braked wheel was driven.",
     {
@@ -127,7 +127,7 @@ macro_rules! mechanical {
         motors: Motors,
     }
     /// Brakes do not hold: the R150's parking brake, or the motor brakes of the car.
-    BrakeStuckOpen = "brake-stuck-open", Mechanical, BOTH,
+    BrakeStuckOpen = "brake-stuck-open", Mechanical, false,
     sees "A parked vehicle that rolls on a slope or when pushed.",
     counts "The brake should have held.",
     {

@@ -5,12 +5,12 @@ macro_rules! operator {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// The emergency stop is pushed in, and pulled out at the end.
-    EmergencyStop = "emergency-stop", Operator, R150,
+    EmergencyStop = "emergency-stop", Operator, false,
     sees "0x12 is answered but moves nothing; the vehicle coasts to a stand.",
     counts "It was out before.",
     {}
     /// Somebody takes the vehicle over with the remote control, and gives it back at the end.
-    RemoteControlTakesOver = "remote-control-takes-over", Operator, R150,
+    RemoteControlTakesOver = "remote-control-takes-over", Operator, false,
     sees "0x12 is answered but moves nothing; the speeds are those of the remote control.",
     counts "The vehicle was in autonomous mode, or a key is held.",
     {
@@ -19,17 +19,17 @@ macro_rules! operator {
         key: Option<Key>,
     }
     /// Somebody locks the vehicle, and unlocks it at the end.
-    Locked = "locked", Operator, R150,
+    Locked = "locked", Operator, false,
     sees "0x12 is answered but moves nothing; the vehicle stops.",
     counts "It was unlocked before.",
     {}
     /// The parking brake is put on, and released at the end.
-    Parked = "parked", Operator, R150,
+    Parked = "parked", Operator, false,
     sees "0x12 is answered but moves nothing; the vehicle stops.",
     counts "It was released before.",
     {}
     /// The app takes control and keeps it, and gives it back at the end.
-    AppTakesControl = "app-takes-control", Operator, R150,
+    AppTakesControl = "app-takes-control", Operator, false,
     sees "0x02 or 0x03 answer false; `powerCtrlMode` or `pwmCtrlMode` 1, and outputs go off.",
     counts "The app did not hold it before.",
     {

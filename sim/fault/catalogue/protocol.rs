@@ -5,7 +5,7 @@ macro_rules! protocol {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Replies have a wrong CRC.
-    BadCrc = "bad-crc", Protocol, R150,
+    BadCrc = "bad-crc", Protocol, false,
     sees "A reply that it must throw away.",
     counts "A reply was spoilt.",
     {
@@ -20,7 +20,7 @@ macro_rules! protocol {
         count: Option<u64>,
     }
     /// Replies carry another command byte, packets another type, lines another letter; a CRC fits.
-    WrongCommand = "wrong-command", Protocol, BOTH,
+    WrongCommand = "wrong-command", Protocol, true,
     sees "A well-formed answer to something that it did not ask.",
     counts "A frame was changed.",
     {
@@ -41,7 +41,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// Replies are too short or too long.
-    WrongLength = "wrong-length", Protocol, BOTH,
+    WrongLength = "wrong-length", Protocol, true,
     sees "A well-formed frame with parameters missing or too many; or one whose length field lies.",
     counts "A frame was changed.",
     {
@@ -65,7 +65,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// Only the first half of a reply is sent.
-    TornReply = "torn-reply", Protocol, BOTH,
+    TornReply = "torn-reply", Protocol, true,
     sees "A frame that never ends; the next one seems to be its rest.",
     counts "A frame was cut.",
     {
@@ -83,7 +83,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// Replies are sent late. A later one may overtake them.
-    LateReply = "late-reply", Protocol, BOTH,
+    LateReply = "late-reply", Protocol, true,
     sees "No reply in time, and one that it no longer waits for.",
     counts "A frame was put off.",
     {
@@ -104,7 +104,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// Replies are sent twice.
-    ReplyTwice = "reply-twice", Protocol, BOTH,
+    ReplyTwice = "reply-twice", Protocol, true,
     sees "The same frame again at once, which it may take for the answer to its next request.",
     counts "A frame was sent twice.",
     {
@@ -122,7 +122,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// Replies are not sent.
-    MissingReply = "missing-reply", Protocol, BOTH,
+    MissingReply = "missing-reply", Protocol, true,
     sees "No reply, although the command took effect.",
     counts "A frame was not sent.",
     {
@@ -140,7 +140,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// The frame before is sent again in place of the right one.
-    PreviousReply = "previous-reply", Protocol, BOTH,
+    PreviousReply = "previous-reply", Protocol, true,
     sees "An old answer: other values than asked for, or the answer to another command.",
     counts "An old frame was sent. The first one after the start has none before it.",
     {
@@ -158,7 +158,7 @@ macro_rules! protocol {
         link: LinkName,
     }
     /// The device sends something that nobody asked for.
-    UnsolicitedFrame = "unsolicited-frame", Protocol, BOTH,
+    UnsolicitedFrame = "unsolicited-frame", Protocol, true,
     sees "A frame without a request: a heartbeat reply, a status packet of zeros, or a line.",
     counts "The frame was sent.",
     {

@@ -5,7 +5,7 @@ macro_rules! sensor {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Ultrasonic sensors hear nothing.
-    UltrasonicMissing = "ultrasonic-missing", Sensor, CAR,
+    UltrasonicMissing = "ultrasonic-missing", Sensor, false,
     sees "4500 mm, whatever is there.",
     counts "An echo was not heard.",
     {
@@ -14,7 +14,7 @@ macro_rules! sensor {
         sensor: EchoSensor,
     }
     /// Ultrasonic sensors repeat what they read at the start.
-    UltrasonicStuck = "ultrasonic-stuck", Sensor, CAR,
+    UltrasonicStuck = "ultrasonic-stuck", Sensor, false,
     sees "A distance that does not change.",
     counts "The true distance was another.",
     {
@@ -23,7 +23,7 @@ macro_rules! sensor {
         sensor: EchoSensor,
     }
     /// Ultrasonic sensors hear an echo that is none.
-    UltrasonicGhost = "ultrasonic-ghost", Sensor, CAR,
+    UltrasonicGhost = "ultrasonic-ghost", Sensor, false,
     sees "An obstacle where there is none.",
     counts "The ghost was nearer than anything real.",
     {
@@ -35,7 +35,7 @@ macro_rules! sensor {
         distance: Length,
     }
     /// The reader misreads tags.
-    TagMisread = "tag-misread", Sensor, CAR,
+    TagMisread = "tag-misread", Sensor, false,
     sees "A wrong number in `rfid`, or none.",
     counts "A tag was misread.",
     {
@@ -44,12 +44,12 @@ macro_rules! sensor {
         reads_as: u32,
     }
     /// The magnetic bar does not feel the strip.
-    StripLost = "strip-lost", Sensor, CAR,
+    StripLost = "strip-lost", Sensor, false,
     sees "`magn` 0 over a strip.",
     counts "A strip was not felt.",
     {}
     /// The infrared sensor always says the same.
-    InfraredStuck = "infrared-stuck", Sensor, CAR,
+    InfraredStuck = "infrared-stuck", Sensor, false,
     sees "`infra` that does not change.",
     counts "The truth was another.",
     {

@@ -5,7 +5,7 @@ macro_rules! wire {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
     /// Single bits change on the wire.
-    BitFlips = "bit-flips", Wire, BOTH,
+    BitFlips = "bit-flips", Wire, true,
     sees "Frames whose CRC is wrong, or packets with wrong values; its own requests get no answer.",
     counts "A bit was flipped.",
     {
@@ -23,7 +23,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Bytes are lost on the wire.
-    DroppedBytes = "dropped-bytes", Wire, BOTH,
+    DroppedBytes = "dropped-bytes", Wire, true,
     sees "Frames that are too short, so that the next one is taken for their end.",
     counts "A byte was lost.",
     {
@@ -41,7 +41,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Bytes arrive twice.
-    DuplicatedBytes = "duplicated-bytes", Wire, BOTH,
+    DuplicatedBytes = "duplicated-bytes", Wire, true,
     sees "Frames with a byte too many.",
     counts "A byte was doubled.",
     {
@@ -59,7 +59,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Random bytes appear between the others.
-    InsertedBytes = "inserted-bytes", Wire, BOTH,
+    InsertedBytes = "inserted-bytes", Wire, true,
     sees "Frames with a foreign byte in or before them.",
     counts "A byte was inserted.",
     {
@@ -77,7 +77,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Interference makes several bytes in a row random.
-    Burst = "burst", Wire, BOTH,
+    Burst = "burst", Wire, true,
     sees "Runs of garbage inside frames and across them.",
     counts "A burst began.",
     {
@@ -98,7 +98,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Bytes take longer, all by the same or by a random time. They never overtake one another.
-    Delay = "delay", Wire, BOTH,
+    Delay = "delay", Wire, true,
     sees "Replies that come late; frames torn by pauses if there is jitter.",
     counts "A byte came late.",
     {
@@ -116,7 +116,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Pauses tear what is sent in one piece.
-    Fragmentation = "fragmentation", Wire, BOTH,
+    Fragmentation = "fragmentation", Wire, true,
     sees "A reply that comes in pieces over several reads.",
     counts "A pause was put between two bytes.",
     {
@@ -134,7 +134,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Bytes stop, and all come at once when the stall ends, as with a busy USB adapter.
-    Stall = "stall", Wire, BOTH,
+    Stall = "stall", Wire, true,
     sees "Silence, then everything at once, old replies first.",
     counts "A byte was held up.",
     {
@@ -146,7 +146,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// One wire of the cable is broken: nothing arrives that way.
-    Mute = "mute", Wire, BOTH,
+    Mute = "mute", Wire, true,
     sees "No replies; to-device, a vehicle that does nothing and whose watchdog fires.",
     counts "A byte was lost.",
     {
@@ -158,7 +158,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// The device's serial port runs at a wrong speed.
-    WrongBaud = "wrong-baud", Wire, BOTH,
+    WrongBaud = "wrong-baud", Wire, true,
     sees "Garbage instead of replies, and no answer to what it sends.",
     counts "Something was sent at mismatched speeds.",
     {
@@ -170,7 +170,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// Random bytes come out of an idle line.
-    IdleNoise = "idle-noise", Wire, BOTH,
+    IdleNoise = "idle-noise", Wire, true,
     sees "Bytes between replies that belong to nothing.",
     counts "A byte came out of nothing.",
     {
@@ -188,7 +188,7 @@ macro_rules! wire {
         link: LinkName,
     }
     /// The cable is pulled, and plugged in again at the end.
-    CablePulled = "cable-pulled", Wire, BOTH,
+    CablePulled = "cable-pulled", Wire, true,
     sees "Its port hangs up, as a pulled USB adapter does, and can be opened again afterwards.",
     counts "A client had the port open, or something was sent.",
     {

@@ -5,6 +5,9 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use super::*;
+use crate::device::DeviceSpec;
+use crate::mecanum::MECANUM_SPEC;
+use crate::r150::R150_SPEC;
 
 /// Variants of the schema: `kind`, its properties, and which of them must be given.
 fn variants() -> Vec<(String, BTreeSet<String>, BTreeSet<String>)> {
@@ -46,7 +49,7 @@ fn every_variant_and_parameter_is_in_the_catalogue() {
         for text in [info.summary, info.client_sees, info.counts] {
             assert!(text.ends_with('.') && text.len() > 10, "{kind}: {text}");
         }
-        assert!(!info.devices.is_empty());
+        assert!(crate::SHIPPED.iter().any(|device| device.has_fault(info)));
     }
     let levels: Vec<FaultLevel> = catalogue().iter().map(|info| info.level).collect();
     assert!(levels.is_sorted());
@@ -92,19 +95,27 @@ fn what_is_wrong_is_refused_when_it_is_read() {
 #[test]
 fn a_device_refuses_what_it_cannot_have_in_a_sentence() {
     for info in catalogue() {
-        for kind in DeviceKind::ALL {
-            let checked = sample(info.id).check(kind);
-            assert_eq!(checked.is_ok(), info.devices.contains(&kind), "{}", info.id);
+        for device in crate::SHIPPED {
+            let checked = device.check(&sample(info.id));
+            assert_eq!(checked.is_ok(), device.has_fault(info), "{}", info.id);
         }
     }
-    let refused = |text: &str, kind, why: &str| {
-        let error = read(text).check(kind).unwrap_err();
+    let refused = |text: &str, device: &DeviceSpec, why: &str| {
+        let error = device.check(&read(text)).unwrap_err();
         assert!(error.contains(why), "{text}: {error}");
     };
-    let (r150, car) = (DeviceKind::R150, DeviceKind::Mecanum);
+    let (r150, car) = (&R150_SPEC, &MECANUM_SPEC);
     refused("kind = \"bad-crc\"", car, "no checksum");
-    refused("kind = \"strip-lost\"", r150, "only a mecanum car");
-    refused("kind = \"mute\"\nlink = \"ros\"", r150, "no ROS link");
+    refused(
+        "kind = \"strip-lost\"",
+        r150,
+        "an R150 cannot have `strip-lost`",
+    );
+    refused(
+        "kind = \"mute\"\nlink = \"ros\"",
+        r150,
+        "an R150 has no ros link",
+    );
     refused("kind = \"bad-crc\"\ncommand = 0x13", r150, "0x13");
     refused("kind = \"late-reply\"\ncommand = 1", car, "type 0");
     refused(
@@ -134,7 +145,13 @@ fn a_rig_refuses_what_this_device_cannot_have() {
     assert!(refused.to_string().contains("not configured"), "{refused}");
     assert_eq!(rig.inject(7, "a", &ros), Err(FaultError::NoDevice(7)));
     let mut plain = super::rig(WorldMap::default(), 1);
-    plain.add_mecanum("car", &MecanumSettings::default(), false, Pose::default());
+    crate::mecanum::add(
+        &mut plain,
+        "car",
+        &MecanumSettings::default(),
+        false,
+        Pose::default(),
+    );
     let refused = plain.inject(0, "a", &sample("watchdog-off")).unwrap_err();
     assert!(refused.to_string().contains("link_timeout"), "{refused}");
     let refused = rig.inject(0, "a", &sample("locked")).unwrap_err();

@@ -8,7 +8,7 @@ fn a_reset_switches_everything_off_and_takes_its_time() {
     power(&mut rig, 0b11_1111);
     drive(&mut rig, 500, 500, 10);
     inject(&mut rig, "kind = \"reset\"\nboot = \"300ms\"");
-    let device = rig.r150(0).unwrap().device();
+    let device = rig.device::<R150>(0).unwrap().device();
     assert_eq!(
         (device.power_status(), device.motor_set_point()),
         (0, [0; 2])
@@ -34,12 +34,15 @@ fn a_hung_module_drives_on_and_catches_up() {
     let handle = inject(&mut rig, "kind = \"hang\"");
     assert_eq!(ask(&mut rig, Request::Heartbeat), NOTHING);
     run(&mut rig, MAIN, MS(2000));
-    assert!(rig.r150(0).unwrap().truth().forward_speed > 0.5);
+    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed > 0.5);
     assert_eq!(rig.fault_hits(handle), 6, "a heartbeat has six bytes");
     let cleared = rig.now();
     rig.clear(handle);
     rig.advance(cleared).unwrap();
-    assert_eq!(rig.r150(0).unwrap().device().motor_set_point(), [0; 2]);
+    assert_eq!(
+        rig.device::<R150>(0).unwrap().device().motor_set_point(),
+        [0; 2]
+    );
     let fired = std::iter::from_fn(|| rig.poll_event())
         .find(|event| event.kind.code().as_str() == "watchdog_fired");
     assert_eq!(fired.unwrap().at, cleared);
@@ -53,7 +56,7 @@ fn a_hung_car_is_silent_and_goes_on() {
     // What was on its way still comes.
     run(&mut rig, MAIN, MS(10));
     assert_eq!(run(&mut rig, MAIN, MS(990)), NOTHING);
-    assert!(rig.mecanum(0).unwrap().truth().yaw_rate.abs() > 0.1);
+    assert!(rig.device::<Mecanum>(0).unwrap().truth().yaw_rate.abs() > 0.1);
     assert_eq!(rig.fault_hits(handle), 14, "ten packets, and four bytes");
     rig.clear(handle);
     let seen = statuses(&run(&mut rig, MAIN, MS(1000)));
@@ -95,7 +98,7 @@ fn stuck_status_hides_a_trip_that_really_happened() {
     inject(&mut rig, "kind = \"stuck-status\"");
     inject(&mut rig, "kind = \"rail-short\"\nrail = \"12v-a\"");
     run(&mut rig, MAIN, MS(50));
-    assert_ne!(rig.r150(0).unwrap().device().sys_status(), 0);
+    assert_ne!(rig.device::<R150>(0).unwrap().device().sys_status(), 0);
     let seen = info(&mut rig);
     assert_eq!((seen.sys_status, seen.power_status), (0, 0b11_1111));
     assert_eq!(seen.voltage_12v[0], 0, "what is measured is live");
@@ -122,17 +125,17 @@ fn a_dead_watchdog_lets_the_vehicle_go_on_until_it_is_mended() {
     drive(&mut rig, 500, 500, 20);
     let handle = inject(&mut rig, "kind = \"watchdog-off\"");
     run(&mut rig, MAIN, MS(2000));
-    assert!(rig.r150(0).unwrap().truth().forward_speed > 0.5);
+    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed > 0.5);
     assert_eq!(rig.fault_hits(handle), 1);
     rig.clear(handle);
     run(&mut rig, MAIN, MS(2000));
-    assert_eq!(rig.r150(0).unwrap().truth().forward_speed, 0.0);
+    assert_eq!(rig.device::<R150>(0).unwrap().truth().forward_speed, 0.0);
     let mut rig = car(false);
     send(&mut rig, &motion(1, 5000, 300));
     let handle = inject(&mut rig, "kind = \"watchdog-off\"");
     run(&mut rig, MAIN, MS(1000));
-    assert!(rig.mecanum(0).unwrap().truth().yaw_rate.abs() > 0.1);
+    assert!(rig.device::<Mecanum>(0).unwrap().truth().yaw_rate.abs() > 0.1);
     rig.clear(handle);
     run(&mut rig, MAIN, MS(1000));
-    assert!(rig.mecanum(0).unwrap().truth().yaw_rate.abs() < 1e-9);
+    assert!(rig.device::<Mecanum>(0).unwrap().truth().yaw_rate.abs() < 1e-9);
 }

@@ -85,7 +85,7 @@ fn transcript(seed: u64, deeds: &[(u64, Deed)], ask_often: bool) -> String {
         x: 1.2,
         ..Pose::default()
     };
-    rig.add_mecanum("car", &MecanumSettings::default(), true, pose);
+    crate::mecanum::add(&mut rig, "car", &MecanumSettings::default(), true, pose);
     for port in PORTS {
         rig.attach(port, SimTime::ZERO).unwrap();
     }
@@ -137,8 +137,8 @@ fn transcript(seed: u64, deeds: &[(u64, Deed)], ask_often: bool) -> String {
         .map(|event| format!("{} {} {}", event.at, event.device, event.kind))
         .collect();
     let truths = (
-        rig.r150(0).unwrap().truth(),
-        rig.mecanum(1).unwrap().truth(),
+        rig.device::<R150>(0).unwrap().truth(),
+        rig.device::<Mecanum>(1).unwrap().truth(),
     );
     format!("{bytes:?}\n{hits:?}\n{events:#?}\n{truths:?}")
 }

@@ -15,12 +15,12 @@ fn exercise_r150(rig: &mut Rig, watchdog: bool) {
     if watchdog {
         run(rig, MAIN, MS(700));
     }
-    rig.with_r150(0, |r150, _, now| r150.operate(now, Action::Park));
+    rig.with_device(0, |r150: &mut R150, _, now| r150.operate(now, Action::Park));
     run(rig, MAIN, MS(50));
 }
 
 fn settled(rig: &Rig) -> bool {
-    let plant = rig.r150(0).unwrap().plant();
+    let plant = rig.device::<R150>(0).unwrap().plant();
     *plant.faults() == R150Faults::default()
         && Side::BOTH
             .iter()
@@ -46,7 +46,7 @@ fn is_sound(rig: &mut Rig) {
 #[test]
 fn on_the_r150() {
     for info in catalogue() {
-        if !info.devices.contains(&DeviceKind::R150) {
+        if !crate::r150::R150_SPEC.has_fault(info) {
             continue;
         }
         let mut rig = r150();
@@ -67,7 +67,7 @@ fn on_the_r150() {
                 .unwrap();
         }
         run(&mut rig, MAIN, MS(700));
-        rig.with_r150(0, |r150, _, now| {
+        rig.with_device(0, |r150: &mut R150, _, now| {
             if info.id == "brake-stuck-open" {
                 r150.operate(now, Action::Park);
             }
@@ -86,7 +86,7 @@ fn on_the_r150() {
         let hits = rig.fault_hits(handle);
         assert!(settled(&rig), "{} left a trace", info.id);
         is_sound(&mut rig);
-        let vehicle = rig.r150(0).unwrap().device().vehicle().clone();
+        let vehicle = rig.device::<R150>(0).unwrap().device().vehicle().clone();
         assert!(
             !vehicle.locked() && !vehicle.emergency_stop(),
             "{}",
@@ -108,7 +108,7 @@ fn on_the_r150() {
 #[test]
 fn on_the_car() {
     for info in catalogue() {
-        if !info.devices.contains(&DeviceKind::Mecanum) {
+        if !crate::mecanum::MECANUM_SPEC.has_fault(info) {
             continue;
         }
         let mut rig = car(false);
@@ -132,7 +132,7 @@ fn on_the_car() {
             info.id
         );
         run(&mut rig, MAIN, MS(1500));
-        let plant = rig.mecanum(0).unwrap().plant();
+        let plant = rig.device::<Mecanum>(0).unwrap().plant();
         assert_eq!(*plant.faults(), MecanumFaults::default(), "{}", info.id);
         for wheel in Wheel::ALL {
             assert_eq!(plant.wheel_faults(wheel), WheelFaults::default());

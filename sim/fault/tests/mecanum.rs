@@ -3,7 +3,7 @@
 use super::*;
 
 fn truth(rig: &Rig) -> sim_physics::mecanum::MecanumTruth {
-    rig.mecanum(0).unwrap().truth()
+    rig.device::<Mecanum>(0).unwrap().truth()
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn ports_that_are_swapped_more_than_once_are_where_that_leads() {
         inject(rig, &text)
     };
     let ports = |rig: &Rig| {
-        let wiring = rig.mecanum(0).unwrap().plant().wiring();
+        let wiring = rig.device::<Mecanum>(0).unwrap().plant().wiring();
         [Wheel::LeftFront, Wheel::RightFront].map(|wheel| wiring.port(wheel))
     };
     swap(&mut rig, "x", "y");

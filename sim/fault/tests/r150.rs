@@ -59,7 +59,7 @@ fn a_fault_lies_over_a_load_that_changes_meanwhile() {
     let mut rig = r150();
     power(&mut rig, 0b11_1111);
     let short = inject(&mut rig, "kind = \"rail-open\"\nrail = \"48v\"");
-    rig.with_r150(0, |r150, _, _| {
+    rig.with_device(0, |r150: &mut R150, _, _| {
         r150.plant_mut().set_load(Rail::V48, Load::Power(100.0));
     });
     assert_eq!(info(&mut rig).current_48v, 0);
@@ -86,7 +86,7 @@ fn a_supply_that_breaks_down_under_the_load_comes_and_goes_with_the_steps_and_no
         "kind = \"supply-sag\"\nby = \"12 V\"\nresistance = \"10 ohm\"",
     );
     // The key is held down however often the module starts anew.
-    rig.with_r150(0, |r150, _, now| {
+    rig.with_device(0, |r150: &mut R150, _, now| {
         r150.operate(now, Action::Press(Key::Forward))
     });
     let steps = 200;
@@ -151,7 +151,7 @@ fn a_blown_fuse_stops_a_side_or_silences_the_module() {
     let mut rig = r150();
     let handle = inject(&mut rig, "kind = \"fuse-blown\"\nfuse = \"motor-left\"");
     let dragged = drive(&mut rig, 500, 500, 20);
-    let truth = rig.r150(0).unwrap().truth();
+    let truth = rig.device::<R150>(0).unwrap().truth();
     assert!(truth.motor_current.left == 0.0 && truth.motor_current.right > 1.0);
     rig.clear(handle);
     let whole = drive(&mut rig, 500, 500, 20);
@@ -222,7 +222,7 @@ fn swapped_sides_turn_the_other_way_and_look_right() {
             inject(&mut rig, "kind = \"sides-swapped\"");
         }
         let speeds = drive(&mut rig, 500, -500, 30);
-        (speeds, rig.r150(0).unwrap().truth().yaw_rate)
+        (speeds, rig.device::<R150>(0).unwrap().truth().yaw_rate)
     };
     let ((speeds, rate), (swapped, wrong)) = (turn(false), turn(true));
     assert!(rate > 0.3 && wrong < -0.3, "{rate} {wrong}");
@@ -298,10 +298,10 @@ fn a_key_that_is_held_drives_it() {
         "kind = \"remote-control-takes-over\"\nkey = \"backward\"",
     );
     run(&mut rig, MAIN, MS(1000));
-    assert!(rig.r150(0).unwrap().truth().forward_speed < -0.1);
+    assert!(rig.device::<R150>(0).unwrap().truth().forward_speed < -0.1);
     rig.clear(handle);
     run(&mut rig, MAIN, MS(1000));
-    assert_eq!(rig.r150(0).unwrap().truth().forward_speed, 0.0);
+    assert_eq!(rig.device::<R150>(0).unwrap().truth().forward_speed, 0.0);
 }
 
 #[test]
@@ -342,11 +342,16 @@ fn operators_undo_what_the_settings_let_their_buttons_do() {
         let handle = rig.inject(0, fault, &sample(fault)).unwrap();
         run(&mut rig, MAIN, MS(100));
         rig.clear(handle);
-        let vehicle = rig.r150(0).unwrap().device().vehicle();
+        let vehicle = rig.device::<R150>(0).unwrap().device().vehicle();
         let left = vehicle.obstacles(false);
         assert_eq!(left, [], "{fault}");
         // Nothing drives of itself.
-        let duty = rig.r150(0).unwrap().device().commands().motor_duty;
+        let duty = rig
+            .device::<R150>(0)
+            .unwrap()
+            .device()
+            .commands()
+            .motor_duty;
         assert_eq!([duty.right, duty.left], [0.0, 0.0], "{fault}");
     }
 }

@@ -13,7 +13,8 @@ fn a_request_inside_a_torn_frame_of_a_former_client_is_not_answered_to_the_next(
             wire: Wire::Paced,
             seed: 1,
         });
-        rig.add_r150(
+        crate::r150::add(
+            &mut rig,
             "r150",
             &R150Settings::default(),
             Start::Ready,

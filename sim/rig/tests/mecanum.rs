@@ -7,10 +7,10 @@ use sim_physics::r150::Load;
 use sim_physics::world::Obstacle;
 
 use super::*;
+use crate::mecanum::{Mecanum, MecanumSettings};
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
 use crate::mecanum_device::settings::{IdleWheels, PulseDirection};
-use crate::settings::MecanumSettings;
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
 const ROS: PortId = PortId { device: 0, link: 1 };
@@ -25,7 +25,7 @@ fn car_in(map: WorldMap, ros: bool, change: impl FnOnce(&mut MecanumSettings)) -
     });
     let mut settings = MecanumSettings::default();
     change(&mut settings);
-    rig.add_mecanum("car", &settings, ros, Pose::default());
+    crate::mecanum::add(&mut rig, "car", &settings, ros, Pose::default());
     rig.attach(MAIN, SimTime::ZERO).unwrap();
     rig.attach(ROS, SimTime::ZERO).unwrap();
     rig
@@ -96,7 +96,7 @@ fn ten_tenths_forward_turn_each_wheel_once_on_either_link() {
         }
         let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(5)));
         let circumference = std::f64::consts::TAU * 0.05;
-        let truth = rig.mecanum(0).unwrap().truth();
+        let truth = rig.device::<Mecanum>(0).unwrap().truth();
         assert!(
             (truth.pose.x / circumference - 1.0).abs() < 0.05,
             "{truth:?}"
@@ -130,7 +130,7 @@ fn a_square_ends_near_where_it_began() {
             .unwrap();
         run(&mut rig, MAIN, Duration::from_secs(6));
     }
-    let truth = rig.mecanum(0).unwrap().truth();
+    let truth = rig.device::<Mecanum>(0).unwrap().truth();
     assert!(truth.distance > 1.0, "{truth:?}");
     assert!(truth.pose.x.hypot(truth.pose.y) < 0.05, "{truth:?}");
 }
@@ -141,7 +141,7 @@ fn a_strafe_is_shorter_than_odometry_says() {
     rig.client_sends(MAIN, SimTime::ZERO, &motion(2, 50, 300))
         .unwrap();
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(14)));
-    let truth = rig.mecanum(0).unwrap().truth();
+    let truth = rig.device::<Mecanum>(0).unwrap().truth();
     let odometry = f64::from(seen.last().unwrap().axis_y) / 10.0 * std::f64::consts::TAU * 0.05;
     let delivered = truth.pose.y / odometry;
     assert!((0.80..=0.92).contains(&delivered), "{delivered}");
@@ -150,7 +150,7 @@ fn a_strafe_is_shorter_than_odometry_says() {
 #[test]
 fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
     let mut rig = car(false);
-    rig.with_mecanum(0, |car, _, _| {
+    rig.with_device(0, |car: &mut Mecanum, _, _| {
         let faults = WheelFaults {
             blocked: true,
             ..WheelFaults::default()
@@ -160,7 +160,7 @@ fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 30, 300)).unwrap();
     run(&mut rig, MAIN, Duration::from_secs(8));
-    let car = rig.mecanum(0).unwrap();
+    let car = rig.device::<Mecanum>(0).unwrap();
     let truth = car.truth();
     assert!(
         truth.pose.heading.abs() > 0.1 || truth.pose.y.abs() > 0.05,
@@ -188,12 +188,16 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 60, 300)).unwrap();
     let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(14)));
-    let truth = rig.mecanum(0).unwrap().truth();
+    let truth = rig.device::<Mecanum>(0).unwrap().truth();
     let odometry = f64::from(seen.last().unwrap().axis_x) / 10.0 * std::f64::consts::TAU * 0.05;
     assert!(truth.pose.x < 0.45, "{truth:?}");
     assert!(odometry > truth.pose.x + 0.1, "{odometry} {truth:?}");
     assert_eq!(seen.last().unwrap().infra, 1);
-    assert!(rig.world().collisions(rig.mecanum(0).unwrap().body()) > 0);
+    assert!(
+        rig.world()
+            .collisions(rig.device::<Mecanum>(0).unwrap().body())
+            > 0
+    );
 }
 
 #[test]
@@ -211,7 +215,7 @@ fn an_obstacle_that_comes_or_goes_is_in_the_next_packets_and_in_the_way() {
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 60, 300)).unwrap();
     run(&mut rig, MAIN, Duration::from_secs(5));
-    let leaning = rig.mecanum(0).unwrap().truth().pose.x;
+    let leaning = rig.device::<Mecanum>(0).unwrap().truth().pose.x;
     assert!(leaning < 0.4, "{leaning}");
     rig.with_world(|world| world.remove_obstacle("gate"))
         .unwrap();
@@ -219,7 +223,7 @@ fn an_obstacle_that_comes_or_goes_is_in_the_next_packets_and_in_the_way() {
     let now = rig.now();
     rig.client_sends(MAIN, now, &motion(0, 20, 300)).unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
-    assert!(rig.mecanum(0).unwrap().truth().pose.x > leaning + 0.5);
+    assert!(rig.device::<Mecanum>(0).unwrap().truth().pose.x > leaning + 0.5);
 }
 
 /// Without a direction in the pulses the board takes a push back for a drive forward.
@@ -237,9 +241,12 @@ fn a_car_that_is_pushed_back_knows_it_only_by_counters_with_a_direction() {
             settings.firmware.idle_wheels = IdleWheels::Release;
             settings.firmware.wiring = plugs;
         });
-        rig.with_mecanum(0, |car, _, _| car.plant_mut().set_push(-30.0, 0.0, 0.0));
+        rig.with_device(0, |car: &mut Mecanum, _, _| {
+            car.plant_mut().set_push(-30.0, 0.0, 0.0)
+        });
         let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
-        let truth = rig.mecanum(0).unwrap().truth().pose.x / (std::f64::consts::TAU * 0.05);
+        let truth =
+            rig.device::<Mecanum>(0).unwrap().truth().pose.x / (std::f64::consts::TAU * 0.05);
         assert!(truth < -1.0, "{truth}");
         let believed = f64::from(seen.last().unwrap().axis_x) / 10.0;
         let counted = direction == PulseDirection::Counted;
@@ -272,14 +279,20 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         x: 1.2,
         ..Pose::default()
     };
-    rig.add_r150("r150", &R150Settings::default(), Start::Ready, pose);
-    rig.with_r150(1, |r150, _, _| {
+    crate::r150::add(
+        &mut rig,
+        "r150",
+        &R150Settings::default(),
+        Start::Ready,
+        pose,
+    );
+    rig.with_device(1, |r150: &mut R150, _, _| {
         r150.set_load(sim_physics::r150::Rail::V48, Load::Open);
     });
     rig.client_sends(MAIN, SimTime::ZERO, &motion(0, 100, 500))
         .unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
-    let car = rig.mecanum(0).unwrap();
+    let car = rig.device::<Mecanum>(0).unwrap();
     assert!(rig.world().collisions(car.body()) > 0);
     assert!(car.truth().pose.x < 0.75, "the R150 is in the way");
 }
@@ -326,7 +339,7 @@ fn transcript(inputs: &[(u64, PortId, Vec<u8>)]) -> String {
         .collect();
     format!(
         "{seen:?}\n{events:#?}\n{:?}",
-        rig.mecanum(0).unwrap().truth()
+        rig.device::<Mecanum>(0).unwrap().truth()
     )
 }
 
@@ -350,7 +363,7 @@ fn golden_car() {
         output.extend(run(&mut rig, MAIN, Duration::from_secs(2)));
         rig.client_reads(ROS, &mut output);
     }
-    let pose = rig.mecanum(0).unwrap().truth().pose;
+    let pose = rig.device::<Mecanum>(0).unwrap().truth().pose;
     let seen = (
         output.len(),
         format!("{:.3} {:.3} {:.3}", pose.x, pose.y, pose.heading),

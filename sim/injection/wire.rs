@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use sim_settings::SimTime;
 
-use super::Tally;
-use super::parameters::Direction;
 use super::stage::HELD_UP;
+use super::tally::Tally;
+use crate::fault::parameters::Direction;
 use crate::noise::Noise;
 
 /// One way along a link.

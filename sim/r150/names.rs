@@ -1,45 +1,92 @@
-//! The names of an R150.
+//! What conditions can say of an R150.
 
-use sim_core::r150::R150;
-use sim_core::r150_device::R150Device;
-use sim_core::r150_device::reply::{SystemInfo, sys_status};
-use sim_core::r150_device::vehicle::Vehicle;
 use sim_physics::r150::{R150Measurements, R150Truth, Rail};
+use sim_settings::SimTime;
 
-use super::names::{NameInfo, View};
-use super::seen::{age_s, as_number};
+use super::R150;
+use crate::device::names::as_number;
+use crate::device::{NameInfo, Observer, View};
+use crate::event::EventKind;
+use crate::r150_device::command::Request;
+use crate::r150_device::reply::{Reply, SystemInfo, sys_status};
+use crate::r150_device::vehicle::Vehicle;
+use crate::r150_device::{R150Device, R150Event};
 
-impl View<'_> {
-    fn r150(&self) -> Option<&R150> {
-        self.rig.r150(self.device)
+/// What has been noted of an R150's events.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Noted {
+    /// As the client last sent them.
+    motors: [i16; 2],
+    power: u32,
+    duty: [u16; 4],
+    /// As the module last said.
+    motors_reply: Option<(SimTime, [i16; 2], u16)>,
+    info: Option<(SimTime, SystemInfo)>,
+    last_bool: bool,
+}
+
+impl Observer for Noted {
+    fn note(&mut self, at: SimTime, event: &dyn EventKind) -> bool {
+        match event.get() {
+            Some(R150Event::Request { request, .. }) => match *request {
+                Request::SetMotors { right, left } => {
+                    self.motors = [right, left];
+                    return true;
+                }
+                Request::PowerControl { status } => self.power = status,
+                Request::SetPwmOutputs { duty } => self.duty = duty,
+                Request::GetPwmOutputs
+                | Request::GetPwmInputs
+                | Request::SystemInfo
+                | Request::Heartbeat
+                | Request::Version => {}
+            },
+            Some(R150Event::Reply { reply, .. }) => match *reply {
+                Reply::Motors {
+                    right_rpm,
+                    left_rpm,
+                    soc,
+                } => self.motors_reply = Some((at, [right_rpm, left_rpm], soc)),
+                Reply::SystemInfo(info) => self.info = Some((at, info)),
+                Reply::Bool { success, .. } => self.last_bool = success,
+                Reply::PwmOutputs { .. } | Reply::PwmInputs { .. } | Reply::Version { .. } => {}
+            },
+            _ => {}
+        }
+        false
     }
 }
 
+fn noted(view: &View<'_>) -> Noted {
+    view.noted().copied().unwrap_or_default()
+}
+
+fn r150<'a>(view: &View<'a>) -> Option<&'a R150> {
+    view.device.get()
+}
+
 fn truth(view: &View<'_>, get: impl FnOnce(R150Truth) -> f64) -> f64 {
-    view.r150().map_or(0.0, |r150| get(r150.truth()))
+    r150(view).map_or(0.0, |r150| get(r150.truth()))
 }
 
 fn plant(view: &View<'_>, get: impl FnOnce(R150Measurements) -> f64) -> f64 {
-    view.r150()
-        .map_or(0.0, |r150| get(r150.plant().measurements()))
+    r150(view).map_or(0.0, |r150| get(r150.plant().measurements()))
 }
 
 fn device(view: &View<'_>, get: impl FnOnce(&R150Device) -> f64) -> f64 {
-    view.r150().map_or(0.0, |r150| get(r150.device()))
+    r150(view).map_or(0.0, |r150| get(r150.device()))
 }
 
 fn vehicle(view: &View<'_>, is: impl FnOnce(&Vehicle) -> bool) -> bool {
-    view.r150().is_some_and(|r150| is(r150.device().vehicle()))
+    r150(view).is_some_and(|r150| is(r150.device().vehicle()))
 }
 
 fn sys(view: &View<'_>, bit: u32) -> bool {
-    view.r150()
-        .is_some_and(|r150| r150.device().sys_status() & bit != 0)
+    r150(view).is_some_and(|r150| r150.device().sys_status() & bit != 0)
 }
 
 fn rail_on<const BIT: usize>(view: &View<'_>) -> bool {
-    view.r150()
-        .is_some_and(|r150| r150.device().power_status() >> BIT & 1 == 1)
+    r150(view).is_some_and(|r150| r150.device().power_status() >> BIT & 1 == 1)
 }
 
 fn rail_v<const RAIL: usize>(view: &View<'_>) -> f64 {
@@ -51,20 +98,20 @@ fn rail_a<const RAIL: usize>(view: &View<'_>) -> f64 {
 }
 
 fn asked<const BIT: usize>(view: &View<'_>) -> bool {
-    view.seen.r150.power >> BIT & 1 == 1
+    noted(view).power >> BIT & 1 == 1
 }
 
 fn info(view: &View<'_>, get: impl FnOnce(&SystemInfo) -> f64) -> f64 {
-    view.seen.r150.info.map_or(0.0, |(_, info)| get(&info))
+    noted(view).info.map_or(0.0, |(_, info)| get(&info))
 }
 
 fn told_sys(view: &View<'_>, bit: u32) -> bool {
-    let info = view.seen.r150.info;
+    let info = noted(view).info;
     info.is_some_and(|(_, info)| info.sys_status & bit != 0)
 }
 
 fn told_on<const BIT: usize>(view: &View<'_>) -> bool {
-    let info = view.seen.r150.info;
+    let info = noted(view).info;
     info.is_some_and(|(_, info)| info.power_status >> BIT & 1 == 1)
 }
 
@@ -77,17 +124,6 @@ const V5: usize = Rail::V5.index();
 
 #[rustfmt::skip] // One line a name: a table to read.
 pub(super) static NAMES: &[NameInfo] = &[
-    NameInfo::number("truth.x_m", "m", "true position, east of the origin", |v| truth(v, |t| t.pose.x)),
-    NameInfo::number("truth.y_m", "m", "true position, north of the origin", |v| truth(v, |t| t.pose.y)),
-    NameInfo::number("truth.heading_deg", "deg", "true heading, counter-clockwise from x", |v| truth(v, |t| t.pose.heading.to_degrees())),
-    NameInfo::number("truth.speed_mps", "m/s", "true speed whichever way, never negative", |v| truth(v, |t| length(t.forward_speed, t.leftward_speed))),
-    NameInfo::number("truth.forward_mps", "m/s", "true speed ahead, negative backward", |v| truth(v, |t| t.forward_speed)),
-    NameInfo::number("truth.leftward_mps", "m/s", "true speed to the left", |v| truth(v, |t| t.leftward_speed)),
-    NameInfo::number("truth.yaw_rate_deg_s", "deg/s", "true yaw rate, counter-clockwise", |v| truth(v, |t| t.yaw_rate.to_degrees())),
-    NameInfo::number("truth.distance_m", "m", "length of the path driven so far", |v| truth(v, |t| t.distance)),
-    NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.r150().is_some_and(|r| r.truth().at_rest)),
-    NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.r150().is_some_and(|r| v.rig.world().is_touching(r.body()))),
-    NameInfo::number("truth.collisions", "", "how often it has come to touch something", |v| v.r150().map_or(0.0, |r| as_number(v.rig.world().collisions(r.body())))),
     NameInfo::number("truth.wheel_right_rad_s", "rad/s", "true speed of the right wheels", |v| truth(v, |t| t.wheel_speed.right)),
     NameInfo::number("truth.wheel_left_rad_s", "rad/s", "true speed of the left wheels", |v| truth(v, |t| t.wheel_speed.left)),
     NameInfo::number("truth.motor_right_a", "A", "current through the right motor", |v| truth(v, |t| t.motor_current.right)),
@@ -96,10 +132,9 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("truth.battery_a", "A", "current out of the battery, negative while charging", |v| truth(v, |t| t.battery_current)),
     NameInfo::number("truth.soc_percent", "%", "true state of charge", |v| truth(v, |t| t.soc * 100.0)),
     NameInfo::number("truth.charge_drawn_ah", "A·h", "charge drawn so far", |v| truth(v, |t| t.charge_drawn)),
-    NameInfo::number("truth.mass_kg", "kg", "mass with payload", |v| truth(v, |t| t.mass)),
     NameInfo::number("truth.temperature_ab_c", "degC", "temperature of the 12 V converters A and B", |v| plant(v, |m| m.temperature[0])),
     NameInfo::number("truth.temperature_cd_c", "degC", "temperature of the 12 V converters C and D", |v| plant(v, |m| m.temperature[1])),
-    NameInfo::flag("truth.module_powered", "the IO module has a supply", |v| v.r150().is_some_and(|r| r.plant().measurements().module_powered)),
+    NameInfo::flag("truth.module_powered", "the IO module has a supply", |v| r150(v).is_some_and(|r| r.plant().measurements().module_powered)),
     NameInfo::flag("rail.v12a_on", "the 12 V output A is switched on", rail_on::<A>),
     NameInfo::flag("rail.v12b_on", "the 12 V output B is switched on", rail_on::<B>),
     NameInfo::flag("rail.v12c_on", "the 12 V output C is switched on", rail_on::<C>),
@@ -122,8 +157,8 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("mode.parked", "the parking brake is on", |v| vehicle(v, Vehicle::parked)),
     NameInfo::flag("mode.autonomous", "the vehicle is in autonomous mode", |v| vehicle(v, Vehicle::autonomous)),
     NameInfo::flag("mode.emergency_stop", "the emergency stop is in", |v| vehicle(v, Vehicle::emergency_stop)),
-    NameInfo::flag("mode.client_has_power", "the client controls the power outputs, not the app", |v| v.r150().is_some_and(|r| r.device().control().by_client().power)),
-    NameInfo::flag("mode.client_has_pwm", "the client controls the PWM outputs, not the app", |v| v.r150().is_some_and(|r| r.device().control().by_client().pwm)),
+    NameInfo::flag("mode.client_has_power", "the client controls the power outputs, not the app", |v| r150(v).is_some_and(|r| r.device().control().by_client().power)),
+    NameInfo::flag("mode.client_has_pwm", "the client controls the PWM outputs, not the app", |v| r150(v).is_some_and(|r| r.device().control().by_client().pwm)),
     NameInfo::number("firmware.motor_right", "0.1 %", "motor set-point in effect, right, after watchdog and limits", |v| device(v, |d| f64::from(d.motor_set_point()[0]))),
     NameInfo::number("firmware.motor_left", "0.1 %", "motor set-point in effect, left, after watchdog and limits", |v| device(v, |d| f64::from(d.motor_set_point()[1]))),
     NameInfo::flag("firmware.overcurrent_ab", "overcurrent of the 12 V outputs A and B is latched", |v| sys(v, sys_status::OVERCURRENT_AB)),
@@ -133,11 +168,11 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("firmware.over_temperature_ab", "the 12 V supply of A and B is too hot", |v| sys(v, sys_status::OVER_TEMPERATURE_AB)),
     NameInfo::flag("firmware.over_temperature_cd", "the 12 V supply of C and D is too hot", |v| sys(v, sys_status::OVER_TEMPERATURE_CD)),
     NameInfo::flag("firmware.power_module_fault", "the power module reports a fault", |v| sys(v, sys_status::POWER_MODULE_FAULT)),
-    NameInfo::number("reported.motors_age_s", "s", "time since the last reply to a motor command began its way; infinite before", |v| age_s(v.rig.now(), v.seen.r150.motors_reply.map(|(at, ..)| at))),
-    NameInfo::number("reported.right_rpm", "r/min", "right speed in that reply; 0 before", |v| v.seen.r150.motors_reply.map_or(0.0, |(_, [right, _], _)| f64::from(right))),
-    NameInfo::number("reported.left_rpm", "r/min", "left speed in that reply; 0 before", |v| v.seen.r150.motors_reply.map_or(0.0, |(_, [_, left], _)| f64::from(left))),
-    NameInfo::number("reported.soc_percent", "%", "state of charge in that reply; 0 before", |v| v.seen.r150.motors_reply.map_or(0.0, |(_, _, soc)| f64::from(soc) / 10.0)),
-    NameInfo::number("reported.info_age_s", "s", "time since the last system info began its way; infinite before", |v| age_s(v.rig.now(), v.seen.r150.info.map(|(at, _)| at))),
+    NameInfo::number("reported.motors_age_s", "s", "time since the last reply to a motor command began its way; infinite before", |v| v.age_s(noted(v).motors_reply.map(|(at, ..)| at))),
+    NameInfo::number("reported.right_rpm", "r/min", "right speed in that reply; 0 before", |v| noted(v).motors_reply.map_or(0.0, |(_, [right, _], _)| f64::from(right))),
+    NameInfo::number("reported.left_rpm", "r/min", "left speed in that reply; 0 before", |v| noted(v).motors_reply.map_or(0.0, |(_, [_, left], _)| f64::from(left))),
+    NameInfo::number("reported.soc_percent", "%", "state of charge in that reply; 0 before", |v| noted(v).motors_reply.map_or(0.0, |(_, _, soc)| f64::from(soc) / 10.0)),
+    NameInfo::number("reported.info_age_s", "s", "time since the last system info began its way; infinite before", |v| v.age_s(noted(v).info.map(|(at, _)| at))),
     NameInfo::number("reported.supply_v", "V", "voltage48v in that system info; 0 before", |v| info(v, |i| f64::from(i.voltage_48v) / 1000.0)),
     NameInfo::number("reported.v48_a", "A", "current48v in that system info", |v| info(v, |i| f64::from(i.current_48v) / 1000.0)),
     NameInfo::number("reported.v12a_a", "A", "current12v of A in that system info", |v| info(v, |i| f64::from(i.current_12v[0]) / 1000.0)),
@@ -160,24 +195,24 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("reported.v12d_on", "that bit of powerStatus", told_on::<D>),
     NameInfo::flag("reported.v48_on", "that bit of powerStatus", told_on::<V48>),
     NameInfo::flag("reported.v5_on", "that bit of powerStatus", told_on::<V5>),
-    NameInfo::flag("reported.success", "the last reply of success or failure was success", |v| v.seen.r150.last_bool),
-    NameInfo::flag("client.attached", "a client has the port open", |v| v.seen.attached > 0),
-    NameInfo::number("client.last_request_age_s", "s", "time since the last valid request arrived; infinite before", |v| age_s(v.rig.now(), v.seen.last_request)),
-    NameInfo::number("client.last_motor_command_age_s", "s", "time since the last motor command arrived; infinite before", |v| age_s(v.rig.now(), v.seen.last_motion.map(|(at, _)| at))),
-    NameInfo::number("client.travel_since_motor_command_m", "m", "path driven since the last motor command arrived; 0 before", |v| v.seen.last_motion.map_or(0.0, |(_, from)| v.rig.distance_m(v.device) - from)),
-    NameInfo::number("client.motor_commands", "", "motor commands so far", |v| as_number(v.seen.motion_requests)),
-    NameInfo::number("client.motor_right", "0.1 %", "right PWM of the last motor command; 0 before", |v| f64::from(v.seen.r150.motors[0])),
-    NameInfo::number("client.motor_left", "0.1 %", "left PWM of the last motor command; 0 before", |v| f64::from(v.seen.r150.motors[1])),
+    NameInfo::flag("reported.success", "the last reply of success or failure was success", |v| noted(v).last_bool),
+    NameInfo::flag("client.attached", "a client has the port open", |v| v.observed.attached > 0),
+    NameInfo::number("client.last_request_age_s", "s", "time since the last valid request arrived; infinite before", |v| v.age_s(v.observed.last_request)),
+    NameInfo::number("client.last_motor_command_age_s", "s", "time since the last motor command arrived; infinite before", |v| v.age_s(v.observed.last_motion.map(|(at, _)| at))),
+    NameInfo::number("client.travel_since_motor_command_m", "m", "path driven since the last motor command arrived; 0 before", |v| v.travel_since_motion_m()),
+    NameInfo::number("client.motor_commands", "", "motor commands so far", |v| as_number(v.observed.motion_requests)),
+    NameInfo::number("client.motor_right", "0.1 %", "right PWM of the last motor command; 0 before", |v| f64::from(noted(v).motors[0])),
+    NameInfo::number("client.motor_left", "0.1 %", "left PWM of the last motor command; 0 before", |v| f64::from(noted(v).motors[1])),
     NameInfo::flag("client.asked_v12a", "the last power control wanted the 12 V output A on", asked::<A>),
     NameInfo::flag("client.asked_v12b", "the last power control wanted the 12 V output B on", asked::<B>),
     NameInfo::flag("client.asked_v12c", "the last power control wanted the 12 V output C on", asked::<C>),
     NameInfo::flag("client.asked_v12d", "the last power control wanted the 12 V output D on", asked::<D>),
     NameInfo::flag("client.asked_v48", "the last power control wanted the 48 V output on", asked::<V48>),
     NameInfo::flag("client.asked_v5", "the last power control wanted the 5 V output on", asked::<V5>),
-    NameInfo::number("client.pwm_a", "0.1 %", "duty of PWM output A that the client last set", |v| f64::from(v.seen.r150.duty[0])),
-    NameInfo::number("client.pwm_b", "0.1 %", "duty of PWM output B that the client last set", |v| f64::from(v.seen.r150.duty[1])),
-    NameInfo::number("client.pwm_c", "0.1 %", "duty of PWM output C that the client last set", |v| f64::from(v.seen.r150.duty[2])),
-    NameInfo::number("client.pwm_d", "0.1 %", "duty of PWM output D that the client last set", |v| f64::from(v.seen.r150.duty[3])),
+    NameInfo::number("client.pwm_a", "0.1 %", "duty of PWM output A that the client last set", |v| f64::from(noted(v).duty[0])),
+    NameInfo::number("client.pwm_b", "0.1 %", "duty of PWM output B that the client last set", |v| f64::from(noted(v).duty[1])),
+    NameInfo::number("client.pwm_c", "0.1 %", "duty of PWM output C that the client last set", |v| f64::from(noted(v).duty[2])),
+    NameInfo::number("client.pwm_d", "0.1 %", "duty of PWM output D that the client last set", |v| f64::from(noted(v).duty[3])),
     NameInfo::count("count.requests", "request", "valid requests"),
     NameInfo::count("count.replies", "reply", "replies"),
     NameInfo::count("count.bad_crc", "bad_crc", "frames with a wrong CRC"),
@@ -196,8 +231,3 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::count("count.power_lost", "power_lost", "times that the module lost its supply"),
     NameInfo::count("count.firmware_reset", "firmware_reset", "times that the firmware restarted by itself"),
 ];
-
-/// The length of a vector; a square root is the same on every machine.
-pub(super) fn length(x: f64, y: f64) -> f64 {
-    (x * x + y * y).sqrt()
-}

@@ -3,15 +3,15 @@
 
 use sim_settings::SimTime;
 
-use super::Tally;
-use super::active::{Faults, Work};
+use super::tally::Tally;
 use super::wire::{Way, WireFault};
+use super::{Injection, Work};
 use crate::line::{MOST_IN_FLIGHT, SerialLine};
 
 /// Most frames that wait for their time.
 const MOST_LATE: usize = 256;
 
-impl Faults {
+impl Injection {
     /// Takes what has arrived on a link by `now` off its line.
     pub(crate) fn pump(&mut self, now: SimTime, link: usize, line: &mut SerialLine) {
         while let Some(byte) = line.take_for_device(now) {
@@ -120,7 +120,7 @@ impl Faults {
         let mut frames = vec![(now, frame)];
         for armed in &mut self.armed {
             if let Work::Frames(own) = &mut armed.work
-                && own.link == link
+                && armed.link == link
             {
                 own.pass(&mut frames, &mut armed.tally);
             }
@@ -149,7 +149,7 @@ impl Faults {
             .find_map(|armed| match &mut armed.work {
                 Work::Frames(own) => own
                     .send(now, &mut armed.tally)
-                    .map(|frame| (own.link, frame)),
+                    .map(|frame| (armed.link, frame)),
                 _ => None,
             })
     }
@@ -190,7 +190,7 @@ impl Faults {
         let own = self.armed.iter().filter_map(|armed| match &armed.work {
             Work::Wire(wire) => wire.noise_due(),
             Work::Frames(frames) => frames.due(),
-            Work::Device(_) => None,
+            Work::Firmware(_) | Work::Device(_) => None,
         });
         let late = self.late.keys().next().map(|(at, _)| *at);
         to_device.chain(own).chain(late).min()

@@ -1,38 +1,165 @@
-//! Faults of the car's hardware and firmware, all that are armed together.
+//! Faults of a mecanum car's hardware and sensors.
 
 use sim_physics::World;
 use sim_physics::mecanum::{
-    ECHOES, Encoder, MecanumFaults, Port, PortCommand, Ultrasonic, Wheel, WheelFaults,
+    ECHOES, Encoder, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel, WheelFaults,
 };
-use sim_settings::SimTime;
 
-use super::{Fault, firmware};
-use crate::defects::Defects;
-use crate::mecanum::Mecanum;
+use super::Mecanum;
+use crate::fault::parameters::{LinkName, Motors, PortName};
+use crate::fault::{Fault, FaultHandle};
+use crate::noise::Noise;
 
 /// Drag on a wheel unless given, N·m.
 const USUAL_DRAG: f64 = 0.5;
 /// Slower than this a wheel stands, rad/s.
 const STANDING: f64 = 0.01;
 
+/// Whether a car can have a fault with these parameters.
+pub(super) fn check(fault: &Fault) -> Result<(), String> {
+    let cannot = |why: &str| Err(format!("a mecanum car cannot have `{}`: {why}", fault.id()));
+    match fault {
+        Fault::BadCrc { .. } => return cannot("its packets have no checksum"),
+        Fault::SidesSwapped { .. } => return cannot("use `ports-swapped`"),
+        Fault::RemoteControlTakesOver { .. } => {
+            return cannot("only its client can switch it to the remote control");
+        }
+        Fault::PortsSwapped { port, with } if port == with => {
+            return Err(format!("`ports-swapped`: both ports are \"{port}\""));
+        }
+        _ => {}
+    }
+    match fault.command() {
+        Some(_) if fault.link() == Some(LinkName::Ros) => {
+            Err("`command`: the lines of the ROS link have none".to_owned())
+        }
+        Some(command) if command != 0 => Err(format!(
+            "`command`: the car sends packets of type 0 only, not {command}"
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The faults that are armed on one car.
+#[derive(Debug, Default)]
+pub(super) struct Faults {
+    armed: Vec<Armed>,
+    layer: Layer,
+}
+
+#[derive(Debug)]
+struct Armed {
+    handle: FaultHandle,
+    fault: Fault,
+    noise: Noise,
+    echoes: Echoes,
+    /// Shares of the next pulses of interference, by wheel.
+    pulses: [f64; 4],
+}
+
+impl Mecanum {
+    pub(super) fn arm_fault(&mut self, handle: FaultHandle, fault: &Fault, noise: Noise) {
+        self.faults.armed.push(Armed {
+            handle,
+            fault: fault.clone(),
+            noise,
+            echoes: self.plant.unspoilt().echoes,
+            pulses: [0.0; 4],
+        });
+    }
+
+    pub(super) fn disarm_fault(&mut self, handle: FaultHandle) {
+        self.faults.armed.retain(|armed| armed.handle != handle);
+    }
+
+    pub(super) fn apply_all_faults(&mut self, world: &mut World) {
+        let armed = self.faults.armed.iter();
+        let layer = Layer::of(armed.map(|armed| (&armed.fault, &armed.echoes)));
+        layer.apply(&self.faults.layer, &mut self.plant, world);
+        self.faults.layer = layer;
+    }
+
+    pub(super) fn add_pulses(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+        for own in &mut self.faults.armed {
+            let Fault::EncoderNoisy {
+                motors,
+                pulses_per_second,
+                ..
+            } = own.fault
+            else {
+                continue;
+            };
+            for wheel in Wheel::ALL {
+                let mean = f64::from(pulses_per_second) * seconds;
+                let share = &mut own.pulses[wheel.index()];
+                *share += mean * 2.0 * own.noise.uniform();
+                let whole = share.floor();
+                *share -= whole;
+                if has_wheel(motors, wheel) && whole >= 1.0 {
+                    self.plant.add_pulses(wheel, pulses(whole));
+                    acted(own.handle, format!("wheel {}", wheel.name()));
+                }
+            }
+        }
+    }
+
+    fn armed(&self, handle: FaultHandle) -> Option<&Armed> {
+        let mut armed = self.faults.armed.iter();
+        armed.find(|armed| armed.handle == handle)
+    }
+
+    pub(super) fn fault_acts(&self, handle: FaultHandle) -> bool {
+        let own = self.armed(handle);
+        own.is_some_and(|own| acts(&own.fault, &own.echoes, self))
+    }
+
+    pub(super) fn fault_acted_on(&self, handle: FaultHandle) -> String {
+        let own = self.armed(handle);
+        own.map_or_else(String::new, |own| own.fault.in_words())
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a cast from a float saturates, and nobody counts so many pulses"
+)]
+fn pulses(whole: f64) -> u32 {
+    whole as u32
+}
+
+fn has_wheel(motors: Motors, wheel: Wheel) -> bool {
+    match motors {
+        Motors::Left => wheel.is_left(),
+        Motors::Right => !wheel.is_left(),
+        Motors::All => true,
+        Motors::LeftFront => wheel == Wheel::LeftFront,
+        Motors::RightFront => wheel == Wheel::RightFront,
+        Motors::LeftRear => wheel == Wheel::LeftRear,
+        Motors::RightRear => wheel == Wheel::RightRear,
+    }
+}
+
+fn port_of(name: PortName) -> Port {
+    Port::ALL[name as usize]
+}
+
 /// What the ultrasonic sensors gave when a fault began.
-pub(super) type Echoes = [Option<f64>; ECHOES];
+type Echoes = [Option<f64>; ECHOES];
 
 /// What all armed faults do to one car.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Layer {
     wheels: [WheelFaults; 4],
     whole: MecanumFaults,
-    defects: Defects,
 }
 
 impl Layer {
-    pub(super) fn of<'f>(faults: impl Iterator<Item = (&'f Fault, &'f Echoes)>) -> Self {
+    fn of<'f>(faults: impl Iterator<Item = (&'f Fault, &'f Echoes)>) -> Self {
         let mut layer = Self::default();
         for (fault, echoes) in faults {
             layer.add_to_wheels(fault);
             add(&mut layer.whole, fault, echoes);
-            firmware::add(&mut layer.defects, fault);
         }
         layer
     }
@@ -43,7 +170,7 @@ impl Layer {
         };
         for wheel in Wheel::ALL
             .into_iter()
-            .filter(|wheel| motors.has_wheel(*wheel))
+            .filter(|wheel| has_wheel(motors, *wheel))
         {
             let own = &mut self.wheels[wheel.index()];
             match fault {
@@ -63,18 +190,15 @@ impl Layer {
     }
 
     /// Puts this in the place of what was there `before`, and touches nothing else.
-    pub(super) fn apply(&self, before: &Self, car: &mut Mecanum, world: &mut World, now: SimTime) {
+    fn apply(&self, before: &Self, plant: &mut MecanumPlant, world: &mut World) {
         for wheel in Wheel::ALL {
             let own = self.wheels[wheel.index()];
             if own != before.wheels[wheel.index()] {
-                car.plant_mut().set_wheel_faults(wheel, own);
+                plant.set_wheel_faults(wheel, own);
             }
         }
         if self.whole != before.whole {
-            car.plant_mut().set_faults(world, &self.whole);
-        }
-        if self.defects != before.defects {
-            car.set_defects(now, self.defects);
+            plant.set_faults(world, &self.whole);
         }
     }
 }
@@ -83,7 +207,7 @@ fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
     match fault {
         Fault::SupplyLost {} => whole.unsupplied = true,
         Fault::PortsSwapped { port, with } => {
-            whole.swaps = whole.swaps.and(port.port(), with.port());
+            whole.swaps = whole.swaps.and(port_of(*port), port_of(*with));
         }
         Fault::Ice { friction } => {
             let most = whole.friction.unwrap_or(f64::INFINITY);
@@ -115,7 +239,7 @@ fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
 }
 
 /// Whether a fault of the hardware has an effect now.
-pub(super) fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
+fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
     let plant = car.plant();
     let truth = plant.truth();
     let commands = plant.commands();
@@ -127,7 +251,7 @@ pub(super) fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
         let motors = fault.motors();
         Wheel::ALL
             .into_iter()
-            .any(|wheel| motors.is_none_or(|motors| motors.has_wheel(wheel)) && holds(wheel))
+            .any(|wheel| motors.is_none_or(|motors| has_wheel(motors, wheel)) && holds(wheel))
     };
     match fault {
         Fault::SupplyLost {} => true,
@@ -142,7 +266,7 @@ pub(super) fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
         Fault::BrakeStuckOpen { .. } => any(&|wheel| command(wheel).brake),
         Fault::PortsSwapped { port, with } => {
             let runs = |port: Port| runs(commands.ports[port.index()]);
-            runs(port.port()) || runs(with.port())
+            runs(port_of(*port)) || runs(port_of(*with))
         }
         Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
         Fault::UltrasonicMissing { .. }
@@ -159,20 +283,5 @@ pub(super) fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
             spoilt != unspoilt
         }
         _ => false,
-    }
-}
-
-/// What a fault of the hardware acts on.
-pub(super) fn words(fault: &Fault) -> String {
-    match (fault, fault.motors()) {
-        (_, Some(motors)) => format!("motors {motors}"),
-        (
-            Fault::UltrasonicMissing { sensor }
-            | Fault::UltrasonicStuck { sensor }
-            | Fault::UltrasonicGhost { sensor, .. },
-            None,
-        ) => format!("ultrasonic {sensor}"),
-        (Fault::PortsSwapped { port, with }, None) => format!("ports {port} and {with}"),
-        (other, None) => other.info().counts.trim_end_matches('.').to_owned(),
     }
 }

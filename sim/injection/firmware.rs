@@ -1,7 +1,7 @@
 //! Faults of the firmware: which bugs it has, and how often they have shown.
 
-use super::Fault;
 use crate::defects::{DefectCounts, Defects};
+use crate::fault::Fault;
 
 /// Adds what a fault does to what is wrong already.
 pub(super) fn add(defects: &mut Defects, fault: &Fault) {

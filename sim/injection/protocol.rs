@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use sim_settings::SimTime;
 
-use super::frame::Form;
-use super::parameters::WrongLength;
-use super::{Fault, Tally};
+use super::tally::Tally;
+use crate::device::Framing;
+use crate::fault::Fault;
+use crate::fault::parameters::{Probability, WrongLength};
 use crate::noise::Noise;
 
 /// Most frames that all faults together make of one.
@@ -15,10 +16,8 @@ const MOST_OF_ONE: usize = 16;
 const SHORTEST_EVERY: Duration = Duration::from_millis(1);
 
 /// A protocol fault at work.
-#[derive(Debug)]
 pub(super) struct FrameFault {
-    pub(super) link: usize,
-    form: Form,
+    framing: &'static dyn Framing,
     command: Option<u8>,
     chance: f64,
     most: Option<u64>,
@@ -47,11 +46,9 @@ impl FrameFault {
     pub(super) fn new(
         fault: &Fault,
         now: SimTime,
-        form: impl Fn(usize) -> Form,
+        framing: &'static dyn Framing,
         noise: Noise,
     ) -> Option<Self> {
-        let link = fault.link().map_or(0, super::parameters::LinkName::index);
-        let form = form(link);
         let (command, probability, most, effect) = match fault {
             Fault::BadCrc {
                 command,
@@ -112,17 +109,16 @@ impl FrameFault {
             } => {
                 let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
                 let effect = Effect::Unsolicited {
-                    bytes: bytes.unwrap_or_else(|| form.unasked()),
+                    bytes: bytes.unwrap_or_else(|| framing.unasked()),
                     every: every.map(|every| every.0.max(SHORTEST_EVERY)),
                     due: Some(now),
                 };
-                (None, super::parameters::Probability::ALWAYS, *count, effect)
+                (None, Probability::ALWAYS, *count, effect)
             }
             _ => return None,
         };
         Some(Self {
-            link,
-            form,
+            framing,
             command,
             chance: probability.get(),
             most,
@@ -136,7 +132,7 @@ impl FrameFault {
         for (at, frame) in std::mem::take(frames) {
             let wanted = self
                 .command
-                .is_none_or(|command| self.form.is_command(&frame, command));
+                .is_none_or(|command| self.framing.is_command(&frame, command));
             let happens = wanted && self.noise.uniform() < self.chance && tally.is_below(self.most);
             self.pass_frame(at, frame, happens, frames, tally);
             frames.truncate(MOST_OF_ONE);
@@ -151,11 +147,17 @@ impl FrameFault {
         frames: &mut Vec<(SimTime, Vec<u8>)>,
         tally: &mut Tally,
     ) {
-        let form = self.form;
+        let framing = self.framing;
         if let Effect::Previous(previous) = &mut self.effect {
             let before = previous.replace(frame.clone());
             if let (true, Some(before)) = (happens, before) {
-                tally.hit(|| format!("{} in place of {}", form.name(&before), form.name(&frame)));
+                tally.hit(|| {
+                    format!(
+                        "{} in place of {}",
+                        framing.name(&before),
+                        framing.name(&frame)
+                    )
+                });
                 frames.push((at, before));
             } else {
                 frames.push((at, frame));
@@ -166,11 +168,11 @@ impl FrameFault {
             frames.push((at, frame));
             return;
         }
-        tally.hit(|| form.name(&frame));
+        tally.hit(|| framing.name(&frame));
         match self.effect {
-            Effect::Crc => frames.push((at, form.spoil_crc(frame))),
-            Effect::Command(with) => frames.push((at, form.with_command(frame, with))),
-            Effect::Length(by, what) => frames.push((at, form.with_length(frame, by, what))),
+            Effect::Crc => frames.push((at, spoil_end(frame))),
+            Effect::Command(with) => frames.push((at, framing.with_command(frame, with))),
+            Effect::Length(by, what) => frames.push((at, with_length(framing, frame, by, what))),
             Effect::Torn => {
                 let half = frame.len().div_ceil(2);
                 frames.push((at, frame[..half].to_vec()));
@@ -202,5 +204,26 @@ impl FrameFault {
         *due = every.map(|every| now + every);
         tally.hit(|| format!("{} bytes that nobody asked for", bytes.len()));
         Some(bytes.clone())
+    }
+}
+
+/// Another CRC than the right one.
+fn spoil_end(mut frame: Vec<u8>) -> Vec<u8> {
+    if let Some(last) = frame.last_mut() {
+        *last ^= 0xFF;
+    }
+    frame
+}
+
+/// So many bytes more or fewer, or a length field that says so.
+fn with_length(framing: &dyn Framing, mut frame: Vec<u8>, by: i8, what: WrongLength) -> Vec<u8> {
+    match (what, framing.length_at()) {
+        (WrongLength::Field, Some(at)) => {
+            if let Some(length) = frame.get_mut(at) {
+                *length = length.wrapping_add_signed(by);
+            }
+            frame
+        }
+        _ => framing.with_length(frame, by),
     }
 }

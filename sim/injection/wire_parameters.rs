@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use sim_settings::SimTime;
 
-use super::Fault;
-use super::parameters::{Direction, LinkName};
 use super::wire::{Effect, OneWay, Way, WireFault};
+use crate::fault::Fault;
+use crate::fault::parameters::Direction;
 use crate::noise::Noise;
 
 /// Longest mean time between two bytes of idle noise.
@@ -16,7 +16,12 @@ const SHORTEST_NOISE: Duration = Duration::from_millis(1);
 
 impl WireFault {
     /// `stream` gives the random numbers of each way.
-    pub(super) fn new(fault: &Fault, now: SimTime, stream: impl Fn(&str) -> Noise) -> Option<Self> {
+    pub(super) fn new(
+        fault: &Fault,
+        link: usize,
+        now: SimTime,
+        stream: impl Fn(&str) -> Noise,
+    ) -> Option<Self> {
         let mut most = None;
         let mut either = Direction::Both;
         let effect = match fault {
@@ -116,7 +121,6 @@ impl WireFault {
             Fault::WrongBaud { baud, .. } => Effect::Baud((*baud).max(1)),
             _ => return None,
         };
-        let link = fault.link().map_or(0, LinkName::index);
         let mut fault = Self {
             link,
             direction: either,

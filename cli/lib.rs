@@ -1,0 +1,98 @@
+//! The `sim` command line, for whatever devices a program hands in: flags, subcommands, exit codes.
+
+mod args;
+mod client;
+mod config;
+mod control;
+mod exit;
+mod lists;
+mod log;
+mod plan;
+mod print;
+mod ready_file;
+mod recording;
+mod replay;
+mod run;
+mod scenario_files;
+mod schema;
+mod start;
+mod summary;
+mod supervise;
+mod trace;
+mod visible;
+mod whole_file;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::process::ExitCode;
+
+use sim_core::device::Devices;
+
+use args::{Cli, Command};
+use exit::{Exit, Failure};
+
+/// The program `sim` with these devices.
+///
+/// ```no_run
+/// # use std::process::ExitCode;
+/// fn main() -> ExitCode {
+///     sim_cli::main(sim_core::SHIPPED)
+/// }
+/// ```
+#[must_use]
+pub fn main(devices: Devices) -> ExitCode {
+    guarded(|| {
+        let cli = Cli::read(devices);
+        match &cli.command {
+            Some(Command::Config(settings)) => config::print(devices, settings),
+            Some(Command::Run(args)) => run::run(devices, args),
+            Some(Command::Check { files }) => run::check(devices, files),
+            Some(Command::Replay { trace }) => replay::replay(devices, trace),
+            Some(Command::Trace(args)) => trace::trace(devices, args),
+            Some(Command::Supervise { client, folder }) => {
+                supervise::supervise(client, folder.as_deref())
+            }
+            Some(Command::Faults { device, format }) => {
+                lists::faults(devices, device.as_deref(), *format)
+            }
+            Some(Command::Names { device }) => lists::list_names(devices, device),
+            Some(Command::Ctl(args)) => control::ctl::run(args),
+            Some(Command::Schema { of }) => schema::print(devices, *of),
+            None => start::serve(devices, &cli.serve),
+        }
+    })
+    .into()
+}
+
+/// Runs `program` and says how it ended. A panic ends it as a failure of the simulator, which it
+/// is; what was opened is closed on the way here, and the panic has been printed by its own hook.
+fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
+    // Nothing that the program has touched is used any more afterwards.
+    match catch_unwind(AssertUnwindSafe(program)) {
+        Ok(Ok(exit)) => exit,
+        Ok(Err(failure)) => {
+            print::complain(&format!("error: {:#}", failure.error));
+            failure.exit
+        }
+        Err(_) => Exit::System,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim_pty::PtyPort;
+
+    #[test]
+    fn a_panic_is_a_failure_of_the_simulator_and_leaves_no_link() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("r150");
+        let exit = guarded(|| {
+            let _port = PtyPort::open_at(&path, 115_200).unwrap();
+            assert!(path.exists());
+            panic!("as a test of what is done about it");
+        });
+        assert_eq!(exit, Exit::System);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        assert_eq!(guarded(|| Ok(Exit::Clean)), Exit::Clean);
+    }
+}

@@ -1,0 +1,411 @@
+//! A scenario against a real client whose time is the simulator's.
+
+use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use sim_core::SimTime;
+use sim_core::line::ClientLine;
+use sim_core::rig::PortId;
+use sim_lockstep::{
+    Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World,
+};
+use sim_runner::Run;
+use sim_settings::show_duration;
+
+use crate::client::Output;
+use crate::exit::Failure;
+use crate::supervise::ClientEnd;
+
+use super::folder::Folder;
+use super::job::{Job, JobResult, Played, PlayedClient};
+use super::live::{over_time, take};
+use super::trace_file::TraceFile;
+
+/// Instants of the simulation between looks at the real clock.
+const MOST_INSTANTS: u32 = 10_000;
+/// How long simulated time may go on before a client that waits for room is asked again.
+const ROOM: Duration = Duration::from_millis(5);
+/// How much of a client's output is kept in its file.
+const MOST_FILED: u64 = 1 << 26;
+/// Simulated time between looks for signals, once the client has ended.
+const SLICE: Duration = Duration::from_millis(500);
+
+/// Plays it. The client ends before this returns, whatever happens.
+pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+    let begun = Instant::now();
+    if stop.load(Ordering::Relaxed) {
+        return Ok(JobResult::BrokenOff);
+    }
+    let (run, trace) = job.begin()?;
+    let folder = Folder::take(job).map_err(Failure::system)?;
+    let (ids, mut ports) = open_ports(job, &folder)?;
+    let paths = ids.iter().zip(&ports);
+    let paths = paths.map(|(id, port)| (*id, port.path().to_owned()));
+    let environment = super::live::environment(job, paths)?;
+    let mut output = open_output(job).map_err(Failure::system)?;
+    let program = Program {
+        words: job.client,
+        environment: &environment,
+        output: output
+            .try_clone()
+            .context("cannot share the client's output")
+            .map_err(Failure::system)?,
+    };
+    let until = begun.checked_add(job.allowed);
+    let options = Options {
+        seed: job.random_from_seed.then_some(job.seed),
+        date: job.date,
+        until,
+        stop,
+    };
+    let mut stage = Stage {
+        run,
+        trace,
+        ids,
+        begun_at: None,
+        wants_room: false,
+        patience: nanoseconds(job.allowed),
+        output: output.try_clone().ok(),
+    };
+    let ending = sim_lockstep::run(program, &options, &mut ports, &mut stage);
+    let ending = ending.map_err(|error| failure(job, error))?;
+    let broken_off = !stage.conclude(job, &ending, begun, stop)?;
+    // The trace has its end in any case, so that it can be played again.
+    let outcome = stage.run.end().clone();
+    take(&mut stage.run, &mut stage.trace);
+    stage.trace.map_or(Ok(()), TraceFile::finish)?;
+    if broken_off {
+        return Ok(JobResult::BrokenOff);
+    }
+    Ok(JobResult::Played(Box::new(Played {
+        outcome,
+        client: Some(PlayedClient {
+            end: client_end(ending.end),
+            stopped: ending.reason != Reason::Itself,
+            output: read_output(&mut output).map_err(Failure::system)?,
+            outside: ending.outside.into_iter().collect(),
+            refused: ending.refused.into_iter().collect(),
+        }),
+        took: begun.elapsed(),
+        // The machine has no part in it.
+        held_up: None,
+        is_spoilt: false,
+    })))
+}
+
+fn client_end(end: End) -> ClientEnd {
+    match end {
+        End::Exited(code) => ClientEnd::Exited(code),
+        End::Killed(signal) => ClientEnd::Killed(signal),
+    }
+}
+
+fn failure(job: &Job<'_>, error: Error) -> Failure {
+    let client = job.client.first().map(|name| name.display().to_string());
+    let client = client.unwrap_or_default();
+    match error {
+        Error::NotStarted(why) => {
+            Failure::usage(anyhow!("cannot start the client {client}: {why}"))
+        }
+        Error::Unsupported(why) => Failure::system(anyhow!(
+            "{why}, so the client cannot run in the simulator's time; --time real runs it in real \
+             time"
+        )),
+        Error::Refused(why) => Failure::usage(anyhow!("{why}; --time real runs it in real time")),
+        Error::World(why) => Failure::system(anyhow!(why)),
+        error @ Error::System { .. } => Failure::system(error),
+    }
+}
+
+/// A port for each link of each device, in the folder or where the rig has it.
+fn open_ports(job: &Job<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>), Failure> {
+    let mut ids = Vec::new();
+    let mut ports = Vec::new();
+    for (device, planned) in job.loaded.scenario.rig.devices.iter().enumerate() {
+        for link in planned.links() {
+            let path = match &link.path {
+                Some(path) => job.loaded.folder().join(path),
+                None => folder
+                    .path()
+                    .join(link_name(&planned.name, link.index, link.name)),
+            };
+            let port = Port::new(path.clone(), link.baud)
+                .with_context(|| format!("cannot serve a port at {}", path.display()));
+            ports.push(port.map_err(Failure::system)?);
+            ids.push(PortId {
+                device,
+                link: link.index,
+            });
+        }
+    }
+    Ok((ids, ports))
+}
+
+fn link_name(device: &str, index: usize, link: &str) -> PathBuf {
+    match index {
+        0 => device.into(),
+        _ => format!("{device}-{}", link.to_lowercase()).into(),
+    }
+}
+
+/// Where the client writes: a file, which takes everything at once. A reader of a pipe would be one
+/// more whose pace shows.
+fn open_output(job: &Job<'_>) -> anyhow::Result<File> {
+    let Some(path) = job.file("client.log") else {
+        return tempfile::tempfile().context("cannot make a file for the client's output");
+    };
+    File::create(&path)
+        .and_then(|_| File::options().read(true).append(true).open(&path))
+        .with_context(|| format!("cannot write the client's output to {}", path.display()))
+}
+
+fn read_output(file: &mut File) -> anyhow::Result<String> {
+    let what = "cannot read the client's output";
+    let length = file.metadata().context(what)?.len();
+    let from = length.saturating_sub(Output::MOST as u64);
+    file.seek(SeekFrom::Start(from)).context(what)?;
+    let mut bytes = Vec::new();
+    file.take(Output::MOST as u64)
+        .read_to_end(&mut bytes)
+        .context(what)?;
+    Ok(Output::ended(from, &bytes))
+}
+
+fn nanoseconds(span: Duration) -> u64 {
+    u64::try_from(span.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// The devices, as a client's world.
+struct Stage {
+    run: Run,
+    trace: Option<TraceFile>,
+    ids: Vec<PortId>,
+    /// The client's time when it first opened a port, at which the scenario begins.
+    begun_at: Option<u64>,
+    /// A client waits for room on a line.
+    wants_room: bool,
+    /// The client's time until which it must have opened a port.
+    patience: u64,
+    output: Option<File>,
+}
+
+impl Stage {
+    /// The scenario's time.
+    fn at(&self, now: u64) -> SimTime {
+        SimTime::from_nanos(now.saturating_sub(self.begun_at.unwrap_or(now)))
+    }
+
+    /// The client's time.
+    fn now(&self) -> u64 {
+        let run = self.run.rig().now().since(SimTime::ZERO);
+        self.begun_at.unwrap_or(0).saturating_add(nanoseconds(run))
+    }
+
+    fn id(&self, port: usize) -> Result<PortId, Broken> {
+        self.ids
+            .get(port)
+            .copied()
+            .ok_or_else(|| "there is no such port".into())
+    }
+
+    /// Does what the run has brought about at the ports; says whether it was anything.
+    fn follow(&mut self, ports: &mut [Port]) -> Result<bool, Broken> {
+        let mut any = false;
+        let mut bytes = Vec::new();
+        for (index, port) in ports.iter_mut().enumerate() {
+            let id = self.id(index)?;
+            let pulled = self.run.rig().cable_pulled(id);
+            if pulled && port.is_plugged() {
+                any = true;
+                if port.unplug() {
+                    self.run.detach(id, self.run.rig().now())?;
+                }
+            } else if !pulled && !port.is_plugged() {
+                any = true;
+                port.plug()?;
+            }
+            bytes.clear();
+            self.run.read(id, &mut bytes);
+            if bytes.is_empty() {
+                continue;
+            }
+            // A client that only listens would else never be found to listen at a wrong speed.
+            if let Some(line) = port.line()? {
+                self.run.set_line(id, client_line(line));
+            }
+            port.deliver(&bytes)?;
+            any = true;
+            match port.take_lost() {
+                0 => {}
+                lost => self.run.client_lost(id, lost),
+            }
+        }
+        Ok(any)
+    }
+
+    /// Says what the client's end means, and plays what is left of the scenario; `false` if a signal
+    /// came first.
+    fn conclude(
+        &mut self,
+        job: &Job<'_>,
+        ending: &Ending,
+        begun: Instant,
+        stop: &AtomicBool,
+    ) -> Result<bool, Failure> {
+        match &ending.reason {
+            Reason::Stopped => {
+                self.run.fail("a signal ended it".to_owned());
+                return Ok(false);
+            }
+            Reason::Over => {}
+            Reason::OutOfTime(doing) => {
+                let why = over_time(job.allowed);
+                self.run.fail(format!("{why}; {doing}"));
+            }
+            Reason::Deadlock(waits) if self.begun_at.is_none() => self.run.fail(format!(
+                "the client has opened no port within {} of its own time: {waits}",
+                show_duration(job.allowed)
+            )),
+            Reason::Deadlock(waits) => self
+                .run
+                .fail(format!("the client waited for what never comes: {waits}")),
+            Reason::Itself if ending.end != End::Exited(0) => {
+                self.run
+                    .fail(format!("the client {}", client_end(ending.end)));
+            }
+            Reason::Itself if self.begun_at.is_none() => {
+                self.run
+                    .fail("the client ended without having opened a port".to_owned());
+            }
+            Reason::Itself => return self.play_the_rest(job, begun, stop),
+        }
+        Ok(true)
+    }
+
+    /// The client has done its work and left; the rest of the scenario shows what becomes of the
+    /// vehicle.
+    fn play_the_rest(
+        &mut self,
+        job: &Job<'_>,
+        begun: Instant,
+        stop: &AtomicBool,
+    ) -> Result<bool, Failure> {
+        while self.run.finished().is_none() {
+            let to = self.run.rig().now() + SLICE;
+            loop {
+                if stop.load(Ordering::Relaxed) {
+                    self.run.fail("a signal ended it".to_owned());
+                    return Ok(false);
+                }
+                if begun.elapsed() > job.allowed {
+                    self.run.fail(over_time(job.allowed));
+                    return Ok(true);
+                }
+                let more = self.run.step(to).map_err(Failure::system)?;
+                take(&mut self.run, &mut self.trace);
+                if !more {
+                    break;
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Leaves out what a client writes without end.
+    fn bound_output(&mut self) {
+        if let Some(output) = &self.output
+            && output
+                .metadata()
+                .is_ok_and(|file| file.len() > 2 * MOST_FILED)
+        {
+            // The beginning stays, and whatever comes next; a file that cannot be cut is too long.
+            let _ = output.set_len(MOST_FILED);
+        }
+    }
+}
+
+fn client_line(line: LineSettings) -> ClientLine {
+    ClientLine {
+        baud: line.baud,
+        stop_bits: u8::try_from(line.stop_bits).unwrap_or(1),
+        raw: line.raw,
+    }
+}
+
+impl World for Stage {
+    fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken> {
+        self.begun_at.get_or_insert(now);
+        let id = self.id(port)?;
+        Ok(self.run.attach(id, self.at(now))?)
+    }
+
+    fn closed(&mut self, port: usize, now: u64) -> Result<(), Broken> {
+        let id = self.id(port)?;
+        Ok(self.run.detach(id, self.at(now))?)
+    }
+
+    fn sent(
+        &mut self,
+        port: usize,
+        line: LineSettings,
+        now: u64,
+        bytes: &[u8],
+    ) -> Result<usize, Broken> {
+        let id = self.id(port)?;
+        if self.run.finished().is_some() {
+            return Ok(bytes.len());
+        }
+        self.run.set_line(id, client_line(line));
+        let count = self.run.room(id).min(bytes.len());
+        self.wants_room = count < bytes.len();
+        if let Some(taken) = bytes.get(..count).filter(|taken| !taken.is_empty()) {
+            self.run.send(id, self.at(now), taken)?;
+        }
+        Ok(count)
+    }
+
+    fn modem_lines(&mut self, _port: usize, _now: u64, _lines: u32) -> Result<(), Broken> {
+        Ok(())
+    }
+
+    fn advance(
+        &mut self,
+        ports: &mut [Port],
+        now: u64,
+        until: Option<u64>,
+    ) -> Result<Step, Broken> {
+        self.bound_output();
+        if self.begun_at.is_none() {
+            // The scenario waits for clients that are slow to begin, but not for ever.
+            return Ok(match until {
+                Some(until) if until <= self.patience => Step::To(until),
+                _ => Step::Never,
+            });
+        }
+        let mut to = until.map_or(SimTime::MAX, |until| self.at(until));
+        if self.wants_room {
+            to = to.min(self.at(now) + ROOM);
+        }
+        for _ in 0..MOST_INSTANTS {
+            let news = self.follow(ports)?;
+            take(&mut self.run, &mut self.trace);
+            if self.run.finished().is_some() {
+                return Ok(Step::Over);
+            }
+            if news {
+                break;
+            }
+            if !self.run.step(to)? && self.run.finished().is_none() {
+                // What has arrived with it is found the next time.
+                let reached = self.now().max(now);
+                let asked = until.filter(|until| self.at(*until) <= to);
+                return Ok(Step::To(asked.map_or(reached, |until| until.max(reached))));
+            }
+        }
+        Ok(Step::To(self.now().max(now)))
+    }
+}

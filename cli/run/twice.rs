@@ -1,0 +1,82 @@
+//! A scenario played two times, which must be the same.
+
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Context as _;
+
+use crate::exit::Failure;
+
+use super::job::{Job, JobResult};
+use super::{lockstep, tell};
+
+/// What is compared: the ends of the files' names, and what is in them.
+const COMPARED: [(&str, &str); 2] = [("trace.jsonl", "trace"), ("client.log", "client's output")];
+
+/// Plays it two times; a difference fails it. The files that stay are those of the second.
+pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+    let scratch = tempfile::tempdir()
+        .context("cannot make a folder for the traces")
+        .map_err(Failure::system)?;
+    let mut job = job.clone();
+    if job.output.is_none() {
+        job.output = Some(scratch.path());
+    }
+    let first = lockstep::play(&job, stop)?;
+    if !matches!(first, JobResult::Played(_)) {
+        return Ok(first);
+    }
+    let before = COMPARED.map(|(end, _)| contents(&job, end));
+    let mut second = lockstep::play(&job, stop)?;
+    let JobResult::Played(played) = &mut second else {
+        return Ok(second);
+    };
+    for ((end, what), before) in COMPARED.into_iter().zip(before) {
+        let (before, after) = (before?, contents(&job, end)?);
+        if let Some(difference) = difference(what, &before, &after) {
+            played.outcome.fail(difference);
+            break;
+        }
+    }
+    Ok(second)
+}
+
+fn contents(job: &Job<'_>, end: &str) -> Result<Vec<u8>, Failure> {
+    let path = job.file(end).unwrap_or_default();
+    read(&path).map_err(Failure::system)
+}
+
+fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    fs::read(path).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// The first line that differs, for people.
+fn difference(what: &str, first: &[u8], second: &[u8]) -> Option<String> {
+    if first == second {
+        return None;
+    }
+    let (first, second) = (
+        String::from_utf8_lossy(first),
+        String::from_utf8_lossy(second),
+    );
+    let (mut first, mut second) = (first.lines(), second.lines());
+    let mut number = 1;
+    loop {
+        match (first.next(), second.next()) {
+            // Only what ends a line differs, or what is no text.
+            (None, None) => return Some(format!("the second run differs: bytes of the {what}")),
+            (one, other) if one == other => number += 1,
+            (one, other) => {
+                let shown =
+                    |line: Option<&str>| line.map_or("(its end)".to_owned(), tell::shortened);
+                return Some(format!(
+                    "the second run differs first in line {number} of the {what}\n    first:  {}\n    \
+                     second: {}",
+                    shown(one),
+                    shown(other)
+                ));
+            }
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! A small robot with two driven wheels side by side, for devices of one's own.
+//!
+//! Its motors hold the speeds that they are told, as far as the friction under the wheels allows. What
+//! drives it is small next to what holds it, so motors and tyres are not modelled any further: use
+//! [`crate::traction`] where they matter.
+
+use crate::pose::{BodyMotion, Pose};
+use crate::rest::RestSettings;
+use crate::vehicle_body::{Bounds, VehicleBody};
+use crate::world::{BodyId, BodyShape, World};
+
+const BOUNDS: Bounds = Bounds {
+    payload: 20.0,
+    push: 1e3,
+};
+
+/// Size and mass of a robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DifferentialShape {
+    /// m.
+    pub length: f64,
+    /// m.
+    pub width: f64,
+    /// Between the wheels, m.
+    pub track: f64,
+    /// Without payload, kg.
+    pub mass: f64,
+}
+
+impl Default for DifferentialShape {
+    /// As large as a sheet of paper.
+    fn default() -> Self {
+        Self {
+            length: 0.25,
+            width: 0.2,
+            track: 0.16,
+            mass: 1.5,
+        }
+    }
+}
+
+/// One robot.
+#[derive(Debug, Clone)]
+pub struct Differential {
+    body: VehicleBody,
+    shape: DifferentialShape,
+    /// Wanted and true speed of the wheels over the ground, left and right, m/s.
+    wanted: [f64; 2],
+    speed: [f64; 2],
+    /// How far each has rolled, m.
+    travel: [f64; 2],
+}
+
+impl Differential {
+    /// A robot that stands at `pose`.
+    #[must_use]
+    pub fn new(name: &str, shape: DifferentialShape, world: &mut World, pose: Pose) -> Self {
+        let body = BodyShape {
+            length: shape.length,
+            width: shape.width,
+            mass: shape.mass,
+            inertia: inertia(shape, shape.mass),
+        };
+        let id = world.add_body(name, body, pose);
+        let carried = (shape.length, 0.0);
+        Self {
+            body: VehicleBody::new(world, id, carried, &RestSettings::default(), BOUNDS),
+            shape,
+            wanted: [0.0; 2],
+            speed: [0.0; 2],
+            travel: [0.0; 2],
+        }
+    }
+
+    /// Has the wheels, left and right, turn at these speeds over the ground, m/s.
+    pub fn set_speeds(&mut self, wanted: [f64; 2]) {
+        if self.wanted != wanted {
+            self.wanted = wanted;
+            self.body.wake();
+        }
+    }
+
+    /// How far each wheel has rolled, left and right, m.
+    #[must_use]
+    pub fn travel(&self) -> [f64; 2] {
+        self.travel
+    }
+
+    /// Its body in the world.
+    #[must_use]
+    pub fn body(&self) -> BodyId {
+        self.body.id()
+    }
+
+    /// Where it was and how it moved at the end of the last step.
+    #[must_use]
+    pub fn motion(&self) -> &BodyMotion {
+        self.body.motion()
+    }
+
+    /// How far it has driven, m.
+    #[must_use]
+    pub fn distance(&self) -> f64 {
+        self.body.distance()
+    }
+
+    /// With payload, kg.
+    #[must_use]
+    pub fn mass(&self) -> f64 {
+        self.shape.mass + self.body.payload()
+    }
+
+    /// Whether nothing moves and nothing drives.
+    #[must_use]
+    pub fn at_rest(&self) -> bool {
+        self.body.is_resting()
+    }
+
+    /// Looks again whether it can stand, after something around it has changed.
+    pub fn wake(&mut self) {
+        self.body.wake();
+    }
+
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
+    pub fn set_push(&mut self, push: [f64; 3]) {
+        self.body.set_push(push);
+    }
+
+    /// Puts a payload on the deck, kg.
+    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
+        self.body.set_payload(payload);
+        let mass = self.mass();
+        world.set_mass(self.body.id(), mass, inertia(self.shape, mass));
+    }
+
+    /// Lifts it and sets it down elsewhere, standing.
+    pub fn place(&mut self, world: &mut World, pose: Pose) {
+        self.speed = [0.0; 2];
+        self.body.place(world, pose);
+    }
+
+    /// Computes what the wheels do in a step. Call before every [`World::step`].
+    pub fn before_step(&mut self, world: &mut World) {
+        if self.body.rests_before(world) {
+            return;
+        }
+        let dt = world.step_length().as_secs_f64();
+        let motion = world.motion(self.body.id());
+        let ground = world.ground_at(motion.x, motion.y);
+        let (mass, inertia) = (self.mass(), inertia(self.shape, self.mass()));
+        let pull = motion.to_body(ground.downhill());
+        let weight = mass * world.gravity();
+        let [push_ahead, push_left, push_turn] = self.body.push();
+        let [ahead, left, yaw_rate] = motion.body_velocity();
+        let free = [
+            ahead + dt * (pull[0] * weight + push_ahead) / mass,
+            left + dt * (pull[1] * weight + push_left) / mass,
+            yaw_rate + dt * push_turn / inertia,
+        ];
+        let [left_wheel, right_wheel] = self.wanted;
+        let half = self.shape.track / 2.0;
+        let held = [
+            (left_wheel + right_wheel) / 2.0,
+            0.0,
+            (right_wheel - left_wheel) / self.shape.track,
+        ];
+        // The most that friction changes in a step: of both speeds, and of the yaw rate.
+        let grip = dt * ground.friction() * world.gravity() * ground.cos_slope();
+        let limits = [grip, grip, grip * mass * half / inertia];
+        let velocity: [f64; 3] = std::array::from_fn(|axis| {
+            let change = held[axis] - free[axis];
+            free[axis] + change.clamp(-limits[axis], limits[axis])
+        });
+        self.speed = self.wanted;
+        let [ahead, left, yaw_rate] = velocity;
+        world.set_velocity(self.body.id(), motion.to_world([ahead, left]), yaw_rate);
+    }
+
+    /// Takes over what the step did. Call after every [`World::step`].
+    pub fn after_step(&mut self, world: &mut World) {
+        if self.body.rests_after(world) {
+            return;
+        }
+        let seconds = world.step_length().as_secs_f64();
+        self.body.follow(world, seconds);
+        for (travel, speed) in self.travel.iter_mut().zip(self.speed) {
+            *travel += speed * seconds;
+        }
+        let slow = self.body.is_slow(self.wanted);
+        self.body.settle(world, seconds, slow);
+    }
+}
+
+/// As of a plate of its size.
+fn inertia(DifferentialShape { length, width, .. }: DifferentialShape, mass: f64) -> f64 {
+    mass * (length * length + width * width) / 12.0
+}

@@ -1,0 +1,66 @@
+//! The tables of a file with the places of their keys, for what each device reads by itself.
+
+use serde::de::DeserializeOwned;
+use sim_settings::Source;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+use crate::rig_file::RigFileError;
+
+/// A file's tables.
+pub(crate) struct Tables<'t>(Spanned<DeTable<'t>>);
+
+impl<'t> Tables<'t> {
+    pub(crate) fn parse(source: Source<'t>) -> Result<Self, RigFileError> {
+        DeTable::parse(source.text)
+            .map(Self)
+            .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))
+    }
+
+    /// All of it.
+    pub(crate) fn root(&self) -> &DeTable<'t> {
+        self.0.get_ref()
+    }
+
+    /// The table with this name.
+    pub(crate) fn table(&self, name: &str) -> Option<&DeTable<'t>> {
+        table(self.0.get_ref(), name)
+    }
+
+    /// A table of the list with this name.
+    pub(crate) fn of(&self, list: &str, index: usize) -> Option<&DeTable<'t>> {
+        let DeValue::Array(tables) = self.0.get_ref().get(list)?.get_ref() else {
+            return None;
+        };
+        match tables.get(index)?.get_ref() {
+            DeValue::Table(table) => Some(table),
+            _ => None,
+        }
+    }
+}
+
+/// The table with this name in another one.
+pub(crate) fn table<'d, 't>(parent: &'d DeTable<'t>, name: &str) -> Option<&'d DeTable<'t>> {
+    match parent.get(name)?.get_ref() {
+        DeValue::Table(table) => Some(table),
+        _ => None,
+    }
+}
+
+/// Reads a value as this type.
+pub(crate) fn read<T: DeserializeOwned>(
+    value: &Spanned<DeValue<'_>>,
+) -> Result<T, toml::de::Error> {
+    T::deserialize(ValueDeserializer::from(value.clone()))
+}
+
+/// What a word or a table with one key is called: `unlock`, or `press` of `{ press = "left" }`.
+pub(crate) fn name_of<'d>(value: &'d Spanned<DeValue<'_>>) -> Option<&'d str> {
+    match value.get_ref() {
+        DeValue::String(word) => Some(word),
+        DeValue::Table(table) if table.len() == 1 => {
+            table.keys().next().map(|key| key.get_ref().as_ref())
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,355 @@
+//! What a device is to everybody else: a row of a table, and a trait.
+//!
+//! [`DeviceSpec`] describes a device: its links, settings, events, names for conditions, commands
+//! and replies for scripted clients, what can go wrong with it and what people do to it, and how it
+//! is built. [`Device`] is one that was built: firmware and hardware, tied together. Nothing outside
+//! of a device's own folder knows which devices there are, but the table ([`Devices`]), which the
+//! program hands in.
+
+mod action;
+mod framing;
+pub mod host;
+pub mod names;
+mod observed;
+mod settings;
+
+use std::any::Any;
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use sim_physics::{BodyId, BodyMotion, Drawing, Pose, World};
+use sim_settings::SimTime;
+
+use crate::defects::{DefectCounts, Defects};
+use crate::event::{Code, EventKind};
+use crate::fault::{Fault, FaultHandle, FaultInfo};
+use crate::noise::Noise;
+
+pub use action::{Action, Actions, HANDS, Hands, Performed, Place, Push, Undo, actions};
+pub(crate) use framing::with_first;
+pub use framing::{Framing, TextLines};
+pub use host::HostSpec;
+pub use names::{NameInfo, View};
+pub use observed::{Observed, Observer};
+pub use settings::{DeviceSettings, LineSettings};
+
+/// The devices that there are.
+pub type Devices = &'static [&'static DeviceSpec];
+
+/// A device as it is described to everybody else.
+pub struct DeviceSpec {
+    /// Its `kind` in files, flags and settings: lower-case letters and digits.
+    pub id: &'static str,
+    /// It in a sentence, with its article: `an R150`.
+    pub title: &'static str,
+    /// What it is, for help.
+    pub about: &'static str,
+    /// Its serial links. The first one is always there.
+    pub links: &'static [LinkSpec],
+    /// States in which it can begin, the usual one first; none if it has no choice.
+    pub starts: &'static [StartSpec],
+    /// Its settings as they are by default.
+    pub settings: fn() -> Box<dyn DeviceSettings>,
+    /// Puts one into a world.
+    pub build: fn(&Setup<'_>, &mut World) -> Box<dyn Device>,
+    /// The names of its own events.
+    pub codes: &'static [Code],
+    /// What conditions can say of it.
+    pub names: &'static [&'static [NameInfo]],
+    /// Takes note of its events for those names.
+    pub observer: fn() -> Box<dyn Observer>,
+    /// How scripted clients speak with it.
+    pub host: HostSpec,
+    /// What people can do to it, beside what they can do to any.
+    pub operator: Option<Actions>,
+    /// What can be changed around it, beside what can be changed in any world.
+    pub surroundings: Option<Actions>,
+    /// The faults of its own that it can have, by their ids; those that every device can have are
+    /// not among them.
+    pub faults: &'static [&'static str],
+    /// Whether it can have this fault with these parameters; says in a sentence why not.
+    pub check_fault: fn(&Fault) -> Result<(), String>,
+}
+
+impl DeviceSpec {
+    /// The name with which conditions begin, if there is one such.
+    pub fn find_name(&self, name: &str) -> Option<&'static NameInfo> {
+        self.all_names().find(|info| info.name == name)
+    }
+
+    /// Everything that a condition can say of it.
+    pub fn all_names(&self) -> impl Iterator<Item = &'static NameInfo> + use<> {
+        self.names.iter().copied().flatten()
+    }
+
+    /// Whether it can have this fault, with these parameters.
+    ///
+    /// # Errors
+    /// Says in a sentence why not.
+    pub fn check(&self, fault: &Fault) -> Result<(), String> {
+        (self.check_fault)(fault)?;
+        let (id, title) = (fault.id(), self.title);
+        if !self.has_fault(fault.info()) {
+            return Err(format!(
+                "{title} cannot have `{id}`; `sim faults --device {}` lists what it can have",
+                self.id
+            ));
+        }
+        if let Some(link) = fault.link()
+            && self.link(link.as_str()).is_none()
+        {
+            return Err(format!("{title} has no {link} link"));
+        }
+        fault.check()
+    }
+
+    /// Index of the link with this id.
+    #[must_use]
+    pub fn link(&self, id: &str) -> Option<usize> {
+        self.links.iter().position(|link| link.id == id)
+    }
+
+    /// Whether it can have this fault at all.
+    #[must_use]
+    pub fn has_fault(&self, info: &FaultInfo) -> bool {
+        info.everywhere || self.faults.contains(&info.id)
+    }
+}
+
+impl PartialEq for DeviceSpec {
+    fn eq(&self, other: &Self) -> bool {
+        self.id == other.id
+    }
+}
+
+impl Eq for DeviceSpec {}
+
+impl fmt::Debug for DeviceSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.id)
+    }
+}
+
+/// A serial link of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LinkSpec {
+    /// What scenario files call it.
+    pub id: &'static str,
+    /// What people call it.
+    pub name: &'static str,
+    /// If it is there only when it is asked for: what it costs, for help.
+    pub optional: Option<&'static str>,
+}
+
+impl LinkSpec {
+    /// A link that is always there.
+    #[must_use]
+    pub const fn always(id: &'static str, name: &'static str) -> Self {
+        Self {
+            id,
+            name,
+            optional: None,
+        }
+    }
+}
+
+/// A state in which a device can begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StartSpec {
+    /// The word in files and flags.
+    pub id: &'static str,
+    /// What it means, for help.
+    pub about: &'static str,
+}
+
+/// A device that is to be built.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup<'a> {
+    /// Its name, from which its streams of chance are named.
+    pub name: &'a str,
+    /// Its settings, of the type that its own row gives.
+    pub settings: &'a dyn DeviceSettings,
+    /// Index of the state in which it begins.
+    pub start: usize,
+    /// How many of its links are there, from the first one on.
+    pub links: usize,
+    /// Where it stands.
+    pub pose: Pose,
+    /// From which every stream of chance of the run is derived.
+    pub seed: u64,
+}
+
+impl<'a> Setup<'a> {
+    /// Its settings as those of this type; `None` if they are another device's.
+    #[must_use]
+    pub fn settings<T: DeviceSettings>(&self) -> Option<&'a T> {
+        (self.settings as &dyn Any).downcast_ref()
+    }
+}
+
+/// How a vehicle really stands and moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Where it is.
+    pub pose: Pose,
+    /// m/s, negative backward.
+    pub forward_speed: f64,
+    /// m/s.
+    pub leftward_speed: f64,
+    /// rad/s, counter-clockwise.
+    pub yaw_rate: f64,
+    /// Length of the path driven so far, m.
+    pub distance: f64,
+    /// With payload, kg.
+    pub mass: f64,
+}
+
+impl Motion {
+    /// Of a body that has driven so far, m, and is so heavy, kg.
+    #[must_use]
+    pub fn of(motion: &BodyMotion, distance: f64, mass: f64) -> Self {
+        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
+        Self {
+            pose: motion.pose(),
+            forward_speed,
+            leftward_speed,
+            yaw_rate,
+            distance,
+            mass,
+        }
+    }
+}
+
+/// Firmware and hardware of one device, tied together.
+///
+/// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
+/// `settle`, and takes all output and events.
+pub trait Device: Any + Send + Sync {
+    /// Takes bytes whose last has arrived on `link` at `now`.
+    fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
+
+    /// Does everything that the firmware has due by `now`.
+    fn advance(&mut self, now: SimTime);
+
+    /// When the firmware next does something by itself.
+    fn next_deadline(&self) -> Option<SimTime>;
+
+    /// Whether output or events wait to be taken. Whatever bytes do to a device is told by one, but
+    /// for the place within a frame that they bring it to.
+    fn has_news(&self) -> bool;
+
+    /// Passes pins and measurements between firmware and hardware until neither changes.
+    fn settle(&mut self, now: SimTime);
+
+    /// Bytes for the client of a link.
+    fn poll_output(&mut self) -> Option<(usize, Vec<u8>)>;
+
+    /// The next event and when it happened.
+    fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)>;
+
+    /// The machine was late by `by`: until then what clients send may come up to `by` closer
+    /// together than they were sent. Of no concern to firmware without a rule against that.
+    fn expect_burst(&mut self, _by: Duration, _until: SimTime) {}
+
+    /// The client of a link has left and its last byte has arrived: replies to it that are held
+    /// back are nobody's. Of no concern to firmware that holds nothing back.
+    fn client_left(&mut self, _now: SimTime, _link: usize) {}
+
+    /// Its body in the world.
+    fn body(&self) -> BodyId;
+
+    /// How it really stands and moves.
+    fn motion(&self) -> Motion;
+
+    /// How it looks from above, beside its body; of one that does not say, the body is all.
+    fn drawing(&self) -> Drawing {
+        Drawing::default()
+    }
+
+    /// Whether nothing of it moves and nothing drives it.
+    fn at_rest(&self) -> bool;
+
+    /// Looks again whether it can stand, after something around it has changed.
+    fn wake(&mut self);
+
+    /// Lets time pass for its slow states up to `now`, while nothing in the world moves. Of no concern
+    /// to a device without any.
+    fn rest_until(&mut self, _now: SimTime) {}
+
+    /// Applies its forces for a step.
+    fn before_step(&mut self, world: &mut World);
+
+    /// Takes over what the step, which ended at `now`, has done.
+    fn after_step(&mut self, now: SimTime, world: &mut World);
+
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
+    fn set_push(&mut self, push: [f64; 3]);
+
+    /// Puts a payload on the deck, kg.
+    fn set_payload(&mut self, world: &mut World, mass: f64);
+
+    /// Lifts the vehicle and sets it down elsewhere, standing.
+    fn place(&mut self, world: &mut World, pose: Pose);
+
+    /// Replaces all that is wrong with the firmware. This and what follows is only called if the row
+    /// has faults of the firmware.
+    fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
+
+    /// How often what is wrong with the firmware has shown.
+    fn defect_counts(&self) -> DefectCounts {
+        DefectCounts::default()
+    }
+
+    /// Whether the firmware has a watchdog that could fail; says in a sentence why not.
+    fn check_watchdog(&self) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// The firmware restarts, and is up after `boot`; says whether it ran.
+    fn reset(&mut self, _now: SimTime, _boot: Duration) -> bool {
+        false
+    }
+
+    /// What a link carries, for faults that spoil it.
+    fn framing(&self, link: usize) -> &'static dyn Framing;
+
+    /// A fault of its hardware, its sensors or its operators begins; says whether it has already
+    /// acted. This and what follows is only called if the row has such faults.
+    fn arm(&mut self, _now: SimTime, _handle: FaultHandle, _fault: &Fault, _noise: Noise) -> bool {
+        false
+    }
+
+    /// That fault ends.
+    fn disarm(&mut self, _now: SimTime, _handle: FaultHandle) {}
+
+    /// Brings the hardware into the state that all such faults together make.
+    fn apply_faults(&mut self, _world: &mut World) {}
+
+    /// So many seconds have passed for the hardware: interference goes on. Tells what it has acted
+    /// on.
+    fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(FaultHandle, String)) {}
+
+    /// Whether such a fault has an effect now.
+    fn acts(&self, _handle: FaultHandle) -> bool {
+        false
+    }
+
+    /// What it acts on now, in words.
+    fn acted_on(&self, _handle: FaultHandle) -> String {
+        String::new()
+    }
+}
+
+impl dyn Device {
+    /// The device as one of this type, if it is one.
+    #[must_use]
+    pub fn get<T: Device>(&self) -> Option<&T> {
+        (self as &dyn Any).downcast_ref()
+    }
+
+    /// The device as one of this type, if it is one.
+    pub fn get_mut<T: Device>(&mut self) -> Option<&mut T> {
+        (self as &mut dyn Any).downcast_mut()
+    }
+}

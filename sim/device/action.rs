@@ -1,0 +1,114 @@
+//! What people do to a device, and what changes around it.
+
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::Deserialize;
+use sim_physics::{Pose, World};
+use sim_settings::{Angle, Force, Length, Mass, SimTime, Torque};
+use toml::de::ValueDeserializer;
+
+use super::Device;
+
+/// What ends the effect of something that was done.
+pub type Undo = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send>;
+
+/// Something that was done, and what ends it if it can be ended.
+pub type Performed = Option<Undo>;
+
+/// Something that can be done to a device.
+pub trait Action: fmt::Debug + Send + Sync {
+    /// Does it.
+    fn perform(&self, device: &mut dyn Device, world: &mut World, now: SimTime) -> Performed;
+
+    /// Whether it can be undone after a time.
+    fn can_end(&self) -> bool;
+}
+
+/// What can be done to a device, as files have it.
+pub struct Actions {
+    /// Reads one.
+    pub read: fn(ValueDeserializer<'_>) -> Result<Box<dyn Action>, toml::de::Error>,
+    /// The form of them in files: alternatives, each a word or a table with its name as the only
+    /// key.
+    pub schema: fn(&mut SchemaGenerator) -> Schema,
+}
+
+/// Actions of this type.
+#[must_use]
+pub const fn actions<T>() -> Actions
+where
+    T: Action + JsonSchema + for<'de> Deserialize<'de> + 'static,
+{
+    Actions {
+        read: |value| Ok(Box::new(T::deserialize(value)?)),
+        schema: |generator| T::json_schema(generator),
+    }
+}
+
+/// What people can do to any vehicle.
+pub static HANDS: Actions = actions::<Hands>();
+
+/// What somebody does to a vehicle with their hands.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Hands {
+    /// Pushes steadily until another push, or for as long as `for` says.
+    Push(Push),
+    /// Puts a payload on the deck.
+    Payload(Mass),
+    /// Lifts the vehicle and sets it down elsewhere.
+    Place(Place),
+}
+
+/// A push in the vehicle's axes.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "PushText")]
+pub struct Push {
+    /// Ahead.
+    pub ahead: Option<Force>,
+    /// To the left.
+    pub left: Option<Force>,
+    /// Counter-clockwise.
+    pub turn: Option<Torque>,
+}
+
+/// A place.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "PlaceText")]
+pub struct Place {
+    /// East.
+    pub x: Length,
+    /// North.
+    pub y: Length,
+    /// Counter-clockwise from x; 0 unless given.
+    pub heading: Option<Angle>,
+}
+
+impl Action for Hands {
+    fn perform(&self, device: &mut dyn Device, world: &mut World, _now: SimTime) -> Performed {
+        match *self {
+            Self::Push(Push { ahead, left, turn }) => {
+                let [ahead, left] = [ahead, left].map(|force| force.map_or(0.0, |force| force.0));
+                device.set_push([ahead, left, turn.map_or(0.0, |torque| torque.0)]);
+                Some(Box::new(|device, _, _| device.set_push([0.0; 3])))
+            }
+            Self::Payload(mass) => {
+                device.set_payload(world, mass.0);
+                Some(Box::new(|device, world, _| device.set_payload(world, 0.0)))
+            }
+            Self::Place(Place { x, y, heading }) => {
+                let heading = heading.map_or(0.0, |angle| angle.0.to_radians());
+                let (x, y) = (x.0, y.0);
+                device.place(world, Pose { x, y, heading });
+                None
+            }
+        }
+    }
+
+    fn can_end(&self) -> bool {
+        !matches!(self, Self::Place(_))
+    }
+}

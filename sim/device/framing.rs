@@ -1,0 +1,67 @@
+//! What links carry, as far as faults of the protocol spoil it.
+
+use crate::fault::resized;
+
+/// What a link carries, as far as faults of the protocol spoil it.
+pub trait Framing: Sync {
+    /// Whether a frame is one of this command or type.
+    fn is_command(&self, frame: &[u8], command: u8) -> bool;
+
+    /// A frame in words, for events.
+    fn name(&self, frame: &[u8]) -> String;
+
+    /// Another command or type: this one, or one that differs by a bit.
+    fn with_command(&self, frame: Vec<u8>, with: Option<u8>) -> Vec<u8>;
+
+    /// So many bytes more or fewer, and all else as it should be then.
+    fn with_length(&self, frame: Vec<u8>, by: i8) -> Vec<u8>;
+
+    /// Where a frame says how long it is, if it does.
+    fn length_at(&self) -> Option<usize>;
+
+    /// Something well-formed that the device might send.
+    fn unasked(&self) -> Vec<u8>;
+}
+
+/// Text up to a line feed.
+#[derive(Debug, Clone, Copy)]
+pub struct TextLines {
+    /// A line in words, for events.
+    pub name: &'static str,
+    /// A line that the device might send.
+    pub unasked: &'static [u8],
+}
+
+impl Framing for TextLines {
+    fn is_command(&self, _frame: &[u8], _command: u8) -> bool {
+        false
+    }
+
+    fn name(&self, _frame: &[u8]) -> String {
+        self.name.to_owned()
+    }
+
+    fn with_command(&self, frame: Vec<u8>, with: Option<u8>) -> Vec<u8> {
+        with_first(frame, with)
+    }
+
+    fn with_length(&self, frame: Vec<u8>, by: i8) -> Vec<u8> {
+        resized(frame, by, 1)
+    }
+
+    fn length_at(&self) -> Option<usize> {
+        None
+    }
+
+    fn unasked(&self) -> Vec<u8> {
+        self.unasked.to_vec()
+    }
+}
+
+/// Another first byte: this one, or one that differs by a bit.
+pub(crate) fn with_first(mut frame: Vec<u8>, with: Option<u8>) -> Vec<u8> {
+    if let Some(first) = frame.first_mut() {
+        *first = with.unwrap_or(*first ^ 1);
+    }
+    frame
+}

@@ -1,0 +1,92 @@
+//! What has been observed of a device: the events, as far as conditions ask for them.
+
+use std::any::Any;
+use std::collections::BTreeMap;
+
+use sim_settings::SimTime;
+
+use super::{DeviceSpec, names};
+use crate::event::{Event, EventKind, Role};
+use crate::report::Report;
+
+/// Takes note of a device's events, for the names of its own.
+pub trait Observer: Any + Send + Sync {
+    /// Something happened at `at`; says whether motion was asked for.
+    fn note(&mut self, at: SimTime, event: &dyn EventKind) -> bool;
+}
+
+/// For a device that has no such names.
+impl Observer for () {
+    fn note(&mut self, _at: SimTime, _event: &dyn EventKind) -> bool {
+        false
+    }
+}
+
+/// What has been observed of one device since the start.
+pub struct Observed {
+    report: Report,
+    /// Events by their codes, also those that are held against nobody.
+    counts: BTreeMap<&'static str, u64>,
+    /// How many of its ports are open.
+    pub attached: u64,
+    /// When the last valid request came.
+    pub last_request: Option<SimTime>,
+    /// When motion was last asked for, and how far the device had driven then.
+    pub last_motion: Option<(SimTime, f64)>,
+    /// How often motion was asked for.
+    pub motion_requests: u64,
+    own: Box<dyn Observer>,
+}
+
+impl Observed {
+    /// Nothing yet, of a device of this kind.
+    #[must_use]
+    pub fn new(device: &DeviceSpec) -> Self {
+        Self {
+            report: Report::default(),
+            counts: BTreeMap::new(),
+            attached: 0,
+            last_request: None,
+            last_motion: None,
+            motion_requests: 0,
+            own: (device.observer)(),
+        }
+    }
+
+    /// Takes note of an event of the device, which has driven so far; unless it is `excused`, it
+    /// counts in the report.
+    pub fn note(&mut self, event: &Event, distance_m: f64, excused: bool) {
+        match event.kind.role() {
+            Role::Attached => self.attached += 1,
+            Role::Detached => self.attached = self.attached.saturating_sub(1),
+            Role::Request => self.last_request = Some(event.at),
+            Role::Reply | Role::HeartbeatLost | Role::Other => {}
+        }
+        if self.own.note(event.at, &*event.kind) {
+            self.last_motion = Some((event.at, distance_m));
+            self.motion_requests += 1;
+        }
+        *self.counts.entry(event.kind.code().as_str()).or_default() += 1;
+        if !excused {
+            self.report.note(event);
+        }
+    }
+
+    /// What happened, counted.
+    #[must_use]
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// How many events of a code there were.
+    #[must_use]
+    pub fn count(&self, code: &str) -> f64 {
+        names::as_number(self.counts.get(code).copied().unwrap_or(0))
+    }
+
+    /// What the device's own observer has noted.
+    #[must_use]
+    pub fn own(&self) -> &dyn Observer {
+        &*self.own
+    }
+}

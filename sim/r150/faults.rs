@@ -1,0 +1,485 @@
+//! Faults of an R150: its hardware, and what people do to it at the worst time.
+
+use sim_physics::World;
+use sim_physics::r150::{Encoder, FuseId, Load, R150Faults, R150Plant, Side, SideFaults, Sides};
+use sim_settings::SimTime;
+
+use super::R150;
+use crate::fault::parameters::{Motors, RailName};
+use crate::fault::{Fault, FaultHandle};
+use crate::noise::Noise;
+use crate::r150_device::command;
+use crate::r150_device::control::Parts;
+use crate::r150_device::vehicle::{Action, Key};
+
+/// Drag on the wheels of a side unless given, N·m.
+const USUAL_DRAG: f64 = 100.0;
+/// Slower than this wheels stand, rad/s.
+const STANDING: f64 = 0.01;
+
+/// Whether an R150 can have a fault with these parameters.
+pub(super) fn check(fault: &Fault) -> Result<(), String> {
+    if let Some(command) = fault.command()
+        && command::name(command).is_none()
+    {
+        return Err(format!(
+            "`command`: the R150 has no command 0x{command:02X}; it has 0x02, 0x03, 0x04, 0x05, \
+             0x06, 0x07, 0x12 and 0xF0"
+        ));
+    }
+    if let Some(motors) = fault.motors().filter(|motors| motors.is_wheel()) {
+        return Err(format!(
+            "`motors`: the wheels of one side of an R150 are geared together; \"{motors}\" must \
+             be \"left\", \"right\" or \"all\""
+        ));
+    }
+    match fault {
+        Fault::RailLoad {
+            power,
+            resistance,
+            current,
+            ..
+        } => {
+            let given = [power.is_some(), resistance.is_some(), current.is_some()];
+            if given.iter().filter(|given| **given).count() != 1 {
+                return Err(
+                    "`rail-load` takes one of `power`, `resistance` and `current`".to_owned(),
+                );
+            }
+        }
+        Fault::AppTakesControl {
+            power: false,
+            pwm: false,
+        } => return Err("`app-takes-control` takes power, PWM or both".to_owned()),
+        _ => {}
+    }
+    Ok(())
+}
+
+/// The faults that are armed on one vehicle.
+#[derive(Debug, Default)]
+pub(super) struct Faults {
+    armed: Vec<Armed>,
+    layer: Layer,
+}
+
+#[derive(Debug)]
+struct Armed {
+    handle: FaultHandle,
+    fault: Fault,
+    noise: Noise,
+    /// What undoes the operator's deed.
+    undo: Vec<Action>,
+    /// What interference adds to the encoders now, rpm.
+    errors: [f64; 2],
+}
+
+impl R150 {
+    pub(super) fn arm_fault(
+        &mut self,
+        now: SimTime,
+        handle: FaultHandle,
+        fault: &Fault,
+        noise: Noise,
+    ) -> bool {
+        let (undo, done) = begin(fault, self, now);
+        let held = self.faults.held().chain(held_by(fault)).collect::<Vec<_>>();
+        let done = done || hold(held.into_iter(), self, now);
+        self.faults.armed.push(Armed {
+            handle,
+            fault: fault.clone(),
+            noise,
+            undo,
+            errors: [0.0; 2],
+        });
+        done
+    }
+
+    pub(super) fn disarm_fault(&mut self, now: SimTime, handle: FaultHandle) {
+        let armed = &mut self.faults.armed;
+        let Some(at) = armed.iter().position(|armed| armed.handle == handle) else {
+            return;
+        };
+        let Armed { fault, undo, .. } = armed.remove(at);
+        if held_by(&fault).is_some() {
+            let held: Vec<Held> = self.faults.held().collect();
+            hold(held.into_iter(), self, now);
+            return;
+        }
+        // As long as somebody else does the same, it stays done, and is for him to undo.
+        let same = std::mem::discriminant(&fault);
+        let heir = armed
+            .iter_mut()
+            .find(|armed| std::mem::discriminant(&armed.fault) == same);
+        match heir {
+            Some(heir) if heir.undo.is_empty() => heir.undo = undo,
+            Some(_) => {}
+            None => undo
+                .into_iter()
+                .for_each(|action| self.operate(now, action)),
+        }
+    }
+
+    pub(super) fn apply_all_faults(&mut self, world: &mut World) {
+        let armed = &self.faults.armed;
+        let errors = armed.iter().fold([0.0; 2], |sum: [f64; 2], own| {
+            [sum[0] + own.errors[0], sum[1] + own.errors[1]]
+        });
+        let layer = Layer::of(armed.iter().map(|armed| &armed.fault), errors);
+        layer.apply(&self.faults.layer, &mut self.plant, world);
+        self.faults.layer = layer;
+    }
+
+    pub(super) fn spoil_encoders(&mut self, acted: &mut dyn FnMut(FaultHandle, String)) {
+        let mut errors = [0.0; 2];
+        for own in &mut self.faults.armed {
+            let Fault::EncoderNoisy {
+                motors, spread_rpm, ..
+            } = own.fault
+            else {
+                continue;
+            };
+            for (index, side) in Side::BOTH.into_iter().enumerate() {
+                let error = own.noise.normal() * f64::from(spread_rpm);
+                if has_side(motors, side) {
+                    own.errors[index] = error;
+                    errors[index] += error;
+                }
+            }
+            if own.errors != [0.0; 2] {
+                acted(own.handle, format!("motors {motors}"));
+            }
+        }
+        if self.faults.layer.set_errors(errors) {
+            self.plant.set_encoder_error(errors.into());
+        }
+    }
+
+    fn fault(&self, handle: FaultHandle) -> Option<&Fault> {
+        let mut armed = self.faults.armed.iter();
+        Some(&armed.find(|armed| armed.handle == handle)?.fault)
+    }
+
+    pub(super) fn fault_acts(&self, handle: FaultHandle) -> bool {
+        self.fault(handle).is_some_and(|fault| acts(fault, self))
+    }
+
+    pub(super) fn fault_acted_on(&self, handle: FaultHandle) -> String {
+        let fault = self.fault(handle);
+        fault.map_or_else(String::new, |fault| what(fault, self))
+    }
+}
+
+impl Faults {
+    fn held(&self) -> impl Iterator<Item = Held> {
+        self.armed.iter().filter_map(|armed| held_by(&armed.fault))
+    }
+}
+
+fn has_side(motors: Motors, side: Side) -> bool {
+    match motors {
+        Motors::Left => side == Side::Left,
+        Motors::Right => side == Side::Right,
+        Motors::All => true,
+        _ => false,
+    }
+}
+
+/// What an output should have, V.
+fn nominal_voltage(rail: RailName) -> f64 {
+    match rail {
+        RailName::V48 => 48.0,
+        RailName::V5 => 5.0,
+        _ => 12.0,
+    }
+}
+
+/// What all armed faults do to one vehicle.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Layer {
+    sides: Sides<SideFaults>,
+    whole: R150Faults,
+}
+
+impl Layer {
+    /// `errors` is what interference adds to the encoders, right then left, rpm.
+    fn of<'f>(faults: impl Iterator<Item = &'f Fault>, errors: [f64; 2]) -> Self {
+        let mut layer = Self::default();
+        for fault in faults {
+            layer.add(fault);
+            layer.whole.add(fault);
+        }
+        layer.whole.encoder_error = Sides::from(errors);
+        layer
+    }
+
+    /// Interference goes on; says whether that is news.
+    fn set_errors(&mut self, errors: [f64; 2]) -> bool {
+        let errors = Sides::from(errors);
+        errors != std::mem::replace(&mut self.whole.encoder_error, errors)
+    }
+
+    fn add(&mut self, fault: &Fault) {
+        let Some(motors) = fault.motors() else {
+            return;
+        };
+        for side in Side::BOTH
+            .into_iter()
+            .filter(|side| has_side(motors, *side))
+        {
+            let own = &mut self.sides[side];
+            match fault {
+                Fault::Blocked { .. } => own.blocked = true,
+                Fault::Dragging { torque, .. } => {
+                    own.drag_torque += torque.map_or(USUAL_DRAG, |torque| torque.0.abs());
+                }
+                Fault::FreeWheeling { .. } => own.motor_disconnected = true,
+                Fault::EncoderLost { .. } => own.encoder = Encoder::Lost,
+                Fault::EncoderStuck { .. } => own.encoder = Encoder::Stuck,
+                Fault::WiredBackwards { .. } => own.reversed = !own.reversed,
+                Fault::BrakeStuckOn { .. } => own.brake_stuck_on = true,
+                Fault::BrakeStuckOpen { .. } => own.brake_stuck_open = true,
+                _ => {}
+            }
+        }
+    }
+
+    /// Puts this in the place of what was there `before`, and touches nothing else.
+    fn apply(&self, before: &Self, plant: &mut R150Plant, world: &mut World) {
+        for side in Side::BOTH {
+            if self.sides[side] != before.sides[side] {
+                plant.set_side_faults(side, self.sides[side]);
+            }
+        }
+        if self.whole != before.whole {
+            plant.set_faults(world, &self.whole);
+        }
+    }
+}
+
+/// Lets a fault be part of what is wrong as a whole.
+trait Add {
+    fn add(&mut self, fault: &Fault);
+}
+
+impl Add for R150Faults {
+    fn add(&mut self, fault: &Fault) {
+        match fault {
+            Fault::RailLoad {
+                rail,
+                power,
+                resistance,
+                current,
+            } => {
+                let resistance = resistance.map(|resistance| Load::Resistance(resistance.0));
+                let power = power.map(|power| power.0);
+                let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
+                self.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
+            }
+            Fault::RailShort { rail } => self.loads[super::rail(*rail).index()] = Some(Load::Short),
+            Fault::RailOpen { rail } => self.loads[super::rail(*rail).index()] = Some(Load::Open),
+            Fault::SupplySag { by, resistance } => {
+                self.supply_drop += by.0;
+                self.supply_resistance += resistance.0;
+            }
+            Fault::OverTemperature { pair, temperature } => {
+                let least = &mut self.temperature[*pair as usize];
+                *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
+            }
+            Fault::PowerModuleFault {} => self.power_module = true,
+            Fault::BatteryEmpty {} => self.missing_charge = 1.0,
+            Fault::ChargeDrop { by } => self.missing_charge += by.0 / 100.0,
+            Fault::FuseBlown { fuse } => self.fuses_out[*fuse as usize] = true,
+            Fault::SidesSwapped {} => self.sides_swapped = !self.sides_swapped,
+            Fault::Ice { friction } => {
+                let most = self.friction.unwrap_or(f64::INFINITY);
+                self.friction = Some(most.min(friction.get()));
+            }
+            Fault::Payload { mass } => self.payload += mass.0,
+            Fault::Push { ahead, left, turn } => {
+                let [old_ahead, old_left, old_turn] = self.push;
+                self.push = [old_ahead + ahead.0, old_left + left.0, old_turn + turn.0];
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Whether a fault of the hardware has an effect now.
+fn acts(fault: &Fault, r150: &R150) -> bool {
+    let plant = r150.plant();
+    let commands = plant.commands();
+    let truth = plant.truth();
+    let powered = plant.measurements().module_powered;
+    let driven = |side| is_driven(plant, side);
+    let turns = |side: Side| truth.wheel_speed[side].abs() > STANDING;
+    let any = |holds: &dyn Fn(Side) -> bool| {
+        let motors = fault.motors();
+        Side::BOTH
+            .into_iter()
+            .any(|side| motors.is_none_or(|motors| has_side(motors, side)) && holds(side))
+    };
+    match fault {
+        Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
+            powered && commands.rail_on[super::rail(*rail).index()]
+        }
+        Fault::SupplySag { by, resistance } => {
+            by.0 + resistance.0 * truth.battery_current.abs() >= 0.1
+        }
+        Fault::OverTemperature { pair, temperature } => {
+            powered && temperature.0 > plant.own_temperature()[*pair as usize]
+        }
+        Fault::PowerModuleFault {} => powered,
+        Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => plant.own_soc() > 0.0,
+        Fault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
+            FuseId::MotorRight => driven(Side::Right),
+            FuseId::MotorLeft => driven(Side::Left),
+            FuseId::Tail | FuseId::SmallModules => true,
+        },
+        Fault::Blocked { .. }
+        | Fault::FreeWheeling { .. }
+        | Fault::WiredBackwards { .. }
+        | Fault::BrakeStuckOn { .. } => any(&driven),
+        Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
+            any(&|side| driven(side) || turns(side))
+        }
+        Fault::EncoderLost { .. } => any(&turns),
+        Fault::EncoderStuck { .. } => any(&|side| plant.encoder_lag(side).abs() > 1.0),
+        Fault::SidesSwapped {} => {
+            (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
+        }
+        Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
+        Fault::BrakeStuckOpen { .. } => commands.parking_brake,
+        _ => false,
+    }
+}
+
+fn is_driven(plant: &R150Plant, side: Side) -> bool {
+    let commands = plant.commands();
+    let port = match (plant.faults().sides_swapped, side) {
+        (false, side) => side,
+        (true, Side::Right) => Side::Left,
+        (true, Side::Left) => Side::Right,
+    };
+    commands.propulsion_power && commands.motor_duty[port] != 0.0
+}
+
+/// What a fault of the hardware acts on now.
+fn what(fault: &Fault, r150: &R150) -> String {
+    let measured = r150.plant().measurements();
+    match fault {
+        Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
+            let index = super::rail(*rail).index();
+            format!(
+                "output {rail}: {:.2} A at {:.2} V",
+                measured.rail_current[index], measured.rail_voltage[index]
+            )
+        }
+        Fault::SupplySag { .. } | Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => {
+            let truth = r150.truth();
+            let charge = truth.soc * 100.0;
+            format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
+        }
+        Fault::OverTemperature { pair, .. } => {
+            let celsius = measured.temperature[*pair as usize];
+            format!("converter {pair}: {celsius:.1} degC")
+        }
+        Fault::FuseBlown { fuse } => format!("fuse {fuse}"),
+        other => other.in_words(),
+    }
+}
+
+/// Nobody drives with this key: it is let go at the same instant.
+const TOUCH: [Action; 2] = [Action::Press(Key::Forward), Action::ReleaseKey];
+
+/// Does it; gives what undoes it, and whether it changed anything.
+fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<Action>, bool) {
+    let vehicle = r150.device().vehicle();
+    let (locked, parked) = (vehicle.locked(), vehicle.parked());
+    let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
+    // A key that goes on driving after it is let go is ended by the top button, which does nothing
+    // else while the parking brake is off; while it is on, nothing drives.
+    let end_key = (vehicle.key_outlasts_press() && !parked).then_some(Action::ReleaseParking);
+    let mut undo = Vec::new();
+    let mut act = Vec::new();
+    // The parking brake can be released in remote mode only.
+    let release = |undo: &mut Vec<Action>| {
+        undo.extend(TOUCH);
+        undo.push(Action::ReleaseParking);
+        undo.extend(autonomous.then_some(Action::Autonomous));
+    };
+    let acted = match fault {
+        Fault::EmergencyStop {} => {
+            act.push(Action::EmergencyStop(true));
+            undo.push(Action::EmergencyStop(false));
+            !stopped
+        }
+        Fault::RemoteControlTakesOver { key } => {
+            match key {
+                Some(key) => act.push(Action::Press(super::key(*key))),
+                None => act.extend(TOUCH.into_iter().chain(end_key)),
+            }
+            undo.push(Action::ReleaseKey);
+            undo.extend(end_key);
+            undo.extend(autonomous.then_some(Action::Autonomous));
+            autonomous || key.is_some()
+        }
+        Fault::Locked {} => {
+            act.push(Action::Lock);
+            undo.push(Action::Unlock);
+            if !parked {
+                release(&mut undo);
+            }
+            !locked
+        }
+        Fault::Parked {} => {
+            act.push(Action::Park);
+            release(&mut undo);
+            !parked
+        }
+        _ => false,
+    };
+    if !acted {
+        return (Vec::new(), false);
+    }
+    for action in act {
+        r150.operate(now, action);
+    }
+    if matches!(fault, Fault::EmergencyStop {}) {
+        // The emergency stop may have locked the vehicle, too.
+        let vehicle = r150.device().vehicle();
+        undo.extend((vehicle.locked() && !locked).then_some(Action::Unlock));
+        if vehicle.parked() && !parked {
+            release(&mut undo);
+        }
+    }
+    (undo, true)
+}
+
+/// What the app holds: power and PWM.
+type Held = Parts;
+
+/// What a fault makes the app hold.
+fn held_by(fault: &Fault) -> Option<Held> {
+    match fault {
+        Fault::AppTakesControl { power, pwm } => Some(Parts {
+            power: *power,
+            pwm: *pwm,
+        }),
+        _ => None,
+    }
+}
+
+/// Makes the app hold what any of these say; says whether that is news.
+fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool {
+    let wanted = held.fold(Parts::default(), |all, held| Parts {
+        power: all.power || held.power,
+        pwm: all.pwm || held.pwm,
+    });
+    if wanted == r150.device().control().held_by_app() {
+        return false;
+    }
+    let Parts { power, pwm } = wanted;
+    r150.operate(now, Action::AppHolds { power, pwm });
+    true
+}

@@ -1,0 +1,56 @@
+//! The device of one's own in `examples/` has what the shipped ones have.
+
+use std::sync::Arc;
+
+use sim_core::settings::SimSettings;
+use sim_runner::trace::Replay;
+use sim_runner::{Run, RunOptions, Scenario};
+use sim_settings::Source;
+
+#[expect(dead_code, reason = "the program's own main")]
+#[path = "../examples/robot.rs"]
+mod robot;
+
+fn scenario(text: &str) -> Arc<Scenario> {
+    let file = "drive.toml";
+    let base = SimSettings::new(robot::DEVICES);
+    Arc::new(Scenario::parse(Source { file, text }, &base).unwrap())
+}
+
+#[test]
+fn its_scenario_passes_with_its_fault_and_its_recording_is_the_same_again() {
+    let scenario = scenario(include_str!("../examples/robot/drive.toml"));
+    let options = RunOptions {
+        trace: true,
+        ..RunOptions::scripted(3)
+    };
+    let mut run = Run::new(scenario, None, options).unwrap();
+    let mut lines = Vec::new();
+    let outcome = run.play(&mut |line| lines.push(line.to_owned())).unwrap();
+    assert!(outcome.passed, "{outcome:#?}");
+    assert!(outcome.faults[0].hits > 0);
+    Replay::all(robot::DEVICES, lines.iter().map(String::as_str)).unwrap();
+}
+
+#[test]
+fn its_watchdog_stops_it_and_is_held_against_the_client() {
+    let scenario = scenario(
+        "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"2 s\"\n\
+         [[device]]\nkind = \"robot\"\nsettings = { watchdog = \"300 ms\" }\n\
+         [[step]]\nat = \"100 ms\"\n\
+         host = { send = { speeds = { left = 300, right = -300 } } }\n\
+         [[step]]\nat = \"350 ms\"\nexpect = { that = \"truth.yaw_rate_deg_s < -100\" }\n\
+         [[step]]\nat = \"1 s\"\nhost = { bytes = \"58 0A\" }\n\
+         [[step]]\nat = \"1.5 s\"\n\
+         expect = { that = \"truth.at_rest && count.watchdog_fired == 1\" }\n",
+    );
+    let mut run = Run::new(scenario, None, RunOptions::scripted(1)).unwrap();
+    let outcome = run.play(&mut |_| {}).unwrap();
+    assert!(outcome.passed, "{outcome:#?}");
+    let blamed: Vec<&str> = outcome.devices[0]
+        .report
+        .client_faults()
+        .map(|(code, _)| code)
+        .collect();
+    assert_eq!(blamed, ["bad_line", "watchdog_fired"]);
+}
