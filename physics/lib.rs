@@ -37,9 +37,11 @@
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
 pub mod mecanum;
+pub mod noise;
 mod pose;
 pub mod r150;
 mod rest;
+mod tolerance;
 pub mod traction;
 mod vehicle_body;
 pub mod world;

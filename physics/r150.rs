@@ -6,6 +6,7 @@
 
 mod battery;
 mod drive;
+mod driver;
 mod faults;
 mod fuse;
 mod network;
@@ -21,12 +22,13 @@ use std::time::Duration;
 pub use faults::{Encoder, R150Faults, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
-    AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, OutputDuty, PwmSettings,
-    R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings, Unmeasured,
+    AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, MotorThermalSettings,
+    OutputDuty, PwmSettings, R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings,
+    Unmeasured,
 };
 pub use signals::{
-    Load, PwmReading, PwmSource, R150Commands, R150Measurements, R150Truth, RAILS, Rail, Side,
-    Sides,
+    Load, PwmReading, PwmSource, R150Commands, R150Health, R150Measurements, R150Truth, RAILS,
+    Rail, Side, Sides,
 };
 
 use crate::pose::Pose;
@@ -66,6 +68,8 @@ pub struct R150Plant {
     flow: Flow,
     /// What a stuck encoder repeats, rpm.
     encoder_rpm: [f64; 2],
+    /// What the encoders have counted, turns of the motors.
+    encoder_turns: Sides<f64>,
 }
 
 impl R150Plant {
@@ -83,7 +87,7 @@ impl R150Plant {
         world: &mut World,
         pose: Pose,
     ) -> Self {
-        let drive = Drive::new(settings);
+        let drive = Drive::new(name, settings);
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
@@ -107,6 +111,7 @@ impl R150Plant {
             slow: SlowStates::new(settings),
             flow: Flow::default(),
             encoder_rpm: [0.0; 2],
+            encoder_turns: Sides::default(),
         };
         plant.solve_network();
         plant
@@ -162,6 +167,7 @@ impl R150Plant {
         self.note_encoders();
         self.solve_network();
         self.pass(seconds);
+        self.warm_drivers();
         self.settle(world, seconds);
     }
 
@@ -171,6 +177,7 @@ impl R150Plant {
     /// currents follow the sinking voltage once a call.
     pub fn rest(&mut self, span: Duration) {
         self.pass(span.as_secs_f64());
+        self.warm_drivers();
         self.solve_network();
     }
 
@@ -197,15 +204,60 @@ impl R150Plant {
             Side::Right => FuseId::MotorRight,
             Side::Left => FuseId::MotorLeft,
         };
-        let supplied = self.commands.propulsion_power && !self.is_fuse_blown(fuse);
         let faults = &self.side_faults[side];
-        let duty = self.commands.motor_duty[self.port_of(side)];
-        let open = duty == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
-        MotorPort {
-            connected: supplied && !open && !faults.motor_disconnected,
-            duty: if faults.reversed { -duty } else { duty },
+        let motor = MotorPort {
+            connected: false,
+            duty: 0.0,
             back_emf: self.drive.back_emf(side),
             resistance: self.settings.motor.resistance,
+        };
+        if self.is_fuse_blown(fuse) || faults.motor_disconnected {
+            return motor;
+        }
+        let driver = &self.drive.drivers[side.index()];
+        let duty = driver.duty;
+        let open = duty == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
+        let on = self.commands.propulsion_power && !open;
+        let bus = self.flow.bus.max(LOWEST_SUPPLY);
+        let duty = if faults.reversed { -duty } else { duty };
+        let port = driver.port(on, duty, bus, motor);
+        // A battery that takes no charge leaves the drivers nowhere to feed back to.
+        let feeds_back = port.duty * (port.duty * bus - port.back_emf) < 0.0;
+        MotorPort {
+            connected: port.connected && !(feeds_back && self.slow.battery.is_full()),
+            ..port
+        }
+    }
+
+    /// Lets the drivers' duties follow what the firmware wants, for so many seconds.
+    fn follow_duty(&mut self, seconds: f64) {
+        for side in Side::BOTH {
+            let wanted = self.wanted_duty(side);
+            let driver = &mut self.drive.drivers[side.index()];
+            if self.commands.propulsion_power {
+                driver.follow(wanted, &self.settings.motor, seconds);
+            } else {
+                driver.duty = 0.0;
+            }
+        }
+    }
+
+    /// What the firmware wants of the driver of a side.
+    fn wanted_duty(&self, side: Side) -> f64 {
+        self.commands.motor_duty[self.port_of(side)]
+    }
+
+    /// Lets the drivers answer to how hot they and their motors are.
+    fn warm_drivers(&mut self) {
+        let stall = self.flow.bus / self.settings.motor.resistance;
+        let drivers = self.drive.drivers.iter_mut();
+        for (driver, celsius) in drivers.zip(self.slow.motors) {
+            driver.warm(
+                &self.settings.motor,
+                &self.settings.motor_thermal,
+                stall,
+                celsius,
+            );
         }
     }
 

@@ -25,7 +25,6 @@ pub mod fault;
 pub mod line;
 pub mod mecanum;
 pub mod mecanum_device;
-pub mod noise;
 pub mod r150;
 pub mod r150_device;
 pub mod report;
@@ -34,4 +33,5 @@ pub mod settings;
 pub mod uart;
 mod unit;
 
+pub use sim_physics::noise;
 pub use sim_settings::SimTime;

@@ -1,6 +1,7 @@
 //! An R150: the firmware of [`crate::r150_device`] with the hardware of [`sim_physics::r150`].
 
 pub mod event;
+pub mod watch;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,6 +17,7 @@ use crate::r150_device::R150Device;
 use crate::r150_device::vehicle::{Action, Start};
 use crate::settings::R150Settings;
 use crate::unit::Unit;
+use watch::Watch;
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.
@@ -28,6 +30,7 @@ pub struct R150 {
     plant: R150Plant,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
+    watch: Watch,
 }
 
 impl R150 {
@@ -55,6 +58,7 @@ impl R150 {
             device,
             plant,
             plant_at: SimTime::ZERO,
+            watch: Watch::default(),
         };
         vehicle.settle(SimTime::ZERO);
         vehicle
@@ -153,7 +157,7 @@ impl Unit for R150 {
     }
 
     fn has_news(&self) -> bool {
-        self.device.has_news()
+        self.device.has_news() || self.watch.has_news()
     }
 
     fn settle(&mut self, now: SimTime) {
@@ -170,6 +174,7 @@ impl Unit for R150 {
                 break;
             }
         }
+        self.watch.look(now, self.plant.health());
     }
 
     fn client_left(&mut self, now: SimTime, _link: usize) {
@@ -181,7 +186,10 @@ impl Unit for R150 {
     }
 
     fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        let (at, event) = self.device.poll_event()?;
+        if let Some((at, event)) = self.device.poll_event() {
+            return Some((at, Arc::new(event)));
+        }
+        let (at, event) = self.watch.poll()?;
         Some((at, Arc::new(event)))
     }
 

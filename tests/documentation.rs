@@ -306,7 +306,9 @@ fn words(schema: &Value, found: &mut BTreeSet<String>) {
                 match (key.as_str(), value) {
                     ("properties", Value::Object(properties)) => {
                         found.extend(properties.keys().cloned());
-                        properties.values().for_each(|value| words(value, found));
+                        // `sim config` lists the settings.
+                        let others = properties.iter().filter(|(key, _)| *key != "settings");
+                        others.for_each(|(_, value)| words(value, found));
                     }
                     ("const", Value::String(word)) => {
                         found.insert(word.clone());

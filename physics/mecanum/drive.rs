@@ -39,6 +39,8 @@ impl Drive {
             half_wheelbase: body.half_wheelbase,
             half_track: body.half_track,
             centre_height: 0.0,
+            centre: [0.0; 2],
+            carried: None,
         };
         let places = stance.places();
         let patches = Wheel::ALL.map(|wheel| {
@@ -192,7 +194,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let pull = motion
         .to_body(ground.downhill())
         .map(|share| share * weight);
-    let loads = drive.stance.loads(pull, weight * ground.cos_slope());
+    let (loads, _) = drive.stance.loads(pull, weight * ground.cos_slope());
     let grips = Wheel::ALL.map(|wheel| {
         let index = wheel.index();
         let speed = drive.wheel_speed[index];

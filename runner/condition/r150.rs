@@ -4,7 +4,7 @@ use sim_core::r150::R150;
 use sim_core::r150_device::R150Device;
 use sim_core::r150_device::reply::{SystemInfo, sys_status};
 use sim_core::r150_device::vehicle::Vehicle;
-use sim_physics::r150::{R150Measurements, R150Truth, Rail};
+use sim_physics::r150::{R150Health, R150Measurements, R150Truth, Rail};
 
 use super::names::{NameInfo, View};
 use super::seen::{age_s, as_number};
@@ -17,6 +17,10 @@ impl View<'_> {
 
 fn truth(view: &View<'_>, get: impl FnOnce(R150Truth) -> f64) -> f64 {
     view.r150().map_or(0.0, |r150| get(r150.truth()))
+}
+
+fn health(view: &View<'_>, is: impl FnOnce(R150Health) -> bool) -> bool {
+    view.r150().is_some_and(|r150| is(r150.plant().health()))
 }
 
 fn plant(view: &View<'_>, get: impl FnOnce(R150Measurements) -> f64) -> f64 {
@@ -99,6 +103,17 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("truth.mass_kg", "kg", "mass with payload", |v| truth(v, |t| t.mass)),
     NameInfo::number("truth.temperature_ab_c", "degC", "temperature of the 12 V converters A and B", |v| plant(v, |m| m.temperature[0])),
     NameInfo::number("truth.temperature_cd_c", "degC", "temperature of the 12 V converters C and D", |v| plant(v, |m| m.temperature[1])),
+    NameInfo::flag("truth.fuse_motor_right_blown", "the fuse of the right motor has blown", |v| health(v, |h| h.fuse_blown[0])),
+    NameInfo::flag("truth.fuse_motor_left_blown", "the fuse of the left motor has blown", |v| health(v, |h| h.fuse_blown[1])),
+    NameInfo::flag("truth.fuse_tail_blown", "the fuse of the tail supply, which feeds the module, has blown", |v| health(v, |h| h.fuse_blown[2])),
+    NameInfo::flag("truth.fuse_small_modules_blown", "the fuse of the small modules has blown", |v| health(v, |h| h.fuse_blown[3])),
+    NameInfo::flag("truth.tipping", "a wheel would lift: the vehicle would tip over", |v| health(v, |h| h.tipping)),
+    NameInfo::flag("truth.motor_right_derated", "heat limits the right motor's current", |v| health(v, |h| h.derated.right)),
+    NameInfo::flag("truth.motor_left_derated", "heat limits the left motor's current", |v| health(v, |h| h.derated.left)),
+    NameInfo::number("truth.motor_right_c", "degC", "temperature of the right motor", |v| truth(v, |t| t.motor_celsius.right)),
+    NameInfo::number("truth.motor_left_c", "degC", "temperature of the left motor", |v| truth(v, |t| t.motor_celsius.left)),
+    NameInfo::number("truth.driver_right_c", "degC", "temperature of the right motor's driver", |v| truth(v, |t| t.driver_celsius.right)),
+    NameInfo::number("truth.driver_left_c", "degC", "temperature of the left motor's driver", |v| truth(v, |t| t.driver_celsius.left)),
     NameInfo::flag("truth.module_powered", "the IO module has a supply", |v| v.r150().is_some_and(|r| r.plant().measurements().module_powered)),
     NameInfo::flag("rail.v12a_on", "the 12 V output A is switched on", rail_on::<A>),
     NameInfo::flag("rail.v12b_on", "the 12 V output B is switched on", rail_on::<B>),
@@ -185,6 +200,9 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::count("count.noise", "noise", "runs of bytes outside any frame"),
     NameInfo::count("count.unknown_command", "unknown_command", "frames with an unknown command"),
     NameInfo::count("count.wrong_length", "wrong_length", "frames with a wrong number of parameter bytes"),
+    NameInfo::count("count.fuse_blown", "fuse_blown", "fuses that blew"),
+    NameInfo::count("count.motor_hot", "motor_hot", "times that heat limited a motor"),
+    NameInfo::count("count.tipping", "tipping", "times that a wheel would have lifted"),
     NameInfo::count("count.over_rate", "over_rate", "seconds in which motor commands came too fast"),
     NameInfo::count("count.app_in_control", "app_in_control", "commands refused because the app holds control"),
     NameInfo::count("count.not_driving", "not_driving", "motor commands that did not move the vehicle"),

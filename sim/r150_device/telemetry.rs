@@ -16,10 +16,20 @@ impl R150Device {
     }
 
     /// The reply to 0x12.
-    pub(super) fn motor_reply(&self) -> Reply {
+    pub(super) fn motor_reply(&mut self) -> Reply {
+        let spread = self.settings.measurement_noise / 100.0;
+        let noise = &mut self.noise;
+        let [right_rpm, left_rpm] = self.speeds.each_ref().map(|speed| {
+            let rpm = speed.rpm();
+            round(if spread > 0.0 {
+                rpm * (1.0 + spread * noise.normal())
+            } else {
+                rpm
+            })
+        });
         Reply::Motors {
-            right_rpm: round(self.measured.motor_rpm.right),
-            left_rpm: round(self.measured.motor_rpm.left),
+            right_rpm,
+            left_rpm,
             soc: round(self.measured.soc * 1000.0),
         }
     }

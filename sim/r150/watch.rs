@@ -1,0 +1,157 @@
+//! What happens to the hardware of an R150 and its firmware does not know: fuses that blow, motors
+//! that are too hot, wheels that would lift.
+
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use std::fmt;
+
+use sim_physics::r150::{FuseId, R150Health, Side};
+use sim_settings::SimTime;
+
+use crate::event::{Code, EventKind, Level, Role};
+
+crate::codes! {
+    /// A fuse blew.
+    FUSE_BLOWN = "fuse_blown", Nobody;
+    /// A motor driver allows less current, or none, because of heat.
+    MOTOR_HOT = "motor_hot", Nobody;
+    /// It allows as much as ever.
+    MOTOR_COOLED = "motor_cooled", Nobody;
+    /// A wheel would lift: the vehicle would tip over.
+    TIPPING = "tipping", Nobody;
+}
+
+/// Something that happened to the hardware.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HardwareEvent {
+    /// A fuse blew.
+    FuseBlown(FuseId),
+    /// A motor driver allows less current because of heat, or has shut off.
+    MotorHot(Side, bool),
+    /// It allows as much as ever.
+    MotorCooled(Side),
+    /// A wheel would lift.
+    Tipping,
+}
+
+impl EventKind for HardwareEvent {
+    fn level(&self) -> Level {
+        match self {
+            Self::MotorCooled(_) => Level::Notice,
+            _ => Level::Warning,
+        }
+    }
+
+    fn code(&self) -> Code {
+        match self {
+            Self::FuseBlown(_) => FUSE_BLOWN,
+            Self::MotorHot(..) => MOTOR_HOT,
+            Self::MotorCooled(_) => MOTOR_COOLED,
+            Self::Tipping => TIPPING,
+        }
+    }
+
+    fn link(&self) -> Option<usize> {
+        None
+    }
+
+    fn role(&self) -> Role {
+        Role::Other
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
+}
+
+impl fmt::Display for HardwareEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let side = |side: &Side| match side {
+            Side::Right => "right",
+            Side::Left => "left",
+        };
+        match self {
+            Self::FuseBlown(fuse) => write!(
+                f,
+                "the fuse of {} blew",
+                match fuse {
+                    FuseId::MotorRight => "the right motor",
+                    FuseId::MotorLeft => "the left motor",
+                    FuseId::Tail => "the tail supply, which feeds the module,",
+                    FuseId::SmallModules => "the small modules",
+                }
+            ),
+            Self::MotorHot(motor, false) => {
+                write!(
+                    f,
+                    "the {} motor or its driver is hot: less current",
+                    side(motor)
+                )
+            }
+            Self::MotorHot(motor, true) => {
+                write!(
+                    f,
+                    "the {} motor or its driver is too hot and shut off",
+                    side(motor)
+                )
+            }
+            Self::MotorCooled(motor) => write!(f, "the {} motor has cooled", side(motor)),
+            Self::Tipping => write!(f, "a wheel would lift: the vehicle would tip over"),
+        }
+    }
+}
+
+/// Most events kept for whoever takes them.
+const MOST: usize = 64;
+
+/// Tells what has changed in the hardware since the last look.
+#[derive(Debug, Default)]
+pub(super) struct Watch {
+    last: R150Health,
+    events: VecDeque<(SimTime, HardwareEvent)>,
+}
+
+impl Watch {
+    pub(super) fn look(&mut self, now: SimTime, state: R150Health) {
+        if state == self.last {
+            return;
+        }
+        let last = std::mem::replace(&mut self.last, state);
+        for (index, fuse) in FuseId::ALL.into_iter().enumerate() {
+            if state.fuse_blown[index] && !last.fuse_blown[index] {
+                self.tell(now, HardwareEvent::FuseBlown(fuse));
+            }
+        }
+        for side in Side::BOTH {
+            let heat = |health: &R150Health| (health.derated[side], health.shut_off[side]);
+            let (hot, shut_off) = heat(&state);
+            if heat(&state) == heat(&last) {
+                continue;
+            }
+            let event = if hot || shut_off {
+                HardwareEvent::MotorHot(side, shut_off)
+            } else {
+                HardwareEvent::MotorCooled(side)
+            };
+            self.tell(now, event);
+        }
+        if state.tipping && !last.tipping {
+            self.tell(now, HardwareEvent::Tipping);
+        }
+    }
+
+    pub(super) fn has_news(&self) -> bool {
+        !self.events.is_empty()
+    }
+
+    pub(super) fn poll(&mut self) -> Option<(SimTime, HardwareEvent)> {
+        self.events.pop_front()
+    }
+
+    fn tell(&mut self, now: SimTime, event: HardwareEvent) {
+        if self.events.len() >= MOST {
+            self.events.pop_front();
+        }
+        self.events.push_back((now, event));
+    }
+}
