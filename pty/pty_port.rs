@@ -164,6 +164,19 @@ impl PtyPort {
         Ok(written)
     }
 
+    /// See [`Port::take_handover`](crate::Port::take_handover).
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn take_handover(&mut self) -> Result<bool, PortError> {
+        self.notice_handover()
+            .map_err(|kind| self.error("read from", kind))?;
+        let handed_over = std::mem::take(&mut self.handed_over);
+        self.counters.attached += u64::from(handed_over);
+        Ok(handed_over)
+    }
+
     pub(crate) fn register(&mut self, mut registration: Registration) -> Result<(), PortError> {
         let register = || {
             if let Some(old) = self.registration.take() {
