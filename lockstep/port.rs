@@ -145,9 +145,10 @@ impl Port {
     /// Pulls the cable: a client that has it open is told that it is gone, and nobody finds it any
     /// more. Says whether it was open.
     pub fn unplug(&mut self) -> bool {
-        if self.pair.take().is_none() {
+        let Some(pair) = self.pair.take() else {
             return false;
-        }
+        };
+        pair.hang_up();
         // Nobody else has removed it; if so, it is gone as it should be.
         let _ = std::fs::remove_file(&self.link);
         self.waiting.clear();
@@ -386,6 +387,22 @@ impl Pair {
 
     fn unread(&self) -> io::Result<u64> {
         Ok(rustix::io::ioctl_fionread(&self.slave)?)
+    }
+
+    /// Closes the master and waits until the other end is hung up for whoever has it open: until
+    /// then a read there fails, and from then on it finds the end. A process that somebody else in
+    /// this program starts has the master open as well, until it has become another program.
+    fn hang_up(self) {
+        drop(self.master);
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
+            let _ = rustix::event::poll(&mut poll, Some(&Timespec::default()));
+            if poll[0].revents().contains(PollFlags::ERR) {
+                break;
+            }
+            std::thread::yield_now();
+        }
     }
 
     /// Bytes pass through the kernel at its leisure. A poll of an empty terminal waits for that; one
