@@ -33,6 +33,7 @@ use junit::Junit;
 use pool::Audience;
 
 pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
+pub(crate) use trace_file::TraceFile;
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 
 /// The `run` subcommand.

@@ -28,7 +28,7 @@ use sim_core::rig::Rig;
 
 pub use probe::{Probe, ProbeValue};
 
-pub(crate) use check::identifier;
+pub use check::identifier;
 
 use check::Scope;
 

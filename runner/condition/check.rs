@@ -228,6 +228,6 @@ impl Scope<'_> {
 }
 
 /// A device's name as it is written in a condition.
-pub(crate) fn identifier(name: &str) -> String {
+pub fn identifier(name: &str) -> String {
     name.replace('-', "_")
 }

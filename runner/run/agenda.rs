@@ -12,6 +12,8 @@ pub(super) enum Item {
     Occur(usize),
     /// What a step did ends.
     End(usize, Undo),
+    /// A step is ended before its time.
+    Clear(usize),
     /// Conditions are looked at.
     Look,
 }
@@ -26,7 +28,7 @@ pub(super) struct Agenda {
 impl Agenda {
     pub(super) fn plan(&mut self, at: SimTime, item: Item) {
         let place = match &item {
-            Item::Occur(step) | Item::End(step, _) => *step,
+            Item::Occur(step) | Item::End(step, _) | Item::Clear(step) => *step,
             Item::Look => usize::MAX,
         };
         self.planned += 1;
@@ -47,5 +49,19 @@ impl Agenda {
         } else {
             None
         }
+    }
+
+    /// Takes away what is planned of a step, and gives how it would have ended.
+    pub(super) fn cancel(&mut self, step: usize) -> Vec<Undo> {
+        let own = |item: &Item| match item {
+            Item::Occur(index) | Item::End(index, _) | Item::Clear(index) => *index == step,
+            Item::Look => false,
+        };
+        let all = self.items.extract_if(.., |_, item| own(item));
+        let ends = all.filter_map(|(_, item)| match item {
+            Item::End(_, undo) => Some(undo),
+            Item::Occur(_) | Item::Clear(_) | Item::Look => None,
+        });
+        ends.collect()
     }
 }

@@ -24,6 +24,12 @@ pub(super) struct StepState {
     all_begun: bool,
     /// How many of its times go on.
     pending: u32,
+    /// Whether it is none of the file's.
+    pub(super) added: bool,
+    /// What first went wrong with it.
+    pub(super) failure: Option<String>,
+    /// What would end the last of its effects that have no end of their own.
+    standing: Option<Undo>,
     chance: Noise,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
@@ -54,10 +60,18 @@ impl StepState {
             times: 0,
             all_begun: false,
             pending: 0,
+            added: false,
+            failure: None,
+            standing: None,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             faults: BTreeMap::new(),
             counts: FaultCounts::default(),
         }
+    }
+
+    /// Whether nothing of it goes on or is still to come.
+    pub(super) fn is_over(&self) -> bool {
+        self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
     }
 
     /// How often its faults have hit something until now.
@@ -122,6 +136,7 @@ impl Run {
             any = true;
             match item {
                 Item::Look => {}
+                Item::Clear(index) => self.end_step(index, now),
                 Item::Occur(index) => self.occur(index, now),
                 Item::End(index, undo) => {
                     self.undo(index, undo);
@@ -191,9 +206,13 @@ impl Run {
                 None
             }
         };
-        if let (Some(undo), Some(lasts)) = (undo, step.lasts) {
-            self.steps[index].pending += 1;
-            self.agenda.plan(now + lasts, Item::End(index, undo));
+        match (undo, step.lasts) {
+            (Some(undo), Some(lasts)) => {
+                self.steps[index].pending += 1;
+                self.agenda.plan(now + lasts, Item::End(index, undo));
+            }
+            (Some(undo), None) => self.steps[index].standing = Some(undo),
+            (None, _) => {}
         }
     }
 
@@ -220,6 +239,24 @@ impl Run {
                 None
             }
         }
+    }
+
+    /// Ends a step before its time.
+    fn end_step(&mut self, index: usize, now: SimTime) {
+        let mut ends = self.agenda.cancel(index);
+        ends.extend(self.steps[index].standing.take());
+        for undo in ends {
+            self.undo(index, undo);
+        }
+        for number in self.active_faults(index) {
+            self.clear_fault(index, number);
+        }
+        self.expected.retain(|expected| expected.step != index);
+        let state = &mut self.steps[index];
+        state.watching = false;
+        state.all_begun = true;
+        state.pending = 0;
+        self.check_done(index, now);
     }
 
     /// Mends a fault, unless that has been done.
