@@ -69,12 +69,9 @@ fn progress(step: &StepReport<'_>) -> Progress {
 
 impl Desk {
     /// Opens the socket and writes the file by which it is found. The ports are those of the run.
-    pub(crate) fn open(
-        listen: &Listen,
-        run: &Run,
-        ports: Vec<ShownPort>,
-    ) -> Result<Self, Failure> {
-        let control = Control::open(listen)
+    pub(crate) fn open(listen: &Listen, run: &Run, ports: Vec<ShownPort>) -> Result<Self, Failure> {
+        let table = run.scenario().rig.settings.table();
+        let control = Control::open(listen, Box::new(|| told::schema(table)))
             .with_context(|| format!("cannot listen on {listen} for --control"))
             .map_err(Failure::usage)?;
         let paths = ports.iter().map(|port| std::path::absolute(&port.path));
@@ -207,7 +204,6 @@ impl Desk {
             Ask::Names(names) if names.is_empty() => Ok(told::names(run)),
             Ask::Names(names) => told::values_of(run, &names),
             Ask::State => Ok(told::state(run, clock.as_deref(), &self.ports)),
-            Ask::Schema => Ok(told::schema(run.scenario().rig.settings.table())),
             Ask::Time(change) => {
                 let mut clock = clock;
                 match ask::time(run, clock.as_deref_mut(), &change) {

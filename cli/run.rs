@@ -33,8 +33,8 @@ use junit::Junit;
 use pool::Audience;
 
 pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
-pub(crate) use trace_file::TraceFile;
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
+pub(crate) use trace_file::TraceFile;
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {

@@ -17,6 +17,8 @@ use crate::{Ask, Listener, Refusal, Reply, Shared, Wants};
 
 /// How long a request may take to arrive, and an answer to be taken.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// How long the reader of a stream may take what is written at a time.
+const STREAM_PATIENCE: Duration = Duration::from_secs(15);
 /// How long a connection may be idle.
 const IDLE: Duration = Duration::from_secs(60);
 /// After which silence a stream says that it is still there.
@@ -87,6 +89,9 @@ impl<'a> Connection<'a> {
                 return self.refuse_and_close(refusal);
             } else if head.path == ["v1", "events"] && head.method == "GET" {
                 return self.events(&head);
+            } else if head.path == ["v1", "schema"] && head.method == "GET" {
+                let reply = no_query(&head).map(|()| self.shared.schema.clone());
+                self.write(&answer_bytes(&reply, 200, head.stays))?;
             } else {
                 let asked = route(&head, &body);
                 let (reply, status) = match asked {
@@ -200,7 +205,7 @@ impl<'a> Connection<'a> {
         while !self.shared.stop.load(Ordering::Relaxed) {
             text.clear();
             let (count, more) = next_messages(&messages, &mut text);
-            self.write(&text)?;
+            self.write_within(&text, STREAM_PATIENCE)?;
             self.watch.written(count);
             if !more {
                 break;
@@ -225,9 +230,13 @@ impl<'a> Connection<'a> {
         Ok(())
     }
 
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.write_within(bytes, PATIENCE)
+    }
+
     /// Writes all, or fails when the client takes too long.
-    fn write(&mut self, mut bytes: &[u8]) -> io::Result<()> {
-        let until = Instant::now() + PATIENCE;
+    fn write_within(&mut self, mut bytes: &[u8], patience: Duration) -> io::Result<()> {
+        let until = Instant::now() + patience;
         while !bytes.is_empty() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
@@ -284,7 +293,6 @@ fn route(head: &Head, body: &[u8]) -> Result<Asked, Refusal> {
         (["v1", "steps", name], "DELETE") => plain(head, Ask::Clear(Some((*name).to_owned()))),
         (["v1", "names"], "GET") => Ok((wanted_names(head)?, 200)),
         (["v1", "state"], "GET") => plain(head, Ask::State),
-        (["v1", "schema"], "GET") => plain(head, Ask::Schema),
         (["v1", "time"], "POST") => plain(head, Ask::Time(read_json(body)?)),
         (["v1", "steps"] | ["v1", "steps", _], _) => Err(wrong_method(STEP_METHODS)),
         (["v1", "names" | "state" | "schema" | "events"], _) => Err(wrong_method("GET")),
@@ -302,9 +310,13 @@ fn wrong_method(allowed: &str) -> Refusal {
 }
 
 fn plain(head: &Head, ask: Ask) -> Result<Asked, Refusal> {
+    no_query(head).map(|()| (ask, 200))
+}
+
+fn no_query(head: &Head) -> Result<(), Refusal> {
     match head.query.first() {
         Some((name, _)) => Err(unknown(name, "none")),
-        None => Ok((ask, 200)),
+        None => Ok(()),
     }
 }
 

@@ -13,7 +13,7 @@
 //! | connections at a time | 32; a further one is told 503 and closed |
 //! | request | 16 KiB of head with 64 fields, 64 KiB of body |
 //! | time for a request to arrive, once begun | 5 s; a connection may be idle for 60 s |
-//! | time for a client to take an answer | 5 s, then it is closed |
+//! | time for a client to take an answer | 5 s, what a stream tells 15 s; then it is closed |
 //! | requests | 1000 a second of all clients together; more of them wait |
 //! | requests that wait for the simulation | 64 |
 //! | messages of a stream that wait for its reader | 256; further ones are lost, and it is told how many |
@@ -33,8 +33,8 @@ use std::io::{self, Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -71,8 +71,6 @@ pub enum Ask {
     State,
     /// Let time pass otherwise.
     Time(Value),
-    /// The forms of all that can be asked.
-    Schema,
     /// Tell this one what happens.
     Listen(Listener),
 }
@@ -95,6 +93,9 @@ impl Refusal {
         }
     }
 }
+
+/// The forms of all that can be asked. It takes long to write down, so connections have it themselves.
+pub type Schema = Box<dyn Fn() -> Value + Send + Sync>;
 
 /// What comes of a request.
 pub type Reply = Result<Value, Refusal>;
@@ -139,7 +140,6 @@ impl Answer {
 }
 
 /// A socket on which a simulation is looked at and changed.
-#[derive(Debug)]
 pub struct Control {
     address: SocketAddr,
     token: Arc<str>,
@@ -149,11 +149,11 @@ pub struct Control {
 }
 
 /// What all connections share.
-#[derive(Debug)]
 struct Shared {
     socket: TcpListener,
     guard: Guard,
     pace: Pace,
+    schema: LazyLock<Value, Schema>,
     requests: Sender<Request>,
     /// A byte in here wakes the simulation.
     wake: UnixStream,
@@ -166,7 +166,7 @@ impl Control {
     ///
     /// # Errors
     /// When the address cannot be had.
-    pub fn open(listen: &Listen) -> io::Result<Self> {
+    pub fn open(listen: &Listen, schema: Schema) -> io::Result<Self> {
         let socket = TcpListener::bind(listen.address())?;
         let address = socket.local_addr()?;
         let token: Arc<str> = guard::new_token()?.into();
@@ -178,6 +178,7 @@ impl Control {
             socket,
             guard: Guard::new(address, Arc::clone(&token)),
             pace: Pace::default(),
+            schema: LazyLock::new(schema),
             requests,
             wake,
             connections: Watches::default(),

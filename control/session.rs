@@ -125,7 +125,10 @@ fn folder() -> PathBuf {
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     match runtime.filter(|path| path.is_absolute()) {
         Some(path) => path.join("sim"),
-        None => PathBuf::from(format!("/tmp/sim-control-{}", rustix::process::geteuid().as_raw())),
+        None => PathBuf::from(format!(
+            "/tmp/sim-control-{}",
+            rustix::process::geteuid().as_raw()
+        )),
     }
 }
 

@@ -18,7 +18,8 @@ struct Served {
 
 impl Served {
     fn with(mut answer: impl FnMut(Ask) -> Option<Reply> + Send + 'static) -> Self {
-        let control = Control::open(&"127.0.0.1:0".parse().unwrap()).unwrap();
+        let control =
+            Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
         let (url, address) = (control.url(), control.address());
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
@@ -95,7 +96,7 @@ fn each_call_is_handed_on() {
         "Names([\"a\", \"b\"])"
     );
     assert_eq!(asked("GET", "/v1/state", None), "State");
-    assert_eq!(asked("GET", "/v1/schema", None), "Schema");
+    assert_eq!(asked("GET", "/v1/schema", None), "forms");
     assert_eq!(
         asked("POST", "/v1/time", Some(json!("pause"))),
         "Time(String(\"pause\"))"

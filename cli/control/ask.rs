@@ -43,6 +43,11 @@ pub(super) fn add(run: &mut Run, step: &Value) -> Result<usize, Trouble> {
             "a step is an object, as {\"fault\": {…}}".to_owned(),
         ));
     }
+    if step.get("host").is_some() && run.is_live() {
+        return Err(refused(
+            "`host` steps are for scripted clients; here the client is a real one".to_owned(),
+        ));
+    }
     // By way of the text of a file, so that both say the same in the same words.
     let text = toml::to_string(step)
         .map_err(|error| refused(format!("a step has the form of a scenario file's: {error}")))?;
