@@ -109,7 +109,7 @@ impl Pair {
         let fresh = tcgetattr(&master).map_err(PortErrorKind::call("tcgetattr"))?;
         let defaults = setup.defaults.at(&fresh, setup.baud);
         let defaults = defaults.map_err(PortErrorKind::call("tcsetattr"))?;
-        tcsetattr(&master, OptionalActions::Flush, &defaults)
+        retry_on_intr(|| tcsetattr(&master, OptionalActions::Flush, &defaults))
             .map_err(PortErrorKind::call("tcsetattr"))?;
         unlockpt(&master).map_err(PortErrorKind::call("unlockpt"))?;
         let name = ptsname(&master, Vec::new()).map_err(PortErrorKind::call("ptsname"))?;
@@ -345,9 +345,11 @@ fn restore_line_discipline(slave: &OwnedFd) -> Result<(), Errno> {
     if unsafe { ioctl(slave, Getter::<TIOCGETD, c_int>::new()) }? == N_TTY {
         return Ok(());
     }
-    // It fails when a signal comes meanwhile, whichever that is.
-    // SAFETY: TIOCSETD reads one int through its argument, which lives for the call.
-    retry_on_intr(|| unsafe { ioctl(slave, Setter::<TIOCSETD, c_int>::new(N_TTY)) })
+    // It waits for what is on its way, and a signal of any kind breaks that off.
+    retry_on_intr(|| {
+        // SAFETY: TIOCSETD reads one int through its argument, which lives for the call.
+        unsafe { ioctl(slave, Setter::<TIOCSETD, c_int>::new(N_TTY)) }
+    })
 }
 
 #[cfg(test)]
