@@ -168,7 +168,10 @@ pub(crate) fn write_memory(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<u
 /// Writes memory of a stopped thread that the program itself may not write to. Whole words.
 pub(crate) fn poke(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<()> {
     for (at, word) in (address..).step_by(8).zip(bytes.chunks_exact(8)) {
-        let word = word.try_into().map(usize::from_ne_bytes).unwrap_or_default();
+        let word = word
+            .try_into()
+            .map(usize::from_ne_bytes)
+            .unwrap_or_default();
         let at = usize::try_from(at).unwrap_or_default();
         request(libc::PTRACE_POKEDATA, tid, at, word)?;
     }

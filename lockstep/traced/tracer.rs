@@ -375,7 +375,11 @@ impl<'a> Tracer<'a> {
             real: self.clocks.real(self.now),
             monotonic: self.clocks.monotonic(self.now),
             // Who has asked much, and waited for nothing since, has to ask here.
-            asks: if thread.asks < FREE_ASKS { FREE_ASKS } else { 0 },
+            asks: if thread.asks < FREE_ASKS {
+                FREE_ASKS
+            } else {
+                0
+            },
         };
         if clocks.shown != Some(shown) {
             let times = (shown.real, shown.monotonic);

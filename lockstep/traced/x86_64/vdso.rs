@@ -113,9 +113,8 @@ fn offset(place: *const [u8; 0]) -> usize {
 fn code(clocks: u64) -> Vec<u8> {
     let length = offset(&raw const sim_lockstep_vdso_end);
     // SAFETY: the assembler has put both labels around constant bytes of this program.
-    let code = unsafe {
-        std::slice::from_raw_parts((&raw const sim_lockstep_vdso).cast::<u8>(), length)
-    };
+    let code =
+        unsafe { std::slice::from_raw_parts((&raw const sim_lockstep_vdso).cast::<u8>(), length) };
     let mut code = code.to_vec();
     code[..8].copy_from_slice(&clocks.to_ne_bytes());
     // Whole words are written.
@@ -247,7 +246,9 @@ impl Vdso {
             let functions = image.functions()?;
             let first = functions.iter().map(|one| one.code).min()?;
             let first = first.next_multiple_of(8);
-            let ends = functions.iter().map(|one| one.code.saturating_add(one.length));
+            let ends = functions
+                .iter()
+                .map(|one| one.code.saturating_add(one.length));
             let room = ends.max()?.saturating_sub(first);
             Some(Self {
                 entry,
@@ -273,7 +274,10 @@ impl Vdso {
         r.rip = self.call;
         r.rax = libc::SYS_mmap.cast_unsigned();
         (r.rdi, r.rsi) = (0, LENGTH);
-        (r.rdx, r.r10) = (u64::from(rights.unsigned_abs()), u64::from(kind.unsigned_abs()));
+        (r.rdx, r.r10) = (
+            u64::from(rights.unsigned_abs()),
+            u64::from(kind.unsigned_abs()),
+        );
         (r.r8, r.r9) = (u64::MAX, 0);
         registers
     }
