@@ -303,9 +303,12 @@ fn who_may_look_for_it_is_its_owner_alone() {
         controlled.ctl(&["state"]).code() == Some(2)
     });
     assert!(fs::read_dir(&folder).unwrap().next().is_none());
+    // One that ends well leaves nothing.
     let folder = other.dir.path().join("sim");
-    other.finish();
-    assert!(!folder.exists());
+    let Controlled { sim, dir } = other;
+    sim.stop();
+    assert!(fs::read_dir(&folder).unwrap().next().is_none());
+    drop(dir);
 }
 
 #[test]
@@ -324,7 +327,7 @@ fn several_vehicles_and_simulators_are_told_apart() {
     fs::write(
         &rig,
         "schema = 1\n[[device]]\nkind = \"r150\"\n[[device]]\nkind = \"mecanum\"\nname = \"my-car\"\n\
-         pose = { y = \"2 m\", heading = \"33.3 deg\" }\nsettings = { wheel_radius = \"4 cm\" }\n",
+         pose = { y = \"2 m\", heading = \"33.3 deg\" }\nsettings = { odometry = { wheel_radius = \"4 cm\" } }\n",
     )
     .unwrap();
     let controlled = Controlled::start(&["--rig", rig.to_str().unwrap()]);
@@ -335,7 +338,7 @@ fn several_vehicles_and_simulators_are_told_apart() {
     controlled.expect_ctl(&["get", "my_car.truth.y_m"], "2.0");
     controlled
         .ctl(&["get", "truth.x_m"])
-        .expect_refusal(2, &["my_car"]);
+        .expect_refusal(2, &["did you mean `r150.truth.x_m`"]);
     let trace = controlled.finish();
     assert!(trace.contains("\"code\":\"fault_armed\""), "{trace}");
 }
