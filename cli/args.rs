@@ -17,6 +17,7 @@ use sim_settings::Span;
 use crate::exit::Exit;
 use crate::lists::ListFormat;
 use crate::schema::FileKind;
+use crate::visible;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -94,10 +95,28 @@ pub(crate) struct Cli {
 impl Cli {
     /// Reads the program's arguments; ends the program if they are wrong, or ask for help.
     pub(crate) fn read(devices: Devices) -> Self {
-        let matches = command(devices).get_matches();
-        let mut cli = Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-        cli.serve.link_ptys = link_ptys(devices, &matches);
-        cli
+        let words: Vec<OsString> = std::env::args_os().collect();
+        Self::parse(devices, &words).unwrap_or_else(|error| error.exit())
+    }
+
+    /// Reads a command line. What an error repeats of it can be shown on a terminal.
+    pub(crate) fn parse(devices: Devices, words: &[OsString]) -> Result<Self, clap::Error> {
+        let parse = |words: &[OsString]| {
+            let matches = command(devices).try_get_matches_from(words)?;
+            let mut cli = Self::from_arg_matches(&matches)?;
+            cli.serve.link_ptys = link_ptys(devices, &matches);
+            Ok(cli)
+        };
+        parse(words).map_err(|error: clap::Error| {
+            let shown: Vec<OsString> = words
+                .iter()
+                .map(|word| visible::name(word).into())
+                .collect();
+            match parse(&shown) {
+                Err(shown) => shown,
+                Ok(_) => clap::Error::raw(error.kind(), visible::lines(&error.to_string())),
+            }
+        })
     }
 }
 

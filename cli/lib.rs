@@ -40,6 +40,7 @@ use exit::{Exit, Failure};
 /// ```
 #[must_use]
 pub fn main(devices: Devices) -> ExitCode {
+    print::tell_panics();
     guarded(|| {
         sim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::read(devices);
@@ -64,7 +65,7 @@ pub fn main(devices: Devices) -> ExitCode {
 }
 
 /// Runs `program` and says how it ended. A panic ends it as a failure of the simulator, which it
-/// is; what was opened is closed on the way here, and the panic has been printed by its own hook.
+/// is; what was opened is closed on the way here, and the panic has been told by its hook.
 fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
     // Nothing that the program has touched is used any more afterwards.
     match catch_unwind(AssertUnwindSafe(program)) {

@@ -1,5 +1,6 @@
 //! Printing to standard output and standard error.
 
+use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{ErrorKind, Write as _};
 
 use anyhow::anyhow;
@@ -25,4 +26,17 @@ pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
 /// Prints a line to standard error; nothing is left to do if that is closed.
 pub(crate) fn complain(text: &str) {
     let _ = writeln!(anstream::stderr(), "{}", visible::lines(text));
+}
+
+/// Has panics tell of themselves as everything else is told.
+pub(crate) fn tell_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let thread = std::thread::current();
+        let name = thread.name().unwrap_or("without a name");
+        complain(&format!("in thread {name}: {panic}"));
+        let backtrace = Backtrace::capture();
+        if backtrace.status() == BacktraceStatus::Captured {
+            complain(&backtrace.to_string());
+        }
+    }));
 }

@@ -232,3 +232,63 @@ fn finish(results: &[Option<JobResult>]) -> Result<Exit, Failure> {
         Exit::Clean
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::{Cli, Command};
+    use std::ffi::OsString;
+
+    use sim_core::SHIPPED;
+    use sim_core::device::DeviceSpec;
+
+    /// A device that breaks when it is built for seed 7.
+    fn clumsy() -> Devices {
+        let spec = DeviceSpec {
+            id: "clumsy",
+            build: |setup, world| match setup.seed {
+                7 => panic!("dropped \u{1b}[2J"),
+                _ => (SHIPPED[0].build)(setup, world),
+            },
+            ..*SHIPPED[0]
+        };
+        let all = [SHIPPED[0], Box::leak(Box::new(spec))];
+        Box::leak(Box::new(all))
+    }
+
+    #[test]
+    fn a_panic_in_one_scenario_is_its_error_and_the_others_are_played() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        for (name, kind) in [("a", "r150"), ("b", "clumsy"), ("c", "r150")] {
+            let text = format!(
+                "schema = 1\ntitle = \"{name}\"\ngood_client = \"Any.\"\nlimit = \"100 ms\"\n\
+                 [[device]]\nkind = \"{kind}\"\n"
+            );
+            fs::write(folder.join(format!("{name}.toml")), text).unwrap();
+        }
+        let junit = folder.join("r.xml");
+        for players in ["1", "3"] {
+            let mut words = ["sim", "run", "--seed", "7", "-j", players, "--junit"]
+                .map(OsString::from)
+                .to_vec();
+            words.extend([junit.clone().into(), folder.into()]);
+            let cli = Cli::parse(clumsy(), &words).unwrap();
+            let Some(Command::Run(args)) = cli.command else {
+                panic!("another command");
+            };
+            let ended = run(clumsy(), &args);
+            assert_eq!(
+                ended.map_err(|failure| failure.error).unwrap(),
+                Exit::System
+            );
+            let results = fs::read_to_string(&junit).unwrap();
+            assert!(
+                results.contains("tests=\"3\" failures=\"0\" errors=\"1\""),
+                "{results}"
+            );
+            let why = "the simulator panicked: dropped \\u{1b}[2J";
+            assert!(results.contains(why), "{results}");
+        }
+    }
+}

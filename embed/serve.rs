@@ -426,13 +426,6 @@ impl Server {
                     self.run.detach(id, now)?;
                 }
                 Event::Data(count) => {
-                    // Before the bytes, so that what is answered to them is not lost with what was
-                    // on its way to the one that has left.
-                    if port.take_handover()? {
-                        let now = self.catch_up()?;
-                        self.run.detach(id, now)?;
-                        self.run.attach(id, now)?;
-                    }
                     self.set_line(token)?;
                     let now = self.catch_up()?;
                     self.run.send(id, now, &self.buffer[..count])?;

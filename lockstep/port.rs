@@ -22,8 +22,9 @@ use rustix::termios::{
 const MOST_IN_KERNEL: u64 = 3072;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
-/// How long bytes may take through the kernel, which is a matter of microseconds.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless the
+/// machine has no time for this program.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Modem lines, as `TIOCM_*` has them.
 pub mod modem {
@@ -144,16 +145,25 @@ impl Port {
 
     /// Pulls the cable: a client that has it open is told that it is gone, and nobody finds it any
     /// more. Says whether it was open.
-    pub fn unplug(&mut self) -> bool {
-        let Some(pair) = self.pair.take() else {
-            return false;
+    ///
+    /// # Errors
+    /// When the client is not told in a minute.
+    pub fn unplug(&mut self) -> io::Result<bool> {
+        let Some(pair) = self.remove() else {
+            return Ok(false);
         };
-        pair.hang_up();
-        // Nobody else has removed it; if so, it is gone as it should be.
-        let _ = std::fs::remove_file(&self.link);
         self.waiting.clear();
         self.modem = 0;
-        std::mem::take(&mut self.opened) > 0
+        pair.hang_up()?;
+        Ok(std::mem::take(&mut self.opened) > 0)
+    }
+
+    /// Takes both ends away, so that nobody finds them any more.
+    fn remove(&mut self) -> Option<Pair> {
+        let pair = self.pair.take()?;
+        // Nobody else has removed it; if so, it is gone as it should be.
+        let _ = std::fs::remove_file(&self.link);
+        Some(pair)
     }
 
     /// Hands the client bytes; they are there to be read when this returns.
@@ -348,7 +358,7 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        self.unplug();
+        self.remove();
     }
 }
 
@@ -392,17 +402,21 @@ impl Pair {
     /// Closes the master and waits until the other end is hung up for whoever has it open: until
     /// then a read there fails, and from then on it finds the end. A process that somebody else in
     /// this program starts has the master open as well, until it has become another program.
-    fn hang_up(self) {
+    fn hang_up(self) -> io::Result<()> {
         drop(self.master);
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
             let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
             let _ = rustix::event::poll(&mut poll, Some(&Timespec::default()));
             if poll[0].revents().contains(PollFlags::ERR) {
-                break;
+                return Ok(());
             }
             std::thread::yield_now();
         }
+        Err(io::Error::other(
+            "the client is not told that its cable has been pulled: another process has the other \
+             end of its pseudo-terminal open",
+        ))
     }
 
     /// Bytes pass through the kernel at its leisure. A poll of an empty terminal waits for that; one

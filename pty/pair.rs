@@ -24,7 +24,7 @@ use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::ffi::c_int;
 use rustix::fs::{Gid, Mode, OFlags, fchmod, fchown};
 use rustix::io::{Errno, IoSliceMut, ioctl_fionread, retry_on_intr};
-use rustix::ioctl::{Opcode, Setter, ioctl};
+use rustix::ioctl::{Getter, Opcode, Setter, ioctl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Action, OptionalActions, QueueSelector, Termios};
 use rustix::termios::{ioctl_tiocnxcl, tcflow, tcflush, tcgetattr, tcsetattr};
@@ -109,7 +109,7 @@ impl Pair {
         let fresh = tcgetattr(&master).map_err(PortErrorKind::call("tcgetattr"))?;
         let defaults = setup.defaults.at(&fresh, setup.baud);
         let defaults = defaults.map_err(PortErrorKind::call("tcsetattr"))?;
-        tcsetattr(&master, OptionalActions::Flush, &defaults)
+        retry_on_intr(|| tcsetattr(&master, OptionalActions::Flush, &defaults))
             .map_err(PortErrorKind::call("tcsetattr"))?;
         unlockpt(&master).map_err(PortErrorKind::call("unlockpt"))?;
         let name = ptsname(&master, Vec::new()).map_err(PortErrorKind::call("ptsname"))?;
@@ -234,7 +234,7 @@ impl Pair {
             };
             // Settings first, since those that end suspension by XOFF do so only while nothing else
             // suspends.
-            set_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
+            restore_line_discipline(&slave).map_err(PortErrorKind::call("TIOCSETD"))?;
             ioctl_tiocnxcl(&slave).map_err(PortErrorKind::call("TIOCNXCL"))?;
             self.set_permissions(&slave)?;
             resume_and_empty(&slave)?;
@@ -334,13 +334,22 @@ fn begin_packet_mode(master: &OwnedFd) -> Result<(), Errno> {
     unsafe { ioctl(master, Setter::<TIOCPKT, c_int>::new(1)) }
 }
 
-/// The usual line discipline again, which a client may have changed.
-#[expect(unsafe_code, reason = "no library wraps this call")]
-fn set_line_discipline(slave: &OwnedFd) -> Result<(), Errno> {
+/// The usual line discipline again, if a client has changed it. Setting it in any case would have the
+/// read of a client that has just come fail with `EAGAIN`.
+#[expect(unsafe_code, reason = "no library wraps these calls")]
+fn restore_line_discipline(slave: &OwnedFd) -> Result<(), Errno> {
     const TIOCSETD: Opcode = 0x5423;
+    const TIOCGETD: Opcode = 0x5424;
     const N_TTY: c_int = 0;
-    // SAFETY: TIOCSETD reads one int through its argument, which lives for the call.
-    unsafe { ioctl(slave, Setter::<TIOCSETD, c_int>::new(N_TTY)) }
+    // SAFETY: TIOCGETD writes one int through its argument, which lives for the call.
+    if unsafe { ioctl(slave, Getter::<TIOCGETD, c_int>::new()) }? == N_TTY {
+        return Ok(());
+    }
+    // It waits for what is on its way, and a signal of any kind breaks that off.
+    retry_on_intr(|| {
+        // SAFETY: TIOCSETD reads one int through its argument, which lives for the call.
+        unsafe { ioctl(slave, Setter::<TIOCSETD, c_int>::new(N_TTY)) }
+    })
 }
 
 #[cfg(test)]
@@ -378,6 +387,24 @@ mod tests {
         drop(client);
         assert_eq!(pair.restore().ok(), Some((true, 1)));
         assert_eq!(speed(&pair), 115_200);
+    }
+
+    #[test]
+    fn a_client_that_waits_for_bytes_waits_on_while_another_s_settings_are_undone() {
+        let pair = Pair::open(PtySetup::raw(115_200)).expect("a pair");
+        let client = client_of(&pair);
+        rustix::io::ioctl_fionbio(&client, false).expect("it may block");
+        let waiting = std::thread::spawn(move || {
+            let mut buf = [0; 8];
+            rustix::io::read(&client, &mut buf).map(|count| buf[..count].to_vec())
+        });
+        // Most of these come while it waits.
+        for _ in 0..100 {
+            pair.restore().expect("it is restored");
+            std::thread::sleep(std::time::Duration::from_micros(100));
+        }
+        assert_eq!(rustix::io::write(&pair.master, b"reply"), Ok(5));
+        assert_eq!(waiting.join().expect("no panic"), Ok(b"reply".to_vec()));
     }
 
     #[test]

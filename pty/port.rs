@@ -141,21 +141,6 @@ impl Port {
         }
     }
 
-    /// Whether one client has left and another has come in its place by the time of the bytes that
-    /// were just read, so that what comes of them is for the newcomer. Says so once, in place of
-    /// [`Event::Detached`] and [`Event::Attached`].
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn take_handover(&mut self) -> Result<bool, PortError> {
-        match self {
-            Self::Pty(port) => port.take_handover(),
-            // A device stays, and a connection is one client's.
-            Self::Serial(_) | Self::Net(_) => Ok(false),
-        }
-    }
-
     /// The path or URL that a client opens, or the path of the serial device.
     #[must_use]
     pub fn path(&self) -> &Path {

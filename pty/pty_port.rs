@@ -27,8 +27,11 @@ pub struct PtyPort {
     registration: Option<Registration>,
     pair: Pair,
     attached: bool,
-    /// One client has left and another has come without the port having been hung up at any look.
+    /// One client has left and another has come without the port having been hung up at any look,
+    /// which is to be told.
     handed_over: bool,
+    /// Bytes that were read before that was known, to be handed out after it.
+    held: Vec<u8>,
     /// How many of the bytes that wait to be read were there at the last look: of a client that has
     /// left since, or takes back what it has written, these are to be thrown away, and no others.
     seen: usize,
@@ -80,6 +83,7 @@ impl PtyPort {
             pair,
             attached: false,
             handed_over: false,
+            held: Vec::new(),
             seen: 0,
             counters: Counters::default(),
         }
@@ -164,19 +168,6 @@ impl PtyPort {
         Ok(written)
     }
 
-    /// See [`Port::take_handover`](crate::Port::take_handover).
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn take_handover(&mut self) -> Result<bool, PortError> {
-        self.notice_handover()
-            .map_err(|kind| self.error("read from", kind))?;
-        let handed_over = std::mem::take(&mut self.handed_over);
-        self.counters.attached += u64::from(handed_over);
-        Ok(handed_over)
-    }
-
     pub(crate) fn register(&mut self, mut registration: Registration) -> Result<(), PortError> {
         let register = || {
             if let Some(old) = self.registration.take() {
@@ -207,9 +198,8 @@ impl PtyPort {
             None
         };
         self.notice_handover()?;
-        if std::mem::take(&mut self.handed_over) {
-            self.attached = false;
-            return Ok(Some(Event::Detached));
+        if self.handed_over {
+            return Ok(Some(self.hand_over()));
         }
         if buf.is_empty() {
             // What is left of a client that is gone will not be sent.
@@ -219,13 +209,26 @@ impl PtyPort {
             self.seen = unread.unwrap_or(self.seen);
             return Ok(Some(Event::Idle));
         }
+        if !self.held.is_empty() {
+            let count = self.held.len().min(buf.len());
+            buf[..count].copy_from_slice(&self.held[..count]);
+            self.held.drain(..count);
+            return Ok(Some(Event::Data(count)));
+        }
         for _ in 0..MOST_READS {
             match self.pair.read(buf)? {
                 Read::Bytes(n) => {
                     self.seen = self.seen.saturating_sub(n);
                     self.counters.received(n);
-                    // Whoever wrote these has been reported by now; see `write`.
+                    // Whoever wrote these has been reported by now. If that is somebody who came in
+                    // another's place, this is told first, so that what is answered is not lost with
+                    // what was on its way to the other.
                     self.drain()?;
+                    self.notice_handover()?;
+                    if self.handed_over {
+                        self.held.extend_from_slice(&buf[..n]);
+                        return Ok(Some(self.hand_over()));
+                    }
                     return Ok(Some(Event::Data(n)));
                 }
                 Read::Flushed => self.discard_seen()?,
@@ -244,7 +247,7 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        if !self.has_departed() && !self.pair.has_client()? {
+        if self.held.is_empty() && !self.has_departed() && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
         self.attached = true;
@@ -263,6 +266,13 @@ impl PtyPort {
         Ok(())
     }
 
+    /// Tells that the one has left; that the other is there is told next.
+    fn hand_over(&mut self) -> Event {
+        self.handed_over = false;
+        self.attached = false;
+        Event::Detached
+    }
+
     fn discard_seen(&mut self) -> Result<(), PortErrorKind> {
         self.pair.discard(std::mem::take(&mut self.seen))
     }
@@ -270,6 +280,7 @@ impl PtyPort {
     /// Makes the port as it was before any client came.
     fn vacate(&mut self) -> Result<Event, PortErrorKind> {
         self.pair.discard_left_behind()?;
+        self.held.clear();
         self.seen = 0;
         let mut restored = false;
         self.visit(|pair| {

@@ -15,6 +15,7 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -154,6 +155,41 @@ fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
         assert_eq!(reply.map(|reply| reply.len()), Some(8), "round {round}");
     }
     sim.stop().expect_clean();
+}
+
+/// Signals come at any moment while it serves, also in the middle of what it asks of the system.
+#[test]
+fn a_client_that_stays_is_answered_whatever_signals_come_meanwhile() {
+    let _alone = alone();
+    let sim = Sim::start(&[&JSON[..], &["--quiet"]].concat());
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !done.load(Ordering::Relaxed) {
+                sim.signal(rustix::process::Signal::STOP);
+                sim.signal(rustix::process::Signal::CONT);
+                std::thread::sleep(Duration::from_micros(50));
+            }
+        });
+        let _done = Done(&done);
+        for (kind, visit) in KINDS.iter().cycle().take(handovers() as usize) {
+            visit(sim.port());
+            let mut client = sim.client();
+            client.send(&frame(0xF0, &[]));
+            let reply = client.skip_to(0xF0, PATIENCE);
+            assert_eq!(reply.map(|reply| reply.len()), Some(8), "{kind}");
+        }
+    });
+    sim.stop().expect_clean();
+}
+
+/// Tells a thread to end, also when the test fails.
+struct Done<'a>(&'a AtomicBool);
+
+impl Drop for Done<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// Bytes at the right speed are never taken for garbage because of the one who was there before.

@@ -352,6 +352,44 @@ fn nothing_that_is_written_or_printed_commands_a_terminal_or_breaks_a_document()
 }
 
 #[test]
+fn words_of_the_command_line_are_shown_and_not_obeyed() {
+    let folder = tempfile::tempdir().unwrap();
+    let bad = "\u{1b}]0;x\u{7}\u{9b}2J\u{202e}";
+    for args in [
+        &["BAD"] as &[&str],
+        &["--BAD"],
+        &["-BAD"],
+        &["--seed=BAD"],
+        &["--pty", "p", "--wire", "BAD"],
+        &["--pty", "p", "--set", "BAD=1"],
+        &["--pty", "p", "--set", "r150.over_rate=BAD"],
+        &["--pty", "p", "--config", "BAD"],
+        &["--pty", "BAD/p"],
+        &["--listen", "tcp://BAD"],
+        &["--rig", "BAD"],
+        &["faults", "--device", "BAD"],
+        &["schema", "BAD"],
+        &["run", "BAD"],
+        &["run", "--jobs=BAD", "x"],
+        &["run", "--timeout", "BAD", "x"],
+        &["run", "--tag", "BAD", "x"],
+        &["check", "BAD"],
+        &["replay", "BAD"],
+        &["trace", "BAD"],
+    ] {
+        let words: Vec<String> = args.iter().map(|word| word.replace("BAD", bad)).collect();
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let ended = start(folder.path(), &words).wait();
+        assert!(matches!(ended.code(), Some(2 | 3)), "{args:?}");
+        let all = ended.out + &ended.err;
+        let obeyed = |c: char| !c.is_ascii_graphic() && bad.contains(c);
+        assert!(!all.is_empty() && !all.contains(obeyed), "{args:?}: {all}");
+    }
+    let ended = start(folder.path(), &["--\u{1b}[2J"]).wait();
+    ended.expect_refusal(2, &["'--\\u{1b}[2J'"]);
+}
+
+#[test]
 fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

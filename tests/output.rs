@@ -192,7 +192,7 @@ fn a_warning_is_coloured_on_a_terminal_unless_colours_are_unwanted() {
         let (master, terminal) = terminal();
         command.env("TERM", "xterm-256color");
         no_color.map(|value| command.env("NO_COLOR", value));
-        command.stdout(terminal).stderr(Stdio::null());
+        command.stdout(terminal).stderr(Stdio::piped());
         let mut process = Process::spawn(&mut command);
         // The command holds the terminal too, and would keep it from ever hanging up.
         drop(command);
@@ -208,7 +208,8 @@ fn a_warning_is_coloured_on_a_terminal_unless_colours_are_unwanted() {
             .unwrap();
         assert_eq!(warning.contains('\u{1B}'), coloured, "{warning:?}");
         process.signal(Signal::INT);
-        assert_eq!(process.wait().code(), Some(0));
+        let code = process.wait().code();
+        assert_eq!(code, Some(0), "{}", complaints(&mut process));
         drop(dir);
     }
 }
@@ -240,9 +241,11 @@ fn start_piped(command: &mut Command) -> (Process, BufReader<std::process::Child
 /// Ends it well, and gives what it has to complain about.
 fn complaints_at_the_end(mut process: Process, port: &Path) -> String {
     process.signal(Signal::TERM);
-    assert_eq!(process.wait().code(), Some(0));
+    let code = process.wait().code();
+    let complaints = complaints(&mut process);
+    assert_eq!(code, Some(0), "{complaints}");
     assert!(!port.exists());
-    complaints(&mut process)
+    complaints
 }
 
 fn complaints(process: &mut Process) -> String {

@@ -10,7 +10,8 @@
 mod harness;
 
 use std::fs;
-use std::os::unix::fs::symlink;
+use std::os::unix::fs::{PermissionsExt as _, symlink};
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -331,6 +332,40 @@ fn a_limit_of_file_sizes_is_a_full_disk() {
         None,
     );
     assert_eq!(ended.wait().code(), Some(1));
+}
+
+#[test]
+fn a_limit_of_threads_means_fewer_at_a_time_or_an_error() {
+    if !rustix::process::geteuid().is_root() {
+        // The limit counts all that a user runs, and root alone can become one who runs nothing.
+        harness::tell_skipped("limits of threads", "only root can become another user");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("s.toml"), SCENARIO).unwrap();
+    let sim = harness::unprivileged::copy_of_sim(folder.path());
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o777)).unwrap();
+    let user = 1_000_000 + std::process::id();
+    let limited = |threads: u32, args: &[&str]| {
+        let mut bash = Command::new("bash");
+        let how = format!("ulimit -u {threads} && exec \"$0\" \"$@\"");
+        bash.args(["-c", &how]).arg(&sim).args(args).uid(user);
+        ended(bash.current_dir(folder.path()))
+    };
+    let run = ["run", "-j", "8", "--repeat", "200", "s.toml"];
+    let fewer = limited(4, &run);
+    assert_eq!(fewer.code(), Some(0), "{}{}", fewer.out, fewer.err);
+    assert!(fewer.out.contains("200 passed, 0 failed"), "{}", fewer.out);
+    let said = "2 at a time instead of 8: the system makes no more threads";
+    assert!(fewer.err.contains(said), "{}", fewer.err);
+    for (threads, args, why) in [
+        (2, &run[..], "cannot start a thread to play in"),
+        (1, &run, "cannot start the thread that waits for signals"),
+        (1, &["--pty", "p"], "cannot start the thread that prints"),
+    ] {
+        limited(threads, args).expect_refusal(3, &[why]);
+    }
+    assert_eq!(names(folder.path()).len(), 2);
 }
 
 #[test]

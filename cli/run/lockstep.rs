@@ -221,7 +221,7 @@ impl Stage {
             let pulled = self.run.rig().cable_pulled(id);
             if pulled && port.is_plugged() {
                 any = true;
-                if port.unplug() {
+                if port.unplug()? {
                     self.run.detach(id, self.run.rig().now())?;
                 }
             } else if !pulled && !port.is_plugged() {

@@ -8,7 +8,7 @@ use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Action, Halt, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State, kernel_state};
+use crate::traced::tree::{AtEnd, OwnClocks, Resume, State, kernel_state};
 use crate::traced::wait::{Late, Wait};
 
 /// Most random bytes of one call; the program asks for the rest again.
@@ -175,6 +175,19 @@ impl Tracer<'_> {
                     self.has_changed(tid);
                 }
             }
+            AtEnd::Loaded(vdso) => {
+                vdso.ask_for_page(registers).set(tid)?;
+                self.look_at_end(tid, AtEnd::Asks(registers, vdso));
+            }
+            AtEnd::Asks(before, vdso) => self.look_at_end(tid, AtEnd::Asked(before, vdso)),
+            AtEnd::Asked(before, vdso) => {
+                // As they were when the program had been loaded.
+                before.set(tid)?;
+                let page = vdso.replace(tid, result)?;
+                if let Some(process) = self.processes.get_mut(&process) {
+                    process.clocks = page.map(|page| OwnClocks { page, shown: None });
+                }
+            }
             AtEnd::TimerCreate { address, event } => {
                 self.timer_created(tid, registers, address, event)?;
             }
@@ -187,6 +200,12 @@ impl Tracer<'_> {
             AtEnd::Kill { .. } => {}
         }
         Ok(())
+    }
+
+    fn look_at_end(&mut self, tid: Tid, at_end: AtEnd) {
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.at_end = Some(at_end);
+        }
     }
 
     /// A call that had been made again has done something.

@@ -53,9 +53,9 @@ pub(crate) fn go_on(tid: Tid, signal: i32) -> io::Result<()> {
     with_signal(libc::PTRACE_CONT, tid, signal)
 }
 
-/// Lets a stopped thread go on to the end of its call.
-pub(crate) fn go_on_to_end_of_call(tid: Tid) -> io::Result<()> {
-    with_signal(libc::PTRACE_SYSCALL, tid, 0)
+/// The same to the end of its call, or to the beginning of the next.
+pub(crate) fn go_on_to_end_of_call(tid: Tid, signal: i32) -> io::Result<()> {
+    with_signal(libc::PTRACE_SYSCALL, tid, signal)
 }
 
 /// Leaves a thread stopped by job control until it is continued.
@@ -163,6 +163,19 @@ pub(crate) fn write_memory(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<u
     let count =
         unsafe { libc::process_vm_writev(tid, &raw const local, 1, &raw const remote, 1, 0) };
     count_of(count)
+}
+
+/// Writes memory of a stopped thread that the program itself may not write to. Whole words.
+pub(crate) fn poke(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<()> {
+    for (at, word) in (address..).step_by(8).zip(bytes.chunks_exact(8)) {
+        let word = word
+            .try_into()
+            .map(usize::from_ne_bytes)
+            .unwrap_or_default();
+        let at = usize::try_from(at).unwrap_or_default();
+        request(libc::PTRACE_POKEDATA, tid, at, word)?;
+    }
+    Ok(())
 }
 
 fn count_of(count: libc::ssize_t) -> io::Result<usize> {

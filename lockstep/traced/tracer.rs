@@ -16,7 +16,8 @@ use crate::traced::spawn::{self, Starting};
 use crate::traced::sys::{self, Ticks, Tid, Whom};
 use crate::traced::timer::Timers;
 use crate::traced::tree::{
-    AtEnd, Process, Resume, Signals, State, Thread, Threads, kernel_state, name_of, path_of,
+    AtEnd, OwnClocks, Process, Resume, Shown, Signals, State, Thread, Threads, kernel_state,
+    name_of, path_of,
 };
 use crate::traced::wait::{Hold, Wait};
 use crate::{Broken, End, Ending, Error, Options, Program, Reason, Step, World};
@@ -187,7 +188,7 @@ impl<'a> Tracer<'a> {
             calls: 0,
             paced: None,
         };
-        let made = tracer.add_process(main, None);
+        let made = tracer.add_process(main, None, None);
         made.map_err(|error| Error::System {
             what: "cannot watch the program",
             error,
@@ -207,7 +208,12 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    fn add_process(&mut self, pid: Tid, memory: Option<u64>) -> io::Result<()> {
+    fn add_process(
+        &mut self,
+        pid: Tid,
+        memory: Option<u64>,
+        clocks: Option<OwnClocks>,
+    ) -> io::Result<()> {
         let raw = Pid::from_raw(pid).ok_or(io::ErrorKind::InvalidInput)?;
         let handle = rustix::process::pidfd_open(raw, PidfdFlags::empty())?;
         let memory = memory.unwrap_or_else(|| self.new_memory());
@@ -215,6 +221,7 @@ impl<'a> Tracer<'a> {
             memory,
             handle,
             dying: false,
+            clocks,
         };
         self.processes.insert(pid, process);
         Ok(())
@@ -311,7 +318,13 @@ impl<'a> Tracer<'a> {
             self.happened += 1;
         }
         match resume {
-            Resume::Go(signal) => sys::go_on(tid, signal)?,
+            Resume::Go(signal) if thread.at_end.is_some() => {
+                sys::go_on_to_end_of_call(tid, signal)?;
+            }
+            Resume::Go(signal) => {
+                self.show_clocks(tid)?;
+                sys::go_on(tid, signal)?;
+            }
             Resume::Call { crept } => {
                 self.calls += 1;
                 let registers = Registers::of(tid)?;
@@ -328,7 +341,10 @@ impl<'a> Tracer<'a> {
     /// Does with a call what has been decided.
     fn act(&mut self, tid: Tid, mut registers: Registers, action: Action) -> Result<(), Halt> {
         match action {
-            Action::Make => sys::go_on(tid, 0)?,
+            Action::Make => {
+                self.show_clocks(tid)?;
+                sys::go_on(tid, 0)?;
+            }
             Action::Answer(result) => {
                 registers.answer(result);
                 registers.set(tid)?;
@@ -340,8 +356,35 @@ impl<'a> Tracer<'a> {
                 if let Some(thread) = self.threads.get_mut(&tid) {
                     thread.at_end = Some(at_end);
                 }
-                sys::go_on_to_end_of_call(tid)?;
+                sys::go_on_to_end_of_call(tid, 0)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Has the clocks in a program's own memory show what they should, before it goes on.
+    fn show_clocks(&mut self, tid: Tid) -> Result<(), Halt> {
+        let Some(thread) = self.threads.get(&tid) else {
+            return Ok(());
+        };
+        let process = self.processes.get_mut(&thread.process);
+        let Some(clocks) = process.and_then(|process| process.clocks.as_mut()) else {
+            return Ok(());
+        };
+        let shown = Shown {
+            real: self.clocks.real(self.now),
+            monotonic: self.clocks.monotonic(self.now),
+            // Who has asked much, and waited for nothing since, has to ask here.
+            asks: if thread.asks < FREE_ASKS {
+                FREE_ASKS
+            } else {
+                0
+            },
+        };
+        if clocks.shown != Some(shown) {
+            let times = (shown.real, shown.monotonic);
+            arch::write_clocks(Memory(tid), clocks.page, shown.asks, times)?;
+            clocks.shown = Some(shown);
         }
         Ok(())
     }
@@ -647,8 +690,10 @@ impl<'a> Tracer<'a> {
         if is_thread {
             self.add_thread(child, parent, ready);
         } else {
-            let memory = self.processes.get(&parent).map(|process| process.memory);
-            self.add_process(child, memory.filter(|_| shares_memory))?;
+            let parent = self.processes.get(&parent);
+            let memory = parent.map(|process| process.memory);
+            let clocks = parent.and_then(|process| process.clocks);
+            self.add_process(child, memory.filter(|_| shares_memory), clocks)?;
             self.add_thread(child, child, ready);
         }
         if event == libc::PTRACE_EVENT_VFORK {
@@ -678,15 +723,19 @@ impl<'a> Tracer<'a> {
         let memory = self.new_memory();
         if let Some(process) = self.processes.get_mut(&tid) {
             process.memory = memory;
+            process.clocks = None;
         }
         self.timers.forget_posix(tid);
         self.release_parent(tid);
         self.check_program(tid)?;
+        self.happened += 1;
         let stack = Registers::of(tid)?.stack();
         let mut bytes = [0; 16];
         let random = self.random(&mut bytes).map(|()| bytes);
-        arch::prepare_image(Memory(tid), stack, random)?;
-        self.happened += 1;
+        let vdso = arch::prepare_image(Memory(tid), stack, random)?;
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.at_end = vdso.map(AtEnd::Loaded);
+        }
         Ok(())
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 
-use crate::traced::arch::Registers;
+use crate::traced::arch::{Registers, Vdso};
 use crate::traced::sys::Tid;
 use crate::traced::wait::Hold;
 
@@ -15,6 +15,24 @@ pub(crate) struct Process {
     pub(crate) handle: OwnedFd,
     /// It is on its way out, and nobody else runs until it has gone.
     pub(crate) dying: bool,
+    /// The clocks in its own memory, if it has any.
+    pub(crate) clocks: Option<OwnClocks>,
+}
+
+/// Clocks that a program reads in its own memory.
+#[derive(Clone, Copy)]
+pub(crate) struct OwnClocks {
+    pub(crate) page: u64,
+    /// What has been written there last.
+    pub(crate) shown: Option<Shown>,
+}
+
+/// What such clocks show, and how often they may be read without a call.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Shown {
+    pub(crate) real: u64,
+    pub(crate) monotonic: u64,
+    pub(crate) asks: u32,
 }
 
 /// A thread.
@@ -73,6 +91,12 @@ pub(crate) enum AtEnd {
     },
     /// An argument has been changed for the call alone; as its registers were.
     Restore(Registers),
+    /// A new program has been loaded, and asks for a page for its clocks next.
+    Loaded(Vdso),
+    /// It is at the beginning of the call that asks; as its registers were before.
+    Asks(Registers, Vdso),
+    /// It is at the end of that call.
+    Asked(Registers, Vdso),
     /// A POSIX timer has been made.
     TimerCreate { address: u64, event: TimerEvent },
     /// A signal has been sent; a process that SIGKILL ends is waited for.

@@ -1,5 +1,8 @@
 //! All that is of x86-64: registers, the numbers of calls, the filter, the vDSO, `rdtsc`.
 
+#[path = "x86_64/vdso.rs"]
+mod vdso;
+
 use std::io;
 
 use libc::{BPF_ABS, BPF_JEQ, BPF_JMP, BPF_JSET, BPF_K, BPF_LD, BPF_RET, BPF_W, sock_filter};
@@ -7,6 +10,8 @@ use libc::{BPF_ABS, BPF_JEQ, BPF_JMP, BPF_JSET, BPF_K, BPF_LD, BPF_RET, BPF_W, s
 use crate::traced::call::{Call, Rule};
 use crate::traced::memory::{self, Memory};
 use crate::traced::sys::{self, Tid};
+
+pub(crate) use vdso::{Vdso, write_clocks};
 
 /// The registers of a thread that has stopped at a call.
 #[derive(Clone, Copy)]
@@ -104,20 +109,20 @@ impl Registers {
     }
 }
 
-/// Hides the vDSO from a program that has just been loaded, so that it asks the system for the time,
-/// and gives it these bytes for its canary and its own random numbers.
+/// Gives a program that has just been loaded these bytes for its canary and its own random numbers;
+/// its vDSO, if it has one whose functions can be replaced.
 pub(crate) fn prepare_image(
     memory: Memory,
     stack: u64,
     random: Option<[u8; 16]>,
-) -> io::Result<()> {
-    const AT_IGNORE: u64 = 1;
+) -> io::Result<Option<Vdso>> {
     const AT_RANDOM: u64 = 25;
     const AT_SYSINFO_EHDR: u64 = 33;
     /// Arguments and environment have at most a quarter of the stack; this is beyond any limit.
     const MOST: u64 = 1 << 24;
     // The count of arguments, the arguments, a null, the environment, a null, the vector.
     let mut words = memory::Words::new(memory, stack + 8);
+    let mut vdso = None;
     for _ in 0..2 {
         while words.next()? != 0 {
             if words.address() - stack > MOST {
@@ -129,8 +134,8 @@ pub(crate) fn prepare_image(
         let at = words.address();
         let (kind, value) = (words.next()?, words.next()?);
         match kind {
-            0 => return Ok(()),
-            AT_SYSINFO_EHDR => memory.write(at, &AT_IGNORE.to_ne_bytes())?,
+            0 => return Ok(vdso),
+            AT_SYSINFO_EHDR => vdso = Vdso::find(memory, at, value)?,
             AT_RANDOM => {
                 if let Some(random) = random {
                     memory.write(value, &random)?;

@@ -26,6 +26,7 @@ pub trait Action: fmt::Debug + Send + Sync {
 }
 
 /// What can be done to a device, as files have it.
+#[derive(Clone, Copy)]
 pub struct Actions {
     /// Reads one.
     pub read: fn(ValueDeserializer<'_>) -> Result<Box<dyn Action>, toml::de::Error>,

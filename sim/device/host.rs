@@ -7,6 +7,7 @@ use toml::de::ValueDeserializer;
 use super::DeviceSettings;
 
 /// How scripted clients speak with a device.
+#[derive(Clone, Copy)]
 pub struct HostSpec {
     /// Reads a command as a file has it.
     pub read: fn(ValueDeserializer<'_>, &dyn DeviceSettings) -> Result<Message, toml::de::Error>,

@@ -15,10 +15,9 @@ const NOBODY: u32 = 65_534;
 /// A command that runs one ignored test of this binary. Root becomes nobody; anybody else is
 /// unprivileged already.
 pub fn rerun(test: &str, dir: &Path) -> Command {
-    fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
+    let sim = copy_of_sim(dir);
     // The build directory may be one that nobody may not enter.
     let binary = copy(&std::env::current_exe().unwrap(), &dir.join("test-binary"));
-    let sim = copy(Path::new(env!("CARGO_BIN_EXE_sim")), &dir.join("sim"));
     let mut command = Command::new(binary);
     command
         .args(["--exact", test, "--ignored", "--nocapture"])
@@ -33,6 +32,12 @@ pub fn rerun(test: &str, dir: &Path) -> Command {
 /// Whether this process was started by [`rerun`] and not by somebody who runs ignored tests.
 pub fn is_rerun() -> bool {
     std::env::var_os(BINARY).is_some()
+}
+
+/// A copy of the program in `dir` that anybody may execute.
+pub fn copy_of_sim(dir: &Path) -> std::path::PathBuf {
+    fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
+    copy(Path::new(env!("CARGO_BIN_EXE_sim")), &dir.join("sim"))
 }
 
 /// Copies a program in another process: were the copy open for writing in this one, a process that

@@ -107,7 +107,7 @@ impl World for Device {
         if cable == Some(next) {
             if ports[0].is_plugged() {
                 self.note(next, "cable pulled");
-                ports[0].unplug();
+                ports[0].unplug()?;
                 self.answers.clear();
             } else {
                 self.note(next, "cable back");

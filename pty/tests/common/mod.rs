@@ -13,6 +13,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
@@ -40,6 +41,13 @@ impl Client {
     }
 
     /// What is there to be read right now.
+    /// Waits until there is something to read.
+    pub fn wait(&self) {
+        let mut fds = [PollFd::new(&self.0, PollFlags::IN)];
+        let patience = Timespec::try_from(PATIENCE).unwrap();
+        poll(&mut fds, Some(&patience)).unwrap();
+    }
+
     pub fn try_receive(&self) -> Vec<u8> {
         let mut buf = [0; 65_536];
         match rustix::io::read(&self.0, &mut buf[..]) {
