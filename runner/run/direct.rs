@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use sim_settings::{SimTime, Source};
+use sim_settings::Source;
 
 use super::agenda::Item;
 use super::steps::StepState;
 use super::{Run, RunError};
-use crate::condition::{Condition, Devices, Value};
+use crate::condition::{Condition, Scope, Value};
 use crate::rig_file::RigFileError;
 use crate::scenario::Trigger;
 
@@ -46,14 +46,18 @@ impl Run {
     fn parse(
         &self,
         text: &str,
-        parse: fn(&str, &Devices<'_>) -> Result<Condition, String>,
+        parse: fn(&str, &Scope<'_>) -> Result<Condition, String>,
     ) -> Result<Condition, String> {
         let devices = &self.scenario.rig.devices;
         let devices: Vec<_> = devices
             .iter()
             .map(|d| (d.name.as_str(), d.device))
             .collect();
-        parse(text, &devices)
+        let scope = Scope {
+            saved: &self.scenario.saved,
+            ..Scope::of(&devices)
+        };
+        parse(text, &scope)
     }
 
     /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`. Its
@@ -70,11 +74,12 @@ impl Run {
         let source = Source { file: FILE, text };
         let step = Arc::make_mut(&mut self.scenario).add_step(source)?;
         step.may_not_trigger = true;
-        if let Trigger::At(at) = &mut step.trigger {
-            *at = now + at.since(SimTime::ZERO);
-            self.agenda.plan(*at, Item::Occur(index));
+        let mut state = StepState::new(step, self.options.seed);
+        if let Trigger::At(times) = &step.trigger {
+            let at = now + state.draw(*times);
+            self.agenda.plan(at, Item::Occur(index));
         }
-        self.steps.push(StepState::new(step, self.options.seed));
+        self.steps.push(state);
         self.settle(now, true)?;
         Ok(index)
     }
