@@ -179,9 +179,25 @@ impl MecanumPlant {
             .follow(step, world, self.body.id(), self.body.motion());
     }
 
+    /// Says that so much of the step that comes has passed when what follows is done to the pins. The
+    /// wheels give their pulses until then, as if they turned on as they did at its beginning.
+    pub fn pass_to(&mut self, passed: Duration) {
+        self.drive_to(passed.as_secs_f64());
+    }
+
+    /// How much of the step that comes has passed when a wheel gives its next pulse, if it turns on as
+    /// it does and that is within a second.
+    #[must_use]
+    pub fn next_pulse(&self) -> Option<Duration> {
+        let seconds = self.drive.next_pulse().filter(|seconds| *seconds < 1.0)?;
+        Some(Duration::from_secs_f64(seconds))
+    }
+
     /// Lets time pass while the car [rests](Self::at_rest) and the world is not stepped. Nothing
     /// changes then, so the span may be anything.
-    pub fn rest(&mut self, _span: Duration) {}
+    pub fn rest(&mut self, _span: Duration) {
+        self.drive.forget_step();
+    }
 
     /// Whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in for steps
     /// of the world.

@@ -46,6 +46,7 @@ mod host;
 mod judge;
 mod lateness;
 mod outcome;
+mod responses;
 mod steps;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -64,12 +65,14 @@ use sim_settings::Source;
 pub use direct::{StepError, StepReport};
 pub use outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 
+use crate::condition::Value;
 use crate::scenario::Scenario;
 use crate::trace::Recorder;
 use agenda::Agenda;
 use host::HostPort;
 use judge::{Context, Expected, RuleState};
 use lateness::Lateness;
+use responses::ResponseState;
 use steps::StepState;
 
 /// Rounds at one instant after which a scenario is given up: its steps set one another off.
@@ -139,6 +142,9 @@ pub struct Run {
     agenda: Agenda,
     steps: Vec<StepState>,
     rules: Vec<RuleState>,
+    responses: Vec<ResponseState>,
+    /// What steps have remembered.
+    saved: Vec<Option<Value>>,
     expected: Vec<Expected>,
     hosts: BTreeMap<PortId, HostPort>,
     /// Up to when what a disturbed line looks like is not the client's fault, by device.
@@ -212,6 +218,8 @@ impl Run {
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
             rules: judge::rule_states(&scenario),
+            responses: vec![ResponseState::default(); scenario.responses.len()],
+            saved: vec![None; scenario.saved.len()],
             expected: Vec::new(),
             hosts: BTreeMap::new(),
             excused_until: vec![SimTime::ZERO; scenario.rig.devices.len()],

@@ -110,8 +110,10 @@ pub struct Mecanum {
     device: MecanumDevice,
     plant: MecanumPlant,
     faults: faults::Faults,
-    /// Up to when the plant's slow states have advanced.
+    /// Up to when the plant has advanced.
     plant_at: SimTime,
+    /// When the next pulse of a wheel comes.
+    pulse_due: Option<SimTime>,
 }
 
 impl Mecanum {
@@ -130,9 +132,15 @@ impl Mecanum {
             plant,
             faults: faults::Faults::default(),
             plant_at: SimTime::ZERO,
+            pulse_due: None,
         };
         car.settle(SimTime::ZERO);
         car
+    }
+
+    /// Brings the plant to a time within the step that comes.
+    fn pass_to(&mut self, now: SimTime) {
+        self.plant.pass_to(now.since(self.plant_at));
     }
 
     /// Somebody works the remote control.
@@ -176,7 +184,10 @@ impl Device for Mecanum {
     }
 
     fn next_deadline(&self) -> Option<SimTime> {
-        self.device.next_deadline()
+        [self.device.next_deadline(), self.pulse_due]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn has_news(&self) -> bool {
@@ -184,14 +195,20 @@ impl Device for Mecanum {
     }
 
     fn settle(&mut self, now: SimTime) {
+        if self.pulse_due.is_some_and(|due| due <= now) {
+            self.pass_to(now);
+        }
         for _ in 0..MOST_ROUNDS {
             self.device.sense(now, &self.plant.measurements());
             let commands = self.device.commands();
             if commands == *self.plant.commands() {
                 break;
             }
+            self.pass_to(now);
             self.plant.set_commands(&commands);
         }
+        let next = self.plant.next_pulse().map(|passed| self.plant_at + passed);
+        self.pulse_due = next.map(|due| due.max(now + Duration::from_nanos(1)));
     }
 
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {

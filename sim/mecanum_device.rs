@@ -235,9 +235,9 @@ impl MecanumDevice {
                 if self.works() && !self.drive.is_remote() {
                     self.event(now, MecanumEvent::KeyIgnored(movement));
                 }
-                self.drive.set_key(Some(movement));
+                self.drive.set_key(now, Some(movement));
             }
-            Action::Release => self.drive.set_key(None),
+            Action::Release => self.drive.set_key(now, None),
         }
     }
 
@@ -262,6 +262,7 @@ impl MecanumDevice {
         [
             self.decoder.deadline(),
             self.link_deadline(),
+            self.drive.due(),
             self.status_due,
             self.report_due,
         ]
@@ -348,6 +349,9 @@ impl MecanumDevice {
             self.defect_counts.watchdog_off += 1;
         } else if timed_out {
             self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
+        }
+        if self.drive.due().is_some_and(|due| due <= now) {
+            self.go_on(now);
         }
         self.send_due(now);
     }

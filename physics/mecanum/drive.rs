@@ -15,6 +15,10 @@ pub(super) struct Drive {
     pub(super) traction: Traction<WHEELS, WHEELS, Slanted>,
     motors: [Motor; WHEELS],
     pulses: [PulseWire; WHEELS],
+    /// How much of the step that comes has passed, s, and what the pulses were told by then that
+    /// the wheels turn in it, rad.
+    passed: f64,
+    turned: [f64; WHEELS],
     /// rad/s
     pub(super) wheel_speed: [f64; WHEELS],
     /// What each wheel has turned, rad.
@@ -59,6 +63,8 @@ impl Drive {
                     settings.encoder.hysteresis,
                 )
             }),
+            passed: 0.0,
+            turned: [0.0; WHEELS],
             wheel_speed: [0.0; WHEELS],
             wheel_angle: [0.0; WHEELS],
             motor_torque: [0.0; WHEELS],
@@ -112,8 +118,25 @@ impl Drive {
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
             let turned = self.wheel_speed[index] * seconds;
             self.wheel_angle[index] += turned;
-            pulses.turn(turned, faults[index].encoder);
+            pulses.turn(turned - self.turned[index], faults[index].encoder);
         }
+        self.passed = 0.0;
+        self.turned = [0.0; WHEELS];
+    }
+
+    /// Forgets what was ordered for a step that does not come.
+    pub(super) fn forget_step(&mut self) {
+        self.passed = 0.0;
+        for motor in &mut self.motors {
+            motor.forget();
+        }
+    }
+
+    /// How much of the step that comes has passed when a wheel gives its next pulse, s.
+    pub(super) fn next_pulse(&self) -> Option<f64> {
+        let wheels = self.pulses.iter().zip(self.wheel_speed);
+        let next = wheels.filter_map(|(pulses, speed)| pulses.next_in(speed));
+        next.reduce(f64::min).map(|seconds| self.passed + seconds)
     }
 
     /// One wheel over a step, without the ground. The motor answers to the speed at the end of the
@@ -121,20 +144,14 @@ impl Drive {
     fn wheel(
         &self,
         wheel: Wheel,
-        order: Order,
         grip: Grip,
         faults: &WheelFaults,
         load: f64,
         dt: f64,
     ) -> DrivenWheel {
-        let brake = if order == Order::Brake {
-            self.brake_torque
-        } else {
-            0.0
-        };
         let hold_torque = self.gear_friction
             + self.rolling_resistance * load * self.wheel_radius
-            + brake
+            + self.brake_torque * grip.held
             + faults.drag_torque;
         if faults.blocked {
             return DrivenWheel {
@@ -157,6 +174,28 @@ impl Drive {
 }
 
 impl MecanumPlant {
+    /// Lets the orders as they are act up to `passed` seconds into the step that comes, and gives the
+    /// pulses of the wheels until then, which turn on as they did.
+    pub(super) fn drive_to(&mut self, passed: f64) {
+        let seconds = passed - self.drive.passed;
+        if seconds <= 0.0 {
+            return;
+        }
+        self.drive.passed = passed;
+        if self.body.is_resting() {
+            return;
+        }
+        for wheel in Wheel::ALL {
+            let order = self.order(wheel);
+            let index = wheel.index();
+            let drive = &mut self.drive;
+            let speed = drive.wheel_speed[index];
+            drive.motors[index].carry_out(order, speed, &drive.law, seconds);
+            drive.turned[index] += speed * seconds;
+            drive.pulses[index].turn(speed * seconds, self.wheel_faults[index].encoder);
+        }
+    }
+
     /// What a wheel's motor is asked to do.
     pub(super) fn order(&self, wheel: Wheel) -> Order {
         let faults = &self.wheel_faults[wheel.index()];
@@ -184,7 +223,13 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let motion = world.motion(plant.body.id());
     let ground = world.ground_at(motion.x, motion.y);
     let gravity = world.gravity();
-    let orders = Wheel::ALL.map(|wheel| plant.order(wheel));
+    for wheel in Wheel::ALL {
+        let order = plant.order(wheel);
+        let drive = &mut plant.drive;
+        let (index, rest) = (wheel.index(), dt - drive.passed);
+        let speed = drive.wheel_speed[index];
+        drive.motors[index].carry_out(order, speed, &drive.law, rest);
+    }
 
     let push = plant.total_push();
     let drive = &mut plant.drive;
@@ -196,13 +241,12 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let grips = Wheel::ALL.map(|wheel| {
         let index = wheel.index();
         let speed = drive.wheel_speed[index];
-        drive.motors[index].carry_out(orders[index], speed, &drive.law, dt)
+        drive.motors[index].grip(speed, &drive.law, dt)
     });
     let mut wheels = Wheel::ALL.map(|wheel| {
         let index = wheel.index();
         drive.wheel(
             wheel,
-            orders[index],
             grips[index],
             &plant.wheel_faults[index],
             loads[index],

@@ -52,6 +52,18 @@ impl PulseWire {
         self.directed = directed;
     }
 
+    /// Seconds until the next pulse if the wheel turns on with this speed, rad/s; none of one that
+    /// stands.
+    pub(super) fn next_in(&self, speed: f64) -> Option<f64> {
+        let pulses = if speed > 0.0 {
+            self.edge + 1.0 - self.angle
+        } else {
+            self.angle - (self.edge - self.hysteresis)
+        };
+        let seconds = pulses.max(0.0) / (speed.abs() * self.per_radian);
+        (speed != 0.0).then_some(seconds)
+    }
+
     /// Lets the wheel turn by `angle` radians.
     pub(super) fn turn(&mut self, angle: f64, encoder: Encoder) {
         self.angle += angle * self.per_radian;
@@ -114,6 +126,21 @@ mod tests {
                 assert_eq!(wire.count(), 60, "{sign} {pieces}");
             }
         }
+    }
+
+    #[test]
+    fn the_next_pulse_comes_when_it_is_said_to() {
+        for speed in [3.0, -3.0, 0.01] {
+            let mut wire = wire();
+            for count in 1..=5 {
+                let seconds = wire.next_in(speed).unwrap();
+                wire.turn(speed * seconds * 0.999, Encoder::Working);
+                assert_eq!(wire.count(), count - 1, "{speed}");
+                wire.turn(speed * seconds * 0.002, Encoder::Working);
+                assert_eq!(wire.count(), count, "{speed}");
+            }
+        }
+        assert_eq!(wire().next_in(0.0), None);
     }
 
     #[test]

@@ -18,6 +18,13 @@ pub(super) enum Order {
 pub(super) struct Motor {
     /// Where the ramp stands, rad/s.
     reference: f64,
+    /// Where it stood when the motor was last asked to turn.
+    aim: f64,
+    /// How far BK has come on, 0–1.
+    brake: f64,
+    /// For how much of the step the motor has been asked to turn, and has held with all its torque, s.
+    turned: f64,
+    held: f64,
 }
 
 /// How a motor works on its wheel over one step: a torque of `gain · (speed − speed of the wheel)`.
@@ -27,6 +34,8 @@ pub(super) struct Grip {
     pub(super) gain: f64,
     /// rad/s
     pub(super) speed: f64,
+    /// Share of the torque of its brake with which it holds.
+    pub(super) held: f64,
 }
 
 /// [`CarMotorSettings`] in the form that a step wants.
@@ -36,6 +45,9 @@ pub(super) struct MotorLaw {
     full_speed: f64,
     /// rad/s²
     ramp: f64,
+    /// How fast BK comes on, 1/s, and what it does to a wheel that is off the ground, rad/s².
+    brake_rate: f64,
+    brake_deceleration: f64,
     gain: f64,
     torque: f64,
     coasts_at_zero: bool,
@@ -43,19 +55,46 @@ pub(super) struct MotorLaw {
 
 impl Motor {
     pub(super) fn new() -> Self {
-        Self { reference: 0.0 }
+        Self {
+            reference: 0.0,
+            aim: 0.0,
+            // It has stood for long.
+            brake: 1.0,
+            turned: 0.0,
+            held: 0.0,
+        }
     }
 
-    /// Carries out an order over a step of `dt` seconds, from the wheel's present speed.
-    pub(super) fn carry_out(&mut self, order: Order, speed: f64, law: &MotorLaw, dt: f64) -> Grip {
-        let Order::Turn(wanted) = order else {
-            // The ramp begins where the wheel is found when it is driven again.
-            self.reference = speed;
-            return Grip::default();
+    /// Carries out an order for so many seconds of a step, from the wheel's present speed.
+    pub(super) fn carry_out(&mut self, order: Order, speed: f64, law: &MotorLaw, seconds: f64) {
+        let brake = self.brake;
+        self.brake = if order == Order::Brake {
+            (brake + seconds * law.brake_rate).min(1.0)
+        } else {
+            0.0
         };
-        let stretch = law.ramp * dt;
-        self.reference += (wanted - self.reference).clamp(-stretch, stretch);
-        let behind = (self.reference - speed).abs();
+        match order {
+            Order::Turn(wanted) => {
+                let stretch = law.ramp * seconds;
+                self.reference += (wanted - self.reference).clamp(-stretch, stretch);
+                self.aim = self.reference;
+                self.turned += seconds;
+            }
+            // The ramp begins where the wheel is found when it is driven again.
+            Order::Coast => self.reference = speed,
+            Order::Brake => {
+                // It comes on evenly, and is on for the rest.
+                let rising = (self.brake - brake) / law.brake_rate;
+                self.held += rising * (brake + self.brake) / 2.0 + (seconds - rising);
+                let lost = self.held * law.brake_deceleration;
+                self.reference = speed - speed.clamp(-lost, lost);
+            }
+        }
+    }
+
+    /// What came of the orders of a step of `dt` seconds, of which there are no more.
+    pub(super) fn grip(&mut self, speed: f64, law: &MotorLaw, dt: f64) -> Grip {
+        let behind = (self.aim - speed).abs();
         // Less gain where the full one would ask for more torque than there is. The wheel then
         // cannot overshoot, as it could under a fixed torque over a whole step.
         let gain = if behind * law.gain > law.torque {
@@ -63,10 +102,18 @@ impl Motor {
         } else {
             law.gain
         };
+        let [turned, held] =
+            [&mut self.turned, &mut self.held].map(|part| (std::mem::take(part) / dt).min(1.0));
         Grip {
-            gain,
-            speed: self.reference,
+            gain: gain * turned,
+            speed: self.aim,
+            held,
         }
+    }
+
+    /// Forgets what was ordered for a step that does not come.
+    pub(super) fn forget(&mut self) {
+        (self.turned, self.held) = (0.0, 0.0);
     }
 }
 
@@ -76,6 +123,8 @@ impl MotorLaw {
         Self {
             full_speed,
             ramp: full_speed / settings.ramp_time.as_secs_f64(),
+            brake_rate: 1.0 / settings.brake_time.as_secs_f64(),
+            brake_deceleration: settings.brake_torque / settings.inertia,
             gain: settings.speed_gain,
             torque: settings.torque_limit,
             coasts_at_zero: settings.at_zero_speed == ZeroSpeed::Coast,

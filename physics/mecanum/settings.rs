@@ -124,11 +124,15 @@ settings! {
         inertia: f64 = 0.004, unit "kg*m^2", range 0.00001..=10.0,
             assumed "a small rotor behind a gear of about 1:50";
         /// Dry friction of the gear at the wheel.
-        gear_friction: f64 = 0.05, unit "N*m", range 0.0..=100.0,
-            assumed "a few percent of the torque limit";
+        gear_friction: f64 = 0.12, unit "N*m", range 0.0..=100.0,
+            assumed "coasting, the car then loses 0.8 m/s^2 forward and twice that sideways; robots of \
+                     8 to 14 kg that were tuned with Pedro Pathing lose 0.9 and 1.4 to 2.5";
         /// Torque that BK holds.
         brake_torque: f64 = 1.5, unit "N*m", range 0.0..=1000.0,
             assumed "as much as the motor gives";
+        /// Time in which BK comes on.
+        brake_time: Duration = MS(20), range MS(1)..=S(10),
+            assumed "a wheel that is stopped at once would jerk its gear";
         /// What a motor does at no speed voltage while BK is not asked for.
         at_zero_speed: ZeroSpeed = ZeroSpeed::Coast,
             assumed "most controllers switch their bridge off";

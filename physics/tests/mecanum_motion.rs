@@ -48,6 +48,51 @@ fn without_drag_it_moves_as_the_closed_form_says() {
     }
 }
 
+/// Seconds from full speed to a tenth of it, freely rolling, ahead or to the side.
+fn coasting(sideways: bool) -> f64 {
+    let mut car = Car::new();
+    car.turn(if sideways { [-1, 1, 1, -1] } else { [1; 4] }, 1.0);
+    car.run(2.0);
+    let speed = |car: &Car| {
+        let truth = car.plant.truth();
+        truth.forward_speed.hypot(truth.leftward_speed)
+    };
+    let from = speed(&car);
+    car.plant.set_faults(&mut car.world, &unsupplied());
+    let seconds = car.run_while(5.0, |car| speed(car) > 0.1 * from);
+    0.9 * from / seconds
+}
+
+/// Robots of teams that tune themselves with Pedro Pathing: 0.88 to 1.05 m/s² ahead, and from 1.4
+/// to 2.8 times as much to the side.
+#[test]
+fn it_coasts_to_a_stand_twice_as_hard_sideways_as_forward() {
+    let (ahead, aside) = (coasting(false), coasting(true));
+    println!("coasting: {ahead:.2} m/s^2 ahead, {aside:.2} to the side");
+    assert!((0.6..1.1).contains(&ahead), "{ahead}");
+    let ratio = aside / ahead;
+    assert!((1.7..2.3).contains(&ratio), "{ratio}");
+}
+
+/// A brake that comes on slowly stops a car later.
+#[test]
+fn a_brake_takes_its_time() {
+    let way = |millis| {
+        let mut settings = MecanumPlantSettings::default();
+        settings.motor.brake_time = std::time::Duration::from_millis(millis);
+        let mut car = Car::with(&settings);
+        car.turn([1; 4], 1.0);
+        car.run(1.0);
+        let from = car.gone()[0];
+        car.brake();
+        car.run(1.0);
+        car.gone()[0] - from
+    };
+    let (quick, slow) = (way(1), way(200));
+    println!("brakes within {quick:.4} m and {slow:.4} m");
+    assert!(slow > quick + 0.005);
+}
+
 #[test]
 fn with_drag_a_strafe_loses_what_published_cars_lose_and_forward_nothing() {
     for speed in [0.1, 0.3, 0.6, 1.0] {
@@ -239,7 +284,7 @@ fn braked_on_a_slope_it_stays_and_released_it_runs() {
     for heading in [0.0_f64, 0.8, 1.57, 3.0, -1.57] {
         let mut car = Car::new();
         car.world
-            .set_ground(Ground::new(0.8, 12.0_f64.to_radians(), 0.0));
+            .set_ground(Ground::new(0.8, 17.0_f64.to_radians(), 0.0));
         let pose = Pose {
             heading,
             ..Pose::default()

@@ -18,10 +18,10 @@ pub(super) enum Item {
     Look,
 }
 
-/// By time, then in the order of the file, then as it was planned.
+/// By time, then in the order of the file, then ends before beginnings, then as it was planned.
 #[derive(Default)]
 pub(super) struct Agenda {
-    items: BTreeMap<(SimTime, usize, u64), Item>,
+    items: BTreeMap<(SimTime, usize, bool, u64), Item>,
     planned: u64,
 }
 
@@ -31,8 +31,22 @@ impl Agenda {
             Item::Occur(step) | Item::End(step, _) | Item::Clear(step) => *step,
             Item::Look => usize::MAX,
         };
+        let is_end = matches!(item, Item::End(..));
         self.planned += 1;
-        self.items.insert((at, place, self.planned), item);
+        self.items.insert((at, place, !is_end, self.planned), item);
+    }
+
+    /// Takes back all that is planned of a step, and gives what it was still to end.
+    pub(super) fn take_all_of(&mut self, step: usize) -> Vec<Undo> {
+        let own =
+            |place: usize| move |(_, other, ..): &(SimTime, usize, bool, u64)| *other == place;
+        let keys: Vec<_> = self.items.keys().copied().filter(own(step)).collect();
+        let items = keys.iter().filter_map(|key| self.items.remove(key));
+        let ends = items.filter_map(|item| match item {
+            Item::End(_, undo) => Some(undo),
+            Item::Occur(_) | Item::Clear(_) | Item::Look => None,
+        });
+        ends.collect()
     }
 
     pub(super) fn next(&self) -> Option<SimTime> {
@@ -49,19 +63,5 @@ impl Agenda {
         } else {
             None
         }
-    }
-
-    /// Takes away what is planned of a step, and gives how it would have ended.
-    pub(super) fn cancel(&mut self, step: usize) -> Vec<Undo> {
-        let own = |item: &Item| match item {
-            Item::Occur(index) | Item::End(index, _) | Item::Clear(index) => *index == step,
-            Item::Look => false,
-        };
-        let all = self.items.extract_if(.., |_, item| own(item));
-        let ends = all.filter_map(|(_, item)| match item {
-            Item::End(_, undo) => Some(undo),
-            Item::Occur(_) | Item::Clear(_) | Item::Look => None,
-        });
-        ends.collect()
     }
 }

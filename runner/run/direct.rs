@@ -7,7 +7,7 @@ use sim_settings::{SimTime, Source};
 use super::agenda::Item;
 use super::steps::StepState;
 use super::{Run, RunError};
-use crate::condition::{Condition, Devices, Value};
+use crate::condition::{Condition, Scope, Value};
 use crate::rig_file::RigFileError;
 use crate::scenario::{MOST_STEPS, Trigger};
 
@@ -71,14 +71,18 @@ impl Run {
     fn parse(
         &self,
         text: &str,
-        parse: fn(&str, &Devices<'_>) -> Result<Condition, String>,
+        parse: fn(&str, &Scope<'_>) -> Result<Condition, String>,
     ) -> Result<Condition, String> {
         let devices = &self.scenario.rig.devices;
         let devices: Vec<_> = devices
             .iter()
             .map(|d| (d.name.as_str(), d.device))
             .collect();
-        parse(text, &devices)
+        let scope = Scope {
+            saved: &self.scenario.saved,
+            ..Scope::of(&devices)
+        };
+        parse(text, &scope)
     }
 
     /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`. Its
@@ -91,29 +95,32 @@ impl Run {
     /// Says in words what is wrong with the text; or the run is over or cannot go on.
     pub fn add_step(&mut self, text: &str) -> Result<usize, StepError> {
         let source = Source { file: FILE, text };
-        let mut step = self.scenario.read_step(source)?;
+        let (mut step, saved) = self.scenario.read_step(source)?;
+        if saved.len() > MOST_STEPS {
+            return Err(StepError::TooMany);
+        }
         let at = self.go_before(self.rig.now())?.ok_or(StepError::Over)?;
         step.may_not_trigger = true;
-        if let Trigger::At(begin) = &mut step.trigger {
-            *begin = at + begin.since(SimTime::ZERO);
-        }
-        let begin = match step.trigger {
-            Trigger::At(begin) => Some(begin),
-            Trigger::After(other) if self.steps[other].done.is_some() => Some(at + step.delay),
-            Trigger::When(_) | Trigger::After(_) => None,
-        };
         let index = self.place_for_step().ok_or(StepError::TooMany)?;
         if let Some(recorder) = &mut self.recorder {
             recorder.step_added(at, &step.name, text);
         }
         let mut state = StepState::new(&step, self.options.seed);
         state.added = true;
-        let steps = &mut Arc::make_mut(&mut self.scenario).steps;
-        if index < steps.len() {
-            steps[index] = step;
+        let begin = match step.trigger {
+            Trigger::At(times) => Some(at + state.draw(times)),
+            Trigger::After(other) if self.steps[other].done.is_some() => {
+                Some(at + state.draw(step.delay))
+            }
+            Trigger::When(_) | Trigger::After(_) => None,
+        };
+        let scenario = Arc::make_mut(&mut self.scenario);
+        scenario.saved = saved;
+        if index < scenario.steps.len() {
+            scenario.steps[index] = step;
             self.steps[index] = state;
         } else {
-            steps.push(step);
+            scenario.steps.push(step);
             self.steps.push(state);
         }
         if let Some(begin) = begin {
@@ -137,7 +144,8 @@ impl Run {
             })
         };
         let over = self.steps.iter().enumerate().filter_map(|(index, state)| {
-            let done = state.done.filter(|_| state.added && state.is_over())?;
+            // One that could still be undone is forgotten before a further one is refused.
+            let done = state.done.filter(|_| state.added && !state.has_faults())?;
             Some((done, index)).filter(|_| !waited_for(index))
         });
         over.min().map(|(_, index)| index)

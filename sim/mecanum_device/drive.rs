@@ -5,7 +5,7 @@ use sim_physics::mecanum::{
 };
 use sim_settings::SimTime;
 
-use super::encoder::{Counting, Encoder, SpeedWindow};
+use super::encoder::{Counting, Encoder, SpeedWindow, Stopping};
 use super::kinematics::{Movement, body_speed};
 use super::motion::{Change, Motion, Motions, Rules};
 use super::odometry::Odometry;
@@ -16,6 +16,7 @@ use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, Start
 pub(super) struct Drive {
     wiring: Wiring,
     remote_rpm: f64,
+    full_rpm: f64,
     window: SpeedWindow,
     pulses_per_revolution: f64,
     motions: Motions,
@@ -38,6 +39,7 @@ impl Drive {
         Self {
             wiring: settings.wiring,
             remote_rpm: settings.remote_speed,
+            full_rpm: settings.full_speed,
             window: SpeedWindow {
                 window: settings.speed_window,
                 timeout: settings.speed_timeout,
@@ -49,7 +51,12 @@ impl Drive {
             encoders: Wheel::ALL.map(|wheel| {
                 let port = settings.wiring.port(wheel);
                 let counting = match settings.pulse_direction {
-                    PulseDirection::Driven => Counting::Driven,
+                    PulseDirection::Driven => Counting::Driven {
+                        stopping: Stopping {
+                            reversed: settings.reversing_time,
+                            held: settings.braking_time,
+                        },
+                    },
                     PulseDirection::Counted => Counting::Counted {
                         reversed: settings.wiring.is_reversed(wheel),
                     },
@@ -75,17 +82,17 @@ impl Drive {
     }
 
     /// Says who drives; motions go on when it is the board.
-    pub fn set_remote(&mut self, remote: bool, changed: &mut impl FnMut(Change)) {
+    pub fn set_remote(&mut self, now: SimTime, remote: bool, changed: &mut impl FnMut(Change)) {
         self.remote = remote;
-        self.go_on(changed);
+        self.go_on(now, changed);
     }
 
-    pub fn set_key(&mut self, key: Option<Movement>) {
+    pub fn set_key(&mut self, now: SimTime, key: Option<Movement>) {
         self.key = key;
         if self.remote && key.is_some() {
             self.odometry.begin_motion();
         }
-        self.follow();
+        self.follow(now);
     }
 
     pub fn set_pose(&mut self, position: [f64; 2], heading: f64) {
@@ -103,16 +110,32 @@ impl Drive {
     }
 
     /// Starts what may start.
-    pub fn go_on(&mut self, changed: &mut impl FnMut(Change)) {
+    pub fn go_on(&mut self, now: SimTime, changed: &mut impl FnMut(Change)) {
         if !self.remote {
-            self.motions.start(changed);
+            self.motions.start(now, changed);
         }
-        self.follow();
+        self.follow(now);
+    }
+
+    /// When a motion begins by itself.
+    pub fn due(&self) -> Option<SimTime> {
+        self.motions.due().filter(|_| !self.remote)
+    }
+
+    /// Which wheels whoever drives has still to turn.
+    pub fn driven(&self) -> [bool; WHEELS] {
+        if self.remote {
+            self.rotations().map(|rotation| rotation != 0)
+        } else {
+            self.motions.driven()
+        }
     }
 
     /// Discards all motions; says how many there were.
-    pub fn discard(&mut self) -> usize {
-        self.motions.discard()
+    pub fn discard(&mut self, now: SimTime) -> usize {
+        let count = self.motions.discard();
+        self.follow(now);
+        count
     }
 
     /// Reads the PG wires.
@@ -129,9 +152,9 @@ impl Drive {
         self.odometry.add(came, self.last);
         if !self.remote {
             let progress = std::array::from_fn(|at| self.encoders[at].progress(came[at]));
-            self.motions.turned(progress, changed);
+            self.motions.turned(now, progress, changed);
         }
-        self.follow();
+        self.follow(now);
     }
 
     /// How each wheel is driven: 1 forward, −1 backward, 0 not at all.
@@ -163,7 +186,7 @@ impl Drive {
             };
         }
         if !idle {
-            commands.speed_voltage = (self.wanted_rpm() / settings.full_speed).clamp(0.0, 1.0);
+            commands.speed_voltage = self.speed_share();
         }
         commands
     }
@@ -200,19 +223,20 @@ impl Drive {
         })
     }
 
-    /// Wheel speed of whoever drives.
-    fn wanted_rpm(&self) -> f64 {
-        if self.remote {
+    /// Wheel speed of whoever drives, as a share of the full one.
+    fn speed_share(&self) -> f64 {
+        let rpm = if self.remote {
             self.remote_rpm
         } else {
             self.motions
                 .running()
                 .map_or(0.0, |motion| motion.speed_rpm)
-        }
+        };
+        (rpm / self.full_rpm).clamp(0.0, 1.0)
     }
 
     /// Lets the encoders count the way in which the wheels are driven now.
-    fn follow(&mut self) {
+    fn follow(&mut self, now: SimTime) {
         let running = self.motions.running().map(|motion| motion.movement);
         let movement = if self.remote { self.key } else { running };
         self.last = movement.or(self.last);
@@ -221,10 +245,9 @@ impl Drive {
             self.odometry.begin_motion();
         }
         let rotations = self.rotations();
+        let share = self.speed_share();
         for (encoder, rotation) in self.encoders.iter_mut().zip(rotations) {
-            if rotation != 0 {
-                encoder.drive(rotation < 0);
-            }
+            encoder.drive(now, f64::from(rotation) * share);
         }
     }
 }

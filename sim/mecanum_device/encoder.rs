@@ -1,7 +1,8 @@
 //! What the firmware makes of one motor's PG wire: how far and how fast the wheel has turned.
 //!
 //! The wire gives pulses without a direction. The firmware takes them for pulses of the direction
-//! in which it last drove the motor; where the wheel was dragged or coasted the other way, that is
+//! in which it last drove the motor, and after a reversal for those of the old one as long as the
+//! wheel needs to come to a stand; where the wheel was dragged or coasted the other way, that is
 //! wrong, as it is on the real board. A setting gives the motors counters with a direction instead.
 
 use std::collections::VecDeque;
@@ -21,16 +22,51 @@ pub struct SpeedWindow {
     pub timeout: Duration,
 }
 
+/// The time in which a wheel goes from full speed to a stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stopping {
+    /// When it is driven the other way.
+    pub reversed: Duration,
+    /// When it is held.
+    pub held: Duration,
+}
+
 /// How pulses get their direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counting {
     /// The counter counts up only, and pulses count the way in which the motor was last driven.
-    Driven,
+    Driven {
+        /// How soon a wheel stands.
+        stopping: Stopping,
+    },
     /// The counter counts down when the motor turns back.
     Counted {
         /// The motor rolls its wheel backward when it turns forward.
         reversed: bool,
     },
+}
+
+/// How fast a wheel should be by what its motor was asked to do, in shares of its full speed.
+#[derive(Debug, Clone, Copy)]
+struct Expected {
+    at: SimTime,
+    share: f64,
+    wanted: f64,
+}
+
+impl Expected {
+    fn share(&self, now: SimTime, stopping: Stopping) -> f64 {
+        let full = if self.wanted == 0.0 {
+            stopping.held
+        } else {
+            stopping.reversed
+        };
+        if full.is_zero() {
+            return self.wanted;
+        }
+        let most = now.since(self.at).as_secs_f64() / full.as_secs_f64();
+        self.share + (self.wanted - self.share).clamp(-most, most)
+    }
 }
 
 /// One motor's pulse counter.
@@ -39,7 +75,10 @@ pub struct Encoder {
     counting: Counting,
     /// As the wire had it last.
     count: u32,
+    /// The way in which the motor is or was last driven, and the way in which pulses counted last.
     backward: bool,
+    counted_backward: bool,
+    expected: Expected,
     /// When pulses came, and where the wheel was by then, in pulses from the first of these.
     edges: VecDeque<(SimTime, i64)>,
 }
@@ -52,17 +91,29 @@ impl Encoder {
             counting,
             count,
             backward: false,
+            counted_backward: false,
+            expected: Expected {
+                at: SimTime::ZERO,
+                share: 0.0,
+                wanted: 0.0,
+            },
             edges: VecDeque::new(),
         }
     }
 
-    /// The motor is driven this way from now on.
-    pub fn drive(&mut self, backward: bool) {
-        if self.backward != backward {
-            self.backward = backward;
-            if self.counting == Counting::Driven {
-                self.edges.clear();
-            }
+    /// The motor is to turn with this share of its full speed from now on, negative backward.
+    pub fn drive(&mut self, now: SimTime, share: f64) {
+        if let Counting::Driven { stopping } = self.counting
+            && self.expected.wanted.to_bits() != share.to_bits()
+        {
+            self.expected = Expected {
+                at: now,
+                share: self.expected.share(now, stopping),
+                wanted: share,
+            };
+        }
+        if share != 0.0 {
+            self.backward = share < 0.0;
         }
     }
 
@@ -77,14 +128,15 @@ impl Encoder {
     pub fn read(&mut self, now: SimTime, count: u32, speed: SpeedWindow) -> i64 {
         let came = count.wrapping_sub(self.count);
         self.count = count;
+        if came == 0 {
+            return 0;
+        }
         let (came, backward) = match self.counting {
-            Counting::Driven => (i64::from(came), self.backward),
+            Counting::Driven { stopping } => (i64::from(came), self.turns_back(now, stopping)),
             Counting::Counted { reversed } => (i64::from(came.cast_signed()), reversed),
         };
         let came = if backward { -came } else { came };
-        if came != 0 {
-            self.note(now, came, speed);
-        }
+        self.note(now, came, speed);
         came
     }
 
@@ -118,6 +170,21 @@ impl Encoder {
         }
     }
 
+    /// Whether the wheel should turn backward.
+    fn turns_back(&mut self, now: SimTime, stopping: Stopping) -> bool {
+        let share = self.expected.share(now, stopping);
+        let backward = if share == 0.0 {
+            self.backward
+        } else {
+            share < 0.0
+        };
+        if backward != self.counted_backward {
+            self.counted_backward = backward;
+            self.edges.clear();
+        }
+        backward
+    }
+
     fn note(&mut self, now: SimTime, came: i64, speed: SpeedWindow) {
         let last = self.edges.back().copied();
         if last.is_some_and(|(at, _)| now.since(at) >= speed.timeout) {
@@ -147,10 +214,16 @@ mod tests {
         timeout: Duration::from_secs(1),
     };
     const MS: fn(u64) -> SimTime = SimTime::from_millis;
+    const DRIVEN: Counting = Counting::Driven {
+        stopping: Stopping {
+            reversed: Duration::from_millis(200),
+            held: Duration::from_millis(100),
+        },
+    };
 
     /// A pulse every `gap` milliseconds from time zero to `end`.
     fn turning(gap: usize, end: u64) -> Encoder {
-        let mut encoder = Encoder::new(Counting::Driven, u32::MAX);
+        let mut encoder = Encoder::new(DRIVEN, u32::MAX);
         let mut count = u32::MAX;
         for at in (0..=end).step_by(gap) {
             count = count.wrapping_add(1);
@@ -195,15 +268,50 @@ mod tests {
     }
 
     #[test]
-    fn pulses_count_the_way_the_motor_was_driven() {
-        let mut encoder = turning(20, 100);
-        let count = encoder.count.wrapping_add(3);
-        assert_eq!(encoder.read(MS(120), count, SPEED), 3);
-        encoder.drive(true);
-        assert_eq!(encoder.pulse_rate(MS(120), true, SPEED), 0.0);
-        assert_eq!(encoder.read(MS(140), count.wrapping_add(3), SPEED), -3);
-        encoder.read(MS(160), count.wrapping_add(4), SPEED);
-        assert!((encoder.pulse_rate(MS(160), true, SPEED) + 50.0).abs() < 1e-9);
+    fn pulses_count_the_way_the_motor_was_driven_until_it_stands() {
+        for (stopping, begins) in [(200, 220), (0, 120)] {
+            let mut encoder = turning(20, 100);
+            encoder.counting = Counting::Driven {
+                stopping: Stopping {
+                    reversed: Duration::from_millis(stopping),
+                    held: Duration::ZERO,
+                },
+            };
+            encoder.drive(MS(0), 0.5);
+            let mut count = encoder.count;
+            let mut read = |at, encoder: &mut Encoder| {
+                count = count.wrapping_add(3);
+                encoder.read(at, count, SPEED)
+            };
+            assert_eq!(read(MS(119), &mut encoder), 3);
+            // At half its speed it needs half its time.
+            encoder.drive(MS(120), -1.0);
+            let begins = MS(begins);
+            if stopping > 0 {
+                assert_eq!(read(begins - Duration::from_nanos(1), &mut encoder), 3);
+            }
+            let after = begins + Duration::from_nanos(1);
+            assert_eq!(read(after, &mut encoder), -3);
+            assert_eq!(encoder.pulse_rate(after, true, SPEED), 0.0);
+            read(begins + Duration::from_millis(60), &mut encoder);
+            let rate = encoder.pulse_rate(begins + Duration::from_millis(60), true, SPEED);
+            assert!((rate + 50.0).abs() < 1e-4, "{rate}");
+        }
+    }
+
+    #[test]
+    fn a_wheel_that_is_held_stands_after_its_time() {
+        let mut encoder = turning(20, 1000);
+        encoder.drive(MS(0), 1.0);
+        encoder.drive(MS(1000), 0.0);
+        // Held for half of it, half its speed is left.
+        encoder.drive(MS(1050), -1.0);
+        let mut count = encoder.count;
+        let directions = [1149, 1151].map(|at| {
+            count = count.wrapping_add(1);
+            encoder.read(MS(at), count, SPEED)
+        });
+        assert_eq!(directions, [1, -1]);
     }
 
     #[test]
@@ -215,14 +323,14 @@ mod tests {
             let rate = encoder.pulse_rate(MS(20), false, SPEED);
             assert!((rate + f64::from(i32::try_from(sign).unwrap()) * 50.0).abs() < 1e-9);
             // Which way it is driven changes nothing.
-            encoder.drive(true);
+            encoder.drive(MS(30), -1.0);
             assert_eq!(encoder.read(MS(40), 3, SPEED), 4 * sign);
         }
     }
 
     #[test]
     fn memory_is_bounded() {
-        let mut encoder = Encoder::new(Counting::Driven, 0);
+        let mut encoder = Encoder::new(DRIVEN, 0);
         for nanos in 0..100_000u32 {
             encoder.read(SimTime::from_nanos(nanos.into()), nanos, SPEED);
         }

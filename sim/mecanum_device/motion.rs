@@ -2,8 +2,10 @@
 
 use std::collections::VecDeque;
 use std::fmt;
+use std::time::Duration;
 
 use sim_physics::mecanum::WHEELS;
+use sim_settings::SimTime;
 
 use super::kinematics::Movement;
 use super::settings::{MecanumFirmwareSettings, MotionEnd, Preempt, ZeroDistance, ZeroSpeed};
@@ -72,6 +74,8 @@ pub enum Change {
 pub struct Rules {
     /// How many may wait beside the one that runs.
     pub most_waiting: usize,
+    /// How long the wheels are held between two motions.
+    pub pause: Duration,
     /// Pulses of a wheel's revolution.
     pub pulses_per_revolution: u32,
     /// What a motion that preempts discards.
@@ -90,6 +94,7 @@ impl Rules {
     pub fn of(settings: &MecanumFirmwareSettings) -> Self {
         Self {
             most_waiting: usize::try_from(settings.queue_length).unwrap_or(usize::MAX),
+            pause: settings.motion_pause,
             pulses_per_revolution: settings.odometry.pulses_per_revolution,
             preempt: settings.preempt,
             end: settings.motion_end,
@@ -122,6 +127,8 @@ pub struct Motions {
     rules: Rules,
     running: Option<Running>,
     waiting: VecDeque<Motion>,
+    /// When the next may begin.
+    not_before: SimTime,
     /// How many have begun to run.
     started: u64,
 }
@@ -134,6 +141,7 @@ impl Motions {
             rules,
             running: None,
             waiting: VecDeque::new(),
+            not_before: SimTime::ZERO,
             started: 0,
         }
     }
@@ -154,6 +162,7 @@ impl Motions {
             Preempt::Running => usize::from(self.running.take().is_some()),
         };
         self.waiting.push_front(motion);
+        self.not_before = SimTime::ZERO;
         count
     }
 
@@ -164,7 +173,12 @@ impl Motions {
     }
 
     /// The wheels have turned by these pulses in the direction in which they are to turn.
-    pub fn turned(&mut self, pulses: [i64; WHEELS], changed: &mut impl FnMut(Change)) {
+    pub fn turned(
+        &mut self,
+        now: SimTime,
+        pulses: [i64; WHEELS],
+        changed: &mut impl FnMut(Change),
+    ) {
         let Some(running) = &mut self.running else {
             return;
         };
@@ -184,7 +198,8 @@ impl Motions {
         if !(0..WHEELS).any(|wheel| running.drives(wheel, self.rules.end)) {
             changed(Change::Done(running.motion));
             self.running = None;
-            self.start(changed);
+            self.not_before = now + self.rules.pause;
+            self.start(now, changed);
         }
     }
 
@@ -198,6 +213,23 @@ impl Motions {
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
+    }
+
+    /// When one that waits begins by itself.
+    #[must_use]
+    pub fn due(&self) -> Option<SimTime> {
+        let pauses = self.running.is_none() && !self.waiting.is_empty();
+        pauses.then_some(self.not_before)
+    }
+
+    /// Which wheels have still to turn in the motion that runs, or are to in the next one.
+    #[must_use]
+    pub fn driven(&self) -> [bool; WHEELS] {
+        let rotations = match (&self.running, self.waiting.front()) {
+            (None, Some(next)) => next.movement.rotations(),
+            _ => self.rotations(),
+        };
+        rotations.map(|rotation| rotation != 0)
     }
 
     /// How many have begun to run so far.
@@ -221,9 +253,10 @@ impl Motions {
         })
     }
 
-    /// Starts the next motion if none runs; those with nothing to do end as they come.
-    pub fn start(&mut self, changed: &mut impl FnMut(Change)) {
-        while self.running.is_none() {
+    /// Starts the next motion if none runs and the pause is over; those with nothing to do end as they
+    /// come.
+    pub fn start(&mut self, now: SimTime, changed: &mut impl FnMut(Change)) {
+        while self.running.is_none() && now >= self.not_before {
             let Some(motion) = self.waiting.pop_front() else {
                 return;
             };
@@ -249,6 +282,8 @@ mod tests {
     use super::super::kinematics::Course;
     use super::*;
 
+    const NOW: SimTime = SimTime::from_secs(1);
+
     fn motion(course: Course, tenths: u32) -> Motion {
         Motion {
             movement: Movement {
@@ -261,7 +296,10 @@ mod tests {
     }
 
     fn motions(change: impl FnOnce(&mut MecanumFirmwareSettings)) -> Motions {
-        let mut settings = MecanumFirmwareSettings::default();
+        let mut settings = MecanumFirmwareSettings {
+            motion_pause: Duration::ZERO,
+            ..MecanumFirmwareSettings::default()
+        };
         change(&mut settings);
         Motions::new(Rules::of(&settings))
     }
@@ -269,7 +307,7 @@ mod tests {
     /// Appends a motion and starts what can; false if one was lost.
     fn put(motions: &mut Motions, motion: Motion) -> bool {
         let lost = motions.append(motion);
-        motions.start(&mut |_| ());
+        motions.start(NOW, &mut |_| ());
         lost.is_none()
     }
 
@@ -288,18 +326,45 @@ mod tests {
         assert!(put(&mut motions, left));
         assert_eq!(motions.rotations(), [1; 4]);
         assert_eq!(
-            changes(|c| motions.turned([59, 60, 61, 59], &mut |x| c(x))),
+            changes(|c| motions.turned(NOW, [59, 60, 61, 59], &mut |x| c(x))),
             []
         );
         assert_eq!(motions.rotations(), [1, 0, 0, 1]);
-        assert_eq!(changes(|c| motions.turned([1, 9, 9, 0], &mut |x| c(x))), []);
+        assert_eq!(
+            changes(|c| motions.turned(NOW, [1, 9, 9, 0], &mut |x| c(x))),
+            []
+        );
         assert_eq!(motions.rotations(), [0, 0, 0, 1]);
-        let seen = changes(|c| motions.turned([0, 0, 0, 1], &mut |x| c(x)));
+        let seen = changes(|c| motions.turned(NOW, [0, 0, 0, 1], &mut |x| c(x)));
         assert_eq!(seen, [Change::Done(ahead), Change::Started(left)]);
         assert_eq!(motions.rotations(), [0, 1, 1, 0]);
-        let seen = changes(|c| motions.turned([0, 6, 6, 0], &mut |x| c(x)));
+        let seen = changes(|c| motions.turned(NOW, [0, 6, 6, 0], &mut |x| c(x)));
         assert_eq!(seen, [Change::Done(left)]);
         assert_eq!(motions.rotations(), [0; 4]);
+    }
+
+    #[test]
+    fn between_two_motions_the_wheels_are_held_unless_one_preempts() {
+        let pause = Duration::from_millis(100);
+        let mut motions = motions(|s| s.motion_pause = pause);
+        for _ in 0..2 {
+            assert!(put(&mut motions, motion(Course::Ahead, 1)));
+        }
+        motions.turned(NOW, [6; 4], &mut |_| ());
+        assert_eq!((motions.rotations(), motions.driven()), ([0; 4], [true; 4]));
+        assert_eq!(motions.due(), Some(NOW + pause));
+        motions.start(NOW + pause - Duration::from_nanos(1), &mut |_| ());
+        assert_eq!(motions.running(), None);
+        motions.start(NOW + pause, &mut |_| ());
+        assert_eq!((motions.rotations(), motions.due()), ([1; 4], None));
+        motions.turned(NOW + pause, [6; 4], &mut |_| ());
+        assert_eq!((motions.driven(), motions.due()), ([false; 4], None));
+        // Within the pause one that comes late waits, and one that preempts does not.
+        assert!(put(&mut motions, motion(Course::Ahead, 1)));
+        assert_eq!(motions.running(), None);
+        motions.preempt(motion(Course::Strafe, 1));
+        motions.start(NOW + pause, &mut |_| ());
+        assert_eq!(motions.rotations(), [-1, 1, 1, -1]);
     }
 
     #[test]
@@ -330,7 +395,7 @@ mod tests {
         for next in [ahead, nothing, still, ahead] {
             assert!(put(&mut motions, next));
         }
-        let seen = changes(|c| motions.turned([6; 4], &mut |x| c(x)));
+        let seen = changes(|c| motions.turned(NOW, [6; 4], &mut |x| c(x)));
         assert_eq!(seen, [Change::Done(ahead), Change::Started(ahead)]);
     }
 
@@ -342,7 +407,7 @@ mod tests {
                 assert!(put(&mut motions, motion(Course::Ahead, tenths)));
             }
             assert_eq!(motions.preempt(motion(Course::Strafe, 1)), discarded);
-            motions.start(&mut |_| ());
+            motions.start(NOW, &mut |_| ());
             assert_eq!(motions.rotations(), [-1, 1, 1, -1]);
             assert_eq!(motions.waiting(), waiting);
         }
@@ -352,9 +417,9 @@ mod tests {
     fn wheels_may_stop_all_at_once_by_their_mean() {
         let mut motions = motions(|s| s.motion_end = MotionEnd::Mean);
         put(&mut motions, motion(Course::LeftFront, 10));
-        motions.turned([50, 119, 0, 50], &mut |_| ());
+        motions.turned(NOW, [50, 119, 0, 50], &mut |_| ());
         assert_eq!(motions.rotations(), [0, 1, 1, 0]);
-        motions.turned([0, 1, 0, 0], &mut |_| ());
+        motions.turned(NOW, [0, 1, 0, 0], &mut |_| ());
         assert_eq!(motions.running(), None);
     }
 
@@ -363,8 +428,8 @@ mod tests {
         let nothing = motion(Course::Ahead, 0);
         let mut motions = motions(|s| s.zero_distance = ZeroDistance::Endless);
         put(&mut motions, nothing);
-        motions.turned([i64::MAX; 4], &mut |_| ());
-        motions.turned([i64::MAX; 4], &mut |_| ());
+        motions.turned(NOW, [i64::MAX; 4], &mut |_| ());
+        motions.turned(NOW, [i64::MAX; 4], &mut |_| ());
         assert_eq!(motions.rotations(), [1; 4]);
         let still = Motion {
             speed_rpm: 0.0,
@@ -383,11 +448,11 @@ mod tests {
     fn a_wheel_that_is_counted_back_has_the_more_to_go_until_it_has_arrived() {
         let mut motions = motions(|_| ());
         put(&mut motions, motion(Course::Ahead, 1));
-        motions.turned([-3, 6, 6, 6], &mut |_| ());
+        motions.turned(NOW, [-3, 6, 6, 6], &mut |_| ());
         assert_eq!(motions.rotations(), [1, 0, 0, 0]);
-        motions.turned([8, -6, 0, 0], &mut |_| ());
+        motions.turned(NOW, [8, -6, 0, 0], &mut |_| ());
         assert_eq!(motions.rotations(), [1, 0, 0, 0]);
-        motions.turned([1, 0, 0, 0], &mut |_| ());
+        motions.turned(NOW, [1, 0, 0, 0], &mut |_| ());
         assert_eq!(motions.running(), None);
     }
 
@@ -396,12 +461,12 @@ mod tests {
         let mut motions = motions(|s| s.odometry.pulses_per_revolution = 7);
         put(&mut motions, motion(Course::Ahead, 1));
         assert_eq!(motions.rotations(), [1; 4]);
-        motions.turned([1; 4], &mut |_| ());
+        motions.turned(NOW, [1; 4], &mut |_| ());
         assert_eq!(motions.running(), None);
         put(&mut motions, motion(Course::Ahead, 15));
-        motions.turned([10; 4], &mut |_| ());
+        motions.turned(NOW, [10; 4], &mut |_| ());
         assert_eq!(motions.rotations(), [1; 4]);
-        motions.turned([1; 4], &mut |_| ());
+        motions.turned(NOW, [1; 4], &mut |_| ());
         assert_eq!(motions.running(), None);
     }
 }

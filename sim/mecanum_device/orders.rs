@@ -165,8 +165,13 @@ impl MecanumDevice {
         } else if let Some(lost) = self.drive.append(motion) {
             self.event(now, MecanumEvent::QueueFull(lost));
         }
+        self.go_on(now);
+    }
+
+    /// Starts what may start.
+    pub(super) fn go_on(&mut self, now: SimTime) {
         let events = &mut self.events;
-        self.drive.go_on(&mut |change| {
+        self.drive.go_on(now, &mut |change| {
             keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
         });
     }
@@ -184,14 +189,14 @@ impl MecanumDevice {
             self.hear(now);
         }
         let events = &mut self.events;
-        self.drive.set_remote(remote, &mut |change| {
+        self.drive.set_remote(now, remote, &mut |change| {
             keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
         });
     }
 
     /// Discards all motions.
     pub(super) fn discard(&mut self, now: SimTime, why: Discard) {
-        let count = self.drive.discard();
+        let count = self.drive.discard(now);
         self.discarded(now, count, why);
     }
 

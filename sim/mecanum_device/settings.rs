@@ -61,6 +61,9 @@ settings! {
         /// How many motions may wait beside the one that runs.
         queue_length: u32 = 16, range 0..=1024,
             assumed "the article says that motions need not preempt, not how many may wait";
+        /// How long the wheels are held between a motion that has ended and one that waits.
+        motion_pause: Duration = MS(100), range Duration::ZERO..=S(60),
+            assumed "pulses without a sign can only be counted from a stand";
         /// When the wheels of a motion stop.
         motion_end: MotionEnd = MotionEnd::EachWheel,
             assumed "the same authors' published firmware counts each wheel by itself";
@@ -99,6 +102,13 @@ settings! {
         /// How the firmware knows which way a wheel has turned.
         pulse_direction: PulseDirection = PulseDirection::Driven,
             assumed "PG is one wire, and pulses have no sign";
+        /// Time in which a wheel at full speed comes to a stand when it is driven the other way, in
+        /// proportion from less. Until then pulses count the old way.
+        reversing_time: Duration = MS(200), range Duration::ZERO..=S(60),
+            assumed "the ramp of the motors, which the same authors published for another vehicle";
+        /// The same when it is held.
+        braking_time: Duration = MS(30), range Duration::ZERO..=S(60),
+            assumed "a brake stops a wheel before the car";
         /// Wheel speed that the full speed voltage stands for.
         full_speed: f64 = 50.0, unit "rpm", range 0.1..=10_000.0,
             assumed "the highest speed that a motion packet can ask for";

@@ -132,7 +132,7 @@ impl MecanumDevice {
 
     pub(super) fn motor_state(&self, now: SimTime) -> u8 {
         let running = match self.settings.moto_state {
-            MotorState::Driven => self.drive.rotations().map(|rotation| rotation != 0),
+            MotorState::Driven => self.drive.driven(),
             MotorState::Turning => self.drive.turning(now),
         };
         Wheel::ALL.into_iter().fold(0, |bits, wheel| {

@@ -54,7 +54,13 @@ impl Bench {
     }
 
     fn with(ros: bool, change: impl FnOnce(&mut MecanumFirmwareSettings)) -> Self {
-        let mut settings = MecanumFirmwareSettings::default();
+        let mut settings = MecanumFirmwareSettings {
+            // The wheels of this bench are there at once.
+            motion_pause: Duration::ZERO,
+            reversing_time: Duration::ZERO,
+            braking_time: Duration::ZERO,
+            ..MecanumFirmwareSettings::default()
+        };
         change(&mut settings);
         let readings = MecanumMeasurements {
             // Just before the wrap, so that every test crosses it.

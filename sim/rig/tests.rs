@@ -1,3 +1,4 @@
+mod agreement;
 mod mecanum;
 
 use std::time::Duration;

@@ -49,10 +49,11 @@ impl Car {
         Self { world, plant }
     }
 
-    /// Rollers without drag on a floor that holds everything.
+    /// Rollers and gears without drag on a floor that holds everything.
     pub fn ideal() -> Self {
         let mut settings = MecanumPlantSettings::default();
         settings.wheel.roller_drag = 0.0;
+        settings.motor.gear_friction = 0.0;
         let mut car = Self::with(&settings);
         car.world.set_ground(Ground::flat(2.0));
         car

@@ -1,0 +1,152 @@
+//! The length of a physics step is a matter of speed and not of what happens.
+
+use std::time::Duration;
+
+use super::*;
+use crate::mecanum::MecanumSettings;
+use crate::mecanum_device::packet::Request as Packet;
+
+/// Drives for so long; `sends` is what the client says and when.
+fn drive(step: u64, car: bool, sends: &[(SimTime, Vec<u8>)], seconds: u64) -> Motion {
+    let world = WorldSettings {
+        step: Duration::from_micros(step),
+        ..WorldSettings::default()
+    };
+    let mut rig = Rig::new(RigSettings {
+        world,
+        map: WorldMap::default(),
+        wire: Wire::Paced,
+        seed: 1,
+    });
+    let pose = Pose::default();
+    if car {
+        crate::mecanum::add(&mut rig, "car", &MecanumSettings::default(), false, pose);
+    } else {
+        crate::r150::add(
+            &mut rig,
+            "r150",
+            &R150Settings::default(),
+            Start::Ready,
+            pose,
+        );
+    }
+    rig.attach(PORT, SimTime::ZERO).unwrap();
+    for (at, bytes) in sends {
+        rig.client_sends(PORT, *at, bytes).unwrap();
+        read(&mut rig);
+    }
+    while rig.now() < SimTime::from_secs(seconds) {
+        let next = rig.now() + Duration::from_millis(500);
+        rig.advance(next).unwrap();
+        read(&mut rig);
+    }
+    rig.motion(0).unwrap()
+}
+
+/// Steps of 5 ms against steps of 500 µs: 0.5 % of the way and 0.5°.
+fn agree(name: &str, car: bool, sends: &[(SimTime, Vec<u8>)]) {
+    let [coarse, fine] = [5000, 500].map(|step| drive(step, car, sends, 20));
+    let apart = (coarse.pose.x - fine.pose.x).hypot(coarse.pose.y - fine.pose.y);
+    let turn = (coarse.pose.heading - fine.pose.heading).to_degrees();
+    println!(
+        "{name}: {:.2} m, {:.1} mm and {turn:.3} deg apart",
+        fine.distance,
+        1e3 * apart
+    );
+    assert!(apart < 0.005 * fine.distance, "{name}: {apart} m");
+    assert!(turn.abs() < 0.5, "{name}: {turn} deg");
+}
+
+/// Queued motions one after another, each another way.
+#[test]
+fn queued_motions_of_the_car() {
+    let motions: [&[(u8, u16, i16)]; 5] = [
+        &[
+            (0, 20, 300),
+            (2, 20, 300),
+            (0, 20, -300),
+            (2, 20, -300),
+            (1, 5, 300),
+        ],
+        &[
+            (3, 12, 450),
+            (4, 12, -450),
+            (3, 12, -450),
+            (1, 7, -450),
+            (0, 15, 450),
+            (2, 15, -450),
+            (0, 40, 450),
+        ],
+        &[
+            (1, 10, 200),
+            (1, 10, -200),
+            (0, 10, 200),
+            (0, 10, -200),
+            (2, 12, 200),
+        ],
+        &[
+            (0, 3, 500),
+            (2, 3, 500),
+            (0, 3, -500),
+            (2, 3, -500),
+            (1, 3, 500),
+            (1, 3, -500),
+            (0, 40, 500),
+            (1, 9, 500),
+            (0, 40, -500),
+            (2, 10, 500),
+        ],
+        &[
+            (2, 3, 350),
+            (1, 3, -350),
+            (3, 3, 350),
+            (1, 3, 350),
+            (4, 3, -350),
+            (0, 60, 350),
+        ],
+    ];
+    for (index, motions) in motions.into_iter().enumerate() {
+        let sends: Vec<_> = motions
+            .iter()
+            .enumerate()
+            .map(|(number, &(moving_idx, s, v))| {
+                let packet = Packet::Motion {
+                    seq: 0,
+                    is_reset: 0,
+                    moving_idx,
+                    s,
+                    v,
+                };
+                (SimTime::from_millis(3 + number as u64), packet.encode())
+            })
+            .collect();
+        agree(&format!("motions {index}"), true, &sends);
+    }
+}
+
+/// A client that asks at 20 Hz for something else every half second.
+#[test]
+fn a_drive_of_the_r150() {
+    let duties = [
+        (1000, 1000),
+        (600, 1000),
+        (1000, 300),
+        (-500, 500),
+        (0, 0),
+        (-800, -800),
+        (400, 400),
+        (900, -200),
+        (0, 700),
+        (1000, 1000),
+    ];
+    for seed in [0, 3, 7] {
+        let sends: Vec<_> = (0..399_u64)
+            .map(|tick| {
+                let (right, left) = duties[((tick / 10) as usize * (seed + 1)) % duties.len()];
+                let request = Request::SetMotors { right, left };
+                (SimTime::from_millis(2 + 50 * tick), request.encode())
+            })
+            .collect();
+        agree(&format!("duties {seed}"), false, &sends);
+    }
+}
