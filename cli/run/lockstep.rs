@@ -42,7 +42,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     if stop.load(Ordering::Relaxed) {
         return Ok(JobResult::BrokenOff);
     }
-    let (run, trace) = job.begin()?;
+    let (mut run, trace) = job.begin()?;
+    run.follow_bytes();
     let folder = Folder::take(job).map_err(Failure::system)?;
     let (ids, mut ports) = open_ports(job, &folder)?;
     let paths = ids.iter().zip(&ports);

@@ -86,6 +86,11 @@ impl Run {
         self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
     }
 
+    /// Has [`step`](Self::step) stop at every byte that arrives, for a client that is to have it then.
+    pub fn follow_bytes(&mut self) {
+        self.follows_bytes = true;
+    }
+
     /// Whose time a real client has, for the trace: `lockstep` or `real`.
     pub fn name_time(&mut self, client: &'static str) {
         if let Some(recorder) = &mut self.recorder {
