@@ -38,9 +38,11 @@
 
 pub mod differential;
 pub mod mecanum;
+pub mod noise;
 mod pose;
 pub mod r150;
 mod rest;
+mod tolerance;
 pub mod traction;
 mod vehicle_body;
 pub mod world;
