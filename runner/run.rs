@@ -62,7 +62,7 @@ use sim_core::rig::{PortId, Rig, RigError};
 use sim_physics::{Ground, WorldMap};
 use sim_settings::Source;
 
-pub use direct::StepError;
+pub use direct::{StepError, StepReport};
 pub use outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 
 use crate::condition::Value;

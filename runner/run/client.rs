@@ -149,7 +149,7 @@ impl Run {
 
     /// Does whatever comes before what a client does at `now`, and says when that is; `None` if the
     /// run is over by then.
-    fn go_before(&mut self, now: SimTime) -> Result<Option<SimTime>, RunError> {
+    pub(super) fn go_before(&mut self, now: SimTime) -> Result<Option<SimTime>, RunError> {
         let at = now.max(self.rig.now() + NANOSECOND);
         // The end belongs to the run alone.
         let last = self.limit - NANOSECOND;
