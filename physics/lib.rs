@@ -37,6 +37,7 @@
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
 pub mod differential;
+mod drawing;
 pub mod mecanum;
 pub mod noise;
 mod pose;
@@ -47,6 +48,7 @@ pub mod traction;
 mod vehicle_body;
 pub mod world;
 
+pub use drawing::{Drawing, EchoDrawing, WheelDrawing};
 pub use mecanum::{
     MecanumCommands, MecanumMeasurements, MecanumPlant, MecanumPlantSettings, MecanumTruth,
 };

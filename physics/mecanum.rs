@@ -62,7 +62,7 @@ const BOUNDS: Bounds = Bounds {
 /// [`rest`](Self::rest) in spans of any length.
 #[derive(Debug, Clone)]
 pub struct MecanumPlant {
-    settings: MecanumPlantSettings,
+    pub(crate) settings: MecanumPlantSettings,
     wiring: Wiring,
     body: VehicleBody,
     commands: MecanumCommands,

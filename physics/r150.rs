@@ -54,7 +54,7 @@ const LOWEST_SUPPLY: f64 = 1.0;
 /// [`rest`](Self::rest) in spans of any length.
 #[derive(Debug, Clone)]
 pub struct R150Plant {
-    settings: R150PlantSettings,
+    pub(crate) settings: R150PlantSettings,
     body: VehicleBody,
     commands: R150Commands,
     loads: [Load; RAILS],

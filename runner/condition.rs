@@ -6,12 +6,13 @@
 //!
 //! `t` is the time since the start in seconds. Every other name is the name of a device, a dot, and
 //! a name of the device: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
-//! a device's name is written `_`.
+//! a device's name is written `_`. `saved.x0` is what a step has remembered under that name.
 //!
 //! All this is checked when the file is read: a condition that passed cannot fail for a name, a
 //! function or a type.
 
 mod check;
+mod nearness;
 mod probe;
 
 use std::collections::BTreeMap;
@@ -28,9 +29,9 @@ use sim_core::rig::Rig;
 
 pub use probe::{Probe, ProbeValue};
 
-pub(crate) use check::identifier;
+pub use check::identifier;
 
-use check::Scope;
+pub use check::Scope;
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
@@ -59,6 +60,17 @@ pub enum Value {
 enum Origin {
     Time,
     Device(usize, Getter),
+    /// What a step has remembered, by its index.
+    Saved(usize),
+}
+
+/// A value that a step remembers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Saved {
+    /// As conditions write it behind `saved.`.
+    pub name: String,
+    /// It is true or false, and no number.
+    pub is_flag: bool,
 }
 
 /// The devices that conditions can speak of: name and kind, by their index in the rig.
@@ -71,6 +83,8 @@ pub struct Situation<'a> {
     pub rig: &'a Rig,
     /// What has been observed of each device, by its index.
     pub observed: &'a [Observed],
+    /// What steps have remembered so far.
+    pub saved: &'a [Option<Value>],
 }
 
 impl Condition {
@@ -78,40 +92,52 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
-        Self::parse_as(text, devices, check::condition)
+    pub fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+        Self::parse_as(text, scope, check::condition).map(|(condition, _)| condition)
     }
 
     /// Reads an expression that may be a number, too.
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse_value(text: &str, devices: &Devices<'_>) -> Result<Self, String> {
-        Self::parse_as(text, devices, check::value)
+    pub fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+        Self::parse_as(text, scope, check::value).map(|(value, _)| value)
     }
 
-    fn parse_as(text: &str, devices: &Devices<'_>, check: check::Check) -> Result<Self, String> {
+    /// The same, and whether it is true or false.
+    pub(crate) fn parse_typed(text: &str, scope: &Scope<'_>) -> Result<(Self, bool), String> {
+        Self::parse_as(text, scope, check::value)
+    }
+
+    fn parse_as(
+        text: &str,
+        scope: &Scope<'_>,
+        check: check::Check,
+    ) -> Result<(Self, bool), String> {
         if text.len() > MOST_TEXT {
             return Err(format!("a condition has at most {MOST_TEXT} bytes"));
         }
         let parser = Parser::new().max_recursion_depth(MOST_DEPTH);
         let mut expression = parser.parse(text).map_err(|errors| {
-            let first = errors.errors.first();
-            first.map_or_else(
-                || "it is no expression".to_owned(),
-                |error| {
-                    let why = error.msg.replace('\n', " ");
-                    format!("{why} (at character {} of the condition)", error.pos.1)
-                },
-            )
+            let at = errors.errors.first().map(|error| error.pos.1);
+            unreadable(text, usize::try_from(at.unwrap_or_default()).unwrap_or(0))
         })?;
         let mut names = BTreeMap::new();
-        check(&mut expression, &Scope(devices), &mut names)?;
-        Ok(Self {
+        let is_flag = check(&mut expression, scope, &mut names)?;
+        let condition = Self {
             text: text.to_owned(),
             expression,
             names,
-        })
+        };
+        Ok((condition, is_flag))
+    }
+
+    /// Whether all that it speaks of has a value by now: what steps remember has none before.
+    #[must_use]
+    pub fn is_known(&self, situation: Situation<'_>) -> bool {
+        let known = |index: usize| situation.saved.get(index).is_some_and(Option::is_some);
+        let mut origins = self.names.values();
+        origins.all(|origin| !matches!(origin, Origin::Saved(index) if !known(*index)))
     }
 
     /// As it was written.
@@ -136,19 +162,25 @@ impl Condition {
     /// # Errors
     /// As [`Condition::holds`].
     pub fn value(&self, situation: Situation<'_>) -> Result<Value, String> {
+        self.value_of(&self.expression, situation)
+            .map_err(|why| format!("`{}` has no value{why}", self.text))
+    }
+
+    /// What a part of it is now; or why it has no value.
+    fn value_of(&self, part: &Expression, situation: Situation<'_>) -> Result<Value, String> {
         let resolver = Resolver {
             names: &self.names,
             situation,
         };
         let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
         context.set_variable_resolver(&resolver);
-        let value = cel::Value::resolve_val(&self.expression, &context)
-            .map_err(|error| format!("`{}` has no value: {error}", self.text))?;
+        let value =
+            cel::Value::resolve_val(part, &context).map_err(|error| format!(": {error}"))?;
         let flag = value.downcast_ref::<CelBool>();
         let flag = flag.map(|flag| Value::Flag(*flag.inner()));
         let number = || value.downcast_ref::<CelDouble>();
         flag.or_else(|| number().map(|number| Value::Number(*number.inner())))
-            .ok_or_else(|| format!("`{}` has no value", self.text))
+            .ok_or_else(String::new)
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.
@@ -166,8 +198,13 @@ impl Origin {
     fn read(self, situation: Situation<'_>) -> Reading {
         match self {
             Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),
+            Self::Saved(index) => match situation.saved.get(index) {
+                Some(Some(Value::Number(number))) => Reading::Number(*number),
+                Some(Some(Value::Flag(flag))) => Reading::Flag(*flag),
+                _ => Reading::Number(0.0),
+            },
             Self::Device(index, getter) => {
-                let Situation { rig, observed } = situation;
+                let Situation { rig, observed, .. } = situation;
                 match (rig.any_device(index), observed.get(index)) {
                     (Some(device), Some(observed)) => getter.read(&View {
                         now: rig.now(),
@@ -194,6 +231,19 @@ impl VariableResolver for Resolver<'_> {
             Reading::Number(number) => CowVal::owned(CelDouble::from(number)),
             Reading::Flag(flag) => CowVal::owned(CelBool::from(flag)),
         })
+    }
+}
+
+/// Says where an expression cannot be read.
+fn unreadable(text: &str, at: usize) -> String {
+    let rest: String = text.chars().skip(at).take(20).collect();
+    match rest.trim() {
+        "" => "the expression is not finished".to_owned(),
+        rest => format!(
+            "the expression cannot be read from character {} on: `{rest}`; it is made of names, \
+             numbers, and && || ! == != < <= > >= + - * / ?: ( )",
+            at + 1
+        ),
     }
 }
 

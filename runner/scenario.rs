@@ -35,19 +35,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use schemars::{JsonSchema as _, Schema, SchemaGenerator};
-use sim_core::SimTime;
 use sim_core::device::{self, DeviceSpec, Devices, HANDS};
 use sim_core::fault::Fault;
+use sim_core::noise::Noise;
 use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
-pub use document::Only;
+pub use document::{Only, Overlap};
 
 pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
-use crate::condition::Condition;
+use crate::condition::{Condition, Saved};
 use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
 
@@ -89,6 +89,9 @@ pub struct Scenario {
     pub(crate) base: SimSettings,
     pub(crate) steps: Vec<Step>,
     pub(crate) rules: Vec<Rule>,
+    pub(crate) responses: Vec<Response>,
+    /// What steps remember.
+    pub(crate) saved: Vec<Saved>,
     pub(crate) demand: Option<Demand>,
     /// Obstacles that have to be there, and where the file says so.
     pub(crate) obstacles: Vec<(String, String)>,
@@ -101,12 +104,17 @@ pub(crate) struct Step {
     pub name: String,
     pub trigger: Trigger,
     /// From what the trigger says to the first time.
-    pub delay: Duration,
-    pub every: Option<Duration>,
+    pub delay: Times,
+    pub every: Option<Times>,
+    pub overlap: Overlap,
     pub count: Option<u32>,
     /// How long each time's effect lasts; of what has no effect that lasts, how long it is repeated.
     /// `None` for what has no end or needs none.
-    pub lasts: Option<Duration>,
+    pub lasts: Option<Times>,
+    /// It ends as soon as this holds.
+    pub until: Option<Condition>,
+    /// What it remembers: its index among all that is saved, and the value.
+    pub remember: Vec<(usize, Condition)>,
     pub probability: Option<f64>,
     pub may_not_trigger: bool,
     pub only: Option<Only>,
@@ -114,10 +122,42 @@ pub(crate) struct Step {
     pub action: Action,
 }
 
+impl Step {
+    /// Whether what it does has an end only by `for` and `until` of the whole step, not of each time.
+    pub(crate) fn is_repeated_for(&self) -> bool {
+        matches!(self.action, Action::Host(_) | Action::Expect { .. })
+    }
+
+    /// Whether it is repeated without end.
+    pub(crate) fn is_endless(&self) -> bool {
+        let ends = self.count.is_some()
+            || self.until.is_some()
+            || (self.is_repeated_for() && self.lasts.is_some());
+        self.every.is_some() && !ends
+    }
+}
+
+/// A time, or a range from which one is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Times {
+    pub min: Duration,
+    pub max: Duration,
+}
+
+impl Times {
+    /// The time, or one that is drawn.
+    pub(crate) fn draw(self, noise: &mut Noise) -> Duration {
+        if self.min == self.max {
+            return self.min;
+        }
+        self.min + (self.max - self.min).mul_f64(noise.uniform())
+    }
+}
+
 /// When a step begins.
 #[derive(Debug, Clone)]
 pub(crate) enum Trigger {
-    At(SimTime),
+    At(Times),
     When(Condition),
     /// The step with this index is done.
     After(usize),
@@ -137,6 +177,8 @@ pub(crate) enum Action {
         within: Option<Duration>,
         message: Option<String>,
     },
+    /// It only remembers, or others wait for it.
+    Nothing,
 }
 
 /// A condition over time.
@@ -146,10 +188,32 @@ pub(crate) struct Rule {
     /// Whether the condition must hold; it must not otherwise.
     pub must_hold: bool,
     pub message: Option<String>,
+    /// For how long it may be violated.
+    pub longer_than: Duration,
     pub from: Duration,
     pub until: Option<Duration>,
     pub after: Option<usize>,
     pub only: Option<Only>,
+}
+
+/// What has to come each time that something happens.
+#[derive(Debug, Clone)]
+pub(crate) struct Response {
+    pub to: Cause,
+    pub then: Condition,
+    pub within: Duration,
+    pub until: Option<Duration>,
+    pub message: Option<String>,
+    pub only: Option<Only>,
+}
+
+/// What a response is to.
+#[derive(Debug, Clone)]
+pub(crate) enum Cause {
+    /// This becomes true.
+    Whenever(Condition),
+    /// The step with this index happens.
+    Step(usize),
 }
 
 /// What the client report may have in it.
@@ -169,22 +233,19 @@ impl Scenario {
         check::read(source, base)
     }
 
-    /// Reads the table of a further step, and adds it.
+    /// Reads the table of a further step, whose name, if it says none, is no other's.
     ///
     /// # Errors
     /// As [`Scenario::parse`].
-    pub(crate) fn add_step(&mut self, source: Source<'_>) -> Result<&mut Step, RigFileError> {
-        let step = check::read_step(source, self)?;
-        let at = self.steps.len();
-        self.steps.push(step);
-        Ok(&mut self.steps[at])
+    pub(crate) fn read_step(&self, source: Source<'_>) -> Result<(Step, Vec<Saved>), RigFileError> {
+        check::read_step(source, self)
     }
 
     /// Devices that are served and nothing else: no steps, nothing to judge, no end.
     #[must_use]
     pub fn serving(rig: RigPlan) -> Self {
         Self {
-            file: String::new(),
+            file: "rig".to_owned(),
             text: String::new(),
             title: String::new(),
             description: None,
@@ -196,6 +257,8 @@ impl Scenario {
             rig,
             steps: Vec::new(),
             rules: Vec::new(),
+            responses: Vec::new(),
+            saved: Vec::new(),
             demand: None,
             obstacles: Vec::new(),
         }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{BodyId, Drawing, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -269,6 +269,10 @@ impl Device for R150 {
 
     fn body(&self) -> BodyId {
         self.plant.body()
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.plant().drawing()
     }
 
     fn motion(&self) -> Motion {

@@ -318,7 +318,9 @@ impl<'b> Writer<'b> {
     fn string(&mut self, schema: &Json, key: &str) -> String {
         let example = schema["examples"][0].as_str().unwrap_or_default();
         match key {
-            "that" | "when" => condition::condition(&mut self.choices, &self.devices),
+            "that" | "when" | "whenever" | "then" => {
+                condition::condition(&mut self.choices, &self.devices)
+            }
             "bytes" => BYTES[self.choices.below(BYTES.len())].to_owned(),
             "line" => ["X10", "Y-5", "Z99999", "B1", "Q"][self.choices.below(5)].to_owned(),
             "remove" | "obstacle" => format!("o{}", self.choices.below(4)),

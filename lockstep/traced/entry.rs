@@ -660,7 +660,9 @@ impl Tracer<'_> {
         if descriptor.never_waits() && !is_queue {
             return Ok(Action::Make);
         }
-        let waits = (at_once, deadline, late);
+        // Perhaps a timer, which counts how often it has run out; or several messages.
+        let has_more = descriptor.is_anonymous() || call == Call::Recvmmsg;
+        let waits = (at_once, deadline, late, has_more);
         let action = self.may_wait(tid, fd, &descriptor, (flags, room), waits, crept);
         if call == Call::Recvmmsg && matches!(action, Action::Make) {
             // It would wait for the others of the messages that it has room for.

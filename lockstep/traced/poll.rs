@@ -105,7 +105,11 @@ impl Tracer<'_> {
                 }
             }
             Wait::Descriptor {
-                fd, flags, room, ..
+                fd,
+                flags,
+                room,
+                has_more,
+                ..
             } => match self.descriptor(process, *fd) {
                 Some(descriptor) if flags.contains(PollFlags::OUT) => {
                     if descriptor.has_room(*room) {
@@ -115,8 +119,7 @@ impl Tracer<'_> {
                     }
                 }
                 Some(descriptor) if !descriptor.is_ready(*flags) => Look::Waits,
-                // Perhaps a timer, which has more to it.
-                Some(descriptor) if descriptor.is_anonymous() => Look::Call,
+                Some(_) if *has_more => Look::Call,
                 _ => Look::Make,
             },
             Wait::PortRead {

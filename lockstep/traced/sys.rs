@@ -375,7 +375,8 @@ pub(crate) mod child {
     }
 
     /// Forks. The child waits at `line` until it is traced, and becomes the program with these streams;
-    /// `line` is closed then, or tells the number of the error. `theirs` is its other end.
+    /// `line` is closed then, or tells the number of the error, less than 0 if the system forbids what
+    /// has to be done before. `theirs` is its other end.
     pub(crate) fn fork(
         image: &Image<'_>,
         (line, theirs): (RawFd, RawFd),
@@ -390,10 +391,17 @@ pub(crate) mod child {
             }
             libc::close(theirs);
             wait_to_be_traced(line, parent);
-            if let Err(error) = become_program(image, input, output) {
-                let number = error.raw_os_error().unwrap_or(libc::EINVAL).to_ne_bytes();
-                libc::write(line, number.as_ptr().cast(), number.len());
-            }
+            let number = |error: io::Error| error.raw_os_error().unwrap_or(libc::EINVAL);
+            let failed = match prepare(image, input, output) {
+                Ok(()) => {
+                    let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
+                    libc::execve(image.file.as_ptr(), words, environment);
+                    number(io::Error::last_os_error())
+                }
+                Err(error) => -number(error),
+            };
+            let failed = failed.to_ne_bytes();
+            libc::write(line, failed.as_ptr().cast(), failed.len());
             libc::_exit(127)
         }
     }
@@ -421,16 +429,14 @@ pub(crate) mod child {
         }
     }
 
-    /// Returns only if it fails.
-    ///
     /// # Safety
     /// Only for a child that has been forked.
-    unsafe fn become_program(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<()> {
+    unsafe fn prepare(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<()> {
         let program = libc::sock_fprog {
             len: u16::try_from(image.filter.len()).map_err(|_| io::ErrorKind::InvalidInput)?,
             filter: image.filter.as_ptr().cast_mut(),
         };
-        // SAFETY: takes numbers, and strings and a filter that are only read and outlive the calls.
+        // SAFETY: takes numbers, and a filter that is only read and outlives the call.
         unsafe {
             // Ctrl-C is for the tracer, which then ends it.
             check(libc::setpgid(0, 0).into())?;
@@ -454,9 +460,7 @@ pub(crate) mod child {
             check(libc::prctl(libc::PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0).into())?;
             let set = libc::SECCOMP_SET_MODE_FILTER;
             check(libc::syscall(libc::SYS_seccomp, set, 0, &raw const program))?;
-            let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
-            libc::execve(image.file.as_ptr(), words, environment);
         }
-        Err(io::Error::last_os_error())
+        Ok(())
     }
 }

@@ -202,7 +202,7 @@ impl Tracer<'_> {
         fd: i32,
         descriptor: &Descriptor,
         (flags, room): (PollFlags, usize),
-        (at_once, deadline, late): (bool, Option<u64>, i64),
+        (at_once, deadline, late, has_more): (bool, Option<u64>, i64, bool),
         crept: bool,
     ) -> Action {
         let ready = if flags.contains(PollFlags::OUT) {
@@ -221,6 +221,7 @@ impl Tracer<'_> {
             flags,
             room,
             late,
+            has_more,
         };
         Action::Hold(wait, deadline)
     }

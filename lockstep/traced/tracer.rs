@@ -138,7 +138,7 @@ pub(crate) fn run(
     tracer.kill_all();
     drop(ticks);
     if let Some(error) = starting.failure() {
-        return Err(Error::NotStarted(error));
+        return Err(error);
     }
     outcome?;
     Ok(tracer.ending())

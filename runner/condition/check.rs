@@ -7,7 +7,7 @@ use cel::common::types::CelDouble;
 use sim_core::device::NameInfo;
 use sim_core::device::names::Unit;
 
-use super::{Devices, Origin};
+use super::{Devices, Origin, Saved};
 use crate::suggest::nearest;
 
 /// What an expression is.
@@ -30,19 +30,28 @@ impl Type {
 const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
 
 /// What names mean.
-pub(super) struct Scope<'a>(pub(super) &'a Devices<'a>);
+#[derive(Debug, Clone, Copy)]
+pub struct Scope<'a> {
+    /// The devices.
+    pub devices: &'a Devices<'a>,
+    /// The device whose name may be left out.
+    pub usual: Option<usize>,
+    /// What steps remember.
+    pub saved: &'a [Saved],
+}
 
-/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean.
+/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean; says
+/// whether it is true or false.
 pub(super) type Check =
-    fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<(), String>;
+    fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<bool, String>;
 
 /// Allows whatever has a value.
 pub(super) fn value(
     expression: &mut IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
-) -> Result<(), String> {
-    type_of(expression, scope, found).map(|_| ())
+) -> Result<bool, String> {
+    type_of(expression, scope, found).map(|own| own == Type::Flag)
 }
 
 /// Allows what is true or false.
@@ -50,9 +59,9 @@ pub(super) fn condition(
     expression: &mut IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
-) -> Result<(), String> {
+) -> Result<bool, String> {
     match type_of(expression, scope, found)? {
-        Type::Flag => Ok(()),
+        Type::Flag => Ok(true),
         Type::Number => Err("a condition is true or false, this is a number; \
                              compare it, as in `truth.speed_mps > 1.5`"
             .to_owned()),
@@ -183,42 +192,83 @@ fn qualified_name(expression: &Expr) -> Option<String> {
     }
 }
 
-impl Scope<'_> {
+impl<'a> Scope<'a> {
+    /// Devices alone; with one, its name may be left out.
+    #[must_use]
+    pub fn of(devices: &'a Devices<'a>) -> Self {
+        Self {
+            devices,
+            usual: (devices.len() == 1).then_some(0),
+            saved: &[],
+        }
+    }
+
     pub(super) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
         if name == "t" {
             return Ok((Origin::Time, Unit::Number("s")));
         }
-        let mut candidates = self
-            .0
-            .iter()
-            .enumerate()
-            .filter_map(|(index, (own, device))| {
-                let own = identifier(own);
-                let inner = name
-                    .strip_prefix(&own)
-                    .and_then(|rest| rest.strip_prefix('.'))
-                    .or_else(|| (self.0.len() == 1).then_some(name))?;
-                let info = device.find_name(inner)?;
-                Some((Origin::Device(index, info.getter()), info.unit))
-            });
+        if let Some(own) = name.strip_prefix("saved.") {
+            return self.look_up_saved(own);
+        }
+        let mut candidates =
+            self.devices
+                .iter()
+                .enumerate()
+                .filter_map(|(index, (own, device))| {
+                    let own = identifier(own);
+                    let inner = name
+                        .strip_prefix(&own)
+                        .and_then(|rest| rest.strip_prefix('.'))
+                        .or_else(|| (self.usual == Some(index)).then_some(name))?;
+                    let info = device.find_name(inner)?;
+                    Some((Origin::Device(index, info.getter()), info.unit))
+                });
         candidates.next().ok_or_else(|| self.unknown(name))
     }
 
+    fn look_up_saved(&self, name: &str) -> Result<(Origin, Unit), String> {
+        let index = self.saved.iter().position(|saved| saved.name == name);
+        let index = index.ok_or_else(|| {
+            let hint = nearest(name, self.saved.iter().map(|saved| saved.name.as_str()));
+            hint.map_or_else(
+                || {
+                    format!(
+                        "no step remembers `{name}`; one does with `remember = {{ {name} = \"…\" }}`"
+                    )
+                },
+                |near| format!("no step remembers `{name}`, did you mean `saved.{near}`?"),
+            )
+        })?;
+        let unit = match self.saved[index].is_flag {
+            true => Unit::Flag,
+            false => Unit::Number(""),
+        };
+        Ok((Origin::Saved(index), unit))
+    }
+
     fn unknown(&self, name: &str) -> String {
-        let all = self.0.iter().flat_map(|(own, device)| {
-            let own = identifier(own);
-            let short = self.0.len() == 1 && !name.starts_with(&format!("{own}."));
-            device.all_names().map(move |NameInfo { name, .. }| {
-                if short {
-                    (*name).to_owned()
-                } else {
-                    format!("{own}.{name}")
-                }
-            })
-        });
+        let all = self
+            .devices
+            .iter()
+            .enumerate()
+            .flat_map(|(index, (own, device))| {
+                let own = identifier(own);
+                let short = self.usual == Some(index) && !name.starts_with(&format!("{own}."));
+                device.all_names().map(move |NameInfo { name, .. }| {
+                    if short {
+                        (*name).to_owned()
+                    } else {
+                        format!("{own}.{name}")
+                    }
+                })
+            });
         let hint = nearest(name, all).map_or_else(
             || {
-                let devices: Vec<String> = self.0.iter().map(|(own, _)| identifier(own)).collect();
+                let devices: Vec<String> = self
+                    .devices
+                    .iter()
+                    .map(|(own, _)| identifier(own))
+                    .collect();
                 format!("names begin with `t` or a device: {}", devices.join(", "))
             },
             |near| format!("did you mean `{near}`?"),
@@ -228,6 +278,6 @@ impl Scope<'_> {
 }
 
 /// A device's name as it is written in a condition.
-pub(crate) fn identifier(name: &str) -> String {
+pub fn identifier(name: &str) -> String {
     name.replace('-', "_")
 }

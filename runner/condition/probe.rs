@@ -45,9 +45,9 @@ impl Probe {
     /// # Errors
     /// Says what names there are.
     fn parse(name: &str, devices: &Devices<'_>) -> Result<Self, String> {
-        let (origin, unit) = Scope(devices).look_up(name)?;
+        let (origin, unit) = Scope::of(devices).look_up(name)?;
         let device = match origin {
-            Origin::Time => None,
+            Origin::Time | Origin::Saved(_) => None,
             Origin::Device(device, _) => Some(device),
         };
         Ok(Self {

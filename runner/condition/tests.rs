@@ -5,7 +5,7 @@ use sim_core::mecanum::MECANUM_SPEC;
 use sim_core::r150::R150_SPEC;
 
 fn parse(text: &str) -> Result<Condition, String> {
-    Condition::parse(text, &[("r150", &R150_SPEC)])
+    Condition::parse(text, &Scope::of(&[("r150", &R150_SPEC)]))
 }
 
 #[test]
@@ -19,7 +19,7 @@ fn names_are_sorted_into_groups_and_unique() {
                 Unit::Flag => info.name.to_owned(),
                 Unit::Number(_) => format!("{} > 1", info.name),
             };
-            Condition::parse(&text, &[("d", device)]).unwrap();
+            Condition::parse(&text, &Scope::of(&[("d", device)])).unwrap();
         }
     }
 }
@@ -65,9 +65,10 @@ fn what_makes_none_is_refused_in_words() {
         ("t.abs() > 1", "`abs` is not known here"),
         ("abs(t, 1) > 1", "`abs` takes 1, not 2"),
         ("[1].exists(x, x > 0)", "no use here"),
-        ("t >", "at character"),
-        ("", "at character"),
+        ("t >", "not finished"),
+        ("", "not finished"),
         ("t % 2 == 0", "`%` is not known here"),
+        ("t > 1 $ 2", "cannot be read from character"),
         ("t in [1]", "no use here"),
         ("has(truth.x_m)", "no name"),
     ] {
@@ -84,7 +85,7 @@ fn what_makes_none_is_refused_in_words() {
 #[test]
 fn several_devices_have_to_be_named() {
     let devices = [("r150-1", &R150_SPEC), ("car", &MECANUM_SPEC)];
-    let read = |text| Condition::parse(text, &devices);
+    let read = |text| Condition::parse(text, &Scope::of(&devices));
     assert!(read("r150_1.mode.locked && car.motion.running").is_ok());
     let why = read("mode.locked").unwrap_err();
     assert!(why.contains("did you mean `r150_1.mode.locked`?"), "{why}");

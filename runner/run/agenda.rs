@@ -12,25 +12,41 @@ pub(super) enum Item {
     Occur(usize),
     /// What a step did ends.
     End(usize, Undo),
+    /// A step is ended before its time.
+    Clear(usize),
     /// Conditions are looked at.
     Look,
 }
 
-/// By time, then in the order of the file, then as it was planned.
+/// By time, then in the order of the file, then ends before beginnings, then as it was planned.
 #[derive(Default)]
 pub(super) struct Agenda {
-    items: BTreeMap<(SimTime, usize, u64), Item>,
+    items: BTreeMap<(SimTime, usize, bool, u64), Item>,
     planned: u64,
 }
 
 impl Agenda {
     pub(super) fn plan(&mut self, at: SimTime, item: Item) {
         let place = match &item {
-            Item::Occur(step) | Item::End(step, _) => *step,
+            Item::Occur(step) | Item::End(step, _) | Item::Clear(step) => *step,
             Item::Look => usize::MAX,
         };
+        let is_end = matches!(item, Item::End(..));
         self.planned += 1;
-        self.items.insert((at, place, self.planned), item);
+        self.items.insert((at, place, !is_end, self.planned), item);
+    }
+
+    /// Takes back all that is planned of a step, and gives what it was still to end.
+    pub(super) fn take_all_of(&mut self, step: usize) -> Vec<Undo> {
+        let own =
+            |place: usize| move |(_, other, ..): &(SimTime, usize, bool, u64)| *other == place;
+        let keys: Vec<_> = self.items.keys().copied().filter(own(step)).collect();
+        let items = keys.iter().filter_map(|key| self.items.remove(key));
+        let ends = items.filter_map(|item| match item {
+            Item::End(_, undo) => Some(undo),
+            Item::Occur(_) | Item::Clear(_) | Item::Look => None,
+        });
+        ends.collect()
     }
 
     pub(super) fn next(&self) -> Option<SimTime> {

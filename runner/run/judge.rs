@@ -11,10 +11,12 @@ use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 use super::steps::FaultCounts;
 use super::{MOST_RECENT, Run};
 use crate::condition::{Condition, Situation};
-use crate::scenario::{Action, Scenario, Trigger};
+use crate::scenario::{Action, Rule, Scenario, Trigger};
 
 /// Most failures that are told; further ones are counted.
 const MOST_FAILURES: usize = 50;
+/// How often it is looked at how near something has come.
+const NEARNESS_EVERY: Duration = Duration::from_millis(20);
 /// How long after a fault of the line its traces may still come.
 pub(super) const EXCUSED_AFTER: Duration = Duration::from_millis(200);
 
@@ -23,6 +25,15 @@ pub(super) const EXCUSED_AFTER: Duration = Duration::from_millis(200);
 pub(super) struct Expected {
     pub step: usize,
     pub due: SimTime,
+}
+
+/// How near something that is waited for has come to holding.
+#[derive(Debug)]
+pub(super) struct Nearest {
+    by: f64,
+    at: SimTime,
+    looked: SimTime,
+    found: String,
 }
 
 /// What surrounds a failure.
@@ -37,6 +48,8 @@ pub(super) struct Context {
 pub(super) struct RuleState {
     from: Option<SimTime>,
     until: SimTime,
+    /// Since when it has been broken.
+    broken: Option<SimTime>,
     /// It is looked at no more: it was violated, or does not count.
     closed: bool,
 }
@@ -45,6 +58,7 @@ pub(super) fn rule_states(scenario: &Scenario) -> Vec<RuleState> {
     let state = RuleState {
         from: None,
         until: SimTime::MAX,
+        broken: None,
         closed: false,
     };
     vec![state; scenario.rules.len()]
@@ -74,6 +88,8 @@ impl Run {
         let now = self.rig.now();
         !self.expected.is_empty()
             || self.steps.iter().any(|state| state.watching)
+            || self.awaits_responses()
+            || self.steps_with_end().next().is_some()
             || self.rules.iter().any(|rule| {
                 !rule.closed && rule.from.is_some_and(|from| from <= now) && now < rule.until
             })
@@ -82,9 +98,65 @@ impl Run {
     /// Looks at every condition that matters now.
     pub(super) fn judge(&mut self, now: SimTime) {
         self.judge_steps(now);
+        self.judge_ends(now);
         self.judge_expected(now);
         self.host_due(now);
         self.judge_rules(now);
+        self.judge_responses(now);
+    }
+
+    /// The steps that end as soon as a condition holds, and go on.
+    fn steps_with_end(&self) -> impl Iterator<Item = usize> {
+        let steps = self.scenario.steps.iter().zip(&self.steps).enumerate();
+        steps
+            .filter(|(_, (step, state))| step.until.is_some() && state.may_end())
+            .map(|(index, _)| index)
+    }
+
+    fn judge_ends(&mut self, now: SimTime) {
+        for index in self.steps_with_end().collect::<Vec<_>>() {
+            let scenario = std::sync::Arc::clone(&self.scenario);
+            let Some(until) = &scenario.steps[index].until else {
+                continue;
+            };
+            match self.holds(until) {
+                Ok(true) => self.end_step(index, now),
+                Ok(false) => {}
+                Err(why) => {
+                    self.end_step(index, now);
+                    self.fail_step(index, now, why);
+                }
+            }
+        }
+    }
+
+    /// Takes note of how near what a step waits for has come.
+    fn note_nearness(&mut self, index: usize, condition: &Condition, now: SimTime) {
+        // Often enough to tell, and seldom enough to cost nothing.
+        let before = self.steps[index].nearest.as_ref();
+        if before.is_some_and(|before| now < before.looked + NEARNESS_EVERY) {
+            return;
+        }
+        let by = condition.nearness(self.situation());
+        if before.is_none_or(|before| before.by < by) {
+            let found = self.explain(condition);
+            self.steps[index].nearest = Some(Nearest {
+                by,
+                at: now,
+                looked: now,
+                found,
+            });
+        } else if let Some(nearest) = &mut self.steps[index].nearest {
+            nearest.looked = now;
+        }
+    }
+
+    /// The nearest that what a step waits for has come, in words.
+    fn nearest(&self, index: usize) -> String {
+        let nearest = self.steps[index].nearest.as_ref();
+        nearest.map_or_else(String::new, |nearest| {
+            format!("; it came nearest at {} s: {}", nearest.at, nearest.found)
+        })
     }
 
     fn judge_steps(&mut self, now: SimTime) {
@@ -98,7 +170,7 @@ impl Run {
             }
             match self.holds(condition) {
                 Ok(true) => self.begin(index, now),
-                Ok(false) => {}
+                Ok(false) => self.note_nearness(index, condition, now),
                 Err(why) => {
                     self.steps[index].watching = false;
                     self.fail_step(index, now, why);
@@ -117,10 +189,11 @@ impl Run {
             let why = match self.holds(that) {
                 Ok(true) => None,
                 Ok(false) if expected.due > now => {
+                    self.note_nearness(expected.step, that, now);
                     self.expected.push(expected);
                     continue;
                 }
-                Ok(false) => Some(self.not_held(that, message.as_deref())),
+                Ok(false) => Some(self.not_held(expected.step, that, message.as_deref())),
                 Err(why) => Some(why),
             };
             if let Some(why) = why {
@@ -138,12 +211,20 @@ impl Run {
             if state.closed || !open {
                 continue;
             }
-            let what = match self.holds(&rule.that) {
-                Ok(holds) if holds == rule.must_hold => continue,
-                Ok(_) => {
-                    let word = if rule.must_hold { "always" } else { "never" };
+            let what = match self.look(&rule.that) {
+                Ok(None) => continue,
+                Ok(Some(holds)) if holds == rule.must_hold => {
+                    self.rules[index].broken = None;
+                    continue;
+                }
+                Ok(Some(_)) => {
+                    let since = *self.rules[index].broken.get_or_insert(now);
+                    if now < since + rule.longer_than {
+                        self.agenda.plan(since + rule.longer_than, Item::Look);
+                        continue;
+                    }
                     let found = self.explain(&rule.that);
-                    let text = format!("{word} `{}`, but {found}", rule.that.text());
+                    let text = format!("{}, but {found}", rule.words());
                     with_message(rule.message.as_deref(), &text)
                 }
                 Err(why) => why,
@@ -157,10 +238,20 @@ impl Run {
         }
     }
 
+    /// Whether a condition holds, unless it speaks of what no step has remembered yet.
+    pub(super) fn look(&self, condition: &Condition) -> Result<Option<bool>, String> {
+        let situation = self.situation();
+        if !condition.is_known(situation) {
+            return Ok(None);
+        }
+        condition.holds(situation).map(Some)
+    }
+
     pub(crate) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
             observed: &self.observed,
+            saved: &self.saved,
         }
     }
 
@@ -169,7 +260,7 @@ impl Run {
     /// # Errors
     /// As [`Condition::holds`].
     pub fn holds(&self, condition: &Condition) -> Result<bool, String> {
-        condition.holds(self.situation())
+        Ok(self.look(condition)?.unwrap_or(false))
     }
 
     /// The values of the names in a condition now.
@@ -178,24 +269,26 @@ impl Run {
         condition.explain(self.situation())
     }
 
-    fn not_held(&self, condition: &Condition, message: Option<&str>) -> String {
-        let found = self.explain(condition);
-        let text = format!("expected `{}`, but {found}", condition.text());
+    fn not_held(&self, step: usize, condition: &Condition, message: Option<&str>) -> String {
+        let (found, nearest) = (self.explain(condition), self.nearest(step));
+        let text = format!("expected `{}`, but {found}{nearest}", condition.text());
         with_message(message, &text)
     }
 
     /// Whether what happened is not the client's fault.
     pub(super) fn is_excused(&mut self, event: &Event) -> bool {
+        let blame = event.kind.code().blame();
         let disturbed = self
             .excused_until
             .get(event.device)
-            .is_some_and(|until| event.at <= *until);
-        let blame = event.kind.code().blame();
+            .is_some_and(|until| event.at <= *until + blame.looks_back());
         disturbed && blame.spares_disturbed() || self.lateness.excuses(event)
     }
 
     pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {
         let step = Some(self.scenario.steps[index].name.clone());
+        let state = &mut self.steps[index];
+        state.failure.get_or_insert_with(|| what.clone());
         self.note_failure(Failure { at, step, what });
     }
 
@@ -258,10 +351,7 @@ impl Run {
     /// What is repeated without end is cut off somewhere; anything else had to come in time.
     fn fail_what_waits(&mut self, now: SimTime) {
         let scenario = std::sync::Arc::clone(&self.scenario);
-        let endless = |step: usize| {
-            let step = &scenario.steps[step];
-            step.every.is_some() && step.count.is_none()
-        };
+        let endless = |step: usize| scenario.steps[step].is_endless();
         for expected in std::mem::take(&mut self.expected) {
             if endless(expected.step) {
                 continue;
@@ -269,7 +359,7 @@ impl Run {
             let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
                 continue;
             };
-            let why = self.not_held(that, message.as_deref());
+            let why = self.not_held(expected.step, that, message.as_deref());
             let why = format!("the run ended before its time was up: {why}");
             self.fail_step(expected.step, now, why);
         }
@@ -322,16 +412,20 @@ impl Run {
                 continue;
             }
             let why = match &step.trigger {
-                Trigger::At(at) => format!("it was to begin at {at} s, the run ended before"),
+                Trigger::At(_) => {
+                    let at = self.steps[index].planned.unwrap_or(now);
+                    format!("it was to begin at {at} s, the run ended before")
+                }
                 Trigger::When(condition) => {
-                    format!("it never began: `{}` never held", condition.text())
+                    let nearest = self.nearest(index);
+                    format!("it never began: `{}` never held{nearest}", condition.text())
                 }
                 Trigger::After(other) => {
                     let name = &scenario.steps[*other].name;
                     format!("it never began: \"{name}\" was not done in time")
                 }
             };
-            let delay = match step.delay {
+            let delay = match step.delay.max {
                 Duration::ZERO => String::new(),
                 delay => format!(", or not {} before the end", show_duration(delay)),
             };
@@ -409,6 +503,17 @@ impl Run {
     }
 }
 
-fn with_message(message: Option<&str>, text: &str) -> String {
+impl Rule {
+    fn words(&self) -> String {
+        let word = if self.must_hold { "always" } else { "never" };
+        let longer = match self.longer_than {
+            Duration::ZERO => String::new(),
+            time => format!(" for longer than {}", show_duration(time)),
+        };
+        format!("{word} `{}`{longer}", self.that.text())
+    }
+}
+
+pub(super) fn with_message(message: Option<&str>, text: &str) -> String {
     message.map_or_else(|| text.to_owned(), |message| format!("{message}: {text}"))
 }

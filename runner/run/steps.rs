@@ -1,6 +1,7 @@
 //! The file's steps as they happen.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::fault::{Fault, FaultHandle};
@@ -9,22 +10,40 @@ use sim_core::rig::Rig;
 
 use super::agenda::Item;
 use super::effects::Undo;
-use super::judge::Expected;
+use super::judge::{Expected, Nearest};
 use super::{MOST_ROUNDS, Run};
-use crate::scenario::{Action, Only, Scenario, Step, Trigger};
+use crate::scenario::{Action, Only, Overlap, Scenario, Step, Times, Trigger};
 
 /// How far a step has come.
 #[derive(Debug)]
 pub(super) struct StepState {
     /// Whether its condition is still waited for.
     pub(super) watching: bool,
+    /// When it is to begin, if a time says so.
+    pub(super) planned: Option<SimTime>,
     pub(super) begun: Option<SimTime>,
     pub(super) done: Option<SimTime>,
     times: u32,
+    /// When its repetitions end, if they have such an end.
+    ends: Option<SimTime>,
+    /// How many of its effects there are that will be undone.
+    effects: u32,
+    /// A repetition waits until the last one's effect is over.
+    put_off: bool,
     all_begun: bool,
     /// How many of its times go on.
     pending: u32,
+    /// Whether it is none of the file's.
+    pub(super) added: bool,
+    /// What first went wrong with it.
+    pub(super) failure: Option<String>,
+    /// What would end the last of its effects that have no end of their own.
+    standing: Option<Undo>,
     chance: Noise,
+    /// From which times are drawn.
+    times_drawn: Noise,
+    /// How near what it waits for has come to holding so far.
+    pub(super) nearest: Option<Nearest>,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
     counts: FaultCounts,
@@ -49,15 +68,39 @@ impl StepState {
     pub(super) fn new(step: &Step, seed: u64) -> Self {
         Self {
             watching: matches!(step.trigger, Trigger::When(_)),
+            planned: None,
             begun: None,
             done: None,
             times: 0,
+            ends: None,
+            effects: 0,
+            put_off: false,
             all_begun: false,
             pending: 0,
+            added: false,
+            failure: None,
+            standing: None,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
+            times_drawn: Noise::new(seed, &format!("scenario.{}.times", step.name)),
+            nearest: None,
             faults: BTreeMap::new(),
             counts: FaultCounts::default(),
         }
+    }
+
+    /// Whether nothing of it goes on or is still to come.
+    pub(super) fn is_over(&self) -> bool {
+        self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
+    }
+
+    /// One of its times.
+    pub(super) fn draw(&mut self, times: Times) -> Duration {
+        times.draw(&mut self.times_drawn)
+    }
+
+    /// Whether its end by a condition is waited for.
+    pub(super) fn may_end(&self) -> bool {
+        self.begun.is_some() && self.done.is_none()
     }
 
     /// How often its faults have hit something until now.
@@ -80,7 +123,9 @@ impl Run {
     /// Plans what has a time of its own.
     pub(super) fn schedule(&mut self) {
         for (index, step) in self.scenario.steps.iter().enumerate() {
-            if let Trigger::At(at) = step.trigger {
+            if let Trigger::At(times) = step.trigger {
+                let at = SimTime::ZERO + self.steps[index].draw(times);
+                self.steps[index].planned = Some(at);
                 self.agenda.plan(at, Item::Occur(index));
             }
         }
@@ -108,7 +153,7 @@ impl Run {
     pub(super) fn begin(&mut self, index: usize, now: SimTime) {
         let state = &mut self.steps[index];
         state.watching = false;
-        let at = now + self.scenario.steps[index].delay;
+        let at = now + state.draw(self.scenario.steps[index].delay);
         self.agenda.plan(at, Item::Occur(index));
     }
 
@@ -122,43 +167,81 @@ impl Run {
             any = true;
             match item {
                 Item::Look => {}
+                Item::Clear(index) => self.cut_short(index, now),
                 Item::Occur(index) => self.occur(index, now),
-                Item::End(index, undo) => {
-                    self.undo(index, undo);
-                    self.time_over(index, now);
-                }
+                Item::End(index, undo) => self.effect_over(index, undo, now),
             }
         }
         any
+    }
+
+    fn effect_over(&mut self, index: usize, undo: Undo, now: SimTime) {
+        if !matches!(undo, Undo::Nothing) {
+            let state = &mut self.steps[index];
+            state.effects = state.effects.saturating_sub(1);
+            if std::mem::take(&mut state.put_off) {
+                self.agenda.plan(now, Item::Occur(index));
+            }
+        }
+        self.undo(index, undo);
+        self.time_over(index, now);
+    }
+
+    /// The condition at which a step ends has come to hold.
+    pub(super) fn end_step(&mut self, index: usize, now: SimTime) {
+        let state = &mut self.steps[index];
+        state.all_begun = true;
+        state.put_off = false;
+        for undo in self.agenda.take_all_of(index) {
+            self.effect_over(index, undo, now);
+        }
+        self.check_done(index, now);
     }
 
     fn occur(&mut self, index: usize, now: SimTime) {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let step = &scenario.steps[index];
         let state = &mut self.steps[index];
+        if let Some(every) = step.every.filter(|_| state.effects > 0) {
+            match step.overlap {
+                Overlap::Wait => state.put_off = true,
+                Overlap::Drop => {
+                    let next = now + state.draw(every);
+                    self.agenda.plan(next, Item::Occur(index));
+                }
+            }
+            return;
+        }
         if state.begun.is_none() {
             state.begun = Some(now);
             if let Some(recorder) = &mut self.recorder {
                 recorder.step(now, &step.name, "begun");
             }
-            let repeated = matches!(step.action, Action::Host(_) | Action::Expect { .. });
-            if let Some(lasts) = step.lasts.filter(|_| repeated) {
+            if let Some(lasts) = step.lasts.filter(|_| step.is_repeated_for()) {
                 state.pending += 1;
-                let end = Item::End(index, Undo::Nothing);
-                self.agenda.plan(now + lasts, end);
+                let end = now + state.draw(lasts);
+                state.ends = Some(end);
+                self.agenda.plan(end, Item::End(index, Undo::Nothing));
             }
         }
         state.times += 1;
-        match step.every {
-            Some(every) if step.count.is_none_or(|count| state.times < count) => {
-                self.agenda.plan(now + every, Item::Occur(index));
-            }
-            _ => state.all_begun = true,
+        let next = step.every.map(|every| now + state.draw(every));
+        let next = next.filter(|next| {
+            step.count.is_none_or(|count| state.times < count)
+                && state.ends.is_none_or(|end| *next < end)
+        });
+        match next {
+            Some(next) => self.agenda.plan(next, Item::Occur(index)),
+            None => state.all_begun = true,
         }
         // Drawn each time, so that what is left out does not shift what comes after.
         let drawn = step
             .probability
             .is_none_or(|probability| state.chance.uniform() < probability);
+        if drawn && self.counts(step.only) {
+            self.remember(index, step, now);
+            self.cause_responses(index, now);
+        }
         if drawn && self.is_played(step) {
             // Held while it acts, so that an effect that ends at once does not end the step early.
             self.steps[index].pending += 1;
@@ -166,6 +249,18 @@ impl Run {
             self.steps[index].pending -= 1;
         }
         self.check_done(index, now);
+    }
+
+    fn remember(&mut self, index: usize, step: &Step, now: SimTime) {
+        for (slot, value) in &step.remember {
+            match value.value(self.situation()) {
+                Ok(value) => {
+                    self.saved.resize(self.scenario.saved.len(), None);
+                    self.saved[*slot] = Some(value);
+                }
+                Err(why) => self.fail_step(index, now, why),
+            }
+        }
     }
 
     fn act(&mut self, index: usize, step: &Step, now: SimTime) {
@@ -190,10 +285,19 @@ impl Run {
                 self.steps[index].pending += 1;
                 None
             }
+            Action::Nothing => None,
         };
-        if let (Some(undo), Some(lasts)) = (undo, step.lasts) {
-            self.steps[index].pending += 1;
-            self.agenda.plan(now + lasts, Item::End(index, undo));
+        let state = &mut self.steps[index];
+        let until = step.until.as_ref().map(|_| SimTime::MAX);
+        let ends = step.lasts.map(|lasts| now + state.draw(lasts)).or(until);
+        match (undo, ends) {
+            (Some(undo), Some(ends)) => {
+                state.pending += 1;
+                state.effects += 1;
+                self.agenda.plan(ends, Item::End(index, undo));
+            }
+            (Some(undo), None) => state.standing = Some(undo),
+            (None, _) => {}
         }
     }
 
@@ -222,6 +326,26 @@ impl Run {
         }
     }
 
+    /// Ends a step before its time.
+    fn cut_short(&mut self, index: usize, now: SimTime) {
+        let mut ends = self.agenda.take_all_of(index);
+        ends.extend(self.steps[index].standing.take());
+        for undo in ends {
+            self.undo(index, undo);
+        }
+        for number in self.active_faults(index) {
+            self.clear_fault(index, number);
+        }
+        self.expected.retain(|expected| expected.step != index);
+        let state = &mut self.steps[index];
+        state.watching = false;
+        state.put_off = false;
+        state.all_begun = true;
+        state.effects = 0;
+        state.pending = 0;
+        self.check_done(index, now);
+    }
+
     /// Mends a fault, unless that has been done.
     pub(super) fn clear_fault(&mut self, index: usize, number: u64) {
         let Some(handle) = self.steps[index].faults.remove(&number) else {
@@ -234,13 +358,24 @@ impl Run {
         self.rig.clear(handle);
         let device = self.scenario.steps[index].device;
         if !self.is_line_disturbed(device) && self.excused_until[device] == SimTime::MAX {
-            self.excused_until[device] = self.rig.now() + super::judge::EXCUSED_AFTER;
+            let held_back = self.held_back(device);
+            self.excused_until[device] = self.rig.now() + super::judge::EXCUSED_AFTER + held_back;
         }
     }
 
     /// The numbers of a step's faults that go on.
     pub(super) fn active_faults(&self, index: usize) -> Vec<u64> {
         self.steps[index].faults.keys().copied().collect()
+    }
+
+    /// By how much bytes may be late at most that were sent while a fault was there.
+    fn held_back(&self, device: usize) -> Duration {
+        let steps = self.scenario.steps.iter();
+        let faults = steps.filter_map(|step| match &step.action {
+            Action::Fault(fault) if step.device == device => Some(fault.holds_back()),
+            _ => None,
+        });
+        faults.max().unwrap_or_default()
     }
 
     fn is_line_disturbed(&self, device: usize) -> bool {

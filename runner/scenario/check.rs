@@ -2,18 +2,21 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::time::Duration;
 
-use sim_core::SimTime;
 use sim_core::device::DeviceSpec;
 use sim_core::settings::SimSettings;
 use sim_settings::{Source, Span};
 use toml::Spanned;
 
 use super::actions::read_operator;
-use super::document::{DemandText, Document, RuleText, StepText};
+use super::document::{DemandText, Document, ResponseText, RuleText, StepText, TimeText};
 use super::problems::Problems;
-use super::{Action, Demand, HostAction, MOST_STEPS, Rule, Scenario, Step, Trigger, WorldAction};
-use crate::condition::{Condition, identifier};
+use super::{
+    Action, Cause, Demand, HostAction, MOST_STEPS, Response, Rule, Scenario, Step, Times, Trigger,
+    WorldAction,
+};
+use crate::condition::{Condition, Saved, Scope, identifier};
 use crate::report::client_report_codes;
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::suggest::{improve, nearest, or_allowed};
@@ -48,24 +51,34 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         limit: document.limit.get_ref().0,
         obstacles: Vec::new(),
         unnamed_faults: BTreeMap::new(),
+        saved: Vec::new(),
         problems,
     };
     checker.check_device_names();
     checker.check_tags(&document.tags);
     checker.note_names(&document.step);
-    let too_many = document.step.len() > MOST_STEPS
-        || document.always.len() + document.never.len() > MOST_STEPS;
+    let rules = document.always.len() + document.never.len() + document.response.len();
+    let too_many = document.step.len() > MOST_STEPS || rules > MOST_STEPS;
     if too_many {
         let why = format!("at most {MOST_STEPS} steps and {MOST_STEPS} conditions over time");
         checker.problems.add(0..0, &why);
         checker.problems.into_result()?;
         return Err(RigFileError(vec![why]));
     }
+    let remembered: Vec<_> = document
+        .step
+        .iter()
+        .map(|step| checker.remembered(step.get_ref()))
+        .collect();
     let steps: Vec<Option<Step>> = document
         .step
         .iter()
+        .zip(remembered)
         .enumerate()
-        .map(|(index, text)| checker.step(index, text))
+        .map(|(index, (text, remember))| {
+            let step = checker.step(index, text)?;
+            Some(Step { remember, ..step })
+        })
         .collect();
     let mut rules = Vec::new();
     for (texts, must_hold) in [(&document.always, true), (&document.never, false)] {
@@ -73,6 +86,11 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
             rules.extend(checker.rule(text, must_hold));
         }
     }
+    let responses: Vec<_> = document
+        .response
+        .iter()
+        .filter_map(|text| checker.response(text))
+        .collect();
     let demand = document
         .client_report
         .as_ref()
@@ -80,7 +98,7 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
     if let Some(steps) = steps.iter().map(Option::as_ref).collect::<Option<Vec<_>>>() {
         checker.check_order(&steps, &document.step, &rules);
     }
-    let obstacles = checker.obstacles;
+    let (obstacles, saved) = (checker.obstacles, checker.saved);
     checker.problems.into_result()?;
     Ok(Scenario {
         file: source.file.to_owned(),
@@ -94,20 +112,26 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         base: base.clone(),
         steps: steps.into_iter().flatten().collect(),
         rules: rules.into_iter().map(|(rule, _)| rule).collect(),
+        responses,
+        saved,
         demand,
         obstacles,
         rig,
     })
 }
 
-/// A step that whoever drives a run of the scenario adds; without a time it begins at zero.
-pub(super) fn read_step(source: Source<'_>, scenario: &Scenario) -> Result<Step, RigFileError> {
+/// A step that whoever drives a run of the scenario adds, and what is remembered with it; without a
+/// time it begins at zero.
+pub(super) fn read_step(
+    source: Source<'_>,
+    scenario: &Scenario,
+) -> Result<(Step, Vec<Saved>), RigFileError> {
     let mut text: StepText = toml::from_str(source.text).map_err(|error| {
         let line = source.syntax(&error).to_string();
         RigFileError(vec![improve(&line)])
     })?;
     if text.at.is_none() && text.when.is_none() && text.after.is_none() {
-        text.at = Some(Spanned::new(0..0, Span::default()));
+        text.at = Some(Spanned::new(0..0, TimeText::Exactly(Span::default())));
     }
     let devices = scenario.rig.devices.iter();
     let names = scenario.steps.iter().enumerate();
@@ -119,16 +143,28 @@ pub(super) fn read_step(source: Source<'_>, scenario: &Scenario) -> Result<Step,
         limit: scenario.limit,
         obstacles: Vec::new(),
         unnamed_faults: BTreeMap::new(),
+        saved: scenario.saved.clone(),
         problems: Problems::new(source),
     };
     let whole = 0..source.text.len();
-    if scenario.steps.len() >= MOST_STEPS {
-        let why = format!("a run has at most {MOST_STEPS} steps");
-        checker.problems.add(whole.clone(), &why);
+    if let Some(name) = &text.name
+        && checker.names.contains_key(name.get_ref())
+    {
+        let why = format!("a step is named \"{}\" already", name.get_ref());
+        checker.problems.add(name.span(), &why);
     }
+    let remember = checker.remembered(&text);
     let step = checker.step(scenario.steps.len(), &Spanned::new(whole, text));
     checker.problems.into_result()?;
-    step.ok_or_else(|| RigFileError(vec!["it is no step".to_owned()]))
+    let mut step = step.ok_or_else(|| RigFileError(vec!["it is no step".to_owned()]))?;
+    let own = step.name.clone();
+    let taken = |name: &str| scenario.steps.iter().any(|step| step.name == name);
+    let mut number = 1;
+    while taken(&step.name) {
+        number += 1;
+        step.name = format!("{own} {number}");
+    }
+    Ok((Step { remember, ..step }, checker.saved))
 }
 
 struct Checker<'a> {
@@ -137,11 +173,13 @@ struct Checker<'a> {
     tables: Tables<'a>,
     /// Steps by their names.
     names: BTreeMap<String, usize>,
-    limit: std::time::Duration,
+    limit: Duration,
     /// Obstacles that have to be there, and where the file says so.
     obstacles: Vec<(String, String)>,
     /// How many faults of each kind have no name.
     unnamed_faults: BTreeMap<&'static str, usize>,
+    /// What steps remember.
+    saved: Vec<Saved>,
     problems: Problems<'a>,
 }
 
@@ -158,13 +196,15 @@ impl Checker<'_> {
                 .iter()
                 .flat_map(|device| device.all_names())
                 .any(|info| info.name.split('.').next() == Some(own.as_str()));
-            let why =
-                if own.starts_with(|first: char| first.is_ascii_digit()) || own == "t" || group {
-                    Some(format!("in a scenario no device can be named \"{name}\""))
-                } else {
-                    seen.insert(own, *name)
-                        .map(|other| format!("conditions cannot tell \"{name}\" from \"{other}\""))
-                };
+            let why = if own.starts_with(|first: char| first.is_ascii_digit())
+                || ["t", "saved"].contains(&own.as_str())
+                || group
+            {
+                Some(format!("in a scenario no device can be named \"{name}\""))
+            } else {
+                seen.insert(own, *name)
+                    .map(|other| format!("conditions cannot tell \"{name}\" from \"{other}\""))
+            };
             if let Some(why) = why {
                 self.problems.add(0..0, &why);
             }
@@ -193,8 +233,61 @@ impl Checker<'_> {
     }
 
     fn condition(&mut self, text: &Spanned<String>) -> Option<Condition> {
-        let condition = Condition::parse(text.get_ref(), &self.devices);
+        let scope = Scope {
+            saved: &self.saved,
+            ..Scope::of(&self.devices)
+        };
+        let condition = Condition::parse(text.get_ref(), &scope);
         self.problems.take(text.span(), condition)
+    }
+
+    /// What a step remembers, which those behind it may remember something of.
+    fn remembered(&mut self, text: &StepText) -> Vec<(usize, Condition)> {
+        let mut remembered = Vec::new();
+        for (name, value) in &text.remember {
+            let scope = Scope {
+                saved: &self.saved,
+                ..Scope::of(&self.devices)
+            };
+            let read = Condition::parse_typed(value.get_ref(), &scope);
+            let Some((value, is_flag)) = self.problems.take(value.span(), read) else {
+                continue;
+            };
+            let own = name.get_ref();
+            let known = self.saved.iter().position(|saved| saved.name == *own);
+            let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            let index = known.unwrap_or(self.saved.len());
+            if !own.chars().all(letter) || own.starts_with(|c: char| c.is_ascii_digit()) {
+                let why = "a name for conditions has letters, digits and _, and no digit first";
+                self.problems.add(name.span(), why);
+            } else if known.is_none() {
+                let name = own.clone();
+                self.saved.push(Saved { name, is_flag });
+            } else if self.saved[index].is_flag != is_flag {
+                let why = "another step remembers something of another kind by this name";
+                self.problems.add(name.span(), why);
+            }
+            remembered.push((index, value));
+        }
+        remembered
+    }
+
+    fn times(&mut self, text: &Spanned<TimeText>) -> Option<Times> {
+        let times = match *text.get_ref() {
+            TimeText::Exactly(span) => Times {
+                min: span.0,
+                max: span.0,
+            },
+            TimeText::Between(range) => Times {
+                min: range.min.0,
+                max: range.max.0,
+            },
+        };
+        if times.min > times.max {
+            self.problems.add(text.span(), "`min` is more than `max`");
+            return None;
+        }
+        Some(times)
     }
 
     fn step_named(&mut self, name: &Spanned<String>) -> Option<usize> {
@@ -229,6 +322,10 @@ impl Checker<'_> {
         let trigger = self.trigger(text, at);
         let (action, trigger, device) = (action?, trigger?, device?);
         let (every, count, lasts) = self.timing(text, &action)?;
+        let until = match &text.until {
+            Some(until) => Some(self.condition(until)?),
+            None => None,
+        };
         if let Some(probability) = &text.probability
             && !(0.0..=1.0).contains(probability.get_ref())
         {
@@ -242,10 +339,16 @@ impl Checker<'_> {
         Some(Step {
             name,
             trigger,
-            delay: text.delay.unwrap_or_default().0,
+            delay: match &text.delay {
+                Some(delay) => self.times(delay)?,
+                None => Times::default(),
+            },
             every,
+            overlap: text.overlap,
             count,
             lasts,
+            until,
+            remember: Vec::new(),
             probability: text.probability.as_ref().map(|p| *p.get_ref()),
             may_not_trigger: text.may_not_trigger,
             only: text.only,
@@ -280,10 +383,11 @@ impl Checker<'_> {
     fn trigger(&mut self, text: &StepText, at: Range<usize>) -> Option<Trigger> {
         match (&text.at, &text.when, &text.after) {
             (Some(time), None, None) if text.delay.is_none() => {
-                if time.get_ref().0 > self.limit {
+                let times = self.times(time)?;
+                if times.max > self.limit {
                     self.problems.add(time.span(), "later than the run lasts");
                 }
-                Some(Trigger::At(SimTime::ZERO + time.get_ref().0))
+                Some(Trigger::At(times))
             }
             (None, Some(condition), None) => self.condition(condition).map(Trigger::When),
             (None, None, Some(name)) => self.step_named(name).map(Trigger::After),
@@ -348,6 +452,9 @@ impl Checker<'_> {
                 message: expect.message.clone(),
             }));
         }
+        if actions.is_empty() && (text.name.is_some() || !text.remember.is_empty()) {
+            return Some(Action::Nothing);
+        }
         if actions.len() != 1 {
             let why = "exactly one of `host`, `fault`, `clear`, `operator`, `world` and `expect` \
                        says what the step does";
@@ -359,13 +466,19 @@ impl Checker<'_> {
 
     /// How often, and how long each time lasts.
     fn timing(&mut self, text: &StepText, action: &Action) -> Option<Timing> {
-        let every = text.every.as_ref().map(|every| every.get_ref().0);
-        if let Some(spanned) = text
-            .every
-            .as_ref()
-            .filter(|every| every.get_ref().0.is_zero())
+        let every = match &text.every {
+            Some(every) => Some(self.times(every)?),
+            None => None,
+        };
+        if let (
+            Some(Times {
+                min: Duration::ZERO,
+                ..
+            }),
+            Some(text),
+        ) = (every, &text.every)
         {
-            self.problems.add(spanned.span(), "some time has to pass");
+            self.problems.add(text.span(), "some time has to pass");
             return None;
         }
         if let Some(count) = &text.count
@@ -376,37 +489,60 @@ impl Checker<'_> {
             return None;
         }
         let count = text.count.as_ref().map(|count| *count.get_ref());
-        let Some(lasts) = &text.lasts else {
+        let lasts = match &text.lasts {
+            Some(lasts) => Some((self.times(lasts)?, lasts.span())),
+            None => None,
+        };
+        let until = text.until.as_ref().map(Spanned::span);
+        let Some(end_at) = lasts.as_ref().map(|(_, at)| at.clone()).or(until) else {
             return Some((every, count, None));
         };
-        let span = lasts.get_ref().0;
         let ends = match action {
             Action::Host(_) | Action::Expect { .. } => {
-                let Some(every) = every.filter(|_| count.is_none()) else {
+                let with_count = lasts.is_some() && count.is_some();
+                if every.is_none() || with_count {
                     let why = "says how long this is repeated: it needs `every`, and no `count`";
-                    self.problems.add(lasts.span(), why);
+                    self.problems.add(end_at, why);
                     return None;
-                };
-                let times = span.as_nanos().div_ceil(every.as_nanos()).max(1);
-                let times = u32::try_from(times).unwrap_or(u32::MAX);
-                return Some((Some(every), Some(times), Some(span)));
+                }
+                true
             }
             Action::Fault(_) => true,
-            Action::Clear(_) => false,
+            Action::Clear(_) | Action::Nothing => false,
             Action::Operator(action) => action.can_end(),
             Action::World(action) => action.can_end(),
         };
         if !ends {
-            self.problems
-                .add(lasts.span(), "this cannot be undone after a time");
+            let why = "this cannot be undone after a time";
+            self.problems.add(end_at, why);
             return None;
         }
-        if every.is_some_and(|every| every < span) {
-            let why = "each time has to be over before the next one";
-            self.problems.add(lasts.span(), why);
-            return None;
+        Some((every, count, lasts.map(|(lasts, _)| lasts)))
+    }
+
+    fn response(&mut self, text: &ResponseText) -> Option<Response> {
+        let to = match (&text.whenever, &text.step) {
+            (Some(whenever), None) => self.condition(whenever).map(Cause::Whenever),
+            (None, Some(name)) => self.step_named(name).map(Cause::Step),
+            _ => {
+                let why = "exactly one of `whenever` and `step` says what this is a response to";
+                self.problems.add(text.then.span(), why);
+                None
+            }
+        };
+        let then = self.condition(&text.then);
+        let within = text.within.unwrap_or_default().0;
+        if let Some(until) = text.until.as_ref().filter(|u| u.get_ref().0 < within) {
+            self.problems.add(until.span(), "is before `within`");
         }
-        Some((every, count, Some(span)))
+        Some(Response {
+            to: to?,
+            then: then?,
+            within,
+            until: text.until.as_ref().map(|until| until.get_ref().0),
+            message: text.message.clone(),
+            only: text.only,
+        })
     }
 
     fn rule(&mut self, text: &RuleText, must_hold: bool) -> Option<(Rule, Option<Range<usize>>)> {
@@ -426,6 +562,7 @@ impl Checker<'_> {
             that: that?,
             must_hold,
             message: text.message.clone(),
+            longer_than: text.longer_than.unwrap_or_default().0,
             from,
             until,
             after,
@@ -490,7 +627,7 @@ impl Checker<'_> {
             .filter_map(|(rule, at)| Some((rule.after?, at.clone()?)));
         waits.extend(of_rules);
         for (other, at) in waits {
-            if steps[other].every.is_some() && steps[other].count.is_none() {
+            if steps[other].is_endless() {
                 let name = &steps[other].name;
                 let why = format!("\"{name}\" is repeated without end, so it is never done");
                 self.problems.add(at, &why);
@@ -500,11 +637,7 @@ impl Checker<'_> {
 }
 
 /// Times between repetitions, their number, and how long each lasts.
-type Timing = (
-    Option<std::time::Duration>,
-    Option<u32>,
-    Option<std::time::Duration>,
-);
+type Timing = (Option<Times>, Option<u32>, Option<Times>);
 
 /// Whether following what a step waits for leads back to it.
 fn comes_back(steps: &[&Step], start: usize) -> bool {

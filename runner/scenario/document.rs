@@ -1,9 +1,12 @@
 //! The form of a scenario file. The comments are the descriptions in its JSON Schema.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use sim_core::fault::parameters::LinkName;
 use sim_settings::{Angle, Length, Span};
 use toml::Spanned;
@@ -60,13 +63,18 @@ pub(crate) struct Document {
     /// Conditions that must not hold at any time.
     #[serde(default)]
     pub never: Vec<RuleText>,
+    /// What has to come each time that something happens.
+    #[serde(default)]
+    pub response: Vec<ResponseText>,
     /// What the client report may have in it; anything unless given.
     #[schemars(with = "Option<DemandText>")]
     pub client_report: Option<Spanned<DemandText>>,
 }
 
 /// One thing that happens: one of `at`, `when` and `after` says when, and one of `host`, `fault`,
-/// `clear`, `operator`, `world` and `expect` says what.
+/// `clear`, `operator`, `world` and `expect` says what. A step that only remembers, or that others wait
+/// for, needs none of these. Times may be ranges, `{ min = "1 s", max = "5 s" }`, from which one is drawn
+/// each time.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StepText {
@@ -74,8 +82,8 @@ pub(crate) struct StepText {
     #[schemars(with = "Option<String>")]
     pub name: Option<Spanned<String>>,
     /// So long after the start.
-    #[schemars(with = "Option<Span>")]
-    pub at: Option<Spanned<Span>>,
+    #[schemars(with = "Option<TimeText>")]
+    pub at: Option<Spanned<TimeText>>,
     /// As soon as this condition holds.
     #[schemars(with = "Option<String>")]
     pub when: Option<Spanned<String>>,
@@ -83,15 +91,22 @@ pub(crate) struct StepText {
     #[schemars(with = "Option<String>")]
     pub after: Option<Spanned<String>>,
     /// So long after `when` or `after` says.
-    pub delay: Option<Span>,
+    #[schemars(with = "Option<TimeText>")]
+    pub delay: Option<Spanned<TimeText>>,
     /// How long it lasts: the fault is cleared then, the key released, the load taken off. With a
     /// host's step, how long it is repeated.
     #[serde(rename = "for")]
-    #[schemars(with = "Option<Span>")]
-    pub lasts: Option<Spanned<Span>>,
+    #[schemars(with = "Option<TimeText>")]
+    pub lasts: Option<Spanned<TimeText>>,
+    /// It ends as soon as this condition holds: it is repeated no more, and what it did is undone.
+    #[schemars(with = "Option<String>")]
+    pub until: Option<Spanned<String>>,
     /// Once more each time that so much time has passed.
-    #[schemars(with = "Option<Span>")]
-    pub every: Option<Spanned<Span>>,
+    #[schemars(with = "Option<TimeText>")]
+    pub every: Option<Spanned<TimeText>>,
+    /// What becomes of a repetition that falls into the last one's time; it waits unless given.
+    #[serde(default)]
+    pub overlap: Overlap,
     /// How often altogether; without end unless given.
     #[schemars(with = "Option<u32>", extend("minimum" = 1))]
     pub count: Option<Spanned<u32>>,
@@ -103,6 +118,11 @@ pub(crate) struct StepText {
     pub may_not_trigger: bool,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
+    /// Values of expressions at this time, for conditions from then on: `{ x0 = "truth.x_m" }` gives
+    /// `saved.x0`.
+    #[serde(default)]
+    #[schemars(with = "std::collections::BTreeMap<String, String>")]
+    pub remember: std::collections::BTreeMap<Spanned<String>, Spanned<String>>,
     /// Which device it is about; may be left out when there is one.
     #[schemars(with = "Option<String>")]
     pub device: Option<Spanned<String>>,
@@ -124,6 +144,63 @@ pub(crate) struct StepText {
     pub world: Option<Spanned<toml::Value>>,
     /// A condition holds now, or within a time.
     pub expect: Option<ExpectText>,
+}
+
+/// A time, or a range from which one is drawn.
+#[derive(Debug, Clone, Copy, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum TimeText {
+    /// Always the same.
+    Exactly(Span),
+    /// Drawn each time.
+    Between(RangeText),
+}
+
+/// A time between two others.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RangeText {
+    /// The shortest.
+    pub min: Span,
+    /// The longest.
+    pub max: Span,
+}
+
+impl<'de> Deserialize<'de> for TimeText {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+
+        impl<'de> Visitor<'de> for Either {
+            type Value = TimeText;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "a time with its unit, as in \"250ms\" or \"3 s\", or a range, as in \
+                     { min = \"1 s\", max = \"5 s\" }",
+                )
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<TimeText, E> {
+                text.parse().map(TimeText::Exactly).map_err(E::custom)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TimeText, A::Error> {
+                RangeText::deserialize(MapAccessDeserializer::new(map)).map(TimeText::Between)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// What becomes of a repetition that falls into the last one's time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Overlap {
+    /// It begins when the last one is over.
+    #[default]
+    Wait,
+    /// It is left out.
+    Drop,
 }
 
 /// With whom.
@@ -254,6 +331,8 @@ pub(crate) struct RuleText {
     pub that: Spanned<String>,
     /// What to say if it is violated.
     pub message: Option<String>,
+    /// It is violated when that has gone on for longer than this; at once unless given.
+    pub longer_than: Option<Span>,
     /// From when on: so long after the start, or after the step that `after` names is done.
     pub from: Option<Span>,
     /// Until when: so long after the start, or after that step is done.
@@ -262,6 +341,30 @@ pub(crate) struct RuleText {
     /// Counts from when the step of this name is done.
     #[schemars(with = "Option<String>")]
     pub after: Option<Spanned<String>>,
+    /// In which runs it counts; in all unless given.
+    pub only: Option<Only>,
+}
+
+/// What has to come each time that something happens: `whenever` or `step` says what.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ResponseText {
+    /// Each time that this condition becomes true.
+    #[schemars(with = "Option<String>")]
+    pub whenever: Option<Spanned<String>>,
+    /// Each time that the step of this name happens.
+    #[schemars(with = "Option<String>")]
+    pub step: Option<Spanned<String>>,
+    /// The condition that has to hold then.
+    #[schemars(with = "String")]
+    pub then: Spanned<String>,
+    /// By when, after that; at once unless given.
+    pub within: Option<Span>,
+    /// It has to hold on until so long after that; for a moment unless given.
+    #[schemars(with = "Option<Span>")]
+    pub until: Option<Spanned<Span>>,
+    /// What to say if it does not.
+    pub message: Option<String>,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
 }

@@ -37,7 +37,10 @@ fn a_full_scenario_is_read() {
         .firmware
         .heartbeat_timeout;
     assert_eq!(timeout.as_secs(), 2);
-    assert_eq!(scenario.steps[0].count, Some(20));
+    assert_eq!(
+        scenario.steps[0].lasts.map(|lasts| (lasts.min, lasts.max)),
+        Some((Duration::from_secs(1), Duration::from_secs(1)))
+    );
     assert_eq!(scenario.steps[1].name, "step 2");
     assert!(scenario.has_script());
 }
@@ -182,8 +185,50 @@ fn errors_name_file_line_key_and_what_is_allowed() {
             "it needs `every`",
         ),
         (
-            &format!("{step}for = \"2s\"\nevery = \"1s\"\noperator = {{ press = \"left\" }}"),
-            "over before the next",
+            &format!(
+                "{step}every = {{ min = \"2s\", max = \"1s\" }}\nhost = {{ send = \"heartbeat\" }}"
+            ),
+            "s.toml:9:9: `step.every`: `min` is more than `max`",
+        ),
+        (
+            &format!(
+                "{step}delay = {{ min = \"2s\", max = 3 }}\nhost = {{ send = \"heartbeat\" }}"
+            ),
+            "a time with its unit",
+        ),
+        (
+            &format!("{step}until = \"t > 2\"\nhost = {{ send = \"heartbeat\" }}"),
+            "it needs `every`",
+        ),
+        // What is remembered.
+        (
+            "[[never]]\nthat = \"saved.x0 > 1\"",
+            "no step remembers `x0`; one does with `remember = { x0",
+        ),
+        (
+            &format!(
+                "{step}remember = {{ start = \"truth.x_m\" }}\n[[never]]\nthat = \"saved.strat > 1\""
+            ),
+            "no step remembers `strat`, did you mean `saved.start`?",
+        ),
+        (
+            &format!(
+                "{step}remember = {{ x0 = \"truth.x_m\" }}\n{step}remember = {{ x0 = \"truth.at_rest\" }}"
+            ),
+            "of another kind",
+        ),
+        (
+            &format!("{step}remember = {{ a-b = \"truth.x_m\" }}"),
+            "letters, digits and _",
+        ),
+        // Responses.
+        (
+            "[[response]]\nthen = \"truth.at_rest\"",
+            "exactly one of `whenever` and `step`",
+        ),
+        (
+            "[[response]]\nwhenever = \"t > 1\"\nthen = \"truth.at_rest\"\nwithin = \"2s\"\nuntil = \"1s\"",
+            "s.toml:11:9: `response.until`: is before `within`",
         ),
         (
             &format!("{step}probability = 2\noperator = \"lock\""),

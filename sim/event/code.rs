@@ -1,6 +1,7 @@
 //! What events are called, and whom they are held against.
 
 use std::fmt;
+use std::time::Duration;
 
 /// Whom an event is held against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,6 +17,9 @@ pub enum Blame {
     ClientUnlessLate,
     /// The client, unless either was so.
     ClientUnlessDisturbedOrLate,
+    /// The client, unless something disturbed its line in the second before: what it sends at a steady
+    /// rate may come in a burst then.
+    ClientUnlessHeldBack,
 }
 
 impl Blame {
@@ -24,8 +28,19 @@ impl Blame {
     pub const fn spares_disturbed(self) -> bool {
         matches!(
             self,
-            Self::ClientUnlessDisturbed | Self::ClientUnlessDisturbedOrLate
+            Self::ClientUnlessDisturbed
+                | Self::ClientUnlessDisturbedOrLate
+                | Self::ClientUnlessHeldBack
         )
+    }
+
+    /// For how long what has happened counts for it.
+    #[must_use]
+    pub const fn looks_back(self) -> Duration {
+        match self {
+            Self::ClientUnlessHeldBack => Duration::from_secs(1),
+            _ => Duration::ZERO,
+        }
     }
 
     /// Whether nobody is to blame when the simulator was late.

@@ -1,5 +1,7 @@
 //! What a fault is about.
 
+use std::time::Duration;
+
 use super::parameters::{Direction, LinkName, Motors};
 use super::{Fault, FaultLevel};
 
@@ -54,6 +56,15 @@ impl Fault {
             | Self::BrakeStuckOn { motors }
             | Self::BrakeStuckOpen { motors } => Some(*motors),
             _ => None,
+        }
+    }
+
+    /// By how much bytes of a client may still be late when it has ended.
+    #[must_use]
+    pub fn holds_back(&self) -> Duration {
+        match self {
+            Self::Delay { by, jitter, .. } => by.0 + jitter.0,
+            _ => Duration::ZERO,
         }
     }
 

@@ -110,12 +110,12 @@ impl JsonSchema for HexBytes {
 /// Declares a choice of words.
 macro_rules! words {
     ($( $(#[doc = $doc:literal])+ $name:ident $(default $default:ident)? {
-        $( $(#[doc = $about:literal])+ $variant:ident = $word:literal, )+
+        $( $(#[doc = $about:literal])+ $variant:ident = $word:literal $(or $alias:literal)?, )+
     } )+) => { $(
         $(#[doc = $doc])+
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
         pub enum $name {
-            $( $(#[doc = $about])+ #[serde(rename = $word)] $variant, )+
+            $( $(#[doc = $about])+ #[serde(rename = $word $(, alias = $alias)?)] $variant, )+
         }
 
         impl $name {
@@ -160,20 +160,20 @@ words! {
         /// The length field alone lies.
         Field = "field",
     }
-    /// An output of the R150's module.
+    /// An output of the R150's module. Its name in conditions will do as well: `v12a`.
     RailName {
         /// 12 V output A.
-        V12A = "12v-a",
+        V12A = "12v-a" or "v12a",
         /// 12 V output B.
-        V12B = "12v-b",
+        V12B = "12v-b" or "v12b",
         /// 12 V output C.
-        V12C = "12v-c",
+        V12C = "12v-c" or "v12c",
         /// 12 V output D.
-        V12D = "12v-d",
+        V12D = "12v-d" or "v12d",
         /// The 48 V output.
-        V48 = "48v",
+        V48 = "48v" or "v48",
         /// The 5 V outputs.
-        V5 = "5v",
+        V5 = "5v" or "v5",
     }
     /// A pair of 12 V outputs, which share a converter.
     PairName {

@@ -30,7 +30,7 @@ crate::codes! {
     /// Reserved bits in a power control request.
     RESERVED_BITS = "reserved_bits", ClientUnlessDisturbed;
     /// Motor commands came faster than they can be answered.
-    OVER_RATE = "over_rate", Client;
+    OVER_RATE = "over_rate", ClientUnlessHeldBack;
     /// A command was refused because the app holds control.
     APP_IN_CONTROL = "app_in_control", Nobody;
     /// A motor command does not move the vehicle.

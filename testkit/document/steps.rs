@@ -21,6 +21,14 @@ impl Writer<'_> {
         if name == "Fault" {
             return self.fault();
         }
+        if name == "RangeText" {
+            let least = Value::from("0 s");
+            let most = self.defined("Span", "max");
+            return Value::Table(Table::from_iter([
+                ("min".to_owned(), least),
+                ("max".to_owned(), most),
+            ]));
+        }
         if name == "SignalText" {
             let generator = &["from_output"][..];
             let output = &["frequency", "duty", "high"][..];
@@ -91,6 +99,23 @@ impl Writer<'_> {
                 .collect();
             document.insert(list.to_owned(), Value::Array(rules));
         }
+        let responses: Vec<Value> = (0..self.choices.below(3))
+            .map(|_| {
+                let schema = &self.schema["$defs"]["ResponseText"];
+                let mut response = self.object(schema, &["step", "whenever", "until"]);
+                if let Value::Table(response) = &mut response {
+                    let (cause, value) = if count > 0 && self.choices.once_in(2) {
+                        ("step", format!("s{}", self.choices.below(count)))
+                    } else {
+                        let devices = &self.devices;
+                        ("whenever", condition::condition(&mut self.choices, devices))
+                    };
+                    response.insert(cause.to_owned(), Value::from(value));
+                }
+                response
+            })
+            .collect();
+        document.insert("response".to_owned(), Value::Array(responses));
         if self.choices.once_in(4) {
             let report = self.value(&self.schema["$defs"]["DemandText"], "client_report");
             document.insert("client_report".to_owned(), report);
@@ -109,7 +134,7 @@ impl Writer<'_> {
         put("device", Value::from(name));
         match self.choices.below(4) {
             0 | 1 => {
-                let at = self.defined("Span", "at");
+                let at = self.defined("TimeText", "at");
                 put("at", at);
             }
             2 if index > 0 => {
@@ -145,7 +170,17 @@ impl Writer<'_> {
             self.mend(action, has_links);
         }
         if key == "fault" && self.choices.once_in(2) {
-            put("for", Value::from("50 ms"));
+            let lasts = self.defined("TimeText", "for");
+            put("for", lasts);
+        }
+        if key == "fault" && self.choices.once_in(4) {
+            let until = condition::condition(&mut self.choices, &self.devices);
+            put("until", Value::from(until));
+        }
+        if self.choices.once_in(4) {
+            let value = condition::condition(&mut self.choices, &self.devices);
+            let remembered = Table::from_iter([("x0".to_owned(), Value::from(value))]);
+            put("remember", Value::Table(remembered));
         }
         put(key, action);
         if self.choices.once_in(4) && !self.choices.is_odd() {

@@ -1,0 +1,60 @@
+//! How near a condition that does not hold is to holding.
+
+use cel::common::ast::{CallExpr, Expr, operators};
+use cel::parser::Expression;
+
+use super::{Condition, Situation, Value};
+
+/// What is false and cannot be more or less so.
+const FAR: f64 = 1.0;
+
+impl Condition {
+    /// How near it is to holding, 0 at most; larger is nearer. Numbers that are compared count by how
+    /// far they are apart, as a part of the larger one; of what must hold together, all that does not
+    /// counts.
+    #[must_use]
+    pub fn nearness(&self, situation: Situation<'_>) -> f64 {
+        self.margin(&self.expression, situation).min(0.0)
+    }
+
+    /// Positive where it holds.
+    fn margin(&self, part: &Expression, situation: Situation<'_>) -> f64 {
+        if let Expr::Call(call) = &part.expr
+            && let Some(margin) = self.margin_of_call(call, situation)
+        {
+            return margin;
+        }
+        match self.value_of(part, situation) {
+            Ok(Value::Flag(true)) => FAR,
+            _ => -FAR,
+        }
+    }
+
+    fn margin_of_call(&self, call: &CallExpr, situation: Situation<'_>) -> Option<f64> {
+        let margin = |at: usize| Some(self.margin(call.args.get(at)?, situation));
+        let number = |at: usize| match self.value_of(call.args.get(at)?, situation) {
+            Ok(Value::Number(number)) if number.is_finite() => Some(number),
+            _ => None,
+        };
+        let apart = || {
+            let (left, right) = (number(0)?, number(1)?);
+            let larger = left.abs().max(right.abs()).max(f64::MIN_POSITIVE);
+            Some((left - right) / larger)
+        };
+        match call.func_name.as_str() {
+            operators::LOGICAL_NOT => Some(-margin(0)?),
+            operators::LOGICAL_OR => Some(margin(0)?.max(margin(1)?)),
+            operators::LOGICAL_AND => {
+                let (left, right) = (margin(0)?, margin(1)?);
+                Some(match left < 0.0 && right < 0.0 {
+                    true => left + right,
+                    false => left.min(right),
+                })
+            }
+            operators::LESS | operators::LESS_EQUALS => Some(-apart()?),
+            operators::GREATER | operators::GREATER_EQUALS => apart(),
+            operators::EQUALS => Some(-apart()?.abs()),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! What has to come each time that something happens.
+
+use std::sync::Arc;
+
+use sim_core::SimTime;
+use sim_settings::show_duration;
+
+use super::Run;
+use super::agenda::Item;
+use super::judge::with_message;
+use super::outcome::Failure;
+use crate::scenario::{Cause, Response};
+
+/// How many responses to one cause are waited for at a time; further ones are not judged.
+const MOST_PENDING: usize = 1000;
+
+/// What is known of a response.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ResponseState {
+    /// Whether its cause holds.
+    caused: bool,
+    pending: Vec<Pending>,
+}
+
+/// A response that is waited for.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    since: SimTime,
+    /// It has come, and has to stay.
+    came: bool,
+}
+
+impl Run {
+    /// Whether any condition is to be looked at for a response.
+    pub(super) fn awaits_responses(&self) -> bool {
+        let all = self.scenario.responses.iter().zip(&self.responses);
+        all.into_iter().any(|(response, state)| {
+            let watched = matches!(response.to, Cause::Whenever(_)) && self.counts(response.only);
+            watched || !state.pending.is_empty()
+        })
+    }
+
+    /// A step happens, which may be what responses are to.
+    pub(super) fn cause_responses(&mut self, step: usize, now: SimTime) {
+        let scenario = Arc::clone(&self.scenario);
+        for (index, response) in scenario.responses.iter().enumerate() {
+            if matches!(response.to, Cause::Step(cause) if cause == step) {
+                self.await_response(index, response, now);
+            }
+        }
+    }
+
+    fn await_response(&mut self, index: usize, response: &Response, now: SimTime) {
+        let pending = self.responses[index].pending.len();
+        if !self.counts(response.only) || pending >= MOST_PENDING {
+            return;
+        }
+        let (since, came) = (now, false);
+        self.responses[index].pending.push(Pending { since, came });
+        for end in [Some(response.within), response.until]
+            .into_iter()
+            .flatten()
+        {
+            self.agenda.plan(now + end, Item::Look);
+        }
+    }
+
+    pub(super) fn judge_responses(&mut self, now: SimTime) {
+        let scenario = Arc::clone(&self.scenario);
+        for (index, response) in scenario.responses.iter().enumerate() {
+            if let Cause::Whenever(cause) = &response.to {
+                let caused = self.holds(cause).unwrap_or(false);
+                let before = std::mem::replace(&mut self.responses[index].caused, caused);
+                if caused && !before {
+                    self.await_response(index, response, now);
+                }
+            }
+            self.judge_response(index, response, now);
+        }
+    }
+
+    fn judge_response(&mut self, index: usize, response: &Response, now: SimTime) {
+        if self.responses[index].pending.is_empty() {
+            return;
+        }
+        let holds = self.holds(&response.then).unwrap_or(false);
+        let mut failed = Vec::new();
+        self.responses[index].pending.retain_mut(|pending| {
+            let over = |time| now >= pending.since + time;
+            if !holds {
+                let too_late = pending.came || over(response.within);
+                if too_late {
+                    failed.push(*pending);
+                }
+                return !too_late;
+            }
+            pending.came = true;
+            response.until.is_some_and(|until| !over(until))
+        });
+        for pending in failed {
+            let what = self.not_answered(response, pending);
+            self.note_failure(Failure {
+                at: now,
+                step: None,
+                what,
+            });
+        }
+    }
+
+    fn not_answered(&self, response: &Response, pending: Pending) -> String {
+        let cause = match &response.to {
+            Cause::Whenever(cause) => format!("`{}` began", cause.text()),
+            Cause::Step(step) => format!("\"{}\" happened", self.scenario.steps[*step].name),
+        };
+        let (then, since) = (response.then.text(), pending.since);
+        let demand = match (pending.came, response.until) {
+            (true, Some(until)) => {
+                format!("`{then}` had to last for {} after", show_duration(until))
+            }
+            _ => format!(
+                "expected `{then}` within {} after",
+                show_duration(response.within)
+            ),
+        };
+        let found = self.explain(&response.then);
+        let text = format!("{demand} {cause} at {since} s, but {found}");
+        with_message(response.message.as_deref(), &text)
+    }
+}
