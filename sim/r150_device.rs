@@ -24,6 +24,7 @@ pub mod protection;
 pub mod reply;
 mod requests;
 pub mod settings;
+pub mod speed;
 mod telemetry;
 pub mod vehicle;
 
@@ -46,6 +47,7 @@ use motors::{FULL, Motors};
 use protection::Protection;
 use reply::{Reply, SystemInfo};
 use settings::R150FirmwareSettings;
+use speed::Speedometer;
 use vehicle::{Action, Drive, Start, Vehicle};
 
 /// Most events kept for whoever takes them; the oldest go first.
@@ -61,6 +63,8 @@ pub struct R150Device {
     motors: Motors,
     vehicle: Vehicle,
     measured: R150Measurements,
+    /// Of the right and the left motor.
+    speeds: [Speedometer; 2],
     noise: Noise,
     /// Draws how long replies take.
     reply_time: Noise,
@@ -101,6 +105,8 @@ impl R150Device {
             motors: Motors::default(),
             vehicle: Vehicle::new(start, &settings),
             measured,
+            speeds: [measured.motor_turns.right, measured.motor_turns.left]
+                .map(|turns| Speedometer::new(&settings, SimTime::ZERO, turns)),
             noise,
             reply_time,
             replies: VecDeque::new(),
@@ -148,6 +154,7 @@ impl R150Device {
         if self.overlooks(measured) {
             return;
         }
+        self.read_encoders(now, measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
         match (was_powered, measured.module_powered) {
             (true, false) => self.lose_power(now),
