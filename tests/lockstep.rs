@@ -101,6 +101,33 @@ fn the_scenario_begins_when_the_client_opens_its_port() {
     );
 }
 
+/// Also where nothing but its bytes happens.
+#[test]
+fn a_client_has_its_bytes_when_they_arrive_whether_they_are_recorded_or_not() {
+    let quiet = &DRIVE[..DRIVE.find("[[step]]").unwrap()];
+    let client = format!(
+        "{OPEN} stty raw -echo <&3; for i in 1 2 3; do \
+         printf '\\252\\125\\000\\360\\367\\007' >&3; head -c 14 <&3 | od -An -tx1; date +%N; done; exit 1"
+    );
+    let args = ["--seed", "1", "drive.toml", "--output", "out"];
+    let said = [&args[..3], &args].map(|args| {
+        let folder = Folder::with(&[("drive.toml", quiet)]);
+        let ended = run(&folder, args, &["sh", "-c", &client]);
+        assert!(ended.out.contains("aa 55 08 f0"), "{}", ended.out);
+        let said = ended.out.lines().filter(|line| line.starts_with("    "));
+        said.map(str::to_owned).collect::<Vec<_>>()
+    });
+    assert_eq!(said[0], said[1]);
+}
+
+#[test]
+fn a_client_at_a_wrong_speed_is_told_of_it() {
+    let client = format!(
+        "{OPEN} stty raw -echo 9600 <&3; printf '\\252\\125\\000\\360' >&3; sleep 1; exit 1"
+    );
+    script(&[], &client, 1, "the client has set 9600 baud");
+}
+
 #[test]
 fn how_a_client_ends_is_judged() {
     script(
