@@ -70,6 +70,7 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
         "battery-empty",
         "charge-drop",
         "fuse-blown",
+        "can-failing",
         "blocked",
         "dragging",
         "free-wheeling",

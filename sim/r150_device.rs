@@ -14,6 +14,7 @@
 //! Bytes that arrive exactly at a deadline come before it.
 
 mod bursts;
+pub mod can;
 pub mod codec;
 pub mod command;
 pub mod control;
@@ -40,6 +41,7 @@ use sim_settings::SimTime;
 use crate::defects::{DefectCounts, Defects};
 use crate::noise::Noise;
 use crate::uart;
+use can::{Can, CanFailure};
 use codec::Decoder;
 use control::{Control, FULL_DUTY, Parts};
 pub use event::{R150Event, ValueError};
@@ -61,6 +63,8 @@ pub struct R150Device {
     control: Control,
     protection: Protection,
     motors: Motors,
+    /// Between the module and the vehicle's controller.
+    can: Can,
     vehicle: Vehicle,
     measured: R150Measurements,
     /// Of the right and the left motor.
@@ -103,6 +107,7 @@ impl R150Device {
             control: Control::new(&settings),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
+            can: Can::new(settings.can_timeout),
             vehicle: Vehicle::new(start, &settings),
             measured,
             speeds: [measured.motor_turns.right, measured.motor_turns.left]
@@ -151,6 +156,7 @@ impl R150Device {
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
+        self.can.follow(now, self.motors.set_point());
         if self.overlooks(measured) {
             return;
         }
@@ -203,6 +209,7 @@ impl R150Device {
         let next = earlier(next, self.motors.watchdog());
         let next = earlier(next, self.motors.answer_due());
         let next = earlier(next, self.protection.deadline());
+        let next = earlier(next, self.can.deadline());
         earlier(next, self.replies.front().map(|(due, _)| *due))
     }
 
@@ -227,9 +234,10 @@ impl R150Device {
     pub fn commands(&self) -> R150Commands {
         let power = self.power_status();
         let remote_pwm = i16::try_from(self.settings.remote_pwm).unwrap_or(FULL);
+        let set_point = self.heard_set_point();
         let drive = self
             .vehicle
-            .drive(self.motors.set_point(), remote_pwm, self.battery_empty());
+            .drive(set_point, remote_pwm, self.battery_empty());
         let (duty, propulsion_power) = match drive {
             Drive::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
             Drive::Open => ([0.0; 2], false),
@@ -238,7 +246,7 @@ impl R150Device {
         R150Commands {
             motor_duty: Sides::from(duty),
             propulsion_power,
-            parking_brake: self.vehicle.holds(self.motors.set_point()) || stopped,
+            parking_brake: self.vehicle.holds(set_point) || stopped,
             tail_power: !(self.vehicle.emergency_stop() && self.settings.emergency_stop_cuts_tail),
             rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
             pwm_out_duty: self
@@ -257,6 +265,18 @@ impl R150Device {
     #[must_use]
     pub fn control(&self) -> &Control {
         &self.control
+    }
+
+    /// The CAN to the vehicle's controller fails in this way, or works.
+    pub fn set_can_failure(&mut self, now: SimTime, failure: Option<CanFailure>) {
+        self.advance_before(now);
+        self.can.fail(now, self.motors.set_point(), failure);
+    }
+
+    /// The motor set-point as the vehicle's controller has heard it, right then left, ±1000.
+    #[must_use]
+    pub fn heard_set_point(&self) -> [i16; 2] {
+        self.can.heard(self.motors.set_point())
     }
 
     /// The motor set-point in effect, right then left, ±1000.
@@ -310,6 +330,7 @@ impl R150Device {
     /// Does what is due at `now` and not earlier.
     fn serve(&mut self, due: SimTime) {
         let now = due.max(self.not_before);
+        self.can.follow(now, self.motors.set_point());
         if self.boot_due.is_some() {
             self.boot(now);
             return;

@@ -147,6 +147,9 @@ settings! {
         /// Whether the motors stop when the battery is empty.
         empty_battery_stops: bool = true,
             assumed "the manual reports the charge and says nothing about its end";
+        /// Silence on the CAN after which the vehicle's controller stops the motors.
+        can_timeout: Duration = MS(500), range MS(1)..=S(3600),
+            assumed "as long as the module itself waits for its client";
         /// Pulses of a motor's encoder for one turn of its shaft.
         speed_pulses: u32 = 1024, range 1..=1_000_000,
             assumed "a magnetic encoder of ten bits; the manual gives the unit only";
