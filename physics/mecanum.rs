@@ -96,7 +96,7 @@ impl MecanumPlant {
         world: &mut World,
         pose: Pose,
     ) -> Self {
-        let drive = Drive::new(settings);
+        let drive = Drive::new(name, settings);
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
