@@ -405,6 +405,10 @@ pub(crate) struct ServeArgs {
     /// judge the outcome. The file names the devices; --pty is where the first is served.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
     pub(crate) scenario: Option<PathBuf>,
+    /// How long a busy machine may hold the simulator up in all, while the client's clock goes on. When
+    /// it is longer and the scenario fails, that is an error of the machine: exit code 3.
+    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
+    pub(crate) max_hold_up: Span,
     /// In which state it begins, if it has a choice [default: the first].
     #[arg(long)]
     pub(crate) start: Option<String>,

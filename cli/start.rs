@@ -49,12 +49,14 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
         run.fail("a signal ended it before the scenario's end".to_owned());
     }
     let outcome = run.end().clone();
+    let held_up = session.server.held_up();
+    let is_spoilt = !outcome.passed && held_up.total > args.max_hold_up.0;
     let verdict = match args.log_format {
-        LogFormat::Text => run::verdict_text(&outcome),
-        LogFormat::Json => visible::json(&run::verdict_json(&outcome)),
+        LogFormat::Text => run::verdict_text(&outcome, held_up, is_spoilt),
+        LogFormat::Json => visible::json(&run::verdict_json(&outcome, held_up, is_spoilt)),
     };
     session.finish(Some(verdict))?;
-    Ok(if broken_off {
+    Ok(if broken_off || is_spoilt {
         Exit::System
     } else if outcome.passed {
         Exit::Clean

@@ -39,9 +39,11 @@
 pub mod differential;
 mod drawing;
 pub mod mecanum;
+pub mod noise;
 mod pose;
 pub mod r150;
 mod rest;
+mod tolerance;
 pub mod traction;
 mod vehicle_body;
 pub mod world;

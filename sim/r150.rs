@@ -70,6 +70,7 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
         "battery-empty",
         "charge-drop",
         "fuse-blown",
+        "can-failing",
         "blocked",
         "dragging",
         "free-wheeling",
@@ -244,6 +245,7 @@ impl Device for R150 {
             if commands == *self.plant.commands() {
                 break;
             }
+            self.plant.pass_to(now.since(self.plant_at));
             self.plant.set_commands(&commands);
             // What the module has drawn is gone with it, so that the supply may be back at once. It
             // would come and go for ever; so it stays off until somebody looks again.

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -14,6 +14,7 @@ use sim_settings::show_duration;
 use crate::client::Client;
 use crate::control::Desk;
 use crate::exit::Failure;
+use crate::plan::absolute;
 use crate::supervise::ClientEnd;
 use crate::visible;
 use sim_core::rig::PortId;
@@ -141,19 +142,14 @@ pub(crate) fn environment(
                 visible::name(&job.loaded.path)
             )));
         }
-        environment.push((variable, absolute(&path)?));
+        environment.push((variable, absolute(&path)?.into()));
     }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
-    environment.push(("SIM_SCENARIO".to_owned(), absolute(&job.loaded.path)?));
+    environment.push((
+        "SIM_SCENARIO".to_owned(),
+        absolute(&job.loaded.path)?.into(),
+    ));
     Ok(environment)
-}
-
-/// A path for a client that may go elsewhere.
-fn absolute(path: &Path) -> Result<OsString, Failure> {
-    std::path::absolute(path)
-        .map(std::path::PathBuf::into_os_string)
-        .with_context(|| format!("cannot tell where {} is", visible::name(path)))
-        .map_err(Failure::system)
 }
 
 struct LivePlay {

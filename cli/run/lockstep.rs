@@ -14,6 +14,7 @@ use sim_embed::ports::ShownPort;
 use sim_lockstep::{
     Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World, modem,
 };
+use sim_pty::ListenAddress;
 use sim_runner::Run;
 use sim_settings::show_duration;
 
@@ -21,6 +22,7 @@ use crate::client::Output;
 use crate::control::Desk;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
+use crate::visible;
 
 use super::folder::Folder;
 use super::job::{Job, JobResult, Played, PlayedClient};
@@ -140,6 +142,13 @@ fn open_ports(job: &Job<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>)
     for (device, planned) in job.loaded.scenario.rig.devices.iter().enumerate() {
         for link in planned.links() {
             let path = match &link.path {
+                Some(path) if ListenAddress::is_url(path) => {
+                    return Err(Failure::system(anyhow!(
+                        "the network keeps real time, so no client in the simulator's time can open \
+                         {}; --time real runs it in real time",
+                        visible::name(path)
+                    )));
+                }
                 Some(path) => job.loaded.folder().join(path),
                 None => folder
                     .path()
