@@ -50,7 +50,7 @@ use protection::Protection;
 use reply::{Reply, SystemInfo};
 use settings::R150FirmwareSettings;
 use speed::Speedometer;
-use vehicle::{Action, Drive, Start, Vehicle};
+use vehicle::{Action, Bridges, Start, Vehicle};
 
 /// Most events kept for whoever takes them; the oldest go first.
 const MOST_EVENTS: usize = 1024;
@@ -239,8 +239,8 @@ impl R150Device {
             .vehicle
             .drive(set_point, remote_pwm, self.battery_empty());
         let (duty, propulsion_power) = match drive {
-            Drive::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
-            Drive::Open => ([0.0; 2], false),
+            Bridges::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
+            Bridges::Open => ([0.0; 2], false),
         };
         let stopped = self.vehicle.emergency_stop() && self.settings.emergency_stop_brakes;
         R150Commands {
