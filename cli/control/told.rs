@@ -263,7 +263,12 @@ pub(super) fn schema(devices: Devices) -> Value {
     });
     let operators: Map<String, Value> = devices
         .iter()
-        .map(|device| (device.id.to_owned(), json!(Scenario::operator_actions(device))))
+        .map(|device| {
+            (
+                device.id.to_owned(),
+                json!(Scenario::operator_actions(device)),
+            )
+        })
         .collect();
     json!({
         "step": step,
