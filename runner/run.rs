@@ -403,7 +403,7 @@ impl Run {
 
     /// Whether every byte is looked at when it arrives, for a trace or a scripted client.
     fn follows_bytes(&self) -> bool {
-        self.recorder.is_some() || !self.options.live
+        self.recorder.is_some() || !self.hosts.is_empty()
     }
 
     /// When a device or a line next does something.
@@ -523,7 +523,7 @@ impl Run {
         if let Some(recorder) = &mut self.recorder {
             recorder.device_sent(at, port, &unread[before..]);
         }
-        if self.options.live {
+        if !self.hosts.contains_key(&port) {
             unread.truncate(MOST_UNREAD);
         } else {
             let bytes = std::mem::take(unread);
