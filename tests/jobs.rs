@@ -266,7 +266,7 @@ fn parameters_multiply_to_cases() {
         &folder,
         &["check", "job.toml"],
         2,
-        &["no parameter is named `pmw`; did you mean `pwm`?"],
+        &["no parameter is named `pmw`; allowed: pwm"],
     );
 }
 
