@@ -9,11 +9,13 @@ use clap::{
     Arg, ArgAction, ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand,
     ValueEnum, value_parser,
 };
+use sim_control::Listen;
 use sim_core::device::{DeviceSpec, Devices, LinkSpec};
 use sim_core::line::Wire;
 use sim_pty::{Defaults, ListenAddress, PtySetup};
 use sim_settings::Span;
 
+use crate::control::ctl::CtlArgs;
 use crate::exit::Exit;
 use crate::lists::ListFormat;
 use crate::schema::FileKind;
@@ -233,6 +235,8 @@ pub(crate) enum Command {
         #[arg(long)]
         device: String,
     },
+    /// Look at a simulator that runs with --control, and change what happens in it.
+    Ctl(CtlArgs),
     /// Print the JSON Schema of world, rig or scenario files; many editors complete and check with
     /// it.
     Schema {
@@ -311,6 +315,10 @@ pub(crate) struct RunArgs {
     /// an error of the machine and no failure of the client.
     #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
     pub(crate) max_hold_up: Span,
+    /// Let programs and a page look on and change what happens, as with `sim --control`; each scenario
+    /// with a client has a socket of its own, which the client finds in SIM_CONTROL.
+    #[arg(long, value_name = "ADDRESS", requires = "client")]
+    pub(crate) control: Option<Listen>,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
     pub(crate) list: bool,
@@ -423,6 +431,10 @@ pub(crate) struct ServeArgs {
     /// judge the outcome. The file names the devices; --pty is where the first is served.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
     pub(crate) scenario: Option<PathBuf>,
+    /// How long a busy machine may hold the simulator up in all, while the client's clock goes on. When
+    /// it is longer and the scenario fails, that is an error of the machine: exit code 3.
+    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
+    pub(crate) max_hold_up: Span,
     /// In which state it begins, if it has a choice [default: the first].
     #[arg(long)]
     pub(crate) start: Option<String>,
@@ -441,6 +453,13 @@ pub(crate) struct ServeArgs {
     /// Write this file when clients can connect, and remove it on exit.
     #[arg(long, value_name = "PATH")]
     pub(crate) ready_file: Option<PathBuf>,
+    /// Write a trace, which `sim replay` plays again and `sim trace` shows.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Let programs and a page look on and change what happens, over HTTP at ADDRESS: 127.0.0.1:0 is
+    /// any free port of this machine. The URL, with a token made anew each time, is printed.
+    #[arg(long, value_name = "ADDRESS")]
+    pub(crate) control: Option<Listen>,
     /// Print every request and reply, in words and hex.
     #[arg(short, long, conflicts_with = "quiet")]
     pub(crate) verbose: bool,

@@ -3,6 +3,7 @@
 mod args;
 mod client;
 mod config;
+mod control;
 mod exit;
 mod lists;
 mod log;
@@ -57,6 +58,7 @@ pub fn main(devices: Devices) -> ExitCode {
                 lists::faults(devices, device.as_deref(), *format)
             }
             Some(Command::Names { device }) => lists::list_names(devices, device),
+            Some(Command::Ctl(args)) => control::ctl::run(args),
             Some(Command::Schema { of }) => schema::print(devices, *of),
             None => start::serve(devices, &cli.serve),
         }

@@ -44,16 +44,8 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
         return Err(Failure::usage(anyhow!("the scenario has no device")));
     };
     // A flag is relative to where it was typed, a file's path to the file.
-    let here = |path: &PathBuf| {
-        if ListenAddress::is_url(path) {
-            return Ok(path.clone());
-        }
-        std::path::absolute(path)
-            .with_context(|| format!("cannot tell where {} is", visible::name(path)))
-            .map_err(Failure::system)
-    };
     if let Some(pty) = args.port() {
-        first.ports[0] = Some(here(pty)?);
+        first.ports[0] = Some(absolute(pty)?);
     }
     for (id, pty) in &args.link_ptys {
         let link = first.device.link(id).unwrap_or(usize::MAX);
@@ -62,9 +54,19 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
                 "--{id}-pty: the scenario's first device has no such link"
             )));
         };
-        *port = Some(here(pty)?);
+        *port = Some(absolute(pty)?);
     }
     Ok(loaded)
+}
+
+/// Where a port or a file is, for whoever may be elsewhere: a URL, or a path from the root.
+pub(crate) fn absolute(path: &Path) -> Result<PathBuf, Failure> {
+    if ListenAddress::is_url(path) {
+        return Ok(path.to_owned());
+    }
+    std::path::absolute(path)
+        .with_context(|| format!("cannot tell where {} is", visible::name(path)))
+        .map_err(Failure::system)
 }
 
 fn from_file(devices: Devices, file: &Path, args: &ServeArgs) -> Result<RigPlan, Failure> {

@@ -36,6 +36,7 @@ use pool::Audience;
 
 pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
+pub(crate) use trace_file::TraceFile;
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {

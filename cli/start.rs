@@ -2,27 +2,30 @@
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
+use std::time::Duration;
 
 use anyhow::Context as _;
-use serde_json::json;
+use serde_json::{Value, json};
 use sim_core::device::Devices;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
-use sim_runner::{DevicePlan, RigPlan, Run, RunOptions};
+use sim_runner::{DevicePlan, RigPlan, Run, RunError, RunOptions};
 use sim_settings::show_duration;
 
 use crate::args::{LogFormat, ServeArgs};
 use crate::config;
+use crate::control::Desk;
 use crate::exit::{Exit, Failure};
 use crate::log::{DeviceName, Log, LogOptions, Words};
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
-use crate::run;
+use crate::run::{self, TraceFile};
 use crate::scenario_files::Loaded;
 use crate::summary::{self, DeviceSummary, RunSummary};
 use crate::visible;
+use sim_embed::clock::Clock;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
-use sim_embed::serve::{Begin, Ended, Server};
+use sim_embed::serve::{Attendant, Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
 pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure> {
@@ -32,12 +35,12 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
         seed: seed.unwrap_or_else(random_seed),
         wire: args.wire(),
         live: true,
-        trace: false,
+        trace: args.trace.is_some(),
     })?;
     let mut session = Session::open(args, &loaded, run)?;
     let ended = session.serve()?;
     if args.scenario.is_none() {
-        session.finish(None);
+        session.finish(None)?;
         return Ok(Exit::Clean);
     }
     let run = session.server.run_mut();
@@ -46,12 +49,14 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
         run.fail("a signal ended it before the scenario's end".to_owned());
     }
     let outcome = run.end().clone();
+    let held_up = session.server.held_up();
+    let is_spoilt = !outcome.passed && held_up.total > args.max_hold_up.0;
     let verdict = match args.log_format {
-        LogFormat::Text => run::verdict_text(&outcome),
-        LogFormat::Json => visible::json(&run::verdict_json(&outcome)),
+        LogFormat::Text => run::verdict_text(&outcome, held_up, is_spoilt),
+        LogFormat::Json => visible::json(&run::verdict_json(&outcome, held_up, is_spoilt)),
     };
-    session.finish(Some(verdict));
-    Ok(if broken_off {
+    session.finish(Some(verdict))?;
+    Ok(if broken_off || is_spoilt {
         Exit::System
     } else if outcome.passed {
         Exit::Clean
@@ -67,6 +72,8 @@ struct Session {
     names: Vec<DeviceName>,
     counters: Vec<(PortId, Counters)>,
     ready_file: Option<ReadyFile>,
+    desk: Option<Desk>,
+    trace: Option<TraceFile>,
 }
 
 impl Session {
@@ -104,13 +111,27 @@ impl Session {
             .map(|port| ShownPort::new(port, plan))
             .collect();
         let when = (begin, args.speed);
-        let server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
+        let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
         announce(&log, args, loaded, &shown, seed);
+        let ports: Vec<Value> = shown.iter().map(ShownPort::json).collect();
+        let desk = args
+            .control
+            .map(|listen| Desk::open(&listen, server.run(), shown))
+            .transpose()?;
+        if let Some(desk) = &desk {
+            server.wake_from(desk.wakes()).map_err(Failure::system)?;
+            announce_control(
+                &log,
+                desk,
+                args.control.is_some_and(|listen| listen.is_public()),
+            );
+        }
+        let trace = args.trace.clone().map(TraceFile::create).transpose()?;
         let ready = json!({
             "code": "ready",
             "pid": std::process::id(),
             "seed": seed,
-            "ports": shown.iter().map(ShownPort::json).collect::<Vec<_>>(),
+            "ports": ports,
         });
         let ready_file = args
             .ready_file
@@ -128,17 +149,20 @@ impl Session {
             names,
             counters: Vec::new(),
             ready_file,
+            desk,
+            trace,
         })
     }
 
     /// Serves to the end.
     fn serve(&mut self) -> Result<Ended, Failure> {
-        let log = &self.log;
-        let outcome = self.server.serve(|run| {
-            while let Some(event) = run.poll_event() {
-                log.event(event);
-            }
+        let outcome = self.server.attended(&mut Looking {
+            log: &self.log,
+            desk: self.desk.as_mut(),
+            trace: &mut self.trace,
         });
+        // Nobody is left to be answered.
+        self.desk = None;
         // Whoever looks from here on finds nobody serving, however long the printing takes.
         self.ready_file = None;
         self.counters = self.server.close_ports();
@@ -148,9 +172,16 @@ impl Session {
         })
     }
 
-    /// Prints the summary, and the verdict if there is one.
-    fn finish(mut self, verdict: Option<String>) {
+    /// Prints the summary, and the verdict if there is one; ends the trace.
+    fn finish(mut self, verdict: Option<String>) -> Result<(), Failure> {
         self.print_summary(verdict);
+        let Some(mut trace) = self.trace.take() else {
+            return Ok(());
+        };
+        let run = self.server.run_mut();
+        run.end();
+        trace.take(run);
+        trace.finish()
     }
 
     fn print_summary(&mut self, verdict: Option<String>) {
@@ -189,6 +220,58 @@ impl Session {
         self.log
             .finish(last, |within| server.is_interrupted(within));
     }
+}
+
+/// Prints what happens, and answers what is asked.
+struct Looking<'a> {
+    log: &'a Log,
+    desk: Option<&'a mut Desk>,
+    trace: &'a mut Option<TraceFile>,
+}
+
+impl Attendant for Looking<'_> {
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        clock: &mut Clock,
+        woken: bool,
+    ) -> Result<Option<Duration>, RunError> {
+        let mut again = None;
+        if let Some(desk) = &mut self.desk {
+            again = desk.attend(run, Some(clock), woken)?;
+        }
+        while let Some(event) = run.poll_event() {
+            if let Some(desk) = &mut self.desk {
+                desk.event(&event);
+            }
+            self.log.event(event);
+        }
+        if let Some(trace) = self.trace {
+            trace.take(run);
+        }
+        Ok(again)
+    }
+
+    fn wants_time(&self) -> bool {
+        self.desk.as_ref().is_some_and(|desk| desk.wants_time())
+    }
+}
+
+/// Says where the simulator is controlled, and warns if others can reach that.
+fn announce_control(log: &Log, desk: &Desk, is_public: bool) {
+    log.text(match log.format() {
+        LogFormat::Text => {
+            let mut text = format!("  control on {}", desk.url());
+            if is_public {
+                text += "\n  warning: other machines can reach this address, and whoever has the token \
+                         controls the simulator; nothing is encrypted";
+            }
+            text
+        }
+        LogFormat::Json => {
+            visible::json(&json!({"code": "control", "url": desk.url(), "public": is_public}))
+        }
+    });
 }
 
 fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], seed: u64) {

@@ -66,6 +66,9 @@ pub enum Error {
         /// The values of its names then.
         found: String,
     },
+    /// There can be no further step: the run is over, or too many others are not.
+    #[error("{0}")]
+    NoMoreSteps(String),
     /// The simulation cannot go on.
     #[error("the simulation cannot go on: {0}")]
     Run(#[from] RunError),
@@ -88,6 +91,9 @@ impl From<sim_runner::run::StepError> for Error {
         match error {
             sim_runner::run::StepError::Text(error) => error.into(),
             sim_runner::run::StepError::Run(error) => error.into(),
+            why @ (sim_runner::run::StepError::Over | sim_runner::run::StepError::TooMany) => {
+                Self::NoMoreSteps(why.to_string())
+            }
         }
     }
 }

@@ -97,19 +97,25 @@ pub struct ShownPort {
 impl ShownPort {
     /// A port of the plan as it is served.
     pub fn new(served: &Served, plan: &RigPlan) -> Self {
-        let device = &plan.devices[served.id.device];
-        let link = device
-            .links()
-            .into_iter()
-            .find(|link| link.index == served.id.link);
+        Self {
+            is_public: matches!(&served.port, Some(Port::Net(port)) if !port.is_local()),
+            ..Self::at(served.id, &served.path, plan)
+        }
+    }
+
+    /// A port of the plan that is found at a path of this machine.
+    pub fn at(id: PortId, path: &Path, plan: &RigPlan) -> Self {
+        let device = &plan.devices[id.device];
+        let mut links = device.links().into_iter();
+        let link = links.find(|link| link.index == id.link);
         let (link, baud, stop_bits) =
             link.map_or(("", 0, 1), |link| (link.name, link.baud, link.stop_bits));
         Self {
             device: device.name.clone(),
             link,
-            index: served.id.link,
-            path: served.path.clone(),
-            is_public: matches!(&served.port, Some(Port::Net(port)) if !port.is_local()),
+            index: id.link,
+            path: path.to_owned(),
+            is_public: false,
             baud,
             stop_bits,
         }

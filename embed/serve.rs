@@ -77,6 +77,12 @@ pub trait Attendant {
         clock: &mut Clock,
         woken: bool,
     ) -> Result<Option<Duration>, RunError>;
+
+    /// Whether somebody waits for something that comes only with time, which begins then even if no
+    /// client has opened a port.
+    fn wants_time(&self) -> bool {
+        false
+    }
 }
 
 /// Takes what there is to be told, and does nothing else.
@@ -265,6 +271,9 @@ impl Server {
             self.resume()?;
             let woken = ready.contains(&self.waking());
             let again = attendant.attend(&mut self.run, &mut self.clock, woken)?;
+            if attendant.wants_time() {
+                self.begin();
+            }
             if self.run.finished().is_some() {
                 return Ok(Ended::Over);
             }

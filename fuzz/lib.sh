@@ -8,6 +8,7 @@ r150_frames 700 100000
 mecanum_packets 400 100000
 ascii_lines 300 100000
 network 600 50000
+request 600 50000
 r150 2000 10000
 mecanum 2000 10000
 both 2000 8000

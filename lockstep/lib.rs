@@ -8,8 +8,9 @@
 //!
 //! # How it works
 //!
-//! - A seccomp filter stops threads at the calls that matter: clocks, sleeps, waits, and whatever may
-//!   wait for others. All other calls run at full speed.
+//! - A seccomp filter stops threads at the calls that matter: sleeps, waits, and whatever may wait for
+//!   others. All other calls run at full speed.
+//! - Clocks are read in the program's own memory: the functions of its vDSO are replaced.
 //! - One thread runs at a time, until it waits; then the one that began first of those that can run.
 //!   So the order of everything is the same on each run, whatever else the machine does.
 //! - Waits never reach the kernel. A thread stays stopped until what it waits for is there, which is

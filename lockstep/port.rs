@@ -217,7 +217,8 @@ impl Port {
         let termios = rustix::termios::tcgetattr(&pair.slave)?;
         let two = termios.control_modes.contains(ControlModes::CSTOPB);
         Ok(Some(LineSettings {
-            baud: termios.input_speed(),
+            // As of any serial port; libraries set the other only now and then.
+            baud: termios.output_speed(),
             stop_bits: if two { 2 } else { 1 },
             raw: is_raw(&termios),
             parity: termios.control_modes.contains(ControlModes::PARODD),

@@ -37,14 +37,18 @@
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
 pub mod differential;
+mod drawing;
 pub mod mecanum;
+pub mod noise;
 mod pose;
 pub mod r150;
 mod rest;
+mod tolerance;
 pub mod traction;
 mod vehicle_body;
 pub mod world;
 
+pub use drawing::{Drawing, EchoDrawing, WheelDrawing};
 pub use mecanum::{
     MecanumCommands, MecanumMeasurements, MecanumPlant, MecanumPlantSettings, MecanumTruth,
 };

@@ -62,7 +62,7 @@ const BOUNDS: Bounds = Bounds {
 /// [`rest`](Self::rest) in spans of any length.
 #[derive(Debug, Clone)]
 pub struct MecanumPlant {
-    settings: MecanumPlantSettings,
+    pub(crate) settings: MecanumPlantSettings,
     wiring: Wiring,
     body: VehicleBody,
     commands: MecanumCommands,
@@ -96,7 +96,7 @@ impl MecanumPlant {
         world: &mut World,
         pose: Pose,
     ) -> Self {
-        let drive = Drive::new(settings);
+        let drive = Drive::new(name, settings);
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,

@@ -6,6 +6,7 @@
 
 mod battery;
 mod drive;
+mod driver;
 mod faults;
 mod fuse;
 mod network;
@@ -21,8 +22,9 @@ use std::time::Duration;
 pub use faults::{Encoder, R150Faults, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
-    AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, OutputDuty, PwmSettings,
-    R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings, Unmeasured,
+    AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, MotorThermalSettings,
+    OutputDuty, PwmSettings, R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings,
+    Unmeasured,
 };
 pub use signals::{
     Load, PwmReading, PwmSource, R150Commands, R150Health, R150Measurements, R150Truth, RAILS,
@@ -52,7 +54,7 @@ const LOWEST_SUPPLY: f64 = 1.0;
 /// [`rest`](Self::rest) in spans of any length.
 #[derive(Debug, Clone)]
 pub struct R150Plant {
-    settings: R150PlantSettings,
+    pub(crate) settings: R150PlantSettings,
     body: VehicleBody,
     commands: R150Commands,
     loads: [Load; RAILS],
@@ -66,6 +68,10 @@ pub struct R150Plant {
     flow: Flow,
     /// What a stuck encoder repeats, rpm.
     encoder_rpm: [f64; 2],
+    /// What the encoders have counted, turns of the motors.
+    encoder_turns: Sides<f64>,
+    /// How much of the step that comes has passed, s.
+    passed: f64,
 }
 
 impl R150Plant {
@@ -83,7 +89,7 @@ impl R150Plant {
         world: &mut World,
         pose: Pose,
     ) -> Self {
-        let drive = Drive::new(settings);
+        let drive = Drive::new(name, settings);
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
@@ -107,12 +113,19 @@ impl R150Plant {
             slow: SlowStates::new(settings),
             flow: Flow::default(),
             encoder_rpm: [0.0; 2],
+            encoder_turns: Sides::default(),
+            passed: 0.0,
         };
         plant.solve_network();
         plant
     }
 
-    /// Drives the pins. Voltages and currents follow at once.
+    /// Says that so much of the step that comes has passed when what follows is done to the pins.
+    pub fn pass_to(&mut self, passed: Duration) {
+        self.follow_duty(passed.as_secs_f64());
+    }
+
+    /// Drives the pins. Voltages and currents follow at once, and the motors' duty along its ramp.
     pub fn set_commands(&mut self, commands: &R150Commands) {
         let commands = commands.within_limits();
         let moves = commands.motor_duty != self.commands.motor_duty
@@ -155,6 +168,7 @@ impl R150Plant {
             return;
         }
         let seconds = world.step_length().as_secs_f64();
+        self.passed = 0.0;
         let velocity = self.body.follow(world, seconds);
         self.drive
             .traction
@@ -162,6 +176,7 @@ impl R150Plant {
         self.note_encoders();
         self.solve_network();
         self.pass(seconds);
+        self.warm_drivers();
         self.settle(world, seconds);
     }
 
@@ -170,7 +185,9 @@ impl R150Plant {
     /// Charge, temperatures and fuses advance in closed form, so the span may be anything; the
     /// currents follow the sinking voltage once a call.
     pub fn rest(&mut self, span: Duration) {
+        self.passed = 0.0;
         self.pass(span.as_secs_f64());
+        self.warm_drivers();
         self.solve_network();
     }
 
@@ -198,23 +215,66 @@ impl R150Plant {
             Side::Left => FuseId::MotorLeft,
         };
         let faults = &self.side_faults[side];
-        let duty = self.commands.motor_duty[self.port_of(side)];
-        let open = duty == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
-        let back_emf = self.drive.back_emf(side);
-        let on = self.commands.propulsion_power && !open;
-        // A bridge that is off still conducts through its diodes what a motor gives that turns faster
-        // than the bus allows.
-        let conducts = on || back_emf.abs() > self.flow.bus;
-        let duty = match (on, faults.reversed) {
-            (false, _) => back_emf.signum(),
-            (true, true) => -duty,
-            (true, false) => duty,
-        };
-        MotorPort {
-            connected: !self.is_fuse_blown(fuse) && !faults.motor_disconnected && conducts,
-            duty,
-            back_emf,
+        let motor = MotorPort {
+            connected: false,
+            duty: 0.0,
+            back_emf: self.drive.back_emf(side),
             resistance: self.settings.motor.resistance,
+        };
+        if self.is_fuse_blown(fuse) || faults.motor_disconnected {
+            return motor;
+        }
+        let driver = &self.drive.drivers[side.index()];
+        let duty = driver.duty;
+        let open = duty == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
+        let on = self.commands.propulsion_power && !open;
+        let bus = self.flow.bus.max(LOWEST_SUPPLY);
+        let duty = if faults.reversed { -duty } else { duty };
+        let port = driver.port(on, duty, bus, motor);
+        // A battery that takes no charge leaves the drivers nowhere to feed back to.
+        let feeds_back = port.duty * (port.duty * bus - port.back_emf) < 0.0;
+        MotorPort {
+            connected: port.connected && !(feeds_back && self.slow.battery.is_full()),
+            ..port
+        }
+    }
+
+    /// Lets the drivers' duties follow what the firmware wants up to so many seconds into the step that
+    /// comes.
+    fn follow_duty(&mut self, passed: f64) {
+        let seconds = passed - self.passed;
+        if seconds <= 0.0 {
+            return;
+        }
+        self.passed = passed;
+        for side in Side::BOTH {
+            let wanted = self.wanted_duty(side);
+            let opens = wanted == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
+            let driver = &mut self.drive.drivers[side.index()];
+            if self.commands.propulsion_power && !opens {
+                driver.follow(wanted, &self.settings.motor, seconds);
+            } else {
+                driver.duty = 0.0;
+            }
+        }
+    }
+
+    /// What the firmware wants of the driver of a side.
+    fn wanted_duty(&self, side: Side) -> f64 {
+        self.commands.motor_duty[self.port_of(side)]
+    }
+
+    /// Lets the drivers answer to how hot they and their motors are.
+    fn warm_drivers(&mut self) {
+        let stall = self.flow.bus / self.settings.motor.resistance;
+        let drivers = self.drive.drivers.iter_mut();
+        for (driver, celsius) in drivers.zip(self.slow.motors) {
+            driver.warm(
+                &self.settings.motor,
+                &self.settings.motor_thermal,
+                stall,
+                celsius,
+            );
         }
     }
 

@@ -173,6 +173,18 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             .map(|patch| patch.impulse.map(|impulse| impulse / dt))
     }
 
+    /// The force of all patches on the body in the last step, ahead and left, N.
+    #[must_use]
+    pub fn force(&self, dt: f64) -> [f64; 2] {
+        let mut sum = [0.0; 2];
+        for patch in &self.patches {
+            let [ahead, left] = patch.contact.join(patch.impulse);
+            sum[0] += ahead / dt;
+            sum[1] += left / dt;
+        }
+        sum
+    }
+
     /// Lets the deflections follow the velocities that the step really ended with.
     ///
     /// These differ from the solver's where the body met an obstacle: a vehicle that pushes a wall

@@ -54,7 +54,6 @@ mod error;
 mod hub;
 mod limits;
 mod line;
-mod link;
 mod lock;
 mod net_decoder;
 mod net_port;
@@ -63,6 +62,7 @@ mod port;
 mod pty_port;
 mod serial_port;
 mod signals;
+mod symlink;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};

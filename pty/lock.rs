@@ -12,7 +12,7 @@ use rustix::fs::{
 use rustix::io::{Errno, pread, pwrite};
 
 use crate::error::PortErrorKind;
-use crate::link::Place;
+use crate::symlink::Place;
 
 const SUFFIX: &str = ".sim-lock";
 

@@ -11,9 +11,9 @@ use rustix::io::Errno;
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{IN, Registration};
 use crate::line::LineSettings;
-use crate::link::Link;
 use crate::pair::{Pair, PtySetup, Read};
 use crate::port::{Counters, Event, Written};
+use crate::symlink::Symlink;
 
 /// Reads that a single look takes, of which all but the last are words of what has happened.
 const MOST_READS: usize = 8;
@@ -23,7 +23,7 @@ const MOST_READS: usize = 8;
 #[derive(Debug)]
 pub struct PtyPort {
     // Dropped first: the link goes before what it points to.
-    link: Option<Link>,
+    link: Option<Symlink>,
     registration: Option<Registration>,
     pair: Pair,
     attached: bool,
@@ -59,7 +59,7 @@ impl PtyPort {
         let path = path.as_ref();
         let open = || {
             let pair = Pair::open(setup)?;
-            let link = Link::publish(path, pair.slave())?;
+            let link = Symlink::publish(path, pair.slave())?;
             Ok(Self::new(pair, Some(link)))
         };
         open().map_err(|kind| PortError::new("serve", path, kind))
@@ -76,7 +76,7 @@ impl PtyPort {
         Ok(Self::new(pair, None))
     }
 
-    fn new(pair: Pair, link: Option<Link>) -> Self {
+    fn new(pair: Pair, link: Option<Symlink>) -> Self {
         Self {
             link,
             registration: None,
@@ -92,7 +92,7 @@ impl PtyPort {
     /// The path that clients open: the link if there is one, else the node.
     #[must_use]
     pub fn path(&self) -> &Path {
-        self.link.as_ref().map_or(self.pair.slave(), Link::path)
+        self.link.as_ref().map_or(self.pair.slave(), Symlink::path)
     }
 
     /// The node under `/dev/pts`. It changes when a client left the old one

@@ -13,7 +13,7 @@ use crate::rig_file::{DevicePlan, RigPlan};
 
 /// A serial link of a planned device.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Link {
+pub struct PlannedLink {
     /// Index of the link on the device.
     pub index: usize,
     /// What it is called.
@@ -29,11 +29,11 @@ pub struct Link {
 impl DevicePlan {
     /// The links on which it is served.
     #[must_use]
-    pub fn links(&self) -> Vec<Link> {
+    pub fn links(&self) -> Vec<PlannedLink> {
         let ports = self.device.links.iter().zip(&self.ports).enumerate();
         let link = |(index, (link, path)): (usize, (&LinkSpec, &Option<PathBuf>))| {
             let LineSettings { baud, stop_bits } = self.own_settings()?.line(index);
-            Some(Link {
+            Some(PlannedLink {
                 index,
                 name: link.name,
                 baud,

@@ -30,7 +30,7 @@ use sim_core::rig::Rig;
 
 pub use probe::{Probe, ProbeValue};
 
-pub(crate) use check::identifier;
+pub use check::identifier;
 
 pub use check::Scope;
 

@@ -16,7 +16,7 @@ mod suggest;
 mod tables;
 pub mod trace;
 
-pub use assemble::Link;
+pub use assemble::PlannedLink;
 pub use rig_file::{DevicePlan, RigFileError, RigPlan};
 pub use run::{Outcome, Run, RunError, RunOptions};
 pub use scenario::Scenario;

@@ -16,6 +16,8 @@
 //! ros_port = "/tmp/car-ros"
 //! ```
 
+mod written;
+
 use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::Range;

@@ -62,7 +62,7 @@ use sim_core::rig::{PortId, Rig, RigError};
 use sim_physics::{Ground, WorldMap};
 use sim_settings::Source;
 
-pub use direct::StepError;
+pub use direct::{StepError, StepReport};
 pub use outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 
 use crate::condition::Value;
@@ -154,6 +154,9 @@ pub struct Run {
     /// What has arrived and was not read, by port.
     unread: Vec<Vec<u8>>,
     recorder: Option<Recorder>,
+    /// Whether every byte is looked at when it arrives: for a trace, a scripted client, or one whose
+    /// time is the run's.
+    follows_bytes: bool,
     events: VecDeque<Event>,
     events_lost: u64,
     recent: VecDeque<Event>,
@@ -226,6 +229,7 @@ impl Run {
             lateness: Lateness::default(),
             lines: BTreeMap::new(),
             unread: vec![Vec::new(); ports.len()],
+            follows_bytes: options.trace || !options.live || scenario.scripted.contains(&true),
             recorder,
             events: VecDeque::new(),
             events_lost: 0,
@@ -387,23 +391,17 @@ impl Run {
         self.recorder.as_mut()?.poll()
     }
 
-    /// When there is next something to look at, be it only the end; while neither a trace nor a scripted
-    /// client follows every byte, that is not all that happens. Everything up to the present has
-    /// happened.
+    /// When there is next something to look at, be it only the end; while nobody follows every byte,
+    /// that is not all that happens. Everything up to the present has happened.
     fn next_instant(&self) -> SimTime {
         let now = self.rig.now();
         let watched = self.is_watched().then(|| {
             let step = self.rig.world().step_length();
             now.next_multiple(step)
         });
-        let devices = self.follows_bytes().then(|| self.next_of_devices());
+        let devices = self.follows_bytes.then(|| self.next_of_devices());
         let first = [watched, devices, self.agenda.next()];
         first.into_iter().flatten().fold(self.limit, SimTime::min)
-    }
-
-    /// Whether every byte is looked at when it arrives, for a trace or a scripted client.
-    fn follows_bytes(&self) -> bool {
-        self.recorder.is_some() || !self.hosts.is_empty()
     }
 
     /// When a device or a line next does something.
@@ -465,7 +463,7 @@ impl Run {
         let mut any = false;
         while let Some(event) = self.rig.poll_event() {
             any = true;
-            if !self.follows_bytes() {
+            if !self.follows_bytes {
                 // Before the next reply comes, so that the line does not fill up.
                 for index in self.ports_of(event.device) {
                     self.read_port(index, event.at);
@@ -494,7 +492,7 @@ impl Run {
 
     /// Takes what has arrived at the clients' ends.
     fn read_ports(&mut self, at: SimTime) {
-        if self.follows_bytes() {
+        if self.follows_bytes {
             for index in 0..self.ports.len() {
                 self.read_port(index, at);
             }

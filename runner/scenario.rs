@@ -276,23 +276,19 @@ impl Scenario {
         check::usual_device(&self.scripted)
     }
 
-    /// Reads the table of a further step, and adds it.
+    /// Reads the table of a further step, whose name, if it says none, is no other's.
     ///
     /// # Errors
     /// As [`Scenario::parse`].
-    pub(crate) fn add_step(&mut self, source: Source<'_>) -> Result<&mut Step, RigFileError> {
-        let (step, saved) = check::read_step(source, self)?;
-        self.saved = saved;
-        let at = self.steps.len();
-        self.steps.push(step);
-        Ok(&mut self.steps[at])
+    pub(crate) fn read_step(&self, source: Source<'_>) -> Result<(Step, Vec<Saved>), RigFileError> {
+        check::read_step(source, self)
     }
 
     /// Devices that are served and nothing else: no steps, nothing to judge, no end.
     #[must_use]
     pub fn serving(rig: RigPlan) -> Self {
         Self {
-            file: String::new(),
+            file: "rig".to_owned(),
             text: String::new(),
             title: String::new(),
             description: None,

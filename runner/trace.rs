@@ -16,6 +16,8 @@
 //! | `out` | bytes of the device arrived at the client: the first at `t`, each further one `dt` later |
 //! | `event` | something happened, traffic aside |
 //! | `pose` | where a device really was, every 100 ms while it moves |
+//! | `add`, `clear` | a step was added while the run went on, or ended before its time |
+//! | `pace` | time was made to stand still, to go on, or to pass at another speed |
 //! | `step` | a step of the file has begun, or is done |
 //! | `failure` | something was not as the file says |
 //! | `end` | the last line |
@@ -85,8 +87,13 @@ impl Recorder {
             seed: options.seed,
             paced: options.wire == Wire::Paced,
             live: options.live,
+            serving: scenario.is_endless(),
             file: scenario.file.clone(),
-            scenario: scenario.text.clone(),
+            scenario: if scenario.is_endless() {
+                scenario.rig.to_toml()
+            } else {
+                scenario.text.clone()
+            },
             settings: changed_settings(&scenario.base),
             base: scenario.bases.iter().map(record).collect(),
             parameters: scenario.given.clone(),
@@ -205,6 +212,28 @@ impl Recorder {
             t: at.as_nanos(),
             step: step.to_owned(),
             what: what.into(),
+        });
+    }
+
+    pub(crate) fn step_added(&mut self, at: SimTime, step: &str, text: &str) {
+        self.write(&Record::Add {
+            t: at.as_nanos(),
+            step: step.to_owned(),
+            text: text.to_owned(),
+        });
+    }
+
+    pub(crate) fn step_cleared(&mut self, at: SimTime, step: &str) {
+        self.write(&Record::Clear {
+            t: at.as_nanos(),
+            step: step.to_owned(),
+        });
+    }
+
+    pub(crate) fn pace_changed(&mut self, at: SimTime, change: &str) {
+        self.write(&Record::Pace {
+            t: at.as_nanos(),
+            change: change.to_owned(),
         });
     }
 

@@ -18,7 +18,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::{BodyId, BodyMotion, Pose, World};
+use sim_physics::{BodyId, BodyMotion, Drawing, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -257,6 +257,11 @@ pub trait Device: Any + Send + Sync {
 
     /// How it really stands and moves.
     fn motion(&self) -> Motion;
+
+    /// How it looks from above, beside its body; of one that does not say, the body is all.
+    fn drawing(&self) -> Drawing {
+        Drawing::default()
+    }
 
     /// Whether nothing of it moves and nothing drives it.
     fn at_rest(&self) -> bool;

@@ -27,7 +27,6 @@ mod injection;
 pub mod line;
 pub mod mecanum;
 pub mod mecanum_device;
-pub mod noise;
 pub mod r150;
 pub mod r150_device;
 pub mod report;
@@ -35,6 +34,7 @@ pub mod rig;
 pub mod settings;
 pub mod uart;
 
+pub use sim_physics::noise;
 pub use sim_settings::SimTime;
 
 /// The devices that the program `sim` has.

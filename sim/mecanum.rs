@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{BodyId, Drawing, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -224,6 +224,10 @@ impl Device for Mecanum {
 
     fn body(&self) -> BodyId {
         self.plant.body()
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.plant().drawing()
     }
 
     fn motion(&self) -> Motion {

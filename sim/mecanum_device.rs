@@ -18,10 +18,10 @@
 pub mod ascii;
 pub mod codec;
 mod defects;
-mod drive;
 pub mod encoder;
 mod event;
 pub mod kinematics;
+mod locomotion;
 pub mod motion;
 pub mod odometry;
 mod orders;
@@ -40,9 +40,9 @@ use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use codec::{Decoder, Rules};
-use drive::Drive;
 pub use event::{Discard, Field, Handling, MecanumEvent};
 use kinematics::Movement;
+use locomotion::Locomotion;
 use motion::Motion;
 use packet::Request;
 use settings::MecanumFirmwareSettings;
@@ -105,7 +105,7 @@ pub struct MecanumDevice {
     ros_configured: bool,
     decoder: Decoder<Request>,
     lines: ascii::Decoder,
-    drive: Drive,
+    drive: Locomotion,
     measured: MecanumMeasurements,
     status_due: Option<SimTime>,
     report_due: Option<SimTime>,
@@ -153,7 +153,7 @@ impl MecanumDevice {
                 order: settings.byte_order,
             }),
             lines: ascii::Decoder::new(ascii::Syntax::of(&settings)),
-            drive: Drive::new(&settings, &measured),
+            drive: Locomotion::new(&settings, &measured),
             measured,
             status_due: None,
             report_due: None,
@@ -209,7 +209,7 @@ impl MecanumDevice {
         match (was_powered, measured.board_powered) {
             (true, false) => self.lose_power(now),
             (false, true) => {
-                self.drive = Drive::new(&self.settings, measured);
+                self.drive = Locomotion::new(&self.settings, measured);
                 self.schedule(now);
                 self.event(now, MecanumEvent::Started);
             }
@@ -379,7 +379,7 @@ impl MecanumDevice {
     fn forget(&mut self) {
         self.decoder.clear();
         self.lines.clear();
-        self.drive = Drive::new(&self.settings, &self.measured);
+        self.drive = Locomotion::new(&self.settings, &self.measured);
         self.status_due = None;
         self.report_due = None;
         self.seq = 0;

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{BodyId, Drawing, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
@@ -70,6 +70,7 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
         "battery-empty",
         "charge-drop",
         "fuse-blown",
+        "can-failing",
         "blocked",
         "dragging",
         "free-wheeling",
@@ -244,6 +245,7 @@ impl Device for R150 {
             if commands == *self.plant.commands() {
                 break;
             }
+            self.plant.pass_to(now.since(self.plant_at));
             self.plant.set_commands(&commands);
             // What the module has drawn is gone with it, so that the supply may be back at once. It
             // would come and go for ever; so it stays off until somebody looks again.
@@ -268,6 +270,10 @@ impl Device for R150 {
 
     fn body(&self) -> BodyId {
         self.plant.body()
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.plant().drawing()
     }
 
     fn motion(&self) -> Motion {

@@ -14,6 +14,7 @@
 //! Bytes that arrive exactly at a deadline come before it.
 
 mod bursts;
+pub mod can;
 pub mod codec;
 pub mod command;
 pub mod control;
@@ -24,6 +25,7 @@ pub mod protection;
 pub mod reply;
 mod requests;
 pub mod settings;
+pub mod speed;
 mod telemetry;
 pub mod vehicle;
 
@@ -39,6 +41,7 @@ use sim_settings::SimTime;
 use crate::defects::{DefectCounts, Defects};
 use crate::noise::Noise;
 use crate::uart;
+use can::{Can, CanFailure};
 use codec::Decoder;
 use control::{Control, FULL_DUTY, Parts};
 pub use event::{R150Event, ValueError};
@@ -46,7 +49,8 @@ use motors::{FULL, Motors};
 use protection::Protection;
 use reply::{Reply, SystemInfo};
 use settings::R150FirmwareSettings;
-use vehicle::{Action, Drive, Start, Vehicle};
+use speed::Speedometer;
+use vehicle::{Action, Bridges, Start, Vehicle};
 
 /// Most events kept for whoever takes them; the oldest go first.
 const MOST_EVENTS: usize = 1024;
@@ -59,8 +63,12 @@ pub struct R150Device {
     control: Control,
     protection: Protection,
     motors: Motors,
+    /// Between the module and the vehicle's controller.
+    can: Can,
     vehicle: Vehicle,
     measured: R150Measurements,
+    /// Of the right and the left motor.
+    speeds: [Speedometer; 2],
     noise: Noise,
     /// Draws how long replies take.
     reply_time: Noise,
@@ -99,8 +107,11 @@ impl R150Device {
             control: Control::new(&settings),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
+            can: Can::new(settings.can_timeout),
             vehicle: Vehicle::new(start, &settings),
             measured,
+            speeds: [measured.motor_turns.right, measured.motor_turns.left]
+                .map(|turns| Speedometer::new(&settings, SimTime::ZERO, turns)),
             noise,
             reply_time,
             replies: VecDeque::new(),
@@ -145,9 +156,11 @@ impl R150Device {
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
+        self.can.follow(now, self.motors.set_point());
         if self.overlooks(measured) {
             return;
         }
+        self.read_encoders(now, measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
         match (was_powered, measured.module_powered) {
             (true, false) => self.lose_power(now),
@@ -196,6 +209,7 @@ impl R150Device {
         let next = earlier(next, self.motors.watchdog());
         let next = earlier(next, self.motors.answer_due());
         let next = earlier(next, self.protection.deadline());
+        let next = earlier(next, self.can.deadline());
         earlier(next, self.replies.front().map(|(due, _)| *due))
     }
 
@@ -220,18 +234,19 @@ impl R150Device {
     pub fn commands(&self) -> R150Commands {
         let power = self.power_status();
         let remote_pwm = i16::try_from(self.settings.remote_pwm).unwrap_or(FULL);
+        let set_point = self.heard_set_point();
         let drive = self
             .vehicle
-            .drive(self.motors.set_point(), remote_pwm, self.battery_empty());
+            .drive(set_point, remote_pwm, self.battery_empty());
         let (duty, propulsion_power) = match drive {
-            Drive::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
-            Drive::Open => ([0.0; 2], false),
+            Bridges::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
+            Bridges::Open => ([0.0; 2], false),
         };
         let stopped = self.vehicle.emergency_stop() && self.settings.emergency_stop_brakes;
         R150Commands {
             motor_duty: Sides::from(duty),
             propulsion_power,
-            parking_brake: self.vehicle.holds(self.motors.set_point()) || stopped,
+            parking_brake: self.vehicle.holds(set_point) || stopped,
             tail_power: !(self.vehicle.emergency_stop() && self.settings.emergency_stop_cuts_tail),
             rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
             pwm_out_duty: self
@@ -250,6 +265,18 @@ impl R150Device {
     #[must_use]
     pub fn control(&self) -> &Control {
         &self.control
+    }
+
+    /// The CAN to the vehicle's controller fails in this way, or works.
+    pub fn set_can_failure(&mut self, now: SimTime, failure: Option<CanFailure>) {
+        self.advance_before(now);
+        self.can.fail(now, self.motors.set_point(), failure);
+    }
+
+    /// The motor set-point as the vehicle's controller has heard it, right then left, ±1000.
+    #[must_use]
+    pub fn heard_set_point(&self) -> [i16; 2] {
+        self.can.heard(self.motors.set_point())
     }
 
     /// The motor set-point in effect, right then left, ±1000.
@@ -303,6 +330,7 @@ impl R150Device {
     /// Does what is due at `now` and not earlier.
     fn serve(&mut self, due: SimTime) {
         let now = due.max(self.not_before);
+        self.can.follow(now, self.motors.set_point());
         if self.boot_due.is_some() {
             self.boot(now);
             return;

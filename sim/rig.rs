@@ -5,7 +5,7 @@
 //! arrive, then deadlines of the firmware are served, device by device in the order in which they
 //! were added; then the physics takes the step that ends there.
 
-mod agenda;
+mod deadlines;
 mod events;
 mod faults;
 mod port;
@@ -21,7 +21,7 @@ use crate::device::{Device, DeviceSpec, LineSettings, Motion, Setup};
 use crate::event::Event;
 use crate::injection::Injection;
 use crate::line::{SerialLine, Wire};
-use agenda::Agenda;
+use deadlines::Deadlines;
 use events::Events;
 pub use port::PortId;
 
@@ -75,7 +75,7 @@ pub struct Rig {
     world: World,
     slots: Vec<Slot>,
     /// When anything next happens to each device by itself.
-    agenda: Agenda,
+    deadlines: Deadlines,
     now: SimTime,
     /// When the physics next takes a step or, at rest, a tick.
     physics_due: SimTime,
@@ -97,7 +97,7 @@ impl Rig {
             settings,
             world,
             slots: Vec::new(),
-            agenda: Agenda::new(),
+            deadlines: Deadlines::new(),
             now: SimTime::ZERO,
             physics_due,
             resting: false,
@@ -122,7 +122,7 @@ impl Rig {
             lines: (0..setup.links).map(line).collect(),
             faults: None,
         });
-        self.agenda.push();
+        self.deadlines.push();
         self.resting = false;
         let device = self.slots.len() - 1;
         self.after_change(device);
@@ -236,7 +236,7 @@ impl Rig {
     fn go(&mut self, to: SimTime, to_event: bool) -> Result<bool, RigError> {
         let mut rounds = 0;
         loop {
-            let at = self.agenda.earliest().min(self.physics_due);
+            let at = self.deadlines.earliest().min(self.physics_due);
             if to_event && at.min(to) > self.now && !self.events.is_empty() {
                 return Ok(true);
             }
@@ -245,12 +245,12 @@ impl Rig {
             }
             rounds = if at > self.now { 0 } else { rounds + 1 };
             if rounds > MOST_ROUNDS {
-                let device = self.agenda.due(at, 0).unwrap_or(0);
+                let device = self.deadlines.due(at, 0).unwrap_or(0);
                 return Err(RigError::Stuck { device, at });
             }
             self.now = self.now.max(at);
             let mut from = 0;
-            while let Some(device) = self.agenda.due(at, from) {
+            while let Some(device) = self.deadlines.due(at, from) {
                 self.serve(device);
                 from = device + 1;
             }
@@ -285,7 +285,7 @@ impl Rig {
             .filter_map(SerialLine::next_for_client);
         let faults = self.slots.iter().filter_map(|slot| slot.faults.as_ref());
         let to_client = to_client.chain(faults.filter_map(|faults| faults.next_for_client()));
-        let own = self.agenda.earliest().min(self.physics_due);
+        let own = self.deadlines.earliest().min(self.physics_due);
         let own = (!self.slots.is_empty()).then_some(own);
         own.into_iter().chain(to_client).min()
     }

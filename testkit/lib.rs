@@ -9,6 +9,7 @@
 //! |---|---|---|
 //! | [`stream`] | bytes and pauses, for each decoder | what an independent reading of the stream finds, however it is split |
 //! | [`network`] | bytes of a client on the network | all taken, in any pieces, and nothing lost |
+//! | [`request`] | bytes of a client of the control socket | a request, its beginning, or refused, however they are split |
 //! | [`operation`], [`fault`] | one thing that a client, an operator, a fault or the world does | – |
 //! | [`setting`] | any setting with any value that it takes | – |
 //! | [`session`] | a sequence of operations on devices in a world, with any settings | finite physics, time forward, bounded output, right frames |
@@ -26,6 +27,7 @@ pub mod document;
 pub mod fault;
 pub mod network;
 pub mod operation;
+pub mod request;
 pub mod session;
 pub mod setting;
 pub mod stream;

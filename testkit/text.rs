@@ -105,19 +105,19 @@ pub(crate) fn goes_on(error: &RunError) {
 
 /// For how long to drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Drive {
+pub enum HowLong {
     /// In steps of the physics, of whatever length.
     Steps(u32),
     /// In simulated time.
     For(Duration),
 }
-use Drive::Steps;
+use HowLong::Steps;
 
 /// Drives one device of each kind, and checks its numbers.
 ///
 /// # Panics
 /// When a number is not finite, or the simulation gives up.
-pub fn drive(settings: &SimSettings, map: WorldMap, how_long: Drive) {
+pub fn drive(settings: &SimSettings, map: WorldMap, how_long: HowLong) {
     let mut rig = Rig::new(RigSettings {
         world: settings.world.clone(),
         map,
@@ -145,11 +145,11 @@ pub fn drive(settings: &SimSettings, map: WorldMap, how_long: Drive) {
     drive_rig(rig, how_long);
 }
 
-fn drive_rig(mut rig: Rig, how_long: Drive) {
+fn drive_rig(mut rig: Rig, how_long: HowLong) {
     let step = rig.world().step_length();
     let (pace, count) = match how_long {
-        Drive::Steps(count) => (step, count),
-        Drive::For(span) => (Duration::from_millis(50), {
+        HowLong::Steps(count) => (step, count),
+        HowLong::For(span) => (Duration::from_millis(50), {
             u32::try_from(span.as_millis() / 50).unwrap_or(u32::MAX)
         }),
     };

@@ -328,6 +328,8 @@ fn until(line: &str) -> u64 {
             | Record::Line { t, .. }
             | Record::Late { t, .. }
             | Record::In { t, .. }
+            | Record::Add { t, .. }
+            | Record::Clear { t, .. }
             | Record::End { t, .. },
         ) => t,
         Ok(Record::Out { t, dt, bytes, .. }) => {

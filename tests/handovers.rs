@@ -209,8 +209,12 @@ fn the_next_client_hears_the_car_s_ros_link_at_its_own_speed() {
             let client = open_at(&ros, baud);
             let mut heard = Vec::new();
             let begun = Instant::now();
-            let long = if right { 1_500 } else { 150 };
-            while begun.elapsed() < Duration::from_millis(long) && heard.len() < 40 {
+            let long = if right {
+                PATIENCE
+            } else {
+                Duration::from_millis(150)
+            };
+            while begun.elapsed() < long && heard.len() < 40 {
                 let mut bytes = [0; 64];
                 let wanted = rustix::io::ioctl_fionread(&client).unwrap();
                 if wanted > 0 {
@@ -235,21 +239,27 @@ fn the_next_client_hears_the_car_s_ros_link_at_its_own_speed() {
 #[test]
 fn commands_that_a_client_takes_back_are_not_carried_out() {
     let _alone = alone();
+    harness::until("they are taken back in time", take_back);
+}
+
+/// Says whether it was in time: all of the commands take 0.26 s on the line.
+fn take_back() -> bool {
     let sim = Sim::start(&JSON);
     let client = open_at(sim.port(), BAUD);
     let commands = frame(0x06, &[]).repeat(500);
     let mut asked = &client;
+    let begun = Instant::now();
     asked.write_all(&commands).unwrap();
     std::thread::sleep(Duration::from_millis(20));
     tcflush(&client, QueueSelector::OFlush).unwrap();
+    let took = begun.elapsed();
     asked.write_all(&frame(0xF0, &[])).unwrap();
-    let begun = Instant::now();
     let mut client = sim.client();
     assert!(client.skip_to(0xF0, PATIENCE).is_some());
-    let took = begun.elapsed();
     drop(client);
     let summary = sim.stop().expect_clean().summary();
-    // All of them would take 0.26 s on the line.
     let requests = summary["requests"].as_u64().unwrap();
-    assert!(requests < 400, "{requests} after {took:?}");
+    let in_time = took < Duration::from_millis(150);
+    assert!(requests < 400 || !in_time, "{requests} after {took:?}");
+    in_time
 }

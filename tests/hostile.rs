@@ -444,6 +444,17 @@ fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
         .expect_refusal(2, &["1025 bytes", "1024"]);
 }
 
+/// Has it stand still again and again, as a system that is too busy does, until it has ended.
+fn stop_and_go(sim: &Sim) {
+    let state = format!("/proc/{}/stat", sim.pid());
+    while !fs::read_to_string(&state).unwrap().contains(") Z ") {
+        sim.signal(Signal::STOP);
+        std::thread::sleep(Duration::from_millis(80));
+        sim.signal(Signal::CONT);
+        std::thread::sleep(Duration::from_millis(80));
+    }
+}
+
 #[test]
 fn a_failure_while_the_machine_held_the_simulator_up_is_the_machine_s() {
     let folder = tempfile::tempdir().unwrap();
@@ -463,14 +474,7 @@ fn a_failure_while_the_machine_held_the_simulator_up_is_the_machine_s() {
             file,
         ];
         let sim = start(folder, &[&options as &[&str], &client].concat());
-        // As a system that is too busy does, until it has ended.
-        let state = format!("/proc/{}/stat", sim.pid());
-        while !fs::read_to_string(&state).unwrap().contains(") Z ") {
-            sim.signal(Signal::STOP);
-            std::thread::sleep(Duration::from_millis(80));
-            sim.signal(Signal::CONT);
-            std::thread::sleep(Duration::from_millis(80));
-        }
+        stop_and_go(&sim);
         let ended = sim.wait();
         assert_eq!(ended.code(), Some(code), "{}{}", ended.out, ended.err);
         assert!(ended.out.contains("the machine was busy"), "{}", ended.out);
@@ -483,5 +487,43 @@ fn a_failure_while_the_machine_held_the_simulator_up_is_the_machine_s() {
             "{}",
             ended.out
         );
+    }
+}
+
+#[test]
+fn the_same_is_said_of_a_scenario_against_whatever_client_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let fails = "[[step]]\nat = \"100 ms\"\nexpect = { that = \"false\" }\n";
+    fs::write(folder.join("bad.toml"), short("Bad") + fails).unwrap();
+    for (format, said) in [("text", "SPOILT: Bad"), ("json", "\"spoilt\":true")] {
+        let sim = start(
+            folder,
+            &[
+                "--scenario",
+                "bad.toml",
+                "--pty",
+                "p",
+                "--max-hold-up",
+                "1ms",
+                "--log-format",
+                format,
+            ],
+        );
+        sim.wait_ready();
+        let _client = harness::client::Client::open(&folder.join("p"));
+        stop_and_go(&sim);
+        let ended = sim.wait();
+        assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+        for part in [
+            said,
+            if format == "text" {
+                "the machine was busy"
+            } else {
+                "\"held_up\":{"
+            },
+        ] {
+            assert!(ended.out.contains(part), "{}", ended.out);
+        }
     }
 }

@@ -231,6 +231,9 @@ fn a_scenario_is_played_against_whatever_client_comes() {
             file,
             "--log-format",
             "json",
+            // Whatever this machine is busy with.
+            "--max-hold-up",
+            "1h",
         ];
         let sim = folder.start(&args);
         sim.wait_ready();

@@ -13,8 +13,9 @@ mod harness;
 use std::process::Command;
 use std::time::Instant;
 
-use harness::Finished;
 use harness::live::{DRIVE, Folder, is_running};
+use harness::{Finished, until};
+use rustix::process::Signal;
 
 /// A Python with pyserial, or a word that there is none.
 fn python() -> Option<&'static str> {
@@ -100,6 +101,33 @@ fn the_scenario_begins_when_the_client_opens_its_port() {
     );
 }
 
+/// Also where nothing but its bytes happens.
+#[test]
+fn a_client_has_its_bytes_when_they_arrive_whether_they_are_recorded_or_not() {
+    let quiet = &DRIVE[..DRIVE.find("[[step]]").unwrap()];
+    let client = format!(
+        "{OPEN} stty raw -echo <&3; for i in 1 2 3; do \
+         printf '\\252\\125\\000\\360\\367\\007' >&3; head -c 14 <&3 | od -An -tx1; date +%N; done; exit 1"
+    );
+    let args = ["--seed", "1", "drive.toml", "--output", "out"];
+    let said = [&args[..3], &args].map(|args| {
+        let folder = Folder::with(&[("drive.toml", quiet)]);
+        let ended = run(&folder, args, &["sh", "-c", &client]);
+        assert!(ended.out.contains("aa 55 08 f0"), "{}", ended.out);
+        let said = ended.out.lines().filter(|line| line.starts_with("    "));
+        said.map(str::to_owned).collect::<Vec<_>>()
+    });
+    assert_eq!(said[0], said[1]);
+}
+
+#[test]
+fn a_client_at_a_wrong_speed_is_told_of_it() {
+    let client = format!(
+        "{OPEN} stty raw -echo 9600 <&3; printf '\\252\\125\\000\\360' >&3; sleep 1; exit 1"
+    );
+    script(&[], &client, 1, "the client has set 9600 baud");
+}
+
 #[test]
 fn how_a_client_ends_is_judged() {
     script(
@@ -132,6 +160,78 @@ fn nobody_outlives_a_run() {
         assert!(!is_running(pid), "{pid:?}");
     }
     assert_eq!(folder.ports_left(), 0);
+}
+
+#[test]
+fn nobody_outlives_a_simulator_that_is_killed() {
+    let daemon = "setsid sh -c 'trap \"\" TERM HUP INT; echo $$ >>pids; sleep 3000' & sleep 0.1; ";
+    let client = format!("{OPEN} {daemon} {daemon} {daemon} echo $$ >>pids; while :; do :; done");
+    // While it is being started, between its processes, and while it computes.
+    for count in 0..=4 {
+        let folder = folder();
+        let args = ["run", "--time", "lockstep", "drive.toml", "--", "sh", "-c"];
+        let sim = folder.start(&[&args[..], &[&client]].concat());
+        let written = || std::fs::read_to_string(folder.file("pids")).unwrap_or_default();
+        until("so many processes are there", || {
+            written().lines().count() >= count
+        });
+        sim.signal(Signal::KILL);
+        sim.wait();
+        let pids = match written().is_empty() {
+            true => Vec::new(),
+            false => folder.pids("pids"),
+        };
+        until("nobody is left", || {
+            !pids.iter().any(|pid| is_running(*pid))
+        });
+    }
+}
+
+/// A program in C that runs another for which a call fails as it does where it is forbidden.
+const FORBIDDING: &str = r#"
+#include <errno.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <sys/prctl.h>
+#include <unistd.h>
+int main(int argc, char **argv) {
+  struct sock_filter filter[] = {
+    BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+    BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, atoi(argv[1]), 0, 1),
+    BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+    BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+  };
+  struct sock_fprog program = {4, filter};
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)) return 98;
+  if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program)) return 99;
+  execv(argv[2], argv + 2); return 97;
+}
+"#;
+
+#[test]
+fn where_tracing_is_forbidden_real_time_is_named() {
+    if !has("cc", &["--version"]) {
+        return;
+    }
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("forbidding.c", FORBIDDING)]);
+    let source = folder.file("forbidding.c");
+    let forbidding = built(&folder, "cc", &[source.to_str().unwrap()]);
+    let sim = env!("CARGO_BIN_EXE_sim");
+    // ptrace, seccomp, personality.
+    for call in ["101", "317", "135"] {
+        let ended = Command::new(&forbidding)
+            .args([call, sim, "run", "drive.toml", "--", "true"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&ended.stdout);
+        assert_eq!(ended.status.code(), Some(3), "{call}: {told}");
+        let wanted = "(Operation not permitted (os error 1)), so the client cannot run in the \
+                      simulator's time; --time real runs it in real time";
+        assert!(told.contains(wanted), "{call}: {told}");
+    }
 }
 
 #[test]
@@ -244,6 +344,29 @@ fn a_client_in_cpp_with_asio() {
     let source = client("with_asio.cc");
     let binary = built(&folder, "c++", &["-std=c++17", "-pthread", &source]);
     drives(&folder, &[&binary]);
+}
+
+#[test]
+fn a_client_in_cpp_with_asio_of_boost() {
+    let header = "/usr/include/boost/asio.hpp";
+    if !has("c++", &["--version"]) || !has("test", &["-e", header]) {
+        return;
+    }
+    let folder = folder();
+    let source = client("with_asio.cc");
+    let flags = ["-std=c++17", "-pthread", "-DWITH_BOOST", &source];
+    let binary = built(&folder, "c++", &flags);
+    drives(&folder, &[&binary]);
+}
+
+#[test]
+fn a_client_in_rust_with_tokio() {
+    let Some(clients) = std::env::var_os("SIM_TEST_CLIENTS") else {
+        eprintln!("skipped: SIM_TEST_CLIENTS does not say where tests/clients/rust has been built");
+        return;
+    };
+    let binary = std::path::Path::new(&clients).join("with_tokio");
+    drives(&folder(), &[binary.to_str().unwrap()]);
 }
 
 #[test]

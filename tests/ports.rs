@@ -80,6 +80,38 @@ fn a_rig_may_listen_for_any_link() {
 }
 
 #[test]
+fn a_scenario_may_listen_and_its_client_finds_where() {
+    let dir = tempfile::tempdir().unwrap();
+    let scenario = "schema = 1\ntitle = \"T\"\ngood_client = \"Any.\"\nlimit = \"1 s\"\n\
+                    [[device]]\nkind = \"r150\"\nport = \"tcp://127.0.0.1:0\"\n";
+    std::fs::write(dir.path().join("s.toml"), scenario).unwrap();
+    // Asks for a sign of life.
+    let client = "exec 3<>/dev/tcp/${SIM_R150_PORT#tcp://127.0.0.1:} && \
+                  printf '\\252\\125\\000\\007\\307\\204' >&3 && head -c 7 <&3 | od -An -tx1; exit 1"
+        .replace("/dev/tcp/", "/dev/tcp/127.0.0.1/");
+    let run = |time| {
+        let mut command = command();
+        let args = ["run", "--time", time, "s.toml", "--", "bash", "-c", &client];
+        command.args(args).current_dir(dir.path());
+        Sim::spawn(&mut command, PathBuf::new(), None).wait()
+    };
+    let real = run("real");
+    assert!(real.out.contains("aa 55 01 07 01 c6 53"), "{}", real.out);
+    let lockstep = run("lockstep");
+    assert_eq!(lockstep.code(), Some(3), "{}", lockstep.out);
+    for part in ["tcp://127.0.0.1:0", "--time real"] {
+        assert!(lockstep.out.contains(part), "{}", lockstep.out);
+    }
+
+    let file = dir.path().join("s.toml");
+    let (sim, url) = serve(&["--scenario", file.to_str().unwrap()]);
+    assert!(url.starts_with("tcp://127.0.0.1:"), "{url}");
+    ask(&mut connect(&url));
+    // It ends by itself.
+    sim.wait();
+}
+
+#[test]
 fn an_address_that_others_reach_is_warned_of_and_a_wrong_one_refused() {
     let mut command = command();
     command.args(["--listen", "tcp://0.0.0.0:0"]);

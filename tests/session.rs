@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use harness::client::Client;
 use harness::wire::{frame, i16_at, motors, u32_at};
-use harness::{PATIENCE, Sim, command, with_code};
+use harness::{PATIENCE, Sim, command, json_lines, until, with_code};
 use rustix::fs::{Mode, OFlags};
 use serde_json::Value;
 use serialport::{SerialPort as _, TTYPort};
@@ -53,7 +53,7 @@ fn first_session(sim: Sim, mut client: Client) {
     assert_eq!(client.ask(0xF0, &[]), [0, 0, 0, 1, 0, 0, 0, 1]);
     switch_a_rail_on(&mut client);
     let (driven, commands) = drive(&mut client);
-    stop_sending(&sim, &mut client);
+    let asked = stop_sending(&sim, &mut client);
 
     let finished = sim.stop().expect_clean();
     let summary = finished.summary();
@@ -63,10 +63,11 @@ fn first_session(sim: Sim, mut client: Client) {
     let most = 1.45 * (driven + Duration::from_millis(1500)).as_secs_f64() + 0.5;
     // At least what the vehicle needs to get to full speed, which it did.
     assert!((1.0..most).contains(&distance), "{distance} of {most} m");
-    // Each was understood: six more for the version, the rail and the end.
-    assert_eq!(summary["requests"], commands + 6);
+    // Each was understood: five more for the version, the rail and a sign of life.
+    let requests = commands + asked + 5;
+    assert_eq!(summary["requests"], requests);
     let replies = summary["replies"].as_u64().unwrap();
-    assert!((7..=commands + 6).contains(&replies), "{replies}");
+    assert!((7..=requests).contains(&replies), "{replies}");
     check_watchdog_time(&finished.json());
 }
 
@@ -113,29 +114,40 @@ fn drive(client: &mut Client) -> (Duration, u64) {
     (start.elapsed(), commands)
 }
 
-/// The motors stop by themselves.
-fn stop_sending(sim: &Sim, client: &mut Client) {
+/// The motors stop by themselves; says how often they were asked whether they stand.
+fn stop_sending(sim: &Sim, client: &mut Client) -> u64 {
     // What comes from here on is about nothing that was sent before.
     client.send(&frame(0x07, &[]));
     assert_eq!(client.skip_to(0x07, PATIENCE), Some(vec![1]));
-    // Only the reply to a motor command tells the speed, and such a command would stop the motors
-    // itself, so time is all there is to wait for: half a second until the watchdog fires, and
-    // another half until the vehicle stands.
-    std::thread::sleep(Duration::from_millis(1500));
-    let reply = client.ask(0x12, &[0; 4]);
-    assert_eq!((i16_at(&reply, 0), i16_at(&reply, 2)), (0, 0));
-    assert_eq!(sim.wait_event("watchdog_fired")["level"], "warning");
+    until("the watchdog has fired for the last command", || {
+        let log = json_lines(&sim.printed());
+        let last = |is: &dyn Fn(&Value) -> bool| log.iter().rposition(is);
+        last(&|event| event["code"] == "watchdog_fired") > last(&is_drive)
+    });
+    let told = sim.wait_event("watchdog_fired");
+    assert_eq!(told["level"], "warning");
+    // Only the reply to a motor command tells the speed.
+    let mut asked = 0;
+    until("the vehicle stands", || {
+        std::thread::sleep(Duration::from_millis(200));
+        client.send(&motors(0, 0));
+        asked += 1;
+        let reply = client.skip_to(0x12, Duration::from_secs(1));
+        reply.is_some_and(|reply| (i16_at(&reply, 0), i16_at(&reply, 2)) == (0, 0))
+    });
+    asked
+}
+
+fn is_drive(event: &Value) -> bool {
+    let text = event["text"].as_str().unwrap_or_default();
+    event["code"] == "request" && text.contains("set_motors right 1000 left 1000")
 }
 
 /// In simulated time the watchdog is exact, whatever the machine does.
 fn check_watchdog_time(log: &[Value]) {
     let fired = with_code(log, "watchdog_fired").pop().unwrap();
     let fired_at = fired["time_s"].as_f64().unwrap();
-    let is_drive = |event: &&Value| {
-        let text = event["text"].as_str().unwrap_or_default();
-        event["code"] == "request" && text.contains("set_motors right 1000 left 1000")
-    };
-    let last = log.iter().rfind(is_drive).unwrap();
+    let last = log.iter().rfind(|event| is_drive(event)).unwrap();
     let silence = fired_at - last["time_s"].as_f64().unwrap();
     assert!((silence - 0.5).abs() < 1e-6, "fired after {silence} s");
 }

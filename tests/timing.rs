@@ -131,15 +131,26 @@ fn simulated_time_runs_at_the_speed_asked_for() {
 
 #[test]
 fn a_busy_machine_is_not_blamed_on_the_client() {
+    until("this test itself has had its time", || {
+        drive_past_a_pause() < Duration::from_millis(400)
+    });
+}
+
+/// Says how far apart commands were at most, beyond which the client is to blame.
+fn drive_past_a_pause() -> Duration {
     let sim = Sim::start(&["--log-format", "json"]);
     let mut client = sim.client();
     // Ten commands a second: far from both the least pause of 50 ms and the watchdog's 500 ms.
     let mut sent = 0;
+    let mut last = Instant::now();
+    let mut longest = Duration::ZERO;
     let mut send_for = |time: Duration| {
         let start = Instant::now();
         while start.elapsed() < time {
             client.send(&motors(300, 300));
             sent += 1;
+            longest = longest.max(last.elapsed());
+            last = Instant::now();
             std::thread::sleep(Duration::from_millis(100));
         }
     };
@@ -161,11 +172,14 @@ fn a_busy_machine_is_not_blamed_on_the_client() {
     let finished = sim.stop().expect_clean();
     let summary = finished.summary();
     let events = summary["events"].as_array().unwrap();
+    let in_rhythm = longest < Duration::from_millis(400);
     for code in ["watchdog_fired", "over_rate", "heartbeat_lost"] {
-        assert!(with_code(events, code).is_empty(), "{events:?}");
+        let blamed = !with_code(events, code).is_empty();
+        assert!(!blamed || !in_rhythm, "{longest:?} {events:?}");
     }
     let late = &with_code(events, "simulator_late")[0];
     assert_eq!(late["client_faults"], 0);
+    longest
 }
 
 #[test]

@@ -4,13 +4,17 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use sim_control::Listen;
 use sim_core::line::Wire;
+use sim_embed::ports::ShownPort;
 use sim_embed::serve::HeldUp;
 use sim_runner::{Outcome, Run, RunOptions};
 use sim_settings::show_duration;
 
 use crate::args::{RandomArg, RunArgs, TimeArg};
+use crate::control::Desk;
 use crate::exit::Failure;
+use crate::print::complain;
 use crate::report::Report;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
@@ -44,6 +48,8 @@ pub(crate) struct Job<'a> {
     pub(crate) twice: bool,
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
+    /// Where each live run can be controlled.
+    pub(crate) control: Option<Listen>,
     /// Real time that it may take.
     pub(crate) allowed: Duration,
     /// The same as it was asked for.
@@ -76,6 +82,7 @@ impl<'a> Job<'a> {
             dated: args.date != DATE,
             twice: args.twice,
             speed,
+            control: args.control.filter(|_| !args.client.is_empty()),
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
             timeout,
             most_held_up: args.max_hold_up.0,
@@ -158,6 +165,22 @@ impl<'a> Job<'a> {
         }
         let trace = self.recording().map(TraceFile::create).transpose()?;
         Ok((run, trace))
+    }
+
+    /// Opens the socket on which a run is controlled, if there is to be one, and tells the client.
+    pub(crate) fn desk(
+        &self,
+        run: &Run,
+        ports: impl FnOnce() -> Vec<ShownPort>,
+        environment: &mut Vec<(String, OsString)>,
+    ) -> Result<Option<Desk>, Failure> {
+        let Some(listen) = &self.control else {
+            return Ok(None);
+        };
+        let desk = Desk::open(listen, run, ports())?;
+        environment.push(("SIM_CONTROL".to_owned(), desk.url().into()));
+        complain(&format!("{}: control on {}", self.name(), desk.url()));
+        Ok(Some(desk))
     }
 
     /// What to type to see the same again.

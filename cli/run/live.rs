@@ -2,22 +2,25 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use sim_pty::Waiter;
-use sim_runner::Run;
+use sim_runner::{Run, RunError};
 use sim_settings::show_duration;
 
 use crate::client::Client;
+use crate::control::Desk;
 use crate::exit::Failure;
+use crate::plan::absolute;
 use crate::supervise::ClientEnd;
 use crate::visible;
 use sim_core::rig::PortId;
-use sim_embed::ports::{Elsewhere, open_all, variable};
-use sim_embed::serve::{Begin, Ended, Server};
+use sim_embed::clock::Clock;
+use sim_embed::ports::{Elsewhere, ShownPort, open_all, variable};
+use sim_embed::serve::{Attendant, Begin, Ended, Server};
 use sim_pty::PtySetup;
 
 use super::job::{Job, JobResult, Played, PlayedClient};
@@ -64,7 +67,13 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     )
     .map_err(Failure::system)?;
     let paths = ports.iter().map(|served| (served.id, served.path.clone()));
-    let environment = environment(job, paths)?;
+    let mut environment = environment(job, paths)?;
+    let shown = || {
+        ports
+            .iter()
+            .map(|port| ShownPort::new(port, &job.loaded.scenario.rig))
+    };
+    let desk = job.desk(&run, || shown().collect(), &mut environment)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path).with_context(|| {
             format!(
@@ -79,11 +88,15 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let client =
         Client::start(job.client, &environment, links.path(), log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
+    if let Some(desk) = &desk {
+        server.wake_from(desk.wakes()).map_err(Failure::system)?;
+    }
     server.stop_after(job.allowed);
     let mut play = LivePlay {
         server,
         client,
         trace,
+        desk,
         begun,
     };
     let played = play.play(job, stop).map_err(Failure::system)?;
@@ -141,25 +154,21 @@ pub(crate) fn environment(
                 visible::name(&job.loaded.path)
             )));
         }
-        environment.push((variable, absolute(&path)?));
+        environment.push((variable, absolute(&path)?.into()));
     }
     environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
-    environment.push(("SIM_SCENARIO".to_owned(), absolute(&job.loaded.path)?));
+    environment.push((
+        "SIM_SCENARIO".to_owned(),
+        absolute(&job.loaded.path)?.into(),
+    ));
     Ok(environment)
-}
-
-/// A path for a client that may go elsewhere.
-fn absolute(path: &Path) -> Result<OsString, Failure> {
-    std::path::absolute(path)
-        .map(std::path::PathBuf::into_os_string)
-        .with_context(|| format!("cannot tell where {} is", visible::name(path)))
-        .map_err(Failure::system)
 }
 
 struct LivePlay {
     server: Server,
     client: Client,
     trace: Option<TraceFile>,
+    desk: Option<Desk>,
     begun: Instant,
 }
 
@@ -167,8 +176,12 @@ impl LivePlay {
     /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
     /// ended then.
     fn play(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
-        let trace = &mut self.trace;
-        let ended = self.server.serve(|run| take(run, trace))?;
+        let ended = self.server.attended(&mut Looking {
+            trace: &mut self.trace,
+            desk: self.desk.as_mut(),
+        })?;
+        // Nobody is left to be answered.
+        self.desk = None;
         let stopped = ended != Ended::Watched;
         let end = if stopped {
             self.client.stop()?
@@ -237,12 +250,39 @@ impl LivePlay {
     }
 }
 
+/// Writes down what happens, and answers what is asked.
+struct Looking<'a> {
+    trace: &'a mut Option<TraceFile>,
+    desk: Option<&'a mut Desk>,
+}
+
+impl Attendant for Looking<'_> {
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        clock: &mut Clock,
+        woken: bool,
+    ) -> Result<Option<Duration>, RunError> {
+        let mut again = None;
+        if let Some(desk) = &mut self.desk {
+            again = desk.attend(run, Some(clock), woken)?;
+            while let Some(event) = run.poll_event() {
+                desk.event(&event);
+            }
+        }
+        take(run, self.trace);
+        Ok(again)
+    }
+
+    fn wants_time(&self) -> bool {
+        self.desk.as_ref().is_some_and(|desk| desk.wants_time())
+    }
+}
+
 /// Takes what the run has to tell.
 pub(crate) fn take(run: &mut Run, trace: &mut Option<TraceFile>) {
     while run.poll_event().is_some() {}
-    while let Some(line) = run.poll_trace() {
-        if let Some(trace) = trace {
-            trace.line(&line);
-        }
+    if let Some(trace) = trace {
+        trace.take(run);
     }
 }

@@ -10,15 +10,19 @@ use anyhow::{Context as _, anyhow};
 use sim_core::SimTime;
 use sim_core::line::ClientLine;
 use sim_core::rig::PortId;
+use sim_embed::ports::ShownPort;
 use sim_lockstep::{
     Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World, modem,
 };
+use sim_pty::ListenAddress;
 use sim_runner::Run;
 use sim_settings::show_duration;
 
 use crate::client::Output;
+use crate::control::Desk;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
+use crate::visible;
 
 use super::folder::Folder;
 use super::job::{Job, JobResult, Played, PlayedClient};
@@ -40,12 +44,19 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     if stop.load(Ordering::Relaxed) {
         return Ok(JobResult::BrokenOff);
     }
-    let (run, trace) = job.begin()?;
+    let (mut run, trace) = job.begin()?;
+    run.follow_bytes();
     let folder = Folder::take(job).map_err(Failure::system)?;
     let (ids, mut ports) = open_ports(job, &folder)?;
     let paths = ids.iter().zip(&ports);
     let paths = paths.map(|(id, port)| (*id, port.path().to_owned()));
-    let environment = super::live::environment(job, paths)?;
+    let mut environment = super::live::environment(job, paths)?;
+    let plan = &job.loaded.scenario.rig;
+    let shown = || {
+        let ports = ids.iter().zip(&ports);
+        ports.map(|(id, port)| ShownPort::at(*id, port.path(), plan))
+    };
+    let desk = job.desk(&run, || shown().collect(), &mut environment)?;
     let mut output = open_output(job).map_err(Failure::system)?;
     let program = Program {
         words: job.client,
@@ -65,6 +76,7 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let mut stage = Stage {
         run,
         trace,
+        desk,
         ids,
         begun_at: None,
         wants_room: false,
@@ -73,6 +85,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     };
     let ending = sim_lockstep::run(program, &options, &mut ports, &mut stage);
     let ending = ending.map_err(|error| failure(job, error))?;
+    // Nobody is left to be answered.
+    stage.desk = None;
     let broken_off = !stage.conclude(job, &ending, begun, stop)?;
     // The trace has its end in any case, so that it can be played again.
     let outcome = stage.run.end().clone();
@@ -130,6 +144,13 @@ fn open_ports(job: &Job<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>)
     for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
         for link in planned.links() {
             let path = match &link.path {
+                Some(path) if ListenAddress::is_url(path) => {
+                    return Err(Failure::system(anyhow!(
+                        "the network keeps real time, so no client in the simulator's time can open \
+                         {}; --time real runs it in real time",
+                        visible::name(path)
+                    )));
+                }
                 Some(path) => job.loaded.folder().join(path),
                 None => folder
                     .path()
@@ -185,6 +206,7 @@ fn nanoseconds(span: Duration) -> u64 {
 struct Stage {
     run: Run,
     trace: Option<TraceFile>,
+    desk: Option<Desk>,
     ids: Vec<PortId>,
     /// The client's time when it first opened a port, at which the scenario begins.
     begun_at: Option<u64>,
@@ -212,6 +234,24 @@ impl Stage {
             .get(port)
             .copied()
             .ok_or_else(|| "there is no such port".into())
+    }
+
+    /// Tells who listens what has happened, and answers all that is asked over the control socket; says
+    /// whether that was anything.
+    fn settle(&mut self, now: u64) -> Result<bool, Broken> {
+        let Some(desk) = &mut self.desk else {
+            take(&mut self.run, &mut self.trace);
+            return Ok(false);
+        };
+        while let Some(event) = self.run.poll_event() {
+            desk.event(&event);
+        }
+        let any = desk.settle(&mut self.run)?;
+        if desk.wants_time() {
+            self.begun_at.get_or_insert(now);
+        }
+        take(&mut self.run, &mut self.trace);
+        Ok(any)
     }
 
     /// Does what the run has brought about at the ports; says whether it was anything.
@@ -385,6 +425,9 @@ impl World for Stage {
         until: Option<u64>,
     ) -> Result<Step, Broken> {
         self.bound_output();
+        if self.settle(now)? {
+            return Ok(Step::To(self.now().max(now)));
+        }
         if self.begun_at.is_none() {
             // The scenario waits for clients that are slow to begin, but not for ever.
             return Ok(match until {
@@ -397,8 +440,7 @@ impl World for Stage {
             to = to.min(self.at(now) + ROOM);
         }
         for _ in 0..MOST_INSTANTS {
-            let news = self.follow(ports)?;
-            take(&mut self.run, &mut self.trace);
+            let news = self.follow(ports)? | self.settle(now)?;
             if self.run.finished().is_some() {
                 return Ok(Step::Over);
             }

@@ -129,7 +129,9 @@ fn threads(args: &RunArgs, jobs: usize) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     // In real time one client must not make another late.
     let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
-    let usual = if is_real { 1 } else { cores() };
+    // So is a port that all of them would have to have at the same time.
+    let shares = args.control.is_some_and(|listen| listen.is_fixed());
+    let usual = if is_real || shares { 1 } else { cores() };
     asked.unwrap_or(usual).min(jobs)
 }
 

@@ -26,19 +26,10 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         }
         // One instant at a time, since a file may have any number of them.
         run.step(SimTime::MAX).map_err(Failure::system)?;
-        while let Some(line) = run.poll_trace() {
-            if let Some(trace) = &mut trace {
-                trace.line(&line);
-            }
-        }
-        while run.poll_event().is_some() {}
+        super::live::take(&mut run, &mut trace);
     }
     let outcome = run.end().clone();
-    while let Some(line) = run.poll_trace() {
-        if let Some(trace) = &mut trace {
-            trace.line(&line);
-        }
-    }
+    super::live::take(&mut run, &mut trace);
     trace.map_or(Ok(()), super::trace_file::TraceFile::finish)?;
     if broken_off {
         return Ok(JobResult::BrokenOff);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 use sim_core::event::Hex;
 use sim_embed::serve::HeldUp;
-use sim_runner::{DevicePlan, Link, Outcome, Scenario};
+use sim_runner::{DevicePlan, Outcome, PlannedLink, Scenario};
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
@@ -59,7 +59,7 @@ pub(crate) fn planned(job: &Job<'_>) -> String {
 /// The variables of the environment in which a client finds the ports of a device.
 fn variables_of(device: &DevicePlan) -> Vec<String> {
     let links = device.links();
-    let variable = |link: &Link| ports::variable(&device.name, link.index, link.name);
+    let variable = |link: &PlannedLink| ports::variable(&device.name, link.index, link.name);
     links.iter().map(variable).collect()
 }
 
@@ -242,22 +242,35 @@ pub(crate) fn machines_part_json(held_up: Option<HeldUp>) -> Value {
     })
 }
 
-/// The verdict of a scenario that was played against whatever client came, for people.
-pub(crate) fn verdict_text(outcome: &Outcome) -> String {
-    let word = if outcome.passed { "passed" } else { "FAILED" };
+/// The verdict of a scenario that was played against whatever client came, for people. `is_spoilt` says
+/// that the machine is to blame.
+pub(crate) fn verdict_text(outcome: &Outcome, held_up: HeldUp, is_spoilt: bool) -> String {
+    let word = match (outcome.passed, is_spoilt) {
+        (true, _) => "passed",
+        (false, true) => "SPOILT",
+        (false, false) => "FAILED",
+    };
     let time = outcome.ended_at.as_secs_f64();
-    format!(
-        "{word}: {} ({time:.1} s simulated, seed {}){}",
+    let mut text = format!(
+        "{word}: {} ({time:.1} s simulated, seed {})",
         visible::line(&outcome.title),
         outcome.seed,
-        failures(outcome)
-    )
+    );
+    if let Some(held_up) = machines_part(held_up) {
+        let _ = write!(text, "\n  {held_up}");
+    }
+    if is_spoilt {
+        text += "\n  what follows may be the machine's doing (--max-hold-up):";
+    }
+    text + &failures(outcome)
 }
 
 /// The same for programs.
-pub(crate) fn verdict_json(outcome: &Outcome) -> Value {
+pub(crate) fn verdict_json(outcome: &Outcome, held_up: HeldUp, is_spoilt: bool) -> Value {
     let mut value = outcome_json(outcome);
     value["code"] = json!("verdict");
+    value["held_up"] = machines_part_json(Some(held_up));
+    value["spoilt"] = json!(is_spoilt);
     value
 }
 

@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Write as _};
 use std::path::PathBuf;
 
 use anyhow::Context as _;
+use sim_runner::Run;
 
 use crate::exit::Failure;
 use crate::visible;
@@ -30,9 +31,16 @@ impl TraceFile {
     }
 
     /// Adds a line.
-    pub(crate) fn line(&mut self, line: &str) {
+    fn line(&mut self, line: &str) {
         if self.error.is_none() {
             self.error = writeln!(self.out, "{line}").err();
+        }
+    }
+
+    /// Adds what a run has to tell.
+    pub(crate) fn take(&mut self, run: &mut Run) {
+        while let Some(line) = run.poll_trace() {
+            self.line(&line);
         }
     }
 

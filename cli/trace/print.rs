@@ -91,6 +91,16 @@ impl Onlooker for Printer {
             Record::Step { t, step, what } => {
                 self.tell(*t, "step", &format!("step \"{step}\" {what}"));
             }
+            Record::Add { t, step, text } => {
+                let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+                self.tell(*t, "add", &format!("step \"{step}\" was added: {text}"));
+            }
+            Record::Clear { t, step } => {
+                self.tell(*t, "clear", &format!("step \"{step}\" was cleared"));
+            }
+            Record::Pace { t, change } => {
+                self.tell(*t, "pace", &format!("time was changed: {change}"));
+            }
             Record::Failure { t, step, what } => {
                 let step = step.as_ref().map(|step| format!("\"{step}\": "));
                 let text = format!("FAILED: {}{what}", step.unwrap_or_default());

@@ -3,7 +3,9 @@
 #![allow(
     clippy::expect_used,
     clippy::panic,
-    reason = "a test fails by panicking, and clippy takes helpers for production code"
+    clippy::print_stderr,
+    reason = "a test fails by panicking, and clippy takes helpers for production code; what is \
+              skipped is named"
 )]
 
 mod common;
@@ -90,7 +92,7 @@ log("%s %s %s", digest.hexdigest(), hash("text"))
 
 #[test]
 fn a_job_of_a_minute_is_the_same_to_the_last_byte() {
-    let played = same_each_time(8, || {
+    let played = same_each_time(20, || {
         let stage = Stage {
             device: Device {
                 cable: Some((20_000_000_000, 31_000_000_000)),
@@ -241,6 +243,31 @@ fn a_32_bit_program_is_refused() {
         panic!("{refused:?}")
     };
     assert!(why.contains("is a 32-bit program"), "{why}");
+}
+
+#[test]
+fn a_program_that_is_to_run_as_another_user_is_refused() {
+    use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, chown};
+    let user = std::fs::metadata("/proc/self").expect("itself").uid();
+    let folder = tempfile::tempdir().expect("a folder");
+    let binary = folder.path().join("other");
+    // Root makes such a program; anybody else knows one.
+    if user == 0 {
+        std::fs::copy("/bin/true", &binary).expect("a copy");
+        chown(&binary, Some(65_534), None).expect("root may");
+        let rights = std::fs::Permissions::from_mode(0o4755);
+        std::fs::set_permissions(&binary, rights).expect("root may");
+    } else if std::path::Path::new("/bin/su").exists() {
+        std::os::unix::fs::symlink("/bin/su", &binary).expect("a link");
+    } else {
+        eprintln!("skipped: there is no program of another user here");
+        return;
+    }
+    let refused = play_on(Stage::default(), &[text(&binary)]);
+    let Err(Error::Refused(why)) = refused else {
+        panic!("{refused:?}")
+    };
+    assert!(why.contains("is to run as another user"), "{why}");
 }
 
 #[test]

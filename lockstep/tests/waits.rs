@@ -347,3 +347,80 @@ int main(void) {
         "semtimedop -1 1 at 2000\nsemop 0 at 5000\nsem_wait at 9000\nmq -1 1 at 14000\n",
     );
 }
+
+#[test]
+fn messages_polls_and_children_by_their_rarer_calls() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <mqueue.h>
+#include <stdio.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1000 + t.tv_nsec / 1000000; }
+int main(void) {
+  long start = now(); struct timespec one = {1, 0}, two = {2, 0}; char b[2][8];
+  int s[2]; socketpair(AF_UNIX, SOCK_DGRAM, 0, s);
+  if (!fork()) { sleep(3); write(s[1], "one", 3); _exit(0); }
+  struct iovec to[2] = {{b[0], 8}, {b[1], 8}};
+  struct mmsghdr m[2] = {{{0, 0, &to[0], 1, 0, 0, 0}, 0}, {{0, 0, &to[1], 1, 0, 0, 0}, 0}};
+  int r = recvmmsg(s[0], m, 2, 0, &one); printf("recvmmsg %d of %u at %ld\n", r, m[0].msg_len, now() - start);
+  siginfo_t i; r = waitid(P_ALL, 0, &i, WEXITED); printf("waitid %d at %ld\n", r, now() - start);
+  fflush(stdout);
+  pid_t p = fork(); if (!p) { sleep(4); _exit(5); }
+  r = waitid(P_PID, p, &i, WEXITED); printf("waitid %d %d at %ld\n", r, i.si_status, now() - start);
+  int e = epoll_create1(0); struct epoll_event ev = {EPOLLIN, {0}}; epoll_ctl(e, EPOLL_CTL_ADD, s[0], &ev);
+  r = syscall(441, e, &ev, 1, &two, 0, 0); printf("epoll_pwait2 %d at %ld\n", r, now() - start);
+  struct mq_attr a = {0, 1, 8, 0}; char name[32]; sprintf(name, "/lockstep-m-%d", getpid());
+  mqd_t q = mq_open(name, O_CREAT | O_RDWR, 0600, &a); mq_unlink(name);
+  struct timespec at; clock_gettime(CLOCK_REALTIME, &at); at.tv_sec += 5;
+  mq_send(q, "x", 1, 0);
+  r = mq_timedsend(q, "y", 1, 0, &at); printf("mq %d %d at %ld\n", r, errno == ETIMEDOUT, now() - start);
+}
+"#,
+        "recvmmsg 1 of 3 at 3000\nwaitid 0 at 3000\nwaitid 0 5 at 7000\nepoll_pwait2 0 at 9000\n\
+         mq -1 1 at 14000\n",
+    );
+}
+
+#[test]
+fn locks_with_priority_inheritance_and_barriers() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t);
+  return t.tv_sec * 1000 + t.tv_nsec / 1000000; }
+static pthread_mutex_t lock; static pthread_barrier_t barrier; static pthread_rwlock_t both = PTHREAD_RWLOCK_INITIALIZER;
+static void *other(void *_) {
+  pthread_mutex_lock(&lock); pthread_rwlock_wrlock(&both);
+  sleep(5); pthread_mutex_unlock(&lock);
+  sleep(2); pthread_rwlock_unlock(&both);
+  sleep(3); pthread_barrier_wait(&barrier); return 0;
+}
+int main(void) {
+  pthread_mutexattr_t a; pthread_mutexattr_init(&a);
+  pthread_mutexattr_setprotocol(&a, PTHREAD_PRIO_INHERIT); pthread_mutex_init(&lock, &a);
+  pthread_barrier_init(&barrier, 0, 2);
+  long start = now(); pthread_t t; pthread_create(&t, 0, other, 0); sleep(1);
+  struct timespec at; clock_gettime(CLOCK_REALTIME, &at); at.tv_sec += 2;
+  int r = pthread_mutex_timedlock(&lock, &at); printf("late %d at %ld\n", r == ETIMEDOUT, now() - start);
+  r = pthread_mutex_lock(&lock); printf("lock %d at %ld\n", r, now() - start);
+  r = pthread_rwlock_rdlock(&both); printf("both %d at %ld\n", r, now() - start);
+  pthread_barrier_wait(&barrier); printf("barrier at %ld\n", now() - start);
+}
+"#,
+        "late 1 at 3000\nlock 0 at 5000\nboth 0 at 7000\nbarrier at 10000\n",
+    );
+}

@@ -248,7 +248,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Whether a socket of the run has this address and this peer, or listens there.
+    /// Whether a socket of the run, or of this program, has this address and this peer, or listens there.
     fn is_of_run(&self, is_stream: bool, address: SocketAddr, peer: SocketAddr) -> bool {
         let kind = if is_stream { "tcp" } else { "udp" };
         let tables = [kind.to_owned(), format!("{kind}6")];
@@ -274,8 +274,9 @@ impl Tracer<'_> {
                 lines
             })
             .collect();
-        self.processes.keys().any(|pid| {
-            files_of(*pid).any(|path| {
+        let mut processes = self.processes.keys().copied().chain([own_pid()]);
+        processes.any(|pid| {
+            files_of(pid).any(|path| {
                 std::fs::read_link(path)
                     .is_ok_and(|to| inodes.iter().any(|inode| to.as_os_str() == inode.as_str()))
             })

@@ -21,10 +21,17 @@ pub(crate) struct Starting {
 
 impl Starting {
     /// Why the program did not begin, if it did not; it has, or has ended.
-    pub(crate) fn failure(&mut self) -> Option<io::Error> {
-        let mut error = [0; 4];
-        self.line.read_exact(&mut error).ok()?;
-        Some(io::Error::from_raw_os_error(i32::from_ne_bytes(error)))
+    pub(crate) fn failure(&mut self) -> Option<Error> {
+        let mut number = [0; 4];
+        self.line.read_exact(&mut number).ok()?;
+        let number = i32::from_ne_bytes(number);
+        let error = io::Error::from_raw_os_error(number.saturating_abs());
+        Some(match number {
+            ..0 => Error::Unsupported(format!(
+                "this system does not let a program be prepared for being traced ({error})"
+            )),
+            0.. => Error::NotStarted(error),
+        })
     }
 }
 

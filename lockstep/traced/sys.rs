@@ -7,6 +7,9 @@
     reason = "tracing has no safe interface; each call says why it is sound"
 )]
 
+#[path = "sys/child.rs"]
+pub(crate) mod child;
+
 use std::io;
 use std::mem::MaybeUninit;
 use std::os::fd::RawFd;
@@ -333,130 +336,4 @@ pub(crate) fn reap_soon(pid: Tid) {
 /// Stops a thread that runs.
 pub(crate) fn interrupt(tid: Tid) -> io::Result<()> {
     request(libc::PTRACE_INTERRUPT, tid, 0, 0)
-}
-
-/// What a child does between fork and exec.
-pub(crate) mod child {
-    use super::{Tid, check};
-    use std::ffi::{CString, c_char};
-    use std::io;
-    use std::os::fd::RawFd;
-    use std::ptr;
-
-    /// All that a child needs, made before it comes to be: it must take no memory.
-    pub(crate) struct Image<'a> {
-        file: &'a CString,
-        words: Vec<*const c_char>,
-        environment: Vec<*const c_char>,
-        filter: Vec<libc::sock_filter>,
-        fixed_addresses: bool,
-    }
-
-    impl<'a> Image<'a> {
-        pub(crate) fn new(
-            file: &'a CString,
-            words: &'a [CString],
-            environment: &'a [CString],
-            filter: Vec<libc::sock_filter>,
-            fixed_addresses: bool,
-        ) -> Self {
-            let pointers = |strings: &[CString]| {
-                let pointers = strings.iter().map(|string| string.as_ptr());
-                pointers.chain([ptr::null()]).collect()
-            };
-            Self {
-                file,
-                words: pointers(words),
-                environment: pointers(environment),
-                filter,
-                fixed_addresses,
-            }
-        }
-    }
-
-    /// Forks. The child waits at `line` until it is traced, and becomes the program with these streams;
-    /// `line` is closed then, or tells the number of the error. `theirs` is its other end.
-    pub(crate) fn fork(
-        image: &Image<'_>,
-        (line, theirs): (RawFd, RawFd),
-        (input, output): (RawFd, RawFd),
-    ) -> io::Result<Tid> {
-        // SAFETY: the child makes plain calls only, takes no lock and no memory, and never returns.
-        unsafe {
-            let parent = libc::getpid();
-            let pid = check(libc::fork().into())?;
-            if pid != 0 {
-                return Tid::try_from(pid).map_err(io::Error::other);
-            }
-            libc::close(theirs);
-            wait_to_be_traced(line, parent);
-            if let Err(error) = become_program(image, input, output) {
-                let number = error.raw_os_error().unwrap_or(libc::EINVAL).to_ne_bytes();
-                libc::write(line, number.as_ptr().cast(), number.len());
-            }
-            libc::_exit(127)
-        }
-    }
-
-    /// # Safety
-    /// Only for a child that has been forked.
-    unsafe fn wait_to_be_traced(line: RawFd, parent: Tid) {
-        let mut poll = libc::pollfd {
-            fd: line,
-            events: libc::POLLIN,
-            revents: 0,
-        };
-        let mut go = 0_u8;
-        // SAFETY: the structure and the byte outlive the calls.
-        unsafe {
-            // Another child may hold the other end open when the tracer is killed.
-            while libc::poll(&raw mut poll, 1, 50) != 1 {
-                if libc::getppid() != parent {
-                    libc::_exit(127);
-                }
-            }
-            if libc::read(line, (&raw mut go).cast(), 1) != 1 {
-                libc::_exit(127);
-            }
-        }
-    }
-
-    /// Returns only if it fails.
-    ///
-    /// # Safety
-    /// Only for a child that has been forked.
-    unsafe fn become_program(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<()> {
-        let program = libc::sock_fprog {
-            len: u16::try_from(image.filter.len()).map_err(|_| io::ErrorKind::InvalidInput)?,
-            filter: image.filter.as_ptr().cast_mut(),
-        };
-        // SAFETY: takes numbers, and strings and a filter that are only read and outlive the calls.
-        unsafe {
-            // Ctrl-C is for the tracer, which then ends it.
-            check(libc::setpgid(0, 0).into())?;
-            check(libc::dup2(input, 0).into())?;
-            check(libc::dup2(output, 1).into())?;
-            check(libc::dup2(output, 2).into())?;
-            // What this program ignores or blocks is its own affair.
-            libc::signal(libc::SIGPIPE, libc::SIG_DFL);
-            let mut none = std::mem::MaybeUninit::<libc::sigset_t>::uninit();
-            libc::sigemptyset(none.as_mut_ptr());
-            libc::sigprocmask(libc::SIG_SETMASK, none.as_ptr(), ptr::null_mut());
-            let mut persona = libc::personality(0xFFFF_FFFF);
-            // The tracer writes how much time is left of `select`, and not the system.
-            persona |= libc::STICKY_TIMEOUTS;
-            if image.fixed_addresses {
-                persona |= libc::ADDR_NO_RANDOMIZE;
-            }
-            let persona = libc::c_ulong::from(persona.unsigned_abs());
-            check(libc::personality(persona).into())?;
-            check(libc::prctl(libc::PR_SET_TSC, libc::PR_TSC_SIGSEGV).into())?;
-            check(libc::prctl(libc::PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0).into())?;
-            let set = libc::SECCOMP_SET_MODE_FILTER;
-            check(libc::syscall(libc::SYS_seccomp, set, 0, &raw const program))?;
-            let (words, environment) = (image.words.as_ptr(), image.environment.as_ptr());
-            libc::execve(image.file.as_ptr(), words, environment);
-        }
-        Err(io::Error::last_os_error())
-    }
 }

@@ -1,7 +1,5 @@
 //! Calls on ports: reads, writes, and requests.
 
-use rustix::event::PollFlags;
-
 use crate::modem;
 use crate::port::Change;
 use crate::traced::call::request;
@@ -193,36 +191,6 @@ impl Tracer<'_> {
             _ => return Ok(Action::Make),
         }
         Ok(Action::Answer(0))
-    }
-
-    /// A read or write that may wait, of something that is no port.
-    pub(crate) fn may_wait(
-        &mut self,
-        tid: Tid,
-        fd: i32,
-        descriptor: &Descriptor,
-        (flags, room): (PollFlags, usize),
-        (at_once, deadline, late): (bool, Option<u64>, i64),
-        crept: bool,
-    ) -> Action {
-        let ready = if flags.contains(PollFlags::OUT) {
-            descriptor.has_room(room)
-        } else {
-            descriptor.is_ready(flags)
-        };
-        if ready {
-            return Action::Make;
-        }
-        if at_once || descriptor.is_nonblocking() {
-            return self.ask(tid, crept).unwrap_or(Action::Make);
-        }
-        let wait = Wait::Descriptor {
-            fd,
-            flags,
-            room,
-            late,
-        };
-        Action::Hold(wait, deadline)
     }
 
     /// Tells the world which ports have been opened and closed.

@@ -158,39 +158,6 @@ pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
     stat.rsplit_once(')')?.1.trim_start().chars().next()
 }
 
-/// The signals of a thread, as sets with signal 1 in the lowest bit.
-pub(crate) struct Signals {
-    pub(crate) pending: u64,
-    pub(crate) blocked: u64,
-    pub(crate) ignored: u64,
-    pub(crate) caught: u64,
-}
-
-impl Signals {
-    pub(crate) fn of(process: Tid, tid: Tid) -> Option<Self> {
-        let text = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
-        let set = |name: &str| {
-            let line = text.lines().find_map(|line| line.strip_prefix(name));
-            line.and_then(|set| u64::from_str_radix(set.trim(), 16).ok())
-                .unwrap_or(0)
-        };
-        Some(Self {
-            pending: set("SigPnd:") | set("ShdPnd:"),
-            blocked: set("SigBlk:"),
-            ignored: set("SigIgn:"),
-            caught: set("SigCgt:"),
-        })
-    }
-
-    /// Those that would interrupt a wait. `mask` takes the place of what is blocked.
-    pub(crate) fn interrupting(&self, mask: Option<u64>) -> u64 {
-        /// SIGCHLD, SIGCONT, SIGURG and SIGWINCH do nothing unless they are caught.
-        const USUALLY_IGNORED: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
-        let ignored = self.ignored | (USUALLY_IGNORED & !self.caught);
-        self.pending & !mask.unwrap_or(self.blocked) & !ignored
-    }
-}
-
 /// Which file a descriptor of a process leads to.
 pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
     std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()

@@ -31,12 +31,13 @@ pub(crate) enum Wait {
         mask: Option<u64>,
     },
     /// A descriptor on which a call can then be made; room for so many bytes, if it is a pipe. What
-    /// the call returns at the deadline.
+    /// the call returns at the deadline. Some calls have more to them and are looked at once more.
     Descriptor {
         fd: i32,
         flags: PollFlags,
         room: usize,
         late: i64,
+        has_more: bool,
     },
     /// Bytes for a read of a port.
     PortRead {

@@ -6,6 +6,7 @@ use super::faults::WheelFaults;
 use super::motor::{Grip, Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
+use crate::tolerance::Draw;
 use crate::traction::{Chassis, Patch, Slanted, Stance, Traction, Wheel as DrivenWheel};
 use crate::world::World;
 
@@ -15,6 +16,8 @@ pub(super) struct Drive {
     pub(super) traction: Traction<WHEELS, WHEELS, Slanted>,
     motors: [Motor; WHEELS],
     pulses: [PulseWire; WHEELS],
+    /// How much faster each wheel turns than it should.
+    speed_factors: [f64; WHEELS],
     /// How much of the step that comes has passed, s, and what the pulses were told by then that
     /// the wheels turn in it, rad.
     passed: f64,
@@ -37,12 +40,17 @@ pub(super) struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(settings: &MecanumPlantSettings) -> Self {
+    pub(super) fn new(name: &str, settings: &MecanumPlantSettings) -> Self {
+        let mut draw = Draw::of(name);
+        let wheel_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.wheel));
+        let motor_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.motor));
         let body = &settings.body;
         let stance = Stance {
             half_wheelbase: body.half_wheelbase,
             half_track: body.half_track,
             centre_height: 0.0,
+            centre: [0.0; 2],
+            carried: None,
         };
         let places = stance.places();
         let patches = Wheel::ALL.map(|wheel| {
@@ -57,12 +65,12 @@ impl Drive {
         let mut drive = Self {
             traction: Traction::with_contacts(&settings.wheel.tyre(), patches),
             motors: [Motor::new(); WHEELS],
-            pulses: std::array::from_fn(|_| {
-                PulseWire::new(
-                    settings.encoder.pulses_per_revolution,
-                    settings.encoder.hysteresis,
-                )
+            // Speeds and angles are those of a wheel of the nominal radius that gets as far.
+            pulses: wheel_factors.map(|factor| {
+                let pulses = f64::from(settings.encoder.pulses_per_revolution);
+                PulseWire::new(pulses / factor, settings.encoder.hysteresis)
             }),
+            speed_factors: std::array::from_fn(|wheel| wheel_factors[wheel] * motor_factors[wheel]),
             passed: 0.0,
             turned: [0.0; WHEELS],
             wheel_speed: [0.0; WHEELS],
@@ -211,7 +219,8 @@ impl MecanumPlant {
             (true, false) => Order::Brake,
             (false, _) => {
                 let reverse = reverse != faults.reversed;
-                self.drive.law.order(self.commands.speed_voltage, reverse)
+                let speed = self.commands.speed_voltage * self.drive.speed_factors[wheel.index()];
+                self.drive.law.order(speed, reverse)
             }
         }
     }

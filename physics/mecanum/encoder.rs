@@ -30,9 +30,9 @@ pub(super) struct PulseWire {
 }
 
 impl PulseWire {
-    pub(super) fn new(pulses_per_revolution: u32, hysteresis: f64) -> Self {
+    pub(super) fn new(pulses_per_revolution: f64, hysteresis: f64) -> Self {
         Self {
-            per_radian: f64::from(pulses_per_revolution) / std::f64::consts::TAU,
+            per_radian: pulses_per_revolution / std::f64::consts::TAU,
             hysteresis,
             // Half-way between two pulses, so that no wheel begins on the brink of one.
             angle: 0.5,
@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     fn wire() -> PulseWire {
-        PulseWire::new(60, 0.1)
+        PulseWire::new(60.0, 0.1)
     }
 
     const PULSE: f64 = std::f64::consts::TAU / 60.0;

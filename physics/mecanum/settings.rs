@@ -6,6 +6,7 @@ use sim_settings::{choices, settings};
 
 use super::signals::{Plugs, Wheel, Wiring};
 use crate::rest::RestSettings;
+use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
@@ -35,6 +36,8 @@ settings! {
         wheel: MecanumWheelSettings,
         /// Motors, gears and brakes.
         motor: CarMotorSettings,
+        /// How far its parts are from one another.
+        tolerance: ToleranceSettings,
         /// Encoders.
         encoder: EncoderSettings,
         /// Ultrasonic sensors.

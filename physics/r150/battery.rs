@@ -17,7 +17,13 @@ pub(super) struct Battery {
     missing: f64,
     /// A·s drawn so far.
     drawn: f64,
+    /// 0–1
+    charge_limit: f64,
+    full: bool,
 }
+
+/// A battery that was full takes charge again when it has lost this share.
+const ROOM: f64 = 0.005;
 
 impl Battery {
     pub(super) fn new(settings: &BatterySettings) -> Self {
@@ -30,6 +36,8 @@ impl Battery {
             soc: settings.initial_soc / 100.0,
             missing: 0.0,
             drawn: 0.0,
+            charge_limit: settings.charge_limit / 100.0,
+            full: settings.initial_soc >= settings.charge_limit,
         }
     }
 
@@ -54,6 +62,11 @@ impl Battery {
         (self.soc - self.missing).max(0.0)
     }
 
+    /// Whether it takes no more charge.
+    pub(super) fn is_full(&self) -> bool {
+        self.full
+    }
+
     /// Without what is missing.
     pub(super) fn own_soc(&self) -> f64 {
         self.soc
@@ -73,5 +86,10 @@ impl Battery {
         let charge = current * seconds;
         self.drawn += charge;
         self.soc = (self.soc - charge / self.capacity).clamp(0.0, 1.0);
+        self.full = if self.full {
+            self.soc > self.charge_limit - ROOM
+        } else {
+            self.soc >= self.charge_limit
+        };
     }
 }

@@ -1,10 +1,12 @@
 //! Motors, gears, brakes and wheels: from bridge voltage to the velocity of the body.
 
 use super::R150Plant;
+use super::driver::Driver;
 use super::faults::SideFaults;
 use super::settings::R150PlantSettings;
 use super::signals::Side;
 use crate::pose::BodyMotion;
+use crate::tolerance::Draw;
 use crate::traction::{Chassis, Patch, Stance, Traction, Wheel};
 use crate::world::{Ground, World};
 
@@ -17,6 +19,7 @@ pub(super) struct Drive {
     pub(super) traction: Traction<2, WHEELS>,
     /// Of the wheels of each side, rad/s.
     pub(super) wheel_speed: [f64; 2],
+    pub(super) drivers: [Driver; 2],
     /// Whether a wheel would lift off the ground.
     pub(super) tipping: bool,
     pub(super) mass: f64,
@@ -24,8 +27,9 @@ pub(super) struct Drive {
     stance: Stance,
     wheel_radius: f64,
     rolling_resistance: f64,
-    gear_ratio: f64,
-    torque_constant: f64,
+    /// Of each side; a smaller wheel is a shorter gear.
+    gear_ratio: [f64; 2],
+    torque_constant: [f64; 2],
     winding_resistance: f64,
     /// Of rotor and wheels at the wheel's speed, kg·m².
     side_inertia: f64,
@@ -48,7 +52,9 @@ struct SideDrive {
 }
 
 impl Drive {
-    pub(super) fn new(settings: &R150PlantSettings) -> Self {
+    pub(super) fn new(name: &str, settings: &R150PlantSettings) -> Self {
+        let mut draw = Draw::of(name);
+        let tolerance = &settings.tolerance;
         let body = &settings.body;
         let motor = &settings.motor;
         let (x, y) = (body.wheelbase / 2.0, body.track / 2.0);
@@ -67,6 +73,7 @@ impl Drive {
         let mut drive = Self {
             traction: Traction::new(&settings.tyre, patches),
             wheel_speed: [0.0; 2],
+            drivers: [Driver::new(motor); 2],
             tipping: false,
             mass: 0.0,
             inertia: 0.0,
@@ -74,11 +81,14 @@ impl Drive {
                 half_wheelbase: x,
                 half_track: y,
                 centre_height: 0.0,
+                centre: [0.0; 2],
+                carried: None,
             },
             wheel_radius: settings.tyre.wheel_radius,
             rolling_resistance: settings.tyre.rolling_resistance,
-            gear_ratio: ratio,
-            torque_constant: motor.back_emf_constant,
+            gear_ratio: Side::BOTH.map(|_| ratio / draw.factor(tolerance.wheel)),
+            torque_constant: Side::BOTH
+                .map(|_| motor.back_emf_constant * draw.factor(tolerance.motor)),
             winding_resistance: motor.resistance,
             side_inertia: motor.rotor_inertia * ratio * ratio + 2.0 * motor.wheel_inertia,
             gear_friction: motor.gear_friction,
@@ -97,15 +107,22 @@ impl Drive {
         self.inertia = body.yaw_inertia + payload * deck / 12.0;
         self.stance.centre_height =
             (body.mass * body.centre_of_mass_height + payload * body.payload_height) / self.mass;
+        self.stance.centre =
+            [body.payload_ahead, body.payload_left].map(|place| payload * place / self.mass);
+    }
+
+    /// Forgets how the vehicle leaned, as after lifting it off the ground.
+    pub(super) fn forget_leaning(&mut self) {
+        self.stance.carried = None;
     }
 
     /// Speed of a motor shaft, rad/s.
     pub(super) fn motor_speed(&self, side: Side) -> f64 {
-        self.wheel_speed[side.index()] * self.gear_ratio
+        self.wheel_speed[side.index()] * self.gear_ratio[side.index()]
     }
 
     pub(super) fn back_emf(&self, side: Side) -> f64 {
-        self.motor_speed(side) * self.torque_constant
+        self.motor_speed(side) * self.torque_constant[side.index()]
     }
 
     /// Forces the wheels to a stand, as a blocked side does.
@@ -117,15 +134,19 @@ impl Drive {
     /// speed at the end of the step: its time constant is near the step itself.
     fn wheel(&self, side: Side, drive: &SideDrive, dt: f64) -> Wheel {
         let speed = self.wheel_speed[side.index()];
+        let (ratio, constant) = (
+            self.gear_ratio[side.index()],
+            self.torque_constant[side.index()],
+        );
         let faults = &drive.faults;
         let brake = if (drive.brake && !faults.brake_stuck_open) || faults.brake_stuck_on {
             self.brake_torque
         } else {
             0.0
         };
-        let motor_torque = drive.current * self.torque_constant;
+        let motor_torque = drive.current * constant;
         let gear = self.gear_friction + self.gear_loss * motor_torque.abs();
-        let hold_torque = gear * self.gear_ratio
+        let hold_torque = gear * ratio
             + self.rolling_resistance * drive.load * self.wheel_radius
             + brake
             + faults.drag_torque;
@@ -140,9 +161,9 @@ impl Drive {
         let mut momentum = self.side_inertia * speed;
         let mut inertia = self.side_inertia;
         if let Some(voltage) = drive.voltage {
-            let torque_per_volt = self.gear_ratio * self.torque_constant / self.winding_resistance;
+            let torque_per_volt = ratio * constant / self.winding_resistance;
             momentum += dt * torque_per_volt * voltage;
-            inertia += dt * torque_per_volt * self.gear_ratio * self.torque_constant;
+            inertia += dt * torque_per_volt * ratio * constant;
         }
         Wheel {
             speed: momentum / inertia,
@@ -168,11 +189,14 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let ground = world.ground_at(motion.x, motion.y);
     let gravity = world.gravity();
 
-    let drive = &plant.drive;
+    plant.follow_duty(dt);
+    let drive = &mut plant.drive;
     let pull = drive.pull(&ground, gravity, &motion);
-    let (loads, tipping) = drive
-        .stance
-        .loads(pull, drive.mass * gravity * ground.cos_slope());
+    let weight = drive.mass * gravity * ground.cos_slope();
+    let on_tyres = drive.traction.force(dt);
+    let (loads, lifts) = drive.stance.carry(pull, on_tyres, weight, dt);
+    drive.tipping = lifts;
+    let drive = &plant.drive;
     let side_loads = [loads[1] + loads[3], loads[0] + loads[2]];
     let mut wheels = Side::BOTH.map(|side| {
         let index = side.index();
@@ -207,7 +231,6 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
         .drive
         .traction
         .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
-    plant.drive.tipping = tipping;
     plant.drive.wheel_speed = wheels.map(|wheel| wheel.speed);
     let [ahead, left, yaw_rate] = chassis.velocity;
     world.set_velocity(plant.body.id(), motion.to_world([ahead, left]), yaw_rate);

@@ -167,6 +167,7 @@ impl R150Plant {
     pub fn place(&mut self, world: &mut World, pose: Pose) {
         self.body.place(world, pose);
         self.drive.traction.relax();
+        self.drive.forget_leaning();
         for side in Side::BOTH {
             self.drive.stop(side);
         }

@@ -9,6 +9,7 @@ impl R150Plant {
     /// Lets the slow states follow the present currents, which change whenever a fuse blows. Each
     /// round but the last blows one, so there are at most as many as there are fuses.
     pub(super) fn pass(&mut self, seconds: f64) {
+        self.count_turns(seconds);
         let mut left = seconds;
         for _ in FuseId::ALL {
             let Some(due) = self
@@ -49,7 +50,8 @@ impl R150Plant {
     fn is_driven(&self) -> bool {
         let motors = Side::BOTH.iter().any(|side| {
             let port = self.motor_port(*side);
-            port.connected && port.duty != 0.0
+            let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
+            port.connected && (port.duty != 0.0 || driven)
         });
         motors || self.total_push() != [0.0; 3]
     }

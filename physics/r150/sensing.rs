@@ -16,6 +16,7 @@ impl R150Plant {
         R150Measurements {
             module_powered: true,
             motor_rpm: Side::BOTH.map(|side| self.encoder(side)).into(),
+            motor_turns: self.encoder_turns,
             soc: self.slow.battery.soc(),
             bus_voltage: self.flow.bus,
             rail_voltage: self.flow.rail_voltage,
@@ -46,16 +47,21 @@ impl R150Plant {
             soc: self.slow.battery.soc(),
             charge_drawn: self.slow.battery.drawn(),
             mass: self.drive.mass,
+            health: self.health(),
+            motor_celsius: self.slow.motors.map(|[motor, _]| motor).into(),
+            driver_celsius: self.slow.motors.map(|[_, driver]| driver).into(),
             at_rest: self.body.is_resting(),
         }
     }
 
-    /// What is broken or about to tip.
+    /// What is broken, too hot or about to tip.
     #[must_use]
     pub fn health(&self) -> R150Health {
         R150Health {
             fuse_blown: FuseId::ALL.map(|fuse| self.is_fuse_blown(fuse)),
             tipping: self.drive.tipping,
+            derated: self.drive.drivers.map(|driver| driver.derated).into(),
+            shut_off: self.drive.drivers.map(|driver| driver.shut_off).into(),
         }
     }
 
@@ -72,6 +78,13 @@ impl R150Plant {
             if self.side_faults[side].encoder != Encoder::Stuck {
                 self.encoder_rpm[side.index()] = self.motor_rpm(side);
             }
+        }
+    }
+
+    /// Lets the encoders count for so many seconds.
+    pub(super) fn count_turns(&mut self, seconds: f64) {
+        for side in Side::BOTH {
+            self.encoder_turns[side] += self.encoder(side) / 60.0 * seconds;
         }
     }
 
@@ -104,6 +117,7 @@ impl R150Measurements {
         Self {
             module_powered: false,
             motor_rpm: Sides::default(),
+            motor_turns: Sides::default(),
             soc: 0.0,
             bus_voltage: 0.0,
             rail_voltage: [0.0; RAILS],

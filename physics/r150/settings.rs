@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::rest::RestSettings;
+use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
 
 sim_settings::settings! {
@@ -15,6 +16,10 @@ sim_settings::settings! {
         tyre: TyreSettings,
         /// Motors, gears and brakes.
         motor: MotorSettings,
+        /// Warming of the motors and of their drivers.
+        motor_thermal: MotorThermalSettings,
+        /// How far its parts are from one another.
+        tolerance: ToleranceSettings,
         /// The two packs.
         battery: BatterySettings,
         /// The module's outputs.
@@ -52,6 +57,11 @@ sim_settings::settings! {
         payload: f64 = 0.0, unit "kg", range 0.0..=1000.0, assumed "empty unless chosen";
         /// Height of the payload's centre of mass above the ground.
         payload_height: f64 = 0.7, unit "m", range 0.0..=3.0, assumed "on the deck";
+        /// How far ahead of the middle the payload lies.
+        payload_ahead: f64 = 0.0, unit "m", range -2.5..=2.5, assumed "on the middle of the deck";
+        /// How far to the left of the middle the payload lies.
+        payload_left: f64 = 0.005, unit "m", range -2.5..=2.5,
+            assumed "nobody loads a vehicle to the millimetre";
     }
 }
 
@@ -87,9 +97,57 @@ sim_settings::settings! {
         /// What a motor does at PWM 0.
         at_zero_pwm: AtZeroPwm = AtZeroPwm::Brake,
             assumed "a bridge at duty 0 that keeps both its lower switches closed";
+        /// Most current that a driver lets through a motor; it then gives less voltage.
+        current_limit: Option<f64> = Some(45.0), unit "A", range 1.0..=1000.0,
+            assumed "three quarters of a 60 A driver, as Roboteq sets its own (ALIM in its manual); \
+                     twice what the rated 7 N*m need, and under the 50 A fuse";
+        /// Time in which a driver raises the duty from none to full.
+        ramp_up: Duration = Duration::from_millis(500),
+            range Duration::ZERO..=Duration::from_secs(60),
+            assumed "half of the second that Roboteq's drivers take unless told (MAC in its manual)";
+        /// Time in which a driver lowers the duty from full to none.
+        ramp_down: Duration = Duration::from_millis(250),
+            range Duration::ZERO..=Duration::from_secs(60),
+            assumed "a vehicle should stop faster than it starts, and its tyres hold 5.6 m/s^2";
         /// Torque that the parking brake holds at the wheels of one side.
         brake_torque: f64 = 200.0, unit "N*m", range 0.0..=10000.0,
             assumed "holds the loaded vehicle on its steepest slope with a margin of two";
+    }
+}
+
+sim_settings::settings! {
+    /// Warming of the motors and of their drivers, each with the square of the motor's current. A
+    /// driver allows less current above a temperature and none above another.
+    pub struct MotorThermalSettings {
+        /// Current at which the rises below are reached.
+        rated_current: f64 = 22.0, unit "A", range 0.1..=1000.0,
+            assumed "what the rated 7 N*m need";
+        /// Rise of a motor at the rated current.
+        motor_rise: f64 = 80.0, unit "K", range 0.0..=1000.0,
+            assumed "insulation class B allows 80 K above 40 degC";
+        /// Time constant of a motor's warming.
+        motor_time_constant: Duration = Duration::from_secs(900),
+            range Duration::from_millis(100)..=Duration::from_secs(36000),
+            assumed "some kilograms of iron and copper";
+        /// Rise of a driver at the rated current.
+        driver_rise: f64 = 30.0, unit "K", range 0.0..=1000.0,
+            assumed "a few watts into a plate of aluminium";
+        /// Time constant of a driver's warming.
+        driver_time_constant: Duration = Duration::from_secs(120),
+            range Duration::from_millis(100)..=Duration::from_secs(36000),
+            assumed "as the 12 V converters";
+        /// Temperature of a motor above which its driver allows less current.
+        motor_derating: f64 = 110.0, unit "degC", range -60.0..=500.0,
+            assumed "insulation class B lives to 130 degC";
+        /// Temperature of a motor at which its driver shuts off.
+        motor_shut_off: f64 = 130.0, unit "degC", range -60.0..=500.0,
+            assumed "insulation class B lives to 130 degC";
+        /// Temperature of a driver above which it allows less current.
+        driver_derating: f64 = 80.0, unit "degC", range -60.0..=500.0,
+            assumed "drivers begin at 70 to 85 degC at their plate";
+        /// Temperature of a driver at which it shuts off.
+        driver_shut_off: f64 = 95.0, unit "degC", range -60.0..=500.0,
+            assumed "drivers end at 85 to 100 degC at their plate";
     }
 }
 
@@ -113,6 +171,9 @@ sim_settings::settings! {
         /// Internal resistance of one pack.
         pack_resistance: f64 = 0.03, unit "ohm", range 0.0005..=10.0,
             assumed "about 2.3 mohm a cell, a pack for high currents";
+        /// Charge from which on the battery takes no more: drivers then feed nothing back.
+        charge_limit: f64 = 100.0, unit "%", range 0.0..=100.0,
+            assumed "its management opens the path to a full battery";
         /// Resistance of the wiring from the packs to the bus.
         wiring_resistance: f64 = 0.005, unit "ohm", range 0.0005..=10.0,
             assumed "short thick cables and a connector";

@@ -174,6 +174,8 @@ pub struct R150Measurements {
     pub module_powered: bool,
     /// Speed of the motor shafts by their encoders, rpm, positive is forward.
     pub motor_rpm: Sides<f64>,
+    /// What the encoders have counted, turns of the motor shafts, positive is forward.
+    pub motor_turns: Sides<f64>,
     /// State of charge, 0–1.
     pub soc: f64,
     /// Voltage of the supply bus, V.
@@ -194,13 +196,17 @@ pub struct R150Measurements {
     pub power_module_fault: bool,
 }
 
-/// What is broken or about to tip.
+/// What is broken, too hot or about to tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct R150Health {
     /// Which fuses have blown, in the order of [`FuseId::ALL`](super::FuseId::ALL).
     pub fuse_blown: [bool; 4],
     /// Whether a wheel would lift off the ground, and the vehicle begin to tip over.
     pub tipping: bool,
+    /// Whether a driver allows less current because of heat.
+    pub derated: Sides<bool>,
+    /// Whether a driver has shut off because of heat.
+    pub shut_off: Sides<bool>,
 }
 
 /// How things really are, for verdicts and summaries. No firmware sees this.
@@ -232,6 +238,12 @@ pub struct R150Truth {
     pub charge_drawn: f64,
     /// Mass with payload, kg.
     pub mass: f64,
+    /// What is broken, too hot or about to tip.
+    pub health: R150Health,
+    /// Temperature of the motors, °C.
+    pub motor_celsius: Sides<f64>,
+    /// Temperature of the motor drivers, °C.
+    pub driver_celsius: Sides<f64>,
     /// Whether the plant rests.
     pub at_rest: bool,
 }

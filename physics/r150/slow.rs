@@ -16,8 +16,13 @@ pub(super) struct SlowStates {
     pub(super) fuses: [Fuse; FUSES],
     /// Of the 12 V converters A+B and C+D, °C.
     pub(super) temperature: [f64; 2],
-    pub(super) ambient: f64,
+    /// Of each motor and its driver, °C.
+    pub(super) motors: [[f64; 2]; 2],
+    ambient: f64,
     rise_per_watt: f64,
+    /// Of a motor and its driver, K/A².
+    rise_per_square: [f64; 2],
+    motor_thermal: [Decay; 2],
     thermal: Decay,
     melting: Decay,
 }
@@ -25,11 +30,17 @@ pub(super) struct SlowStates {
 impl SlowStates {
     pub(super) fn new(settings: &R150PlantSettings) -> Self {
         let thermal: &ThermalSettings = &settings.thermal;
+        let motors = &settings.motor_thermal;
         Self {
             battery: Battery::new(&settings.battery),
             fuses: Fuse::all(&settings.fuses),
             temperature: [thermal.ambient + thermal.initial_rise; 2],
+            motors: [[thermal.ambient; 2]; 2],
             ambient: thermal.ambient,
+            rise_per_square: [motors.motor_rise, motors.driver_rise]
+                .map(|rise| rise / (motors.rated_current * motors.rated_current)),
+            motor_thermal: [motors.motor_time_constant, motors.driver_time_constant]
+                .map(Decay::new),
             rise_per_watt: thermal.full_load_rise / thermal.full_load,
             thermal: Decay::new(thermal.time_constant),
             melting: Decay::new(settings.fuses.time_constant),
@@ -59,6 +70,17 @@ impl SlowStates {
                 .sum();
             let settled = self.ambient + self.rise_per_watt * power;
             *temperature = settled + (*temperature - settled) * kept;
+        }
+
+        let kept = self
+            .motor_thermal
+            .each_mut()
+            .map(|decay| decay.kept(seconds));
+        for (pair, current) in self.motors.iter_mut().zip(flow.motor_current) {
+            for part in 0..2 {
+                let settled = self.ambient + self.rise_per_square[part] * current * current;
+                pair[part] = settled + (pair[part] - settled) * kept[part];
+            }
         }
 
         let kept = self.melting.kept(seconds);

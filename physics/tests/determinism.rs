@@ -10,7 +10,7 @@ use common::TICK;
 use sim_physics::r150::{Load, Rail, Side, SideFaults, Sides};
 use sim_physics::{Ground, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
 
-const GOLDEN: u64 = 0xfd2e_4267_28e6_ee1e;
+const GOLDEN: u64 = 0x3f7c_57f9_a790_7dad;
 
 /// FNV-1a over the bits of every number.
 struct Digest(u64);

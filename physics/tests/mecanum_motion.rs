@@ -74,6 +74,33 @@ fn it_coasts_to_a_stand_twice_as_hard_sideways_as_forward() {
     assert!((1.7..2.3).contains(&ratio), "{ratio}");
 }
 
+/// Where a car called so ends that rolls 20 m straight ahead.
+fn beside(name: &str, tolerance: f64) -> f64 {
+    let mut settings = MecanumPlantSettings::default();
+    settings.tolerance.wheel *= tolerance;
+    settings.tolerance.motor *= tolerance;
+    let mut world = sim_physics::World::new(&sim_physics::WorldSettings::default());
+    let pose = Pose::default();
+    let plant = sim_physics::MecanumPlant::with_name(name, &settings, &mut world, pose);
+    let mut car = Car { world, plant };
+    car.turn([1; 4], 1.0);
+    car.run_while(120.0, |car| car.plant.truth().distance < 20.0);
+    car.gone()[1]
+}
+
+#[test]
+fn no_two_cars_roll_alike_and_none_straight() {
+    let (first, second) = (beside("car", 1.0), beside("other", 1.0));
+    println!("20 m on: {first:.2} m and {second:.2} m beside the line");
+    assert_eq!(first.to_bits(), beside("car", 1.0).to_bits());
+    assert!((first - second).abs() > 0.01);
+    for off in [first, second] {
+        assert!((0.005..3.0).contains(&off.abs()), "{off}");
+    }
+    assert!(beside("car", 0.0).abs() < 1e-6);
+    assert!(beside("car", 3.0).abs() > 2.0 * first.abs());
+}
+
 /// A brake that comes on slowly stops a car later.
 #[test]
 fn a_brake_takes_its_time() {

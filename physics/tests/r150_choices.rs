@@ -24,6 +24,8 @@ fn way_to_rest(at_zero_pwm: AtZeroPwm) -> f64 {
     bench.run(3.0);
     let from = bench.plant.truth().distance;
     bench.drive(0.0, 0.0);
+    // Behind the ramp.
+    bench.run(0.27);
     assert_eq!(
         bench.plant.truth().motor_current.right == 0.0,
         at_zero_pwm == AtZeroPwm::Coast
@@ -39,7 +41,7 @@ fn at_pwm_0_it_brakes_or_rolls_on() {
     println!("{brake:.2} m braking, {coast:.2} m coasting");
     assert!(brake < 0.5);
     // Dry friction of gears and tyres alone stops it: 1.4² / 2 over about 0.9 m/s².
-    assert!(coast > 4.0 * brake && coast < 5.0);
+    assert!(coast > 3.0 * brake && coast < 5.0);
 }
 
 /// A vehicle whose tail supply carries more than its fuse can for ever.

@@ -194,7 +194,7 @@ fn pushed_when_released_and_unpowered_it_rolls() {
 
 #[test]
 fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::unlimited();
     let voltage = bench.plant.measurements().bus_voltage;
     for side in Side::BOTH {
         bench.plant.set_side_faults(
@@ -206,6 +206,7 @@ fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
         );
     }
     bench.drive(1.0, 1.0);
+    bench.step();
     let at_once = bench.plant.truth();
     println!(
         "blocked: {:.1} A a motor, bus {voltage:.2} V to {:.2} V",

@@ -299,6 +299,6 @@ impl<'a> Scope<'a> {
 }
 
 /// A device's name as it is written in a condition.
-pub(crate) fn identifier(name: &str) -> String {
+pub fn identifier(name: &str) -> String {
     name.replace('-', "_")
 }

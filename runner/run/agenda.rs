@@ -12,6 +12,8 @@ pub(super) enum Item {
     Occur(usize),
     /// What a step did ends.
     End(usize, Undo),
+    /// A step is ended before its time.
+    Clear(usize),
     /// Conditions are looked at.
     Look,
 }
@@ -26,7 +28,7 @@ pub(super) struct Agenda {
 impl Agenda {
     pub(super) fn plan(&mut self, at: SimTime, item: Item) {
         let place = match &item {
-            Item::Occur(step) | Item::End(step, _) => *step,
+            Item::Occur(step) | Item::End(step, _) | Item::Clear(step) => *step,
             Item::Look => usize::MAX,
         };
         let is_end = matches!(item, Item::End(..));
@@ -42,7 +44,7 @@ impl Agenda {
         let items = keys.iter().filter_map(|key| self.items.remove(key));
         let ends = items.filter_map(|item| match item {
             Item::End(_, undo) => Some(undo),
-            Item::Occur(_) | Item::Look => None,
+            Item::Occur(_) | Item::Clear(_) | Item::Look => None,
         });
         ends.collect()
     }

@@ -86,6 +86,11 @@ impl Run {
         self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
     }
 
+    /// Has [`step`](Self::step) stop at every byte that arrives, for a client that is to have it then.
+    pub fn follow_bytes(&mut self) {
+        self.follows_bytes = true;
+    }
+
     /// Whose time a real client has, for the trace: `lockstep` or `real`.
     pub fn name_time(&mut self, client: &'static str) {
         if let Some(recorder) = &mut self.recorder {
@@ -144,7 +149,7 @@ impl Run {
 
     /// Does whatever comes before what a client does at `now`, and says when that is; `None` if the
     /// run is over by then.
-    fn go_before(&mut self, now: SimTime) -> Result<Option<SimTime>, RunError> {
+    pub(super) fn go_before(&mut self, now: SimTime) -> Result<Option<SimTime>, RunError> {
         let at = now.max(self.rig.now() + NANOSECOND);
         // The end belongs to the run alone.
         let last = self.limit - NANOSECOND;

@@ -2,17 +2,36 @@
 
 use std::sync::Arc;
 
-use sim_settings::Source;
+use sim_settings::{SimTime, Source};
 
 use super::agenda::Item;
 use super::steps::StepState;
 use super::{Run, RunError};
 use crate::condition::{Condition, Scope, Value};
 use crate::rig_file::RigFileError;
-use crate::scenario::Trigger;
+use crate::scenario::{MOST_STEPS, Trigger};
 
 /// Name of steps that come from no file, as errors call it.
 const FILE: &str = "step";
+
+/// How far a step is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StepReport<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Whether it was added, and is none of the file's.
+    pub added: bool,
+    /// When it began.
+    pub begun: Option<SimTime>,
+    /// When it was done, with all its repetitions and what they last.
+    pub done: Option<SimTime>,
+    /// What first went wrong with it.
+    pub failure: Option<&'a str>,
+    /// Whether there is anything left to be ended or undone.
+    pub lasting: bool,
+    /// How often its faults have hit something.
+    pub hits: u64,
+}
 
 /// Why a step cannot be added.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -20,6 +39,12 @@ pub enum StepError {
     /// The text is wrong.
     #[error(transparent)]
     Text(#[from] RigFileError),
+    /// The run has come to its end.
+    #[error("the run is over")]
+    Over,
+    /// There are too many.
+    #[error("there are {MOST_STEPS} steps that are not over; clear some")]
+    TooMany,
     /// The run cannot go on.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -63,40 +88,125 @@ impl Run {
     }
 
     /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`. Its
-    /// `at` is counted from now, and if it does not say when, it begins before this returns. Gives its
-    /// index.
+    /// `at` is counted from now, and if it does not say when, it begins before this returns, at an
+    /// instant of its own. Gives its index, which is another's that is over when there are too many.
     ///
-    /// A run does not fail because such a step never begins, or because its fault hits nothing. Traces
-    /// do not have them, so a trace with one cannot be played again.
+    /// A run does not fail because such a step never begins, or because its fault hits nothing.
     ///
     /// # Errors
-    /// Says in words what is wrong with the text; or the run cannot go on.
+    /// Says in words what is wrong with the text; or the run is over or cannot go on.
     pub fn add_step(&mut self, text: &str) -> Result<usize, StepError> {
-        let (now, index) = (self.rig.now(), self.steps.len());
         let source = Source { file: FILE, text };
-        let step = Arc::make_mut(&mut self.scenario).add_step(source)?;
-        step.may_not_trigger = true;
-        let mut state = StepState::new(step, self.options.seed);
-        if let Trigger::At(times) = &step.trigger {
-            let at = now + state.draw(*times);
-            self.agenda.plan(at, Item::Occur(index));
+        let (mut step, saved) = self.scenario.read_step(source)?;
+        if saved.len() > MOST_STEPS {
+            return Err(StepError::TooMany);
         }
-        self.steps.push(state);
-        self.settle(now, true)?;
+        let at = self.go_before(self.rig.now())?.ok_or(StepError::Over)?;
+        step.may_not_trigger = true;
+        let index = self.place_for_step().ok_or(StepError::TooMany)?;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step_added(at, &step.name, text);
+        }
+        let mut state = StepState::new(&step, self.options.seed);
+        state.added = true;
+        let begin = match step.trigger {
+            Trigger::At(times) => Some(at + state.draw(times)),
+            Trigger::After(other) if self.steps[other].done.is_some() => {
+                Some(at + state.draw(step.delay))
+            }
+            Trigger::When(_) | Trigger::After(_) => None,
+        };
+        let scenario = Arc::make_mut(&mut self.scenario);
+        scenario.saved = saved;
+        if index < scenario.steps.len() {
+            scenario.steps[index] = step;
+            self.steps[index] = state;
+        } else {
+            scenario.steps.push(step);
+            self.steps.push(state);
+        }
+        if let Some(begin) = begin {
+            self.agenda.plan(begin, Item::Occur(index));
+        }
+        self.agenda.plan(at, Item::Look);
+        self.instant(at, |_| {})?;
         Ok(index)
     }
 
-    /// Mends the faults that a step has brought.
+    /// Where a further step can stand: behind all others, or in the place of the one that was over
+    /// first of those that were added and that nobody waits for.
+    fn place_for_step(&self) -> Option<usize> {
+        if self.steps.len() < MOST_STEPS {
+            return Some(self.steps.len());
+        }
+        let waited_for = |index: usize| {
+            self.scenario.steps.iter().any(|step| match step.trigger {
+                Trigger::After(other) => other == index,
+                Trigger::At(_) | Trigger::When(_) => false,
+            })
+        };
+        let over = self.steps.iter().enumerate().filter_map(|(index, state)| {
+            // One that could still be undone is forgotten before a further one is refused.
+            let done = state.done.filter(|_| state.added && !state.has_faults())?;
+            Some((done, index)).filter(|_| !waited_for(index))
+        });
+        over.min().map(|(_, index)| index)
+    }
+
+    /// Ends a step before its time: what it has brought is mended, and what it would still do is not
+    /// done. Without effect on one that is over.
     ///
     /// # Errors
     /// When the run cannot go on.
-    pub fn clear_step(&mut self, step: usize) -> Result<(), RunError> {
-        if step < self.steps.len() {
-            for number in self.active_faults(step) {
-                self.clear_fault(step, number);
-            }
+    pub fn clear_step(&mut self, index: usize) -> Result<(), RunError> {
+        if self.steps.get(index).is_none_or(StepState::is_over) {
+            return Ok(());
         }
-        self.advance(self.rig.now())
+        let Some(at) = self.go_before(self.rig.now())? else {
+            return Ok(());
+        };
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step_cleared(at, &self.scenario.steps[index].name);
+        }
+        self.agenda.plan(at, Item::Clear(index));
+        self.instant(at, |_| {})
+    }
+
+    /// Writes down that time passes otherwise from now on, which changes nothing in the run.
+    pub fn note_pace(&mut self, change: &str) {
+        let now = self.rig.now();
+        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.outcome.is_none()) {
+            recorder.pace_changed(now, change);
+        }
+    }
+
+    /// Index of the step of this name.
+    #[must_use]
+    pub fn step_named(&self, name: &str) -> Option<usize> {
+        let mut steps = self.scenario.steps.iter();
+        steps.position(|step| step.name == name)
+    }
+
+    /// How far every step is that is played in this run, in their order.
+    pub fn steps(&self) -> impl Iterator<Item = StepReport<'_>> {
+        let steps = self.scenario.steps.iter().enumerate();
+        let played = steps.filter(|(_, step)| self.is_played(step));
+        played.filter_map(|(index, _)| self.step_report(index))
+    }
+
+    /// How far a step is.
+    #[must_use]
+    pub fn step_report(&self, index: usize) -> Option<StepReport<'_>> {
+        let (step, state) = (self.scenario.steps.get(index)?, self.steps.get(index)?);
+        Some(StepReport {
+            name: &step.name,
+            added: state.added,
+            begun: state.begun,
+            done: state.done,
+            failure: state.failure.as_deref(),
+            lasting: !state.is_over(),
+            hits: state.hits_so_far(&self.rig),
+        })
     }
 
     /// How often the faults of a step have hit something.

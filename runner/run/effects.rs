@@ -1,5 +1,7 @@
 //! What steps do to vehicles and to the world around them, and how that ends.
 
+use std::fmt;
+
 use sim_core::SimTime;
 use sim_core::device::Action;
 use sim_core::rig::Rig;
@@ -17,6 +19,16 @@ pub(super) enum Undo {
     Fault(u64),
     /// Something in the rig goes back to what it was.
     Effect(Box<dyn FnOnce(&mut Rig) + Send>),
+}
+
+impl fmt::Debug for Undo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Nothing => "Nothing",
+            Self::Fault(_) => "Fault",
+            Self::Effect(_) => "Effect",
+        })
+    }
 }
 
 impl Undo {

@@ -287,6 +287,8 @@ impl Run {
 
     pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {
         let step = Some(self.scenario.steps[index].name.clone());
+        let state = &mut self.steps[index];
+        state.failure.get_or_insert_with(|| what.clone());
         self.note_failure(Failure { at, step, what });
     }
 

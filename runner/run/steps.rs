@@ -33,6 +33,12 @@ pub(super) struct StepState {
     all_begun: bool,
     /// How many of its times go on.
     pending: u32,
+    /// Whether it is none of the file's.
+    pub(super) added: bool,
+    /// What first went wrong with it.
+    pub(super) failure: Option<String>,
+    /// What would end the last of its effects that have no end of their own.
+    standing: Option<Undo>,
     chance: Noise,
     /// From which times are drawn.
     times_drawn: Noise,
@@ -71,12 +77,20 @@ impl StepState {
             put_off: false,
             all_begun: false,
             pending: 0,
+            added: false,
+            failure: None,
+            standing: None,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             times_drawn: Noise::new(seed, &format!("scenario.{}.times", step.name)),
             nearest: None,
             faults: BTreeMap::new(),
             counts: FaultCounts::default(),
         }
+    }
+
+    /// Whether nothing of it goes on or is still to come.
+    pub(super) fn is_over(&self) -> bool {
+        self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
     }
 
     /// One of its times.
@@ -165,6 +179,7 @@ impl Run {
             any = true;
             match item {
                 Item::Look => {}
+                Item::Clear(index) => self.cut_short(index, now),
                 Item::Occur(index) => self.occur(index, now),
                 Item::End(index, undo) => self.effect_over(index, undo, now),
             }
@@ -287,10 +302,14 @@ impl Run {
         let state = &mut self.steps[index];
         let until = step.until.as_ref().map(|_| SimTime::MAX);
         let ends = step.lasts.map(|lasts| now + state.draw(lasts)).or(until);
-        if let (Some(undo), Some(ends)) = (undo, ends) {
-            state.pending += 1;
-            state.effects += 1;
-            self.agenda.plan(ends, Item::End(index, undo));
+        match (undo, ends) {
+            (Some(undo), Some(ends)) => {
+                state.pending += 1;
+                state.effects += 1;
+                self.agenda.plan(ends, Item::End(index, undo));
+            }
+            (Some(undo), None) => state.standing = Some(undo),
+            (None, _) => {}
         }
     }
 
@@ -317,6 +336,26 @@ impl Run {
                 None
             }
         }
+    }
+
+    /// Ends a step before its time.
+    fn cut_short(&mut self, index: usize, now: SimTime) {
+        let mut ends = self.agenda.take_all_of(index);
+        ends.extend(self.steps[index].standing.take());
+        for undo in ends {
+            self.undo(index, undo);
+        }
+        for number in self.active_faults(index) {
+            self.clear_fault(index, number);
+        }
+        self.expected.retain(|expected| expected.step != index);
+        let state = &mut self.steps[index];
+        state.watching = false;
+        state.put_off = false;
+        state.all_begun = true;
+        state.effects = 0;
+        state.pending = 0;
+        self.check_done(index, now);
     }
 
     /// Mends a fault, unless that has been done.

@@ -271,14 +271,23 @@ pub(super) fn read_step(
         problems: Problems::new(sources),
     };
     let whole = 0..source.text.len();
-    if scenario.steps.len() >= MOST_STEPS {
-        let why = format!("a run has at most {MOST_STEPS} steps");
-        checker.problems.add(whole.clone(), &why);
+    if let Some(name) = &text.name
+        && checker.names.contains_key(name.get_ref())
+    {
+        let why = format!("a step is named \"{}\" already", name.get_ref());
+        checker.problems.add(name.span(), &why);
     }
     let remember = checker.remembered(&text);
     let step = checker.step(scenario.steps.len(), &Spanned::new(whole, text));
     checker.problems.into_result()?;
-    let step = step.ok_or_else(|| RigFileError(vec!["it is no step".to_owned()]))?;
+    let mut step = step.ok_or_else(|| RigFileError(vec!["it is no step".to_owned()]))?;
+    let own = step.name.clone();
+    let taken = |name: &str| scenario.steps.iter().any(|step| step.name == name);
+    let mut number = 1;
+    while taken(&step.name) {
+        number += 1;
+        step.name = format!("{own} {number}");
+    }
     Ok((Step { remember, ..step }, checker.saved))
 }
 

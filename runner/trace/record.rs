@@ -71,6 +71,20 @@ pub enum Record {
         y: f64,
         heading: f64,
     },
+    Add {
+        t: u64,
+        step: String,
+        /// The step as a table of a scenario file.
+        text: String,
+    },
+    Clear {
+        t: u64,
+        step: String,
+    },
+    Pace {
+        t: u64,
+        change: String,
+    },
     Step {
         t: u64,
         step: String,
@@ -111,9 +125,12 @@ pub struct Header {
     pub paced: bool,
     /// Whether a real client was there.
     pub live: bool,
+    /// Whether devices were only served, and `scenario` is a rig file.
+    #[serde(default, skip_serializing_if = "is_unset")]
+    pub serving: bool,
     /// Name of the scenario file.
     pub file: String,
-    /// What was in it.
+    /// What was in it, or the rig that was served.
     pub scenario: String,
     /// The files that it is based on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

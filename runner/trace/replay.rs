@@ -15,7 +15,8 @@ use sim_settings::{Source, load_toml, shorten};
 use super::onlooker::Onlooker;
 use super::record::{Header, Record, TextRecord};
 use super::{FORMAT, MOST_BYTES};
-use crate::run::{Run, RunError, RunOptions};
+use crate::rig_file::RigPlan;
+use crate::run::{Run, RunError, RunOptions, StepError};
 use crate::scenario::{Scenario, Texts};
 
 /// Most bytes of a port by which the recording and the second run may be apart, since of one instant
@@ -182,6 +183,7 @@ impl<'o> Replay<'o> {
             | Record::Pose { .. }
             | Record::Time { .. }
             | Record::Step { .. }
+            | Record::Pace { .. }
             // How the client ended may be written behind the end of the run.
             | Record::Failure { .. } => return Ok(()),
             _ if self.ended => {
@@ -226,6 +228,21 @@ impl<'o> Replay<'o> {
                 };
                 let port = self.port(port.into())?;
                 self.run.set_line(port, line);
+            }
+            Record::Add { t, text, .. } => {
+                self.client_acts(t)?;
+                match self.run.add_step(&text) {
+                    Ok(_) | Err(StepError::Over) => {}
+                    Err(StepError::Run(error)) => return Err(error.into()),
+                    Err(error) => return Err(self.malformed(error.to_string())),
+                }
+            }
+            Record::Clear { t, step } => {
+                self.client_acts(t)?;
+                let Some(index) = self.run.step_named(&step) else {
+                    return Err(self.malformed(format!("no step is named \"{step}\"")));
+                };
+                self.run.clear_step(index)?;
             }
             Record::Late { t, by, until } => {
                 let at = self.client_acts(t)?;
@@ -395,7 +412,12 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
         parameters: &header.parameters,
         set: &header.set,
     };
-    let scenario = Scenario::compose(texts, &base).map_err(|error| error.to_string())?;
+    let scenario = if header.serving {
+        RigPlan::parse(first, &base).map(Scenario::serving)
+    } else {
+        Scenario::compose(texts, &base)
+    };
+    let scenario = scenario.map_err(|error| error.to_string())?;
     let world = header.world.as_ref().map(source);
     let options = RunOptions {
         seed: header.seed,

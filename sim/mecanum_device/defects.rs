@@ -6,8 +6,8 @@ use sim_physics::mecanum::MecanumMeasurements;
 use sim_settings::SimTime;
 
 use super::MecanumDevice;
-use super::drive::Drive;
 use super::event::MecanumEvent;
+use super::locomotion::Locomotion;
 use crate::defects::{DefectCounts, Defects};
 
 impl MecanumDevice {
@@ -56,7 +56,7 @@ impl MecanumDevice {
 
     pub(super) fn boot(&mut self, now: SimTime) {
         if self.boot_due.take_if(|due| *due <= now).is_some() {
-            self.drive = Drive::new(&self.settings, &self.measured);
+            self.drive = Locomotion::new(&self.settings, &self.measured);
             self.schedule(now);
             self.event(now, MecanumEvent::Started);
         }

@@ -59,6 +59,10 @@ crate::codes! {
     FUSE_BLOWN = "fuse_blown", Nobody;
     /// A wheel would lift: the vehicle would tip over.
     TIPPING = "tipping", Nobody;
+    /// A motor driver allows less current, or none, because of heat.
+    MOTOR_HOT = "motor_hot", Nobody;
+    /// It allows as much as ever.
+    MOTOR_COOLED = "motor_cooled", Nobody;
 }
 
 impl EventKind for R150Event {

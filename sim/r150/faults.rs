@@ -8,6 +8,7 @@ use super::R150;
 use crate::fault::parameters::{Motors, RailName};
 use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
+use crate::r150_device::can::CanFailure;
 use crate::r150_device::command;
 use crate::r150_device::control::Parts;
 use crate::r150_device::vehicle::{Action, Key};
@@ -85,6 +86,9 @@ impl R150 {
         let (undo, done) = begin(fault, self, now);
         let held = self.faults.held().chain(held_by(fault)).collect::<Vec<_>>();
         let done = done || hold(held.into_iter(), self, now);
+        let armed = self.faults.armed.iter().map(|armed| &armed.fault);
+        let can = can_failure(armed.chain([fault]));
+        self.device.set_can_failure(now, can);
         self.faults.armed.push(Armed {
             handle,
             fault: fault.clone(),
@@ -101,6 +105,8 @@ impl R150 {
             return;
         };
         let Armed { fault, undo, .. } = armed.remove(at);
+        let can = can_failure(armed.iter().map(|armed| &armed.fault));
+        self.device.set_can_failure(now, can);
         if held_by(&fault).is_some() {
             let held: Vec<Held> = self.faults.held().collect();
             hold(held.into_iter(), self, now);
@@ -174,6 +180,21 @@ impl Faults {
     fn held(&self) -> impl Iterator<Item = Held> {
         self.armed.iter().filter_map(|armed| held_by(&armed.fault))
     }
+}
+
+/// How the CAN fails: not at all, or later the more faults delay it, or altogether.
+fn can_failure<'f>(faults: impl Iterator<Item = &'f Fault>) -> Option<CanFailure> {
+    let delays = faults.filter_map(|fault| match fault {
+        Fault::CanFailing { delay } => Some(delay.map(|delay| delay.0)),
+        _ => None,
+    });
+    delays.fold(None, |failure, delay| match (failure, delay) {
+        (Some(CanFailure::Cut), _) | (_, None) => Some(CanFailure::Cut),
+        (None, Some(delay)) => Some(CanFailure::Late(delay)),
+        (Some(CanFailure::Late(before)), Some(delay)) => {
+            Some(CanFailure::Late(before.saturating_add(delay)))
+        }
+    })
 }
 
 fn has_side(motors: Motors, side: Side) -> bool {
@@ -347,6 +368,9 @@ fn acts(fault: &Fault, r150: &R150) -> bool {
         Fault::EncoderStuck { .. } => any(&|side| plant.encoder_lag(side).abs() > 1.0),
         Fault::SidesSwapped {} => {
             (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
+        }
+        Fault::CanFailing { .. } => {
+            r150.device().heard_set_point() != r150.device().motor_set_point()
         }
         Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
         Fault::BrakeStuckOpen { .. } => commands.parking_brake,

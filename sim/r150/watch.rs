@@ -1,14 +1,14 @@
-//! What happens to the hardware of an R150 and its firmware does not know: fuses that blow and
-//! wheels that would lift.
+//! What happens to the hardware of an R150 and its firmware does not know: fuses that blow, motors
+//! that are too hot, wheels that would lift.
 
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::fmt;
 
-use sim_physics::r150::{FuseId, R150Health};
+use sim_physics::r150::{FuseId, R150Health, Side};
 use sim_settings::SimTime;
 
-use super::event::{FUSE_BLOWN, TIPPING};
+use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT, TIPPING};
 use crate::event::{Code, EventKind, Level, Role};
 
 /// Something that happened to the hardware.
@@ -16,18 +16,27 @@ use crate::event::{Code, EventKind, Level, Role};
 pub enum HardwareEvent {
     /// A fuse blew.
     FuseBlown(FuseId),
+    /// A motor driver allows less current because of heat, or has shut off.
+    MotorHot(Side, bool),
+    /// It allows as much as ever.
+    MotorCooled(Side),
     /// A wheel would lift.
     Tipping,
 }
 
 impl EventKind for HardwareEvent {
     fn level(&self) -> Level {
-        Level::Warning
+        match self {
+            Self::MotorCooled(_) => Level::Notice,
+            _ => Level::Warning,
+        }
     }
 
     fn code(&self) -> Code {
         match self {
             Self::FuseBlown(_) => FUSE_BLOWN,
+            Self::MotorHot(..) => MOTOR_HOT,
+            Self::MotorCooled(_) => MOTOR_COOLED,
             Self::Tipping => TIPPING,
         }
     }
@@ -47,6 +56,10 @@ impl EventKind for HardwareEvent {
 
 impl fmt::Display for HardwareEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let side = |side: &Side| match side {
+            Side::Right => "right",
+            Side::Left => "left",
+        };
         match self {
             Self::FuseBlown(fuse) => write!(
                 f,
@@ -58,6 +71,15 @@ impl fmt::Display for HardwareEvent {
                     FuseId::SmallModules => "the small modules",
                 }
             ),
+            Self::MotorHot(motor, shut_off) => {
+                let outcome = if *shut_off {
+                    "too hot and shut off"
+                } else {
+                    "hot and gets less current"
+                };
+                write!(f, "the {} motor or its driver is {outcome}", side(motor))
+            }
+            Self::MotorCooled(motor) => write!(f, "the {} motor has cooled", side(motor)),
             Self::Tipping => write!(f, "a wheel would lift: the vehicle would tip over"),
         }
     }
@@ -83,6 +105,19 @@ impl Watch {
             if state.fuse_blown[index] && !last.fuse_blown[index] {
                 self.tell(now, HardwareEvent::FuseBlown(fuse));
             }
+        }
+        for side in Side::BOTH {
+            let heat = |health: &R150Health| (health.derated[side], health.shut_off[side]);
+            let (derated, shut_off) = heat(&state);
+            if heat(&state) == heat(&last) {
+                continue;
+            }
+            let event = if derated || shut_off {
+                HardwareEvent::MotorHot(side, shut_off)
+            } else {
+                HardwareEvent::MotorCooled(side)
+            };
+            self.tell(now, event);
         }
         if state.tipping && !last.tipping {
             self.tell(now, HardwareEvent::Tipping);

@@ -147,8 +147,20 @@ settings! {
         /// Whether the motors stop when the battery is empty.
         empty_battery_stops: bool = true,
             assumed "the manual reports the charge and says nothing about its end";
+        /// Silence on the CAN after which the vehicle's controller stops the motors.
+        can_timeout: Duration = MS(500), range MS(1)..=S(3600),
+            assumed "as long as the module itself waits for its client";
+        /// Pulses of a motor's encoder for one turn of its shaft.
+        speed_pulses: u32 = 1024, range 1..=1_000_000,
+            assumed "a magnetic encoder of ten bits; the manual gives the unit only";
+        /// Time over which pulses are counted for a speed.
+        speed_window: Duration = MS(20), range MS(1)..=S(10),
+            assumed "a speed is measured more often than it is told";
+        /// Time constant of the filter behind that.
+        speed_filter: Duration = MS(20), range Duration::ZERO..=S(60),
+            assumed "a filter of first order, as such firmware has";
         /// Random relative error, one standard deviation, of the voltages and currents that 0x06
-        /// reports.
+        /// reports and of the speeds that 0x12 does.
         measurement_noise: f64 = 0.0, unit "%", range 0.0..=50.0,
             assumed "the manual gives no accuracy; 0 makes replies easy to compare";
     }

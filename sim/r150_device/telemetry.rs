@@ -1,10 +1,12 @@
 //! From what the sensors read to the fields of replies.
 
-use sim_physics::r150::{RAILS, Rail};
+use sim_physics::r150::{R150Measurements, RAILS, Rail};
+use sim_settings::SimTime;
 
 use super::R150Device;
 use super::reply::{Reply, SystemInfo};
 use super::settings::{Current48v, Voltage12v, Voltage48v};
+use super::speed::Speedometer;
 
 impl R150Device {
     /// The reply to 0x05.
@@ -15,11 +17,33 @@ impl R150Device {
         }
     }
 
+    /// What the motors' encoders have counted goes into their speeds. Without a supply nothing counts.
+    pub(super) fn read_encoders(&mut self, now: SimTime, measured: &R150Measurements) {
+        let turns = [measured.motor_turns.right, measured.motor_turns.left];
+        for (speed, turns) in self.speeds.iter_mut().zip(turns) {
+            if self.measured.module_powered && measured.module_powered {
+                speed.read(now, turns);
+            } else {
+                *speed = Speedometer::new(&self.settings, now, turns);
+            }
+        }
+    }
+
     /// The reply to 0x12.
-    pub(super) fn motor_reply(&self) -> Reply {
+    pub(super) fn motor_reply(&mut self) -> Reply {
+        let spread = self.settings.measurement_noise / 100.0;
+        let noise = &mut self.noise;
+        let [right_rpm, left_rpm] = self.speeds.each_ref().map(|speed| {
+            let rpm = speed.rpm();
+            round(if spread > 0.0 {
+                rpm * (1.0 + spread * noise.normal())
+            } else {
+                rpm
+            })
+        });
         Reply::Motors {
-            right_rpm: round(self.measured.motor_rpm.right),
-            left_rpm: round(self.measured.motor_rpm.left),
+            right_rpm,
+            left_rpm,
             soc: round(self.measured.soc * 1000.0),
         }
     }

@@ -33,6 +33,7 @@ pub(super) fn readings() -> R150Measurements {
             right: 1512.6,
             left: -700.4,
         },
+        motor_turns: Sides::default(),
         soc: 0.8004,
         bus_voltage: 51.25,
         rail_voltage: [12.01, 0.0, 11.98, 12.0, 51.2, 5.0],
@@ -156,6 +157,16 @@ impl Bench {
     fn read(&mut self, change: impl FnOnce(&mut R150Measurements)) {
         change(&mut self.readings);
         self.device.sense(self.now, &self.readings);
+    }
+
+    /// Lets the motors turn as they read for so long that their speeds are measured.
+    fn spin(&mut self) {
+        let span = Duration::from_secs(10);
+        self.after(span);
+        self.read(|r| {
+            r.motor_turns.right += r.motor_rpm.right / 60.0 * 10.0;
+            r.motor_turns.left += r.motor_rpm.left / 60.0 * 10.0;
+        });
     }
 
     fn events(&mut self) -> Vec<R150Event> {

@@ -136,7 +136,7 @@ struct Rules {
 
 /// What the motor bridges do, right then left.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Drive {
+pub enum Bridges {
     /// They apply a PWM, ±1000; 0 shorts the motor, which brakes.
     Pwm([i16; 2]),
     /// They are open: the vehicle can be pushed.
@@ -267,20 +267,20 @@ impl Vehicle {
 
     /// What the motor bridges do, given what the client wants.
     #[must_use]
-    pub fn drive(&self, set_point: [i16; 2], remote_pwm: i16, battery_empty: bool) -> Drive {
+    pub fn drive(&self, set_point: [i16; 2], remote_pwm: i16, battery_empty: bool) -> Bridges {
         if self.emergency_stop {
-            return Drive::Open;
+            return Bridges::Open;
         }
         if self.locked || self.brake_hinders() || battery_empty {
-            return Drive::Pwm([0, 0]);
+            return Bridges::Pwm([0, 0]);
         }
         match self.key {
-            _ if self.autonomous => Drive::Pwm(set_point),
-            Some(Key::Forward) => Drive::Pwm([remote_pwm, remote_pwm]),
-            Some(Key::Backward) => Drive::Pwm([-remote_pwm, -remote_pwm]),
-            Some(Key::Left) => Drive::Pwm([remote_pwm, -remote_pwm]),
-            Some(Key::Right) => Drive::Pwm([-remote_pwm, remote_pwm]),
-            None => Drive::Open,
+            _ if self.autonomous => Bridges::Pwm(set_point),
+            Some(Key::Forward) => Bridges::Pwm([remote_pwm, remote_pwm]),
+            Some(Key::Backward) => Bridges::Pwm([-remote_pwm, -remote_pwm]),
+            Some(Key::Left) => Bridges::Pwm([remote_pwm, -remote_pwm]),
+            Some(Key::Right) => Bridges::Pwm([-remote_pwm, remote_pwm]),
+            None => Bridges::Open,
         }
     }
 }

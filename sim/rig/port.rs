@@ -88,7 +88,7 @@ impl Rig {
     #[must_use]
     pub fn is_due(&self, port: PortId, now: SimTime) -> bool {
         let arrival = self.next_for_client(port).unwrap_or(SimTime::MAX);
-        self.agenda.of(port.device).min(arrival) <= now
+        self.deadlines.of(port.device).min(arrival) <= now
     }
 
     /// When something next arrives at whoever has the port open.
@@ -163,8 +163,8 @@ impl Rig {
             let arrivals = slot.lines.iter().filter_map(SerialLine::next_for_device);
             let faults = slot.faults.as_ref();
             let next = arrivals.chain(faults.and_then(|faults| faults.next()));
-            let own = self.agenda.of(device);
-            self.agenda.set(device, next.fold(own, SimTime::min));
+            let own = self.deadlines.of(device);
+            self.deadlines.set(device, next.fold(own, SimTime::min));
         }
     }
 

@@ -68,7 +68,7 @@ impl Rig {
         let now = self.now;
         send(now, device, slot, &mut self.events);
         take_events(device, slot.device.as_mut(), &mut self.events);
-        self.agenda.set(device, next(slot));
+        self.deadlines.set(device, next(slot));
         if self.resting && !slot.device.at_rest() {
             self.resting = false;
             self.physics_due = self

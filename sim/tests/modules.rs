@@ -101,7 +101,7 @@ fn firmware_knows_nothing_of_its_surroundings() {
 /// Source of the crates above the devices' folders, tests aside.
 fn above() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let mut folders: Vec<_> = ["runner", "cli", "embed"]
+    let mut folders: Vec<_> = ["runner", "cli", "embed", "control"]
         .iter()
         .map(|folder| root.join(folder))
         .collect();

@@ -8,7 +8,7 @@ use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::load_toml;
 use sim_testkit::setting::{bounds, entries, extremes, line, literals};
-use sim_testkit::text::{self, Drive};
+use sim_testkit::text::{self, HowLong};
 
 /// Numbers that no setting means. Some are in a range all the same.
 const ABSURD: &[&str] = &[
@@ -65,7 +65,7 @@ fn absurd_values_are_refused_by_name_or_do_no_harm() {
                         text::drive(
                             &settings,
                             WorldMap::default(),
-                            Drive::For(Duration::from_secs(1)),
+                            HowLong::For(Duration::from_secs(1)),
                         );
                     }
                 },
@@ -100,7 +100,7 @@ fn both_ends_of_every_range_drive() {
                 text::drive(
                     &settings,
                     WorldMap::default(),
-                    Drive::For(Duration::from_secs(1)),
+                    HowLong::For(Duration::from_secs(1)),
                 );
             }
         }
@@ -144,7 +144,7 @@ proptest! {
         let mut settings = SimSettings::new(sim_core::SHIPPED);
         prop_assert_eq!(load_toml(&text, "my.toml", &mut settings), Ok(()));
         if settings.check().is_ok() {
-            text::drive(&settings, WorldMap::default(), Drive::For(Duration::from_millis(500)));
+            text::drive(&settings, WorldMap::default(), HowLong::For(Duration::from_millis(500)));
         }
     }
 }

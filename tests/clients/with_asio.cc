@@ -1,5 +1,12 @@
-// The same with Asio: a serial port, a timer, one loop.
+// The same with Asio, by itself or of Boost: a serial port, a timer, one loop.
+#ifdef WITH_BOOST
+#include <boost/asio.hpp>
+namespace asio = boost::asio;
+using boost::system::error_code;
+#else
 #include <asio.hpp>
+using asio::error_code;
+#endif
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -19,7 +26,7 @@ struct Client {
     bool again = false;
 
     void connect() {
-        asio::error_code error;
+        error_code error;
         port = std::make_unique<asio::serial_port>(context);
         port->open(getenv("SIM_R150_PORT"), error);
         if (!error) port->set_option(asio::serial_port_base::baud_rate(115200), error);
@@ -53,7 +60,7 @@ struct Client {
             port->close();
             return;
         }
-        asio::error_code error;
+        error_code error;
         asio::write(*port, asio::buffer(motors), error);
         timer.expires_after(100ms);
         timer.async_wait([this](auto error) {

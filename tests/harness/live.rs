@@ -62,11 +62,16 @@ impl Folder {
         fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     }
 
-    /// Starts `sim` in the folder; a client has real time unless another is asked for.
+    /// Starts `sim` in the folder; a client has real time unless another is asked for, and its verdict
+    /// whatever this machine is busy with.
     pub fn start(&self, args: &[&str]) -> Sim {
         let real = args.contains(&"--") && !args.contains(&"--time");
         let (run, rest) = args.split_at(usize::from(real));
-        let time: &[&str] = if real { &["--time", "real"] } else { &[] };
+        let time: &[&str] = if real {
+            &["--time", "real", "--max-hold-up", "1h"]
+        } else {
+            &[]
+        };
         let args = [run, time, rest].concat();
         let mut command = command();
         // What it leaves behind for clients can be found there.

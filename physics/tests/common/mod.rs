@@ -32,6 +32,15 @@ impl Bench {
         }
     }
 
+    /// A vehicle whose motor drivers limit nothing and take no time.
+    pub fn unlimited() -> Self {
+        let mut settings = R150PlantSettings::default();
+        settings.motor.current_limit = None;
+        settings.motor.ramp_up = Duration::ZERO;
+        settings.motor.ramp_down = Duration::ZERO;
+        Self::with(&settings)
+    }
+
     /// A slope that rises in the direction in which the vehicle looks at the start.
     pub fn on_slope(degrees: f64, payload: f64) -> Self {
         let mut bench = Self::new();

@@ -59,7 +59,9 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             for ((patch, row), share) in self.patches.iter_mut().zip(rows).zip(&shares) {
                 let wheel = &mut wheels[patch.place.wheel];
                 let slip = patch.slip(chassis.velocity, wheel.speed * mobility.radius);
-                let elastic = row.elastic(slip);
+                // What slides is held by what its own deflection says and no more, so that the way in
+                // which it is held does not depend on the length of a step.
+                let elastic = row.within_limit(row.elastic(slip));
                 let now = patch.impulse;
                 // The elastic impulse goes with the slip that `now` leads to; only this share of the
                 // difference is left once the patch gives way to it.

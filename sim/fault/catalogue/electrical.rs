@@ -87,6 +87,16 @@ macro_rules! electrical {
         /// Which fuse.
         fuse: FuseName,
     }
+    /// The CAN from the module to the vehicle's controller fails, and only the module's client could
+    /// notice.
+    CanFailing = "can-failing", Electrical, false,
+    sees "Answers as ever, and speeds that do not follow, or follow late; after a while 0.",
+    counts "The vehicle had heard another command than the module gave.",
+    {
+        /// By how much later the vehicle hears; never unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        delay: Option<Span>,
+    }
     /// Board and motors have no supply.
     SupplyLost = "supply-lost", Electrical, false,
     sees "Silence, then a board that has forgotten motions and position.",

@@ -230,6 +230,28 @@ fn swapped_sides_turn_the_other_way_and_look_right() {
 }
 
 #[test]
+fn a_vehicle_that_cannot_hear_goes_on_and_stops_and_one_that_hears_late_follows_late() {
+    let mut rig = r150();
+    drive(&mut rig, 500, 500, 30);
+    let speed = |rig: &Rig| rig.motion(0).unwrap().forward_speed;
+    let before = speed(&rig);
+    let handle = inject(&mut rig, "kind = \"can-failing\"");
+    // The module answers, and the vehicle does not slow down; after half a second it stops.
+    drive(&mut rig, 0, 0, 8);
+    assert!(speed(&rig) > 0.9 * before);
+    let speeds = drive(&mut rig, 500, 500, 20);
+    assert!(speeds.iter().all(|rpm| rpm.abs() < 5), "{speeds:?}");
+    rig.clear(handle);
+    drive(&mut rig, 500, 500, 20);
+    assert!(speed(&rig) > 0.9 * before);
+    inject(&mut rig, "kind = \"can-failing\"\ndelay = \"400 ms\"");
+    drive(&mut rig, 0, 0, 7);
+    assert!(speed(&rig) > 0.9 * before);
+    drive(&mut rig, 0, 0, 10);
+    assert!(speed(&rig) < 0.1);
+}
+
+#[test]
 fn ice_payload_and_push_change_how_it_moves() {
     let far = |fault: &str| {
         let mut rig = r150();

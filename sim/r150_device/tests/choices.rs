@@ -47,11 +47,11 @@ fn a_bad_crc_may_be_answered_false_once_and_still_changes_nothing() {
 
 #[test]
 fn a_refused_motor_command_may_be_answered() {
-    let speeds = |bench: &Bench| Some(bench.device.motor_reply().encode());
+    let speeds = |bench: &mut Bench| Some(bench.device.motor_reply().encode());
     for (choice, expected) in [
         (MotorsRefusalReply::Silent, None),
         (MotorsRefusalReply::False, falsehood(0x12)),
-        (MotorsRefusalReply::Speeds, speeds(&Bench::new())),
+        (MotorsRefusalReply::Speeds, speeds(&mut Bench::new())),
     ] {
         let mut bench = Bench::with(|s| {
             s.on_motors_refused = choice;

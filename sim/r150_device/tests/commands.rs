@@ -121,6 +121,7 @@ fn negative_readings_keep_their_sign_and_absurd_ones_saturate() {
         r.motor_rpm.right = 1e9;
         r.soc = -0.1;
     });
+    bench.spin();
     let info = bench.info();
     assert_eq!(info.temp_12v, [-123, 0]);
     assert_eq!(info.current_12v[0], -500);
@@ -153,6 +154,7 @@ fn version_0xf0_has_the_major_version_in_the_most_significant_byte() {
 #[test]
 fn set_motors_0x12() {
     let mut bench = Bench::new();
+    bench.spin();
     let speed = [0xE9, 0x05, 0x44, 0xFD, 0x20, 0x03, 0, 0]; // 1513, -700, 800, reserved
     let forward_right_backward_left = [0xE8, 0x03, 0x18, 0xFC];
     assert_eq!(

@@ -1,11 +1,11 @@
 """Clients on pyserial: plain, threaded, asyncio, and over the network. session.py KIND PORT
 
-Reads the version, drives, changes the speed and back, closes and opens again.
+Each reads the version, drives, changes the speed and back, closes and opens again.
 """
 
 import asyncio
+import queue
 import sys
-import threading
 import time
 
 import serial
@@ -13,7 +13,6 @@ import serial.threaded
 
 VERSION = bytes.fromhex("AA5500F0F707")
 HEARTBEAT = bytes.fromhex("AA550007C784")
-
 
 
 def crc(data):
@@ -43,20 +42,23 @@ def ask(port, request, length):
     return reply
 
 
-def session(port):
+def session(port, name):
     """A whole session on an open port."""
     ask(port, VERSION, 14)
     for _ in range(5):
         ask(port, DRIVE, 14)
         time.sleep(0.06)
     ask(port, STOP, 14)
+    # Of the network, bytes alone have no speed.
+    if not name.startswith("socket:"):
+        at_a_wrong_speed(port)
 
 
 def at_a_wrong_speed(port):
     port.baudrate = 9600
     port.timeout = 0.3
     port.write(VERSION)
-    assert VERSION[:4] not in port.read(64), "a reply at the wrong speed"
+    assert b"\xaa\x55\x08\xf0" not in port.read(64), "a reply at the wrong speed"
     port.baudrate = 115200
     port.timeout = 5
     time.sleep(0.1)
@@ -65,11 +67,9 @@ def at_a_wrong_speed(port):
 
 
 def plain(name):
-    for round in range(2):
+    for _ in range(2):
         with serial.serial_for_url(name, 115200, timeout=5) as port:
-            session(port)
-            if not name.startswith("socket:"):
-                at_a_wrong_speed(port)
+            session(port, name)
             if name.startswith("rfc2217:"):
                 lines(port)
 
@@ -92,40 +92,120 @@ def lines(port):
     ask(port, HEARTBEAT, 7)
 
 
+def adapter(name):
+    """A port that answers for its lines as a three-wire cable does."""
+    for _ in range(2):
+        with serial.Serial(name, 115200, timeout=5, dsrdtr=True) as port:
+            session(port, name)
+            for on in (False, True):
+                port.rts = on
+                port.dtr = on
+                assert port.cts and port.dsr and port.cd
+            ask(port, HEARTBEAT, 7)
+
+
+class ByThread:
+    """A port that is read by a thread, as one that is asked."""
+
+    def __init__(self, thread, heard):
+        self.thread, self.heard, self.timeout = thread, heard, 5
+
+    def write(self, data):
+        self.thread.write(data)
+
+    def read(self, length):
+        data, deadline = b"", time.monotonic() + self.timeout
+        while len(data) < length:
+            try:
+                data += self.heard.get(timeout=max(0, deadline - time.monotonic()))
+            except queue.Empty:
+                break
+        return data
+
+    def reset_input_buffer(self):
+        while not self.heard.empty():
+            self.heard.get()
+
+    @property
+    def baudrate(self):
+        return self.thread.serial.baudrate
+
+    @baudrate.setter
+    def baudrate(self, baudrate):
+        self.thread.serial.baudrate = baudrate
+
+
 def threaded(name):
-    for round in range(2):
-        done = threading.Event()
+    for _ in range(2):
+        heard = queue.Queue()
 
         class Listener(serial.threaded.Protocol):
-            heard = b""
-
             def data_received(self, data):
-                self.heard += data
-                if len(self.heard) >= 14:
-                    done.set()
+                heard.put(data)
 
-        port = serial.serial_for_url(name, 115200, timeout=1)
-        thread = serial.threaded.ReaderThread(port, Listener)
-        with thread as protocol:
-            thread.write(VERSION)
-            assert done.wait(5), "no reply"
-            assert protocol.heard[3] == 0xF0, protocol.heard.hex(" ")
+        thread = serial.threaded.ReaderThread(
+            serial.serial_for_url(name, 115200, timeout=1), Listener
+        )
+        with thread:
+            session(ByThread(thread, heard), name)
+
+
+class ByLoop:
+    """A port of asyncio, as one that is asked."""
+
+    def __init__(self, loop, reader, writer):
+        self.loop, self.reader, self.writer, self.timeout = loop, reader, writer, 5
+
+    def write(self, data):
+        self.writer.write(data)
+
+    def read(self, length):
+        data = b""
+
+        async def more():
+            nonlocal data
+            while len(data) < length:
+                data += await self.reader.read(length - len(data))
+
+        try:
+            self.loop.run_until_complete(asyncio.wait_for(more(), self.timeout))
+        except asyncio.TimeoutError:
+            pass
+        return data
+
+    def reset_input_buffer(self):
+        timeout, self.timeout = self.timeout, 0.05
+        self.read(1000)
+        self.timeout = timeout
+
+    @property
+    def baudrate(self):
+        return self.writer.transport.serial.baudrate
+
+    @baudrate.setter
+    def baudrate(self, baudrate):
+        self.writer.transport.serial.baudrate = baudrate
 
 
 def asynchronous(name):
     import serial_asyncio
 
-    async def talk():
-        reader, writer = await serial_asyncio.open_serial_connection(url=name, baudrate=115200)
-        for _ in range(3):
-            writer.write(VERSION)
-            reply = await asyncio.wait_for(reader.readexactly(14), 5)
-            assert reply[3] == 0xF0, reply.hex(" ")
+    for _ in range(2):
+        loop = asyncio.new_event_loop()
+        opening = serial_asyncio.open_serial_connection(url=name, baudrate=115200)
+        reader, writer = loop.run_until_complete(opening)
+        session(ByLoop(loop, reader, writer), name)
         writer.close()
-
-    for round in range(2):
-        asyncio.run(talk())
+        # The loop closes the port at its next turn.
+        loop.run_until_complete(asyncio.sleep(0.1))
+        loop.close()
 
 
 if __name__ == "__main__":
-    {"plain": plain, "threaded": threaded, "asyncio": asynchronous}[sys.argv[1]](sys.argv[2])
+    kinds = {
+        "plain": plain,
+        "threaded": threaded,
+        "asyncio": asynchronous,
+        "adapter": adapter,
+    }
+    kinds[sys.argv[1]](sys.argv[2])

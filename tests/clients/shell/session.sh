@@ -20,7 +20,12 @@ ask() {
 }
 
 version='\252\125\000\360\367\007'
+drive='\252\125\004\022\310\000\310\000\324\267'
+stop='\252\125\004\022\000\000\000\000\277\155'
 ask "$version" 14 aa5508f0
+ask "$drive" 14 aa550812
+sleep 0.06
+ask "$stop" 14 aa550812
 # At the wrong speed, which ends with the client that set it; that it has left takes a moment to be
 # noticed on a busy machine.
 (stty 9600 raw -echo; printf "$version") <"$port" >"$port"

@@ -73,9 +73,21 @@ fn with_serial2(path: &str) {
 async fn with_tokio(path: &str) {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     use tokio_serial::SerialPortBuilderExt as _;
+    use tokio_serial::{ClearBuffer, SerialPort as _};
     let mut port = tokio_serial::new(path, 115_200).open_native_async().unwrap();
-    for request in [frame(0xF0, &[]), frame(0x12, &[200, 0, 200, 0]), frame(0x12, &[0; 4])] {
-        AsyncWriteExt::write_all(&mut port, &request).await.unwrap();
+    let version = frame(0xF0, &[]);
+    let drive = frame(0x12, &[200, 0, 200, 0]);
+    let stop = frame(0x12, &[0; 4]);
+    for (at, request) in [&version, &drive, &drive, &stop, &version].into_iter().enumerate() {
+        if at == 4 {
+            port.set_baud_rate(9_600).unwrap();
+            AsyncWriteExt::write_all(&mut port, request).await.unwrap();
+            tokio::time::sleep(Duration::from_millis(200)).await;
+            port.set_baud_rate(115_200).unwrap();
+            tokio::time::sleep(Duration::from_millis(100)).await;
+            port.clear(ClearBuffer::All).unwrap();
+        }
+        AsyncWriteExt::write_all(&mut port, request).await.unwrap();
         let mut reply = [0; 14];
         let read = AsyncReadExt::read_exact(&mut port, &mut reply);
         tokio::time::timeout(SECONDS_5, read).await.unwrap().unwrap();

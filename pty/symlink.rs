@@ -35,7 +35,7 @@ const LONGEST_PATH: usize = 4096;
 
 /// A published link, removed on drop if it is still ours.
 #[derive(Debug)]
-pub(crate) struct Link {
+pub(crate) struct Symlink {
     path: PathBuf,
     place: Place,
     target: PathBuf,
@@ -52,7 +52,7 @@ pub(crate) struct Place {
     pub(crate) name: OsString,
 }
 
-impl Link {
+impl Symlink {
     /// Publishes a link at `path` to `target`, a node that we hold.
     pub(crate) fn publish(path: &Path, target: &Path) -> Result<Self, PortErrorKind> {
         let place = Place::of(path)?;
@@ -92,7 +92,7 @@ impl Link {
     }
 }
 
-impl Drop for Link {
+impl Drop for Symlink {
     fn drop(&mut self) {
         if self
             .place

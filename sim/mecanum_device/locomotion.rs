@@ -13,7 +13,7 @@ use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, Start
 
 /// Motions, remote control, encoders and dead reckoning.
 #[derive(Debug, Clone)]
-pub(super) struct Drive {
+pub(super) struct Locomotion {
     wiring: Wiring,
     remote_rpm: f64,
     full_rpm: f64,
@@ -32,7 +32,7 @@ pub(super) struct Drive {
     started: u64,
 }
 
-impl Drive {
+impl Locomotion {
     /// Standing at the origin, with the board in control.
     pub fn new(settings: &MecanumFirmwareSettings, measured: &MecanumMeasurements) -> Self {
         let per_revolution = settings.odometry.pulses_per_revolution;

@@ -5,13 +5,11 @@ use rustix::event::PollFlags;
 use crate::traced::arch::Registers;
 use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
+use crate::traced::poll_calls::write_nothing;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Tracer};
 use crate::traced::tree::{Resume, State};
 use crate::traced::wait::{Late, Wait};
-
-/// Most descriptors in one call; beyond that the system decides.
-const MOST: usize = 4096;
 
 /// What a look at a wait says.
 enum Look {
@@ -35,6 +33,19 @@ impl Tracer<'_> {
             any |= self.look_at(tid)?;
         }
         Ok(any)
+    }
+
+    /// The threads that wait and have not been looked at since something has happened, in order.
+    pub(crate) fn unlooked(&self) -> Vec<Tid> {
+        let happened = self.happened;
+        let mut all: Vec<(u64, Tid)> = self
+            .threads
+            .iter()
+            .filter(|(_, thread)| thread.hold().is_some_and(|hold| hold.looked_at < happened))
+            .map(|(tid, thread)| (thread.number, *tid))
+            .collect();
+        all.sort_unstable();
+        all.into_iter().map(|(_, tid)| tid).collect()
     }
 
     fn look_at(&mut self, tid: Tid) -> Result<bool, Halt> {
@@ -105,7 +116,11 @@ impl Tracer<'_> {
                 }
             }
             Wait::Descriptor {
-                fd, flags, room, ..
+                fd,
+                flags,
+                room,
+                has_more,
+                ..
             } => match self.descriptor(process, *fd) {
                 Some(descriptor) if flags.contains(PollFlags::OUT) => {
                     if descriptor.has_room(*room) {
@@ -115,8 +130,7 @@ impl Tracer<'_> {
                     }
                 }
                 Some(descriptor) if !descriptor.is_ready(*flags) => Look::Waits,
-                // Perhaps a timer, which has more to it.
-                Some(descriptor) if descriptor.is_anonymous() => Look::Call,
+                Some(_) if *has_more => Look::Call,
                 _ => Look::Make,
             },
             Wait::PortRead {
@@ -238,119 +252,5 @@ impl Tracer<'_> {
             Memory(tid).write_pair(time, seconds, part)?;
         }
         Ok(())
-    }
-
-    /// `poll` and `ppoll`; `deadline` has been worked out.
-    pub(crate) fn poll(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        (address, count): (u64, u64),
-        (deadline, mask): (Option<u64>, Option<u64>),
-        crept: bool,
-    ) -> Result<Action, Halt> {
-        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
-            return Ok(Action::Make);
-        };
-        let mut bytes = vec![0; 8 * count];
-        Memory(tid).read(address, &mut bytes)?;
-        let set = bytes.chunks_exact(8).filter_map(|one| {
-            let fd = i32::from_ne_bytes(one.get(..4)?.try_into().ok()?);
-            let events = u16::from_ne_bytes(one.get(4..6)?.try_into().ok()?);
-            (fd >= 0).then_some((fd, PollFlags::from_bits_retain(events)))
-        });
-        let late = Late::Revents { address, count };
-        let set = set.collect();
-        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
-    }
-
-    /// `select` and `pselect`.
-    pub(crate) fn select(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        (count, sets, time, micros): (u64, [u64; 3], u64, bool),
-        (deadline, mask): (Option<u64>, Option<u64>),
-        crept: bool,
-    ) -> Result<Action, Halt> {
-        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
-            return Ok(Action::Make);
-        };
-        let bytes = count.div_ceil(64) * 8;
-        let kinds = [
-            PollFlags::IN | PollFlags::HUP | PollFlags::ERR,
-            PollFlags::OUT | PollFlags::ERR,
-            PollFlags::PRI,
-        ];
-        let mut set = Vec::new();
-        for (address, flags) in sets.into_iter().zip(kinds) {
-            if address == 0 {
-                continue;
-            }
-            let mut bits = vec![0; bytes];
-            Memory(tid).read(address, &mut bits)?;
-            for fd in 0..count {
-                if bits
-                    .get(fd / 8)
-                    .is_some_and(|byte| byte >> (fd % 8) & 1 != 0)
-                {
-                    set.push((i32::try_from(fd).unwrap_or(-1), flags));
-                }
-            }
-        }
-        let late = Late::Sets {
-            sets,
-            bytes,
-            time,
-            micros,
-        };
-        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
-    }
-
-    /// Waits for one of a set of descriptors.
-    pub(crate) fn poll_set(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        set: Vec<(i32, PollFlags)>,
-        late: Late,
-        (deadline, mask): (Option<u64>, Option<u64>),
-        crept: bool,
-    ) -> Action {
-        if self.is_one_ready(process, &set) {
-            return Action::Make;
-        }
-        if deadline.is_some_and(|deadline| deadline <= self.now) {
-            return self.ask(tid, crept).unwrap_or(Action::Make);
-        }
-        Action::Hold(Wait::Poll { set, late, mask }, deadline)
-    }
-}
-
-/// Writes that nothing has happened.
-fn write_nothing(memory: Memory, late: Late) -> std::io::Result<()> {
-    match late {
-        Late::Nothing => Ok(()),
-        Late::Revents { address, count } => {
-            let mut bytes = vec![0; 8 * count];
-            memory.read(address, &mut bytes)?;
-            for one in bytes.chunks_exact_mut(8) {
-                if let Some(happened) = one.get_mut(6..) {
-                    happened.fill(0);
-                }
-            }
-            memory.write(address, &bytes)
-        }
-        Late::Sets {
-            sets, bytes, time, ..
-        } => {
-            for address in sets.into_iter().filter(|address| *address != 0) {
-                memory.write(address, &vec![0; bytes])?;
-            }
-            if time != 0 {
-                memory.write_pair(time, 0, 0)?;
-            }
-            Ok(())
-        }
     }
 }

@@ -7,14 +7,14 @@ use sim_settings::SimTime;
 /// It is a tree of minima over the devices' times: setting one takes as many steps as the tree is
 /// high, and the earliest is at its root.
 #[derive(Debug, Clone)]
-pub(super) struct Agenda {
+pub(super) struct Deadlines {
     /// The root is at 1, the children of `n` are at `2n` and `2n + 1`, and the devices' own times
     /// fill the second half.
     nodes: Vec<SimTime>,
     devices: usize,
 }
 
-impl Agenda {
+impl Deadlines {
     /// Without any devices.
     pub(super) fn new() -> Self {
         Self {
@@ -99,27 +99,27 @@ mod tests {
             changes in prop::collection::vec((any::<prop::sample::Index>(), 0_u64..8), 0..60),
             at in 0_u64..8,
         ) {
-            let mut agenda = Agenda::new();
+            let mut deadlines = Deadlines::new();
             let mut times = Vec::new();
             for (device, (index, time)) in changes.into_iter().enumerate() {
                 if device < devices {
-                    agenda.push();
+                    deadlines.push();
                     times.push(SimTime::MAX);
                 }
                 if !times.is_empty() {
                     let index = index.index(times.len());
                     times[index] = SimTime::from_nanos(time);
-                    agenda.set(index, times[index]);
+                    deadlines.set(index, times[index]);
                 }
                 let earliest = times.iter().min().copied().unwrap_or(SimTime::MAX);
-                prop_assert_eq!(agenda.earliest(), earliest);
+                prop_assert_eq!(deadlines.earliest(), earliest);
             }
             let at = SimTime::from_nanos(at);
             for from in 0..times.len() + 2 {
                 let due = (from..times.len()).find(|&device| times[device] <= at);
-                prop_assert_eq!(agenda.due(at, from), due);
+                prop_assert_eq!(deadlines.due(at, from), due);
                 let own = times.get(from).copied().unwrap_or(SimTime::MAX);
-                prop_assert_eq!(agenda.of(from), own);
+                prop_assert_eq!(deadlines.of(from), own);
             }
         }
     }

@@ -1,0 +1,135 @@
+//! What is asked, in the words of files.
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use serde_json::Value;
+use sim_control::Refusal;
+use sim_core::event::{Event, Level, Role};
+use sim_embed::clock::Clock;
+use sim_runner::run::StepError;
+use sim_runner::{Run, RunError};
+use sim_settings::Span;
+
+/// Slowest and fastest.
+const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+
+/// Why a step is not added.
+pub(super) enum Trouble {
+    /// It is of no use.
+    Refused(Refusal),
+    /// The run cannot go on.
+    Broken(RunError),
+}
+
+/// How simulated time passes from now on.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum TimeChange {
+    /// It stands still. Bytes of clients arrive at the instant at which it does.
+    Pause,
+    /// It goes on.
+    GoOn,
+    /// It goes on for so long and then stands still; the answer comes then.
+    Step(Span),
+    /// Simulated seconds for each second of real time, 0.01 to 100.
+    Speed(f64),
+}
+
+/// Adds a step in the form of a scenario file's; gives its index.
+pub(super) fn add(run: &mut Run, step: &Value) -> Result<usize, Trouble> {
+    let refused = |why: String| Trouble::Refused(Refusal::new(422, why));
+    if !step.is_object() {
+        return Err(refused(
+            "a step is an object, as {\"fault\": {…}}".to_owned(),
+        ));
+    }
+    if step.get("host").is_some() && run.is_live() {
+        return Err(refused(
+            "`host` steps are for scripted clients; here the client is a real one".to_owned(),
+        ));
+    }
+    // By way of the text of a file, so that both say the same in the same words.
+    let text = toml::to_string(step)
+        .map_err(|error| refused(format!("a step has the form of a scenario file's: {error}")))?;
+    run.add_step(&text).map_err(|error| match error {
+        StepError::Text(error) => refused(without_places(&error.to_string())),
+        StepError::Over | StepError::TooMany => {
+            Trouble::Refused(Refusal::new(409, error.to_string()))
+        }
+        StepError::Run(error) => Trouble::Broken(error),
+    })
+}
+
+/// Errors without the lines and columns of a text that nobody has written.
+fn without_places(errors: &str) -> String {
+    let lines = errors.lines().map(|line| {
+        let mut parts = line.splitn(4, ':');
+        match (parts.next(), parts.next(), parts.next(), parts.next()) {
+            (Some("step"), Some(_), Some(_), Some(rest)) => rest.trim_start(),
+            _ => line,
+        }
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Index of the step of this name.
+pub(super) fn index(run: &Run, name: &str) -> Result<usize, Refusal> {
+    let shown: String = name.chars().take(80).collect();
+    run.step_named(name)
+        .ok_or_else(|| Refusal::new(404, format!("no step is named \"{shown}\"")))
+}
+
+/// Changes how time passes; says whether the answer has to wait until it stands still.
+pub(super) fn time(
+    run: &mut Run,
+    clock: Option<&mut Clock>,
+    change: &Value,
+) -> Result<bool, Refusal> {
+    let read = TimeChange::deserialize(change).map_err(|error| {
+        let why = format!(
+            "{error}; allowed: \"pause\", \"go_on\", {{\"step\": \"5 ms\"}}, {{\"speed\": 2}}"
+        );
+        Refusal::new(422, why)
+    })?;
+    let Some(clock) = clock else {
+        let why = "in lockstep time is the client's: it goes on while the client waits";
+        return Err(Refusal::new(409, why));
+    };
+    let now = run.rig().now();
+    match read {
+        TimeChange::Pause => clock.stop(now),
+        TimeChange::GoOn => clock.go_on(now, None),
+        TimeChange::Step(span) => clock.go_on(now, Some(span.0)),
+        TimeChange::Speed(speed) if SPEEDS.contains(&speed) => clock.set_speed(now, speed),
+        TimeChange::Speed(speed) => {
+            let why = format!("speed {speed} is out of range; allowed: 0.01 to 100");
+            return Err(Refusal::new(422, why));
+        }
+    }
+    run.note_pace(&change.to_string());
+    Ok(matches!(read, TimeChange::Step(_)))
+}
+
+/// What an event is in a log, for its colour.
+pub(super) fn role(event: &Event) -> &'static str {
+    match (event.kind.level(), event.kind.role()) {
+        (Level::Warning, _) => "warning",
+        (Level::Traffic, Role::Request) => "request",
+        (Level::Traffic, _) => "reply",
+        (Level::Notice, _) => "notice",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_have_no_places_in_them() {
+        let text = "step:1:9: `fault`: unknown\nstep:2:1: `for`: is: odd\nplain";
+        assert_eq!(
+            without_places(text),
+            "`fault`: unknown\n`for`: is: odd\nplain"
+        );
+    }
+}

@@ -1,0 +1,399 @@
+//! The `ctl` subcommand: what the control socket offers, from a shell.
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use clap::{Args, Subcommand};
+use serde_json::{Map, Value, json};
+use sim_control::client::{CallError, Client, escape};
+use sim_control::session::Session;
+use sim_settings::Span;
+
+use crate::exit::{Exit, Failure};
+use crate::print::print;
+use crate::visible;
+
+const EXAMPLES: &str = "\
+Examples:
+  sim ctl fault camera-shorted
+      Breaks something until it is cleared; prints the name of the step.
+  sim ctl fault bit-flips probability=0.01 direction=to-client --for 2s
+      With its parameters, for a time. `sim faults` lists them.
+  sim ctl clear
+      Mends all that was broken from here.
+  sim ctl get truth.speed_mps truth.at_rest
+      Values of names; `sim names` lists them.
+  sim ctl until 'truth.at_rest' --within 2s
+      Waits in simulated time; exit code 1 if it does not come.
+  sim ctl operator emergency_stop true
+  sim ctl world friction 0.1 --for 5s
+  sim ctl pause; sim ctl step-by 50ms; sim ctl go-on; sim ctl speed 0.5
+  sim ctl --port /tmp/r150 state
+      Of several simulators the one that serves this port.
+  sim ctl events --names truth.speed_mps --rate 20
+      What happens, as JSON, a line each.";
+
+/// What to do.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct CtlArgs {
+    /// The simulator that serves this port; may be left out when one runs, or in a client of `sim run`.
+    #[arg(long, value_name = "PATH", global = true)]
+    port: Option<PathBuf>,
+    /// The simulator at this URL, as it prints it.
+    #[arg(
+        long,
+        env = "SIM_CONTROL",
+        value_name = "URL",
+        hide_env_values = true,
+        global = true
+    )]
+    url: Option<String>,
+    /// Which of several devices.
+    #[arg(long, value_name = "NAME", global = true)]
+    device: Option<String>,
+    #[command(subcommand)]
+    does: Does,
+}
+
+#[derive(Debug, Subcommand)]
+enum Does {
+    /// Break something.
+    Fault {
+        /// What, as `sim faults` lists it.
+        kind: String,
+        /// How, as in probability=0.01.
+        #[arg(value_name = "NAME=VALUE")]
+        parameters: Vec<String>,
+        #[command(flatten)]
+        lasts: Lasts,
+    },
+    /// Have somebody do something to the vehicle, as in `emergency_stop true`.
+    Operator {
+        /// What, as in scenario files.
+        action: String,
+        /// With what, as JSON or a word.
+        value: Option<String>,
+        #[command(flatten)]
+        lasts: Lasts,
+    },
+    /// Change something around the vehicle, as in `friction 0.1`.
+    World {
+        /// What, as in scenario files.
+        change: String,
+        /// With what, as JSON or a word.
+        value: String,
+        #[command(flatten)]
+        lasts: Lasts,
+    },
+    /// Have a step done, given as JSON in the form of a scenario file's.
+    Step {
+        /// The step.
+        step: String,
+        /// Wait until it is over.
+        #[arg(long)]
+        wait: bool,
+    },
+    /// End steps before their time and mend what they broke: all that were asked for, or one.
+    Clear {
+        /// Its name.
+        name: Option<String>,
+    },
+    /// List the steps and how far they are.
+    Steps,
+    /// Print values of names, or list the names.
+    Get {
+        /// Names, as `sim names` lists them.
+        names: Vec<String>,
+    },
+    /// Wait until a condition holds.
+    Until {
+        /// The condition, as in scenario files.
+        condition: String,
+        /// In simulated time.
+        #[arg(long, value_name = "TIME", default_value = "5s")]
+        within: Span,
+    },
+    /// Let simulated time stand still.
+    Pause,
+    /// Let it go on.
+    GoOn,
+    /// Let so much pass, and then stand still.
+    StepBy {
+        /// In simulated time.
+        time: Span,
+    },
+    /// Change how fast it passes.
+    Speed {
+        /// Simulated seconds for each second of real time, 0.01 to 100.
+        speed: f64,
+    },
+    /// Print what there is, as JSON.
+    State,
+    /// Print what happens, as JSON, until Ctrl-C.
+    Events {
+        /// Also values of these names.
+        #[arg(long, value_delimiter = ',')]
+        names: Vec<String>,
+        /// So many times a second.
+        #[arg(long, default_value_t = 10.0)]
+        rate: f64,
+        /// Also every request and reply.
+        #[arg(long)]
+        traffic: bool,
+    },
+    /// Print the URL of the page.
+    Url,
+}
+
+#[derive(Debug, Args)]
+struct Lasts {
+    /// How long it lasts; until it is cleared unless given.
+    #[arg(long = "for", value_name = "TIME")]
+    lasts: Option<Span>,
+}
+
+/// Does it.
+pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
+    let url = find(args)?;
+    let client = Client::new(&url).map_err(Failure::usage)?;
+    match &args.does {
+        Does::Fault {
+            kind,
+            parameters,
+            lasts,
+        } => {
+            let mut fault = Map::from_iter([("kind".to_owned(), json!(kind))]);
+            for parameter in parameters {
+                let (name, value) = parameter.split_once('=').ok_or_else(|| {
+                    let why = anyhow!(
+                        "a parameter is NAME=VALUE, not {}",
+                        visible::line(parameter)
+                    );
+                    Failure::usage(why)
+                })?;
+                fault.insert(name.to_owned(), word_or_json(value));
+            }
+            add(args, &client, "fault", Value::Object(fault), lasts)
+        }
+        Does::Operator {
+            action,
+            value,
+            lasts,
+        } => {
+            let value = match value {
+                Some(value) => json!({ action: word_or_json(value) }),
+                None => json!(action),
+            };
+            add(args, &client, "operator", value, lasts)
+        }
+        Does::World {
+            change,
+            value,
+            lasts,
+        } => add(
+            args,
+            &client,
+            "world",
+            json!({ change: word_or_json(value) }),
+            lasts,
+        ),
+        Does::Step { step, wait } => {
+            let step: Value = serde_json::from_str(step)
+                .map_err(|error| Failure::usage(anyhow!("the step is no JSON: {error}")))?;
+            over(args, &client, step, *wait)
+        }
+        Does::Clear { name } => {
+            let path = match name {
+                Some(name) => format!("/v1/steps/{}", escape(name)),
+                None => "/v1/steps".to_owned(),
+            };
+            show(&call(&client, "DELETE", &path, None)?)
+        }
+        Does::Steps => {
+            let steps = call(&client, "GET", "/v1/steps", None)?;
+            let lines = steps["steps"].as_array().into_iter().flatten();
+            let lines: Vec<String> = lines
+                .map(|step| {
+                    let text = |key: &str| step[key].as_str().unwrap_or_default().to_owned();
+                    format!("{:<8} {}", text("state"), visible::line(&text("name")))
+                })
+                .collect();
+            print(&lines.join("\n"))
+        }
+        Does::Get { names } if names.is_empty() => {
+            let names = call(&client, "GET", "/v1/names", None)?;
+            let lines = names["names"].as_array().into_iter().flatten();
+            let lines: Vec<String> = lines
+                .map(|one| {
+                    let text = |key: &str| one[key].as_str().unwrap_or_default();
+                    format!(
+                        "{:<36} {:<11} {}",
+                        text("name"),
+                        text("unit"),
+                        text("meaning")
+                    )
+                })
+                .collect();
+            print(&lines.join("\n"))
+        }
+        Does::Get { names } => get(&client, names),
+        Does::Until { condition, within } => {
+            let within = sim_settings::show_duration(within.0);
+            let step = json!({"expect": {"that": condition, "within": within}});
+            over(args, &client, step, true)
+        }
+        Does::Pause => time(&client, &json!("pause")),
+        Does::GoOn => time(&client, &json!("go_on")),
+        Does::StepBy { time: span } => {
+            let span = sim_settings::show_duration(span.0);
+            time(&client, &json!({ "step": span }))
+        }
+        Does::Speed { speed } => time(&client, &json!({ "speed": speed })),
+        Does::State => show(&call(&client, "GET", "/v1/state", None)?),
+        Does::Events {
+            names,
+            rate,
+            traffic,
+        } => events(&client, names, *rate, *traffic),
+        Does::Url => print(&url),
+    }
+}
+
+/// The URL of the simulator that is meant.
+fn find(args: &CtlArgs) -> Result<String, Failure> {
+    if let (Some(url), None) = (&args.url, &args.port) {
+        return Ok(url.clone());
+    }
+    let mut running = Session::running()
+        .map_err(|error| Failure::system(anyhow!("cannot look for simulators: {error}")))?;
+    if let Some(port) = &args.port {
+        running.retain(|session| session.serves(port));
+    }
+    match running.as_slice() {
+        [session] => Ok(session.url.clone()),
+        [] => {
+            let which = match &args.port {
+                Some(port) => format!(" that serves {}", visible::name(port)),
+                None => String::new(),
+            };
+            let why = anyhow!(
+                "no simulator runs{which} with --control; start one with `sim --control 127.0.0.1:0`"
+            );
+            Err(Failure::usage(why))
+        }
+        several => {
+            let ports = several.iter().filter_map(|session| session.ports.first());
+            let ports: Vec<String> = ports.map(visible::name).collect();
+            let why = anyhow!(
+                "several simulators run with --control; say with --port which, as {}",
+                ports.join(" or ")
+            );
+            Err(Failure::usage(why))
+        }
+    }
+}
+
+/// JSON, or else a word.
+fn word_or_json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|_| json!(text))
+}
+
+fn add(
+    args: &CtlArgs,
+    client: &Client,
+    key: &str,
+    what: Value,
+    lasts: &Lasts,
+) -> Result<Exit, Failure> {
+    let mut step = json!({ key: what });
+    if let Some(Span(lasts)) = lasts.lasts {
+        step["for"] = json!(sim_settings::show_duration(lasts));
+    }
+    over(args, client, step, false)
+}
+
+/// Has a step done and says how far it is; it has failed if it is over and not done.
+fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<Exit, Failure> {
+    if let Some(device) = &args.device {
+        step["device"] = json!(device);
+    }
+    let path = if wait {
+        "/v1/steps?wait=true"
+    } else {
+        "/v1/steps"
+    };
+    let told = call(client, "POST", path, Some(&step))?;
+    if told["state"] == "failed" {
+        let why = told["why"].as_str().unwrap_or("the step failed").to_owned();
+        return Err(Failure {
+            exit: Exit::Failed,
+            error: anyhow!("{}", visible::lines(&why)),
+        });
+    }
+    let text = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
+    print(&format!(
+        "{}: {}",
+        visible::line(&text("name")),
+        text("state")
+    ))
+}
+
+fn get(client: &Client, names: &[String]) -> Result<Exit, Failure> {
+    let list: Vec<String> = names.iter().map(|name| escape(name)).collect();
+    let told = call(
+        client,
+        "GET",
+        &format!("/v1/names?names={}", list.join(",")),
+        None,
+    )?;
+    let values: Vec<String> = names
+        .iter()
+        .map(|name| told["values"][name].to_string())
+        .collect();
+    print(&values.join("\n"))
+}
+
+fn time(client: &Client, change: &Value) -> Result<Exit, Failure> {
+    let told = call(client, "POST", "/v1/time", Some(change))?;
+    let stands = if told["paused"] == true {
+        "paused"
+    } else {
+        "running"
+    };
+    print(&format!(
+        "{stands} at {} s, speed {}",
+        told["t"], told["speed"]
+    ))
+}
+
+fn events(client: &Client, names: &[String], rate: f64, traffic: bool) -> Result<Exit, Failure> {
+    let names: Vec<String> = names.iter().map(|name| escape(name)).collect();
+    let mut path = format!("/v1/events?traffic={traffic}");
+    if !names.is_empty() {
+        path += &format!("&names={}&rate={rate}", names.join(","));
+    }
+    let mut printed = Ok(Exit::Clean);
+    let told = client.events(&path, |kind, data| {
+        printed = print(&format!("{{\"event\":\"{kind}\",\"data\":{data}}}"));
+        printed.is_ok()
+    });
+    told.map_err(failed)?;
+    printed
+}
+
+fn show(value: &Value) -> Result<Exit, Failure> {
+    print(&format!("{value:#}"))
+}
+
+fn call(client: &Client, method: &str, path: &str, body: Option<&Value>) -> Result<Value, Failure> {
+    client.call(method, path, body).map_err(failed)
+}
+
+fn failed(error: CallError) -> Failure {
+    match error {
+        CallError::Io(..) => Failure::system(error),
+        CallError::Url(_) => Failure::usage(error),
+        CallError::Refused { why, .. } => Failure::usage(anyhow!("{}", visible::lines(&why))),
+    }
+}

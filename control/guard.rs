@@ -1,0 +1,193 @@
+//! Who may ask.
+
+use std::fmt::Write as _;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+use crate::Refusal;
+use crate::http::Head;
+
+/// Bytes of a token.
+const TOKEN_BYTES: usize = 16;
+
+/// A token that nobody can guess.
+pub(crate) fn new_token() -> io::Result<String> {
+    let mut bytes = [0; TOKEN_BYTES];
+    getrandom::fill(&mut bytes).map_err(io::Error::other)?;
+    let mut token = String::with_capacity(2 * TOKEN_BYTES);
+    for byte in bytes {
+        // Writing to a string cannot fail.
+        let _ = write!(token, "{byte:02x}");
+    }
+    Ok(token)
+}
+
+/// Refuses whoever must not ask.
+#[derive(Debug)]
+pub(crate) struct Guard {
+    address: SocketAddr,
+    token: Arc<str>,
+}
+
+impl Guard {
+    pub(crate) fn new(address: SocketAddr, token: Arc<str>) -> Self {
+        Self { address, token }
+    }
+
+    /// Refuses what a browser sends on behalf of another site: to a name that merely leads here, or
+    /// from a page that is not ours.
+    pub(crate) fn check_site(&self, head: &Head) -> Result<(), Refusal> {
+        let host = head
+            .host
+            .as_deref()
+            .filter(|host| self.is_own(host))
+            .ok_or_else(|| {
+                let why = format!(
+                    "the Host of a request has to be the address itself, as {}",
+                    self.address
+                );
+                Refusal::new(403, why)
+            })?;
+        let own = |origin: &str| origin.strip_prefix("http://") == Some(host);
+        match head.origin.as_deref() {
+            Some(origin) if !own(origin) => {
+                Err(Refusal::new(403, "pages of other sites may not ask"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses whoever has not the token.
+    pub(crate) fn check_token(&self, head: &Head) -> Result<(), Refusal> {
+        let given = head
+            .authorization
+            .as_deref()
+            .and_then(|text| text.strip_prefix("Bearer "))
+            .unwrap_or_default();
+        if is_same(given.as_bytes(), self.token.as_bytes()) {
+            return Ok(());
+        }
+        let why = "the token is missing or wrong; the simulator prints it in its URL, and it is sent as \
+                   `Authorization: Bearer TOKEN`";
+        Err(Refusal::new(401, why))
+    }
+
+    /// Whether a `Host` means this address. Names other than `localhost` do not, since they may come
+    /// to lead here without anybody's consent.
+    fn is_own(&self, host: &str) -> bool {
+        let (name, port) = match host.rsplit_once(':') {
+            Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
+            _ => (host, Some(80)),
+        };
+        let own = self.address.ip();
+        let bare = name.strip_prefix('[').and_then(|n| n.strip_suffix(']'));
+        let address: Option<IpAddr> = bare.unwrap_or(name).parse().ok();
+        let is_here = match address {
+            Some(address) => address == own || own.is_unspecified(),
+            None => name == "localhost" && (own.is_loopback() || own.is_unspecified()),
+        };
+        is_here && port == Some(self.address.port())
+    }
+}
+
+/// Compares in a time that does not tell how much is right.
+fn is_same(given: &[u8], wanted: &[u8]) -> bool {
+    let differs = given
+        .iter()
+        .zip(wanted)
+        .fold(0, |differs, (a, b)| differs | (a ^ b));
+    given.len() == wanted.len() && differs == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guard(address: &str) -> Guard {
+        Guard::new(address.parse().unwrap(), "secret".into())
+    }
+
+    fn site(guard: &Guard, host: Option<&str>, origin: Option<&str>) -> bool {
+        let head = Head {
+            host: host.map(str::to_owned),
+            origin: origin.map(str::to_owned),
+            ..Head::default()
+        };
+        guard.check_site(&head).is_ok()
+    }
+
+    #[test]
+    fn only_the_address_itself_is_a_host() {
+        let own = guard("127.0.0.1:4000");
+        assert!(site(&own, Some("127.0.0.1:4000"), None));
+        assert!(site(&own, Some("localhost:4000"), None));
+        for host in [
+            "127.0.0.1",
+            "127.0.0.1:4001",
+            "127.0.0.2:4000",
+            "evil.example:4000",
+            "localhost.evil.example:4000",
+            "127.0.0.1:4000:4000",
+            "[::1]:4000",
+            "",
+            ":4000",
+        ] {
+            assert!(!site(&own, Some(host), None), "{host}");
+        }
+        assert!(!site(&own, None, None));
+        assert!(site(&guard("[::1]:4000"), Some("[::1]:4000"), None));
+        let all = guard("0.0.0.0:4000");
+        assert!(site(&all, Some("192.168.1.7:4000"), None));
+        assert!(!site(&all, Some("robot.example:4000"), None));
+    }
+
+    #[test]
+    fn only_our_own_page_is_an_origin() {
+        let own = guard("127.0.0.1:4000");
+        let host = Some("127.0.0.1:4000");
+        assert!(site(&own, host, Some("http://127.0.0.1:4000")));
+        for origin in [
+            "null",
+            "http://127.0.0.1:4001",
+            "https://127.0.0.1:4000",
+            "http://localhost:4000",
+            "http://evil.example",
+            "",
+        ] {
+            assert!(!site(&own, host, Some(origin)), "{origin}");
+        }
+    }
+
+    #[test]
+    fn the_token_has_to_be_right_from_end_to_end() {
+        let own = guard("127.0.0.1:4000");
+        let given = |text: &str| {
+            let head = Head {
+                authorization: Some(text.to_owned()),
+                ..Head::default()
+            };
+            own.check_token(&head).map_err(|refusal| refusal.status)
+        };
+        assert_eq!(given("Bearer secret"), Ok(()));
+        for wrong in [
+            "",
+            "secret",
+            "Bearer",
+            "Bearer ",
+            "Bearer secre",
+            "Bearer secrets",
+            "bearer secret",
+        ] {
+            assert_eq!(given(wrong), Err(401), "{wrong}");
+        }
+        assert_eq!(own.check_token(&Head::default()).unwrap_err().status, 401);
+    }
+
+    #[test]
+    fn tokens_are_long_and_new_each_time() {
+        let tokens = [new_token().unwrap(), new_token().unwrap()];
+        assert_ne!(tokens[0], tokens[1]);
+        assert!(tokens.iter().all(|token| token.len() == 2 * TOKEN_BYTES));
+    }
+}

@@ -1,0 +1,327 @@
+//! HTTP and JSON for looking at a running simulation and for changing it; and the client of that.
+//!
+//! This crate knows nothing of devices. A [`Control`] listens on a socket, refuses whoever has not
+//! the token, and hands on what is asked, [`Request`] by [`Request`], through a channel; whoever
+//! drives the simulation takes them between two steps of it and answers each. So a client, however
+//! slow or hostile, costs the simulation no more than the requests that come through, of which there
+//! are a thousand a second at most.
+//!
+//! # Bounds
+//!
+//! | | |
+//! |---|---|
+//! | connections at a time | 32; a further one is told 503 and closed |
+//! | request | 16 KiB of head with 64 fields, 64 KiB of body |
+//! | time for a request to arrive, once begun | 5 s; a connection may be idle for 60 s |
+//! | time for a client to take an answer | 5 s, what a stream tells 15 s; then it is closed |
+//! | requests | 1000 a second of all clients together; more of them wait |
+//! | requests that wait for the simulation | 64 |
+//! | messages of a stream that wait for its reader | 256; further ones are lost, and it is told how many |
+
+mod address;
+pub mod client;
+mod connection;
+mod guard;
+pub mod http;
+mod listener;
+mod pace;
+mod page;
+pub mod session;
+mod watch;
+
+use std::io::{self, Read as _, Write as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+use serde_json::Value;
+
+pub use address::{AddressError, Listen};
+pub use listener::{Listener, Wants};
+
+use guard::Guard;
+use pace::Pace;
+use watch::{Watch, Watches};
+
+/// Most requests that wait for the simulation.
+const MOST_WAITING: usize = 64;
+
+/// What a client asks.
+#[derive(Debug)]
+pub enum Ask {
+    /// Do this; with `wait`, answer when it is over.
+    Add {
+        /// A step in the form of a scenario file's.
+        step: Value,
+        /// Whether to answer only when the step is over.
+        wait: bool,
+    },
+    /// All steps, or the one of this name.
+    Steps(Option<String>),
+    /// Undo what was asked for, all or by name.
+    Clear(Option<String>),
+    /// The values of these names, or what names there are.
+    Names(Vec<String>),
+    /// What there is.
+    State,
+    /// Let time pass otherwise.
+    Time(Value),
+    /// Tell this one what happens.
+    Listen(Listener),
+}
+
+/// Why something is not done.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refusal {
+    /// As in HTTP.
+    pub status: u16,
+    /// What is wrong, and what to do.
+    pub why: String,
+}
+
+impl Refusal {
+    /// A refusal with this status.
+    pub fn new(status: u16, why: impl Into<String>) -> Self {
+        Self {
+            status,
+            why: why.into(),
+        }
+    }
+}
+
+/// The forms of all that can be asked. It takes long to write down, so connections have it themselves.
+pub type Schema = Box<dyn Fn() -> Value + Send + Sync>;
+
+/// What comes of a request.
+pub type Reply = Result<Value, Refusal>;
+
+/// A request that waits for its answer. Without one its client is told that the simulation has ended.
+#[derive(Debug)]
+pub struct Request {
+    /// What is asked.
+    pub ask: Ask,
+    answer: Answer,
+}
+
+impl Request {
+    /// The parts: what is asked, and the way to answer.
+    #[must_use]
+    pub fn split(self) -> (Ask, Answer) {
+        (self.ask, self.answer)
+    }
+}
+
+/// The way to answer a request, once.
+#[derive(Debug)]
+pub struct Answer {
+    reply: Sender<Reply>,
+    watch: Arc<Watch>,
+}
+
+impl Answer {
+    /// Answers. Never waits.
+    pub fn give(self, reply: Reply) {
+        self.watch.is_busy();
+        // The client may have gone.
+        let _ = self.reply.try_send(reply);
+    }
+
+    /// Takes note that the answer comes when the simulation has gone on.
+    #[must_use]
+    pub fn later(self) -> Self {
+        self.watch.is_deferred();
+        self
+    }
+}
+
+/// A socket on which a simulation is looked at and changed.
+pub struct Control {
+    address: SocketAddr,
+    token: Arc<str>,
+    requests: Receiver<Request>,
+    wake: UnixStream,
+    shared: Arc<Shared>,
+}
+
+/// What all connections share.
+struct Shared {
+    socket: TcpListener,
+    guard: Guard,
+    pace: Pace,
+    schema: LazyLock<Value, Schema>,
+    requests: Sender<Request>,
+    /// A byte in here wakes the simulation.
+    wake: UnixStream,
+    connections: Watches,
+    stop: AtomicBool,
+}
+
+impl Control {
+    /// Listens, with a new token.
+    ///
+    /// # Errors
+    /// When the address cannot be had.
+    pub fn open(listen: &Listen, schema: Schema) -> io::Result<Self> {
+        let socket = TcpListener::bind(listen.address())?;
+        let address = socket.local_addr()?;
+        let token: Arc<str> = guard::new_token()?.into();
+        let (requests, taken) = bounded(MOST_WAITING);
+        let (wake, woken) = UnixStream::pair()?;
+        wake.set_nonblocking(true)?;
+        woken.set_nonblocking(true)?;
+        let shared = Arc::new(Shared {
+            socket,
+            guard: Guard::new(address, Arc::clone(&token)),
+            pace: Pace::default(),
+            schema: LazyLock::new(schema),
+            requests,
+            wake,
+            connections: Watches::default(),
+            stop: AtomicBool::new(false),
+        });
+        let accepting = Arc::clone(&shared);
+        thread::Builder::new()
+            .name("control".to_owned())
+            .spawn(move || accept(&accepting))?;
+        Ok(Self {
+            address,
+            token,
+            requests: taken,
+            wake: woken,
+            shared,
+        })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What to open, with the token in it.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}/#token={}", self.address, self.token)
+    }
+
+    /// The next request. Never waits.
+    pub fn poll(&self) -> Option<Request> {
+        self.requests.try_recv().ok()
+    }
+
+    /// Takes note that somebody has looked for requests: until the next comes, there is nothing to
+    /// read any more. To be called before the requests are taken.
+    pub fn quiet(&self) {
+        let mut bytes = [0; MOST_WAITING];
+        while matches!((&self.wake).read(&mut bytes), Ok(count) if count == bytes.len()) {}
+    }
+
+    /// The next request, waited for so long.
+    #[must_use]
+    pub fn wait(&self, within: Duration) -> Option<Request> {
+        self.requests.recv_timeout(within).ok()
+    }
+
+    /// Waits until nobody is being read from or answered, for no longer than `within`; says whether that
+    /// is so. False as well if there are requests to be answered first. Whoever waits for the simulation
+    /// to go on ([`Answer::later`]) counts as answered.
+    ///
+    /// For a simulation whose time goes on only while its client waits: all that the client has asked
+    /// before is done then, and all that it was told has reached it.
+    #[must_use]
+    pub fn settle(&self, within: Duration) -> bool {
+        let begun = Instant::now();
+        let all = &self.shared.connections;
+        while self.requests.is_empty() {
+            if watch::is_quiet(&self.shared.socket) && all.are_quiet(begun.elapsed()) {
+                // Whoever was being read from then may have asked before that was over.
+                return self.requests.is_empty();
+            }
+            if begun.elapsed() > within {
+                return false;
+            }
+            thread::sleep(Duration::from_micros(50));
+        }
+        false
+    }
+}
+
+impl AsFd for Control {
+    /// Can be read when there are requests.
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.wake.as_fd()
+    }
+}
+
+impl Drop for Control {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        // Whoever waits for a connection gets one, and sees that it is to stop.
+        let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
+        // Whoever waits for a request gets none any more; answers still go out.
+        self.shared.connections.end();
+    }
+}
+
+impl Shared {
+    /// Hands a request on and gives the way by which its answer comes.
+    fn ask(&self, ask: Ask, watch: &Arc<Watch>) -> Result<Receiver<Reply>, Refusal> {
+        let (reply, answered) = bounded(1);
+        let answer = Answer {
+            reply,
+            watch: Arc::clone(watch),
+        };
+        self.requests
+            .send_timeout(Request { ask, answer }, Duration::from_secs(5))
+            .map_err(|_| Refusal::new(503, "the simulation takes no requests"))?;
+        // When it is full the simulation has been woken before.
+        let _ = (&self.wake).write(&[0]);
+        Ok(answered)
+    }
+}
+
+fn accept(shared: &Arc<Shared>) {
+    while !shared.stop.load(Ordering::Relaxed) {
+        let accepted = shared.connections.accept(&shared.socket);
+        if shared.stop.load(Ordering::Relaxed) {
+            return;
+        }
+        let Ok((stream, watch)) = accepted else {
+            // Out of descriptors, for instance; some may become free.
+            thread::sleep(Duration::from_millis(50));
+            continue;
+        };
+        let Some(watch) = watch else {
+            connection::turn_away(&stream);
+            continue;
+        };
+        let own = Arc::clone(shared);
+        let served = Arc::clone(&watch);
+        let started = thread::Builder::new()
+            .name("control-client".to_owned())
+            .spawn(move || {
+                // The count is right again however this ends.
+                let _counted = Counted(&own.connections, &served);
+                connection::serve(stream, &own, &served);
+            });
+        if started.is_err() {
+            shared.connections.leave(&watch);
+        }
+    }
+}
+
+struct Counted<'a>(&'a Watches, &'a Arc<Watch>);
+
+impl Drop for Counted<'_> {
+    fn drop(&mut self) {
+        self.0.leave(self.1);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,200 @@
+//! Whoever is told what happens.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+
+use crate::Refusal;
+use crate::watch::Watch;
+
+/// Most messages that wait for a reader.
+const MOST_MESSAGES: usize = 256;
+/// Most names of one stream.
+const MOST_NAMES: usize = 64;
+/// Most messages a second of one kind that come at a rate.
+const MOST_RATE: f64 = 60.0;
+
+/// What a stream is to tell.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Wants {
+    /// Names whose values are told, and how often in real time.
+    pub names: Vec<String>,
+    /// Between two messages of values.
+    pub values_every: Option<Duration>,
+    /// Between two messages of where everything is.
+    pub picture_every: Option<Duration>,
+    /// Whether every request and reply is told, beside what else happens.
+    pub traffic: bool,
+}
+
+impl Wants {
+    /// Reads the parameters of a request.
+    pub(crate) fn read(query: &[(String, String)]) -> Result<Self, Refusal> {
+        let mut wants = Self::default();
+        let mut rate = 10.0;
+        for (name, value) in query {
+            match name.as_str() {
+                "names" => wants.names.extend(names(value)),
+                "rate" => rate = read_rate(name, value)?,
+                "picture" => wants.picture_every = Some(every(read_rate(name, value)?)),
+                "traffic" => wants.traffic = flag(name, value)?,
+                other => return Err(unknown(other, "names, rate, picture, traffic")),
+            }
+        }
+        if wants.names.len() > MOST_NAMES {
+            return Err(Refusal::new(400, format!("at most {MOST_NAMES} names")));
+        }
+        if !wants.names.is_empty() {
+            wants.values_every = Some(every(rate));
+        }
+        Ok(wants)
+    }
+}
+
+/// The names in a list.
+pub(crate) fn names(list: &str) -> impl Iterator<Item = String> {
+    let names = list.split(',').map(str::trim);
+    names.filter(|name| !name.is_empty()).map(str::to_owned)
+}
+
+/// A parameter that is on or off.
+pub(crate) fn flag(name: &str, value: &str) -> Result<bool, Refusal> {
+    match value {
+        "1" | "true" | "" => Ok(true),
+        "0" | "false" => Ok(false),
+        _ => Err(Refusal::new(400, format!("{name} is true or false"))),
+    }
+}
+
+/// A parameter that does not exist.
+pub(crate) fn unknown(name: &str, allowed: &str) -> Refusal {
+    let name: String = name.chars().take(80).collect();
+    Refusal::new(400, format!("no parameter `{name}`; allowed: {allowed}"))
+}
+
+fn read_rate(name: &str, value: &str) -> Result<f64, Refusal> {
+    let rate: Option<f64> = value.parse().ok();
+    rate.filter(|rate| (0.1..=MOST_RATE).contains(rate))
+        .ok_or_else(|| {
+            Refusal::new(
+                400,
+                format!("{name} is a number a second, 0.1 to {MOST_RATE}"),
+            )
+        })
+}
+
+fn every(rate: f64) -> Duration {
+    Duration::from_secs_f64(1.0 / rate)
+}
+
+/// Whoever is told what happens; it ends when it is dropped.
+#[derive(Debug)]
+pub struct Listener {
+    /// What it is to be told.
+    pub wants: Wants,
+    messages: Sender<Arc<str>>,
+    lost: Arc<AtomicU64>,
+    watch: Arc<Watch>,
+}
+
+/// The other end.
+pub(crate) struct Messages {
+    pub(crate) messages: Receiver<Arc<str>>,
+    lost: Arc<AtomicU64>,
+}
+
+impl Listener {
+    pub(crate) fn new(wants: Wants, watch: Arc<Watch>) -> (Self, Messages) {
+        let (sender, messages) = bounded(MOST_MESSAGES);
+        let lost = Arc::new(AtomicU64::new(0));
+        let listener = Self {
+            wants,
+            messages: sender,
+            lost: Arc::clone(&lost),
+            watch,
+        };
+        (listener, Messages { messages, lost })
+    }
+
+    /// Tells it a message; see [`message`](Self::message). Never waits: what it has no room for is
+    /// lost, and it learns how many. Says whether anybody still listens.
+    pub fn tell(&self, message: &Arc<str>) -> bool {
+        match self.messages.try_send(Arc::clone(message)) {
+            Ok(()) => {
+                self.watch.told();
+                true
+            }
+            Err(TrySendError::Full(_)) => {
+                self.lost.fetch_add(1, Ordering::Relaxed);
+                true
+            }
+            Err(TrySendError::Disconnected(_)) => false,
+        }
+    }
+
+    /// A message of a kind, as all who listen are told it.
+    #[must_use]
+    pub fn message(kind: &str, data: &serde_json::Value) -> Arc<str> {
+        // JSON has no line feeds in it.
+        format!("event: {kind}\ndata: {data}\n\n").into()
+    }
+}
+
+impl Messages {
+    /// How many messages were lost since this was last asked.
+    pub(crate) fn take_lost(&self) -> u64 {
+        self.lost.swap(0, Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(query: &str) -> Result<Wants, Refusal> {
+        let query: Vec<(String, String)> = form_urlencoded::parse(query.as_bytes())
+            .into_owned()
+            .collect();
+        Wants::read(&query)
+    }
+
+    #[test]
+    fn wants_are_read() {
+        let wants = read("names=a.b,%20c&rate=20&names=d&picture=60&traffic=1").unwrap();
+        assert_eq!(wants.names, ["a.b", "c", "d"]);
+        assert_eq!(wants.values_every, Some(Duration::from_millis(50)));
+        assert!(wants.picture_every.is_some() && wants.traffic);
+        assert_eq!(read("").unwrap(), Wants::default());
+        for wrong in [
+            "rate=0",
+            "rate=61",
+            "rate=nan",
+            "picture=-1",
+            "traffic=2",
+            "nmaes=a",
+        ] {
+            assert_eq!(read(wrong).unwrap_err().status, 400, "{wrong}");
+        }
+        let many = format!("names={}", vec!["a"; 65].join(","));
+        assert!(read(&many).is_err());
+    }
+
+    #[test]
+    fn a_reader_that_does_not_read_is_never_waited_for_and_told_what_it_lost() {
+        let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let stream = std::net::TcpStream::connect(socket.local_addr().unwrap()).unwrap();
+        let (listener, messages) = Listener::new(Wants::default(), Watch::new(stream));
+        let message = Listener::message("log", &serde_json::json!({"a": "b\nc"}));
+        assert_eq!(&*message, "event: log\ndata: {\"a\":\"b\\nc\"}\n\n");
+        for _ in 0..MOST_MESSAGES + 7 {
+            assert!(listener.tell(&message));
+        }
+        assert_eq!(messages.take_lost(), 7);
+        assert_eq!(messages.take_lost(), 0);
+        assert_eq!(messages.messages.try_iter().count(), MOST_MESSAGES);
+        drop(messages);
+        assert!(!listener.tell(&message));
+    }
+}

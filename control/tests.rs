@@ -1,0 +1,254 @@
+//! The socket with a simulation that is none behind it.
+
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::*;
+use client::{CallError, Client};
+use watch::MOST_CONNECTIONS;
+
+/// Serves what `answer` says until it is dropped.
+struct Served {
+    url: String,
+    address: SocketAddr,
+    stop: Arc<AtomicBool>,
+    thread: Option<thread::JoinHandle<()>>,
+}
+
+impl Served {
+    fn with(mut answer: impl FnMut(Ask) -> Option<Reply> + Send + 'static) -> Self {
+        let control =
+            Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
+        let (url, address) = (control.url(), control.address());
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            let mut kept = Vec::new();
+            while !stopped.load(Ordering::Relaxed) {
+                if let Some(request) = control.wait(Duration::from_millis(10)) {
+                    let (ask, way) = request.split();
+                    match answer(ask) {
+                        Some(reply) => way.give(reply),
+                        None => kept.push(way),
+                    }
+                }
+            }
+        });
+        Self {
+            url,
+            address,
+            stop,
+            thread: Some(thread),
+        }
+    }
+
+    fn echo() -> Self {
+        Self::with(|ask| Some(Ok(json!(format!("{ask:?}")))))
+    }
+
+    fn client(&self) -> Client {
+        Client::new(&self.url).unwrap()
+    }
+
+    fn raw(&self, text: &[u8]) -> String {
+        let mut stream = TcpStream::connect(self.address).unwrap();
+        stream.write_all(text).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    fn token(&self) -> &str {
+        self.url.split_once("token=").unwrap().1
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+}
+
+#[test]
+fn each_call_is_handed_on() {
+    let served = Served::echo();
+    let client = served.client();
+    let asked = |method, path, body: Option<Value>| {
+        let answer = client.call(method, path, body.as_ref()).unwrap();
+        answer.as_str().unwrap().to_owned()
+    };
+    let step = json!({"fault": {"kind": "x"}});
+    let added = asked("POST", "/v1/steps?wait=true", Some(step));
+    assert!(
+        added.starts_with("Add") && added.contains("wait: true"),
+        "{added}"
+    );
+    assert_eq!(asked("GET", "/v1/steps", None), "Steps(None)");
+    let name = format!("/v1/steps/{}", client::escape("a b/c"));
+    assert_eq!(asked("DELETE", &name, None), "Clear(Some(\"a b/c\"))");
+    assert_eq!(asked("DELETE", "/v1/steps", None), "Clear(None)");
+    assert_eq!(
+        asked("GET", "/v1/names?names=a,b", None),
+        "Names([\"a\", \"b\"])"
+    );
+    assert_eq!(asked("GET", "/v1/state", None), "State");
+    assert_eq!(asked("GET", "/v1/schema", None), "forms");
+    assert_eq!(
+        asked("POST", "/v1/time", Some(json!("pause"))),
+        "Time(String(\"pause\"))"
+    );
+}
+
+#[test]
+fn a_connection_takes_several_requests() {
+    let served = Served::echo();
+    let one = format!(
+        "GET /v1/state HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {}\r\n",
+        served.address,
+        served.token()
+    );
+    let answer = served.raw(format!("{one}\r\n{one}\r\n{one}Connection: close\r\n\r\n").as_bytes());
+    assert_eq!(answer.matches("\"State\"").count(), 3, "{answer}");
+}
+
+#[test]
+fn what_must_not_or_cannot_be_asked_is_refused() {
+    let served = Served::echo();
+    let (host, token) = (served.address.to_string(), served.token().to_owned());
+    let status = |request: &str, host: &str, more: &str| -> u16 {
+        let text = format!("{request} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{more}\r\n");
+        let answer = served.raw(text.as_bytes());
+        answer.split(' ').nth(1).unwrap().parse().unwrap()
+    };
+    let bearer = format!("Authorization: Bearer {token}\r\n");
+    assert_eq!(status("GET /v1/state", &host, &bearer), 200);
+    assert_eq!(status("GET /v1/state", &host, ""), 401);
+    assert_eq!(
+        status("GET /v1/state", &host, "Authorization: Bearer no\r\n"),
+        401
+    );
+    assert_eq!(status("GET /v1/state", "evil.example", &bearer), 403);
+    assert_eq!(status("GET /", "evil.example", ""), 403);
+    let foreign = format!("{bearer}Origin: http://evil.example\r\n");
+    assert_eq!(status("GET /v1/state", &host, &foreign), 403);
+    assert_eq!(status("OPTIONS /v1/state", &host, &foreign), 403);
+    assert_eq!(status("GET /v1/nothing", &host, &bearer), 404);
+    assert_eq!(status("PUT /v1/steps", &host, &bearer), 405);
+    assert_eq!(status("POST /v1/time", &host, &bearer), 400);
+    assert_eq!(status("GET /v1/state?x=1", &host, &bearer), 400);
+    assert_eq!(status("GET /v1/events?rate=99", &host, &bearer), 400);
+    let long = format!("{bearer}Content-Length: 70000\r\n");
+    assert_eq!(status("POST /v1/steps", &host, &long), 413);
+    assert_eq!(status("GET /", &host, ""), 200);
+    assert_eq!(status("GET /page.js", &host, ""), 200);
+}
+
+#[test]
+fn a_page_may_run_only_what_is_ours() {
+    let served = Served::echo();
+    let text = format!(
+        "GET / HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
+        served.address
+    );
+    let answer = served.raw(text.as_bytes());
+    assert!(answer.contains("default-src 'none'; script-src 'self'"));
+    assert!(!answer.contains("Access-Control"));
+    assert!(!answer.contains(served.token()));
+}
+
+#[test]
+fn more_connections_than_allowed_are_turned_away_and_come_back_later() {
+    let served = Served::echo();
+    let idle: Vec<TcpStream> = (0..MOST_CONNECTIONS)
+        .map(|_| TcpStream::connect(served.address).unwrap())
+        .collect();
+    let begun = Instant::now();
+    let refused = || {
+        matches!(
+            served.client().call("GET", "/v1/state", None),
+            Err(CallError::Refused { status: 503, .. } | CallError::Io(..))
+        )
+    };
+    while !refused() {
+        assert!(begun.elapsed() < Duration::from_secs(20));
+    }
+    drop(idle);
+    while refused() {
+        assert!(begun.elapsed() < Duration::from_secs(20));
+    }
+}
+
+#[test]
+fn a_stream_tells_and_ends() {
+    let listeners = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let kept = Arc::clone(&listeners);
+    let served = Served::with(move |ask| {
+        if let Ask::Listen(listener) = ask {
+            listener.tell(&Listener::message("log", &json!({"n": 1})));
+            kept.lock().unwrap().push(listener);
+        }
+        Some(Ok(json!(null)))
+    });
+    let mut got = Vec::new();
+    served
+        .client()
+        .events("/v1/events?traffic=1", |kind, data| {
+            got.push(format!("{kind} {data}"));
+            listeners.lock().unwrap().clear();
+            true
+        })
+        .unwrap();
+    assert_eq!(got, ["log {\"n\":1}", "end {}"]);
+}
+
+#[test]
+fn a_reader_that_stops_reading_is_let_go() {
+    let listeners = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let kept = Arc::clone(&listeners);
+    let served = Served::with(move |ask| {
+        if let Ask::Listen(listener) = ask {
+            kept.lock().unwrap().push(listener);
+        }
+        Some(Ok(json!(null)))
+    });
+    let mut stream = TcpStream::connect(served.address).unwrap();
+    let text = format!(
+        "GET /v1/events HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {}\r\n\r\n",
+        served.address,
+        served.token()
+    );
+    stream.write_all(text.as_bytes()).unwrap();
+    let message = Listener::message("log", &json!("x".repeat(10_000)));
+    let begun = Instant::now();
+    // It is told as much as it takes; then its connection is given up, which the teller learns.
+    loop {
+        assert!(begun.elapsed() < Duration::from_secs(60));
+        let listeners = listeners.lock().unwrap();
+        if listeners
+            .first()
+            .is_some_and(|listener: &Listener| !listener.tell(&message))
+        {
+            break;
+        }
+        drop(listeners);
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn who_waits_for_an_answer_learns_of_the_end() {
+    let served = Served::with(|_| None);
+    let client = served.client();
+    let asking = thread::spawn(move || client.call("GET", "/v1/state", None));
+    thread::sleep(Duration::from_millis(100));
+    drop(served);
+    let error = asking.join().unwrap().unwrap_err();
+    assert!(
+        matches!(error, CallError::Refused { status: 503, .. }),
+        "{error}"
+    );
+}

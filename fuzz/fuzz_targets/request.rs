@@ -1,0 +1,6 @@
+//! What clients of the control socket send.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| sim_testkit::request::play(data));

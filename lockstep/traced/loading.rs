@@ -1,0 +1,70 @@
+//! Programs that have just been loaded: whether they can be run, and what they are given.
+
+use crate::Error;
+use crate::traced::arch::{self, Registers};
+use crate::traced::memory::Memory;
+use crate::traced::sys::{self, Tid};
+use crate::traced::tracer::{Halt, Tracer};
+use crate::traced::tree::{AtEnd, Resume, State, Thread};
+
+impl Tracer<'_> {
+    /// A process has another program.
+    pub(crate) fn executed(&mut self, tid: Tid) -> Result<(), Halt> {
+        let former = sys::event_message(tid)?;
+        let number = self.threads.get(&former).map(|thread| thread.number);
+        self.threads
+            .retain(|other, thread| *other == tid || thread.process != tid);
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            *thread = Thread::new(
+                number.unwrap_or(thread.number),
+                tid,
+                State::Ready(Resume::Go(0)),
+            );
+        }
+        if self.current == Some(former) {
+            self.current = Some(tid);
+        }
+        let memory = self.new_memory();
+        if let Some(process) = self.processes.get_mut(&tid) {
+            process.memory = memory;
+            process.clocks = None;
+        }
+        self.timers.forget_posix(tid);
+        self.release_parent(tid);
+        self.check_program(tid)?;
+        self.happened += 1;
+        let stack = Registers::of(tid)?.stack();
+        let mut bytes = [0; 16];
+        let random = self.random(&mut bytes).map(|()| bytes);
+        let vdso = arch::prepare_image(Memory(tid), stack, random)?;
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.at_end = vdso.map(AtEnd::Loaded);
+        }
+        Ok(())
+    }
+
+    /// Refuses programs that cannot be run so.
+    fn check_program(&mut self, pid: Tid) -> Result<(), Halt> {
+        use std::os::unix::fs::MetadataExt as _;
+        let path = std::fs::read_link(format!("/proc/{pid}/exe")).unwrap_or_default();
+        let refuse = |why: &str| {
+            Err(Halt::Failed(Error::Refused(format!(
+                "{} {why}",
+                path.display()
+            ))))
+        };
+        if !Registers::of(pid)?.is_native() {
+            return refuse("is a 32-bit program, which cannot be run in simulated time");
+        }
+        let Ok(file) = std::fs::metadata(format!("/proc/{pid}/exe")) else {
+            return Ok(());
+        };
+        let user = rustix::process::geteuid().as_raw();
+        if file.mode() & libc::S_ISUID != 0 && file.uid() != user {
+            return refuse(
+                "is to run as another user (set-user-id), which a program in simulated time cannot",
+            );
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,98 @@
+//! Simulated time goes on when nobody can run; no faster than real time while somebody waits for the
+//! world outside.
+
+use std::time::{Duration, Instant};
+
+use crate::traced::tracer::{Halt, Tracer};
+use crate::traced::tree::{State, Thread};
+use crate::{Reason, Step};
+
+/// The longest step of time while somebody waits for the world outside.
+const PACE: u64 = 10_000_000;
+
+impl Tracer<'_> {
+    /// Nobody can run: time goes on. `false` when the run is over.
+    pub(crate) fn let_time_pass(&mut self) -> Result<bool, Halt> {
+        let holds = self.threads.values().filter_map(Thread::hold);
+        let deadline = holds.filter_map(|hold| hold.deadline).min();
+        let mut until = [deadline, self.timers.next(), self.killed_at]
+            .into_iter()
+            .flatten()
+            .min();
+        let outside = self.outside_waits();
+        if !outside.is_empty() || self.is_anybody_blocked() {
+            let most = until.unwrap_or(u64::MAX).min(self.now + PACE);
+            match self.wait_outside(&outside, most)? {
+                Some(to) => until = Some(to),
+                None => return Ok(true),
+            }
+        } else {
+            self.paced = None;
+        }
+        if self.killed_at.is_some_and(|at| at <= self.now) {
+            self.kill_all();
+            return Ok(false);
+        }
+        let step = if self.killed_at.is_some() {
+            until.map_or(Step::Never, Step::To)
+        } else {
+            self.world.advance(self.ports, self.now, until)?
+        };
+        match step {
+            Step::To(to) => {
+                self.now = self.now.max(to);
+                self.happened += 1;
+                self.fire_timers()?;
+            }
+            Step::Over => self.ask_to_end(Reason::Over),
+            Step::Never => {
+                let waits = self.waits_text();
+                self.ask_to_end(Reason::Deadlock(waits));
+            }
+        }
+        Ok(true)
+    }
+
+    fn is_anybody_blocked(&self) -> bool {
+        let mut threads = self.threads.values();
+        threads.any(|thread| matches!(thread.state, State::Blocked))
+    }
+
+    /// Waits for the world outside, no longer in real time than simulated time may go on; until when
+    /// that may then go, or `None` if something has happened there.
+    fn wait_outside(
+        &mut self,
+        waits: &[crate::traced::descriptor::Outside],
+        most: u64,
+    ) -> Result<Option<u64>, Halt> {
+        for wait in waits {
+            self.outside.insert(wait.name.clone());
+        }
+        let (begun, from) = *self.paced.get_or_insert((Instant::now(), self.now));
+        let span = Duration::from_nanos(most.saturating_sub(from));
+        // A thread in the kernel comes back without notice.
+        let slice = if self.is_anybody_blocked() {
+            Duration::from_millis(1)
+        } else {
+            span
+        };
+        loop {
+            let left = span.saturating_sub(begun.elapsed()).min(slice);
+            let found = crate::traced::descriptor::wait(waits, left)?;
+            let mut news = found;
+            while self.take_news(false)? {
+                news = true;
+            }
+            if news {
+                self.happened += 1;
+                return Ok(None);
+            }
+            if begun.elapsed() >= span {
+                return Ok(Some(most));
+            }
+            if self.is_over_time() {
+                return Ok(Some(self.now));
+            }
+        }
+    }
+}

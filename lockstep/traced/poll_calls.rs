@@ -1,0 +1,203 @@
+//! Calls that wait for one of several descriptors.
+
+use rustix::event::PollFlags;
+
+use crate::traced::call::Call;
+use crate::traced::clock::{span, span_micros};
+use crate::traced::entry::{int, low};
+use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::wait::{Late, Wait};
+
+/// Most descriptors in one call; beyond that the system decides.
+const MOST: usize = 4096;
+
+impl Tracer<'_> {
+    pub(crate) fn poll_call(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        call: Call,
+        a: [u64; 6],
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let memory = Memory(tid);
+        let now = self.now;
+        let millis = |value: u64| {
+            let millis = u64::try_from(int(value)).ok()?;
+            Some(now.saturating_add(millis * 1_000_000))
+        };
+        // Where a time lies, or none for ever; the system refuses a wrong one.
+        let at = |address: u64, read: fn((i64, i64)) -> Option<u64>| {
+            if address == 0 {
+                return Ok(Some(None));
+            }
+            let time = read(memory.read_pair(address)?);
+            Ok::<_, Halt>(time.map(|time| Some(now.saturating_add(time))))
+        };
+        let mask = |address: u64| match address {
+            0 => Ok(None),
+            _ => memory.read_u64(address).map(Some),
+        };
+        match call {
+            Call::Poll => {
+                let times = (millis(a[2]), None);
+                self.poll(tid, process, (a[0], a[1]), times, crept)
+            }
+            Call::Ppoll => {
+                let Some(deadline) = at(a[2], span)? else {
+                    return Ok(Action::Make);
+                };
+                let times = (deadline, mask(a[3])?);
+                self.poll(tid, process, (a[0], a[1]), times, crept)
+            }
+            Call::Select | Call::Pselect => {
+                let is_select = call == Call::Select;
+                let read = if is_select { span_micros } else { span };
+                let Some(deadline) = at(a[4], read)? else {
+                    return Ok(Action::Make);
+                };
+                // The set of signals lies behind another address.
+                let mask = match (is_select, a[5]) {
+                    (true, _) | (_, 0) => None,
+                    (_, address) => mask(memory.read_u64(address)?)?,
+                };
+                let sets = (u64::from(low(a[0])), [a[1], a[2], a[3]], a[4], is_select);
+                self.select(tid, process, sets, (deadline, mask), crept)
+            }
+            _ => {
+                let deadline = match call {
+                    Call::EpollPwait2 => match at(a[3], span)? {
+                        Some(deadline) => deadline,
+                        None => return Ok(Action::Make),
+                    },
+                    _ => millis(a[3]),
+                };
+                let mask = match call {
+                    Call::EpollWait => None,
+                    _ => mask(a[4])?,
+                };
+                let set = vec![(int(a[0]), PollFlags::IN)];
+                Ok(self.poll_set(tid, process, set, Late::Nothing, (deadline, mask), crept))
+            }
+        }
+    }
+
+    /// `poll` and `ppoll`; `deadline` has been worked out.
+    pub(crate) fn poll(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        (address, count): (u64, u64),
+        (deadline, mask): (Option<u64>, Option<u64>),
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
+            return Ok(Action::Make);
+        };
+        let mut bytes = vec![0; 8 * count];
+        Memory(tid).read(address, &mut bytes)?;
+        let set = bytes.chunks_exact(8).filter_map(|one| {
+            let fd = i32::from_ne_bytes(one.get(..4)?.try_into().ok()?);
+            let events = u16::from_ne_bytes(one.get(4..6)?.try_into().ok()?);
+            (fd >= 0).then_some((fd, PollFlags::from_bits_retain(events)))
+        });
+        let late = Late::Revents { address, count };
+        let set = set.collect();
+        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
+    }
+
+    /// `select` and `pselect`.
+    pub(crate) fn select(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        (count, sets, time, micros): (u64, [u64; 3], u64, bool),
+        (deadline, mask): (Option<u64>, Option<u64>),
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
+            return Ok(Action::Make);
+        };
+        let bytes = count.div_ceil(64) * 8;
+        let kinds = [
+            PollFlags::IN | PollFlags::HUP | PollFlags::ERR,
+            PollFlags::OUT | PollFlags::ERR,
+            PollFlags::PRI,
+        ];
+        let mut set = Vec::new();
+        for (address, flags) in sets.into_iter().zip(kinds) {
+            if address == 0 {
+                continue;
+            }
+            let mut bits = vec![0; bytes];
+            Memory(tid).read(address, &mut bits)?;
+            for fd in 0..count {
+                if bits
+                    .get(fd / 8)
+                    .is_some_and(|byte| byte >> (fd % 8) & 1 != 0)
+                {
+                    set.push((i32::try_from(fd).unwrap_or(-1), flags));
+                }
+            }
+        }
+        let late = Late::Sets {
+            sets,
+            bytes,
+            time,
+            micros,
+        };
+        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
+    }
+
+    /// Waits for one of a set of descriptors.
+    pub(crate) fn poll_set(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        set: Vec<(i32, PollFlags)>,
+        late: Late,
+        (deadline, mask): (Option<u64>, Option<u64>),
+        crept: bool,
+    ) -> Action {
+        let only_asks = deadline.is_some_and(|deadline| deadline <= self.now);
+        let ask = only_asks.then(|| self.ask(tid, crept));
+        // Who only asks, and not too much, is told by the system.
+        if matches!(ask, Some(None)) || self.is_one_ready(process, &set) {
+            return Action::Make;
+        }
+        if let Some(Some(creeps)) = ask {
+            return creeps;
+        }
+        Action::Hold(Wait::Poll { set, late, mask }, deadline)
+    }
+}
+
+/// Writes that nothing has happened.
+pub(crate) fn write_nothing(memory: Memory, late: Late) -> std::io::Result<()> {
+    match late {
+        Late::Nothing => Ok(()),
+        Late::Revents { address, count } => {
+            let mut bytes = vec![0; 8 * count];
+            memory.read(address, &mut bytes)?;
+            for one in bytes.chunks_exact_mut(8) {
+                if let Some(happened) = one.get_mut(6..) {
+                    happened.fill(0);
+                }
+            }
+            memory.write(address, &bytes)
+        }
+        Late::Sets {
+            sets, bytes, time, ..
+        } => {
+            for address in sets.into_iter().filter(|address| *address != 0) {
+                memory.write(address, &vec![0; bytes])?;
+            }
+            if time != 0 {
+                memory.write_pair(time, 0, 0)?;
+            }
+            Ok(())
+        }
+    }
+}

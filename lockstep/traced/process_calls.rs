@@ -1,0 +1,102 @@
+//! Calls about other processes: signals, ends, and how many processors there are.
+
+use crate::traced::arch::Registers;
+use crate::traced::call::Call;
+use crate::traced::clock::span;
+use crate::traced::entry::int;
+use crate::traced::memory::Memory;
+use crate::traced::sys::{self, Tid};
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tree::{AtEnd, kernel_state};
+use crate::traced::wait::Wait;
+
+impl Tracer<'_> {
+    pub(crate) fn signal_call(
+        &mut self,
+        tid: Tid,
+        call: Call,
+        a: [u64; 6],
+    ) -> Result<Action, Halt> {
+        let memory = Memory(tid);
+        let (set, mask, deadline) = match call {
+            Call::Pause => (None, None, None),
+            Call::Sigsuspend => (None, Some(memory.read_u64(a[0])?), None),
+            _ => {
+                let deadline = match a[2] {
+                    0 => None,
+                    address => match span(memory.read_pair(address)?) {
+                        Some(time) => Some(self.now.saturating_add(time)),
+                        None => return Ok(Action::Make),
+                    },
+                };
+                (Some(memory.read_u64(a[0])?), None, deadline)
+            }
+        };
+        // One may wait already.
+        self.signalled = true;
+        Ok(Action::Hold(Wait::Signal { set, mask }, deadline))
+    }
+
+    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Action {
+        let a = registers.arguments();
+        let (target, signal) = match call {
+            Call::Kill => (int(a[0]), int(a[1])),
+            Call::Tgkill => (int(a[0]), int(a[2])),
+            _ => {
+                let info = format!("/proc/{process}/fdinfo/{}", int(a[0]));
+                let info = std::fs::read_to_string(info).unwrap_or_default();
+                let pid = info.lines().find_map(|line| line.strip_prefix("Pid:"));
+                let pid = pid.and_then(|pid| pid.trim().parse().ok());
+                (pid.unwrap_or(0), int(a[1]))
+            }
+        };
+        Action::ToEnd(registers, AtEnd::Kill { target, signal })
+    }
+
+    /// Those whom SIGKILL has been sent to are gone before anybody goes on.
+    pub(crate) fn expect_deaths(&mut self, sender: Tid, target: Tid) {
+        let group = match target {
+            1.. => return self.is_dying(target),
+            0 => sys::group_of(sender),
+            -1 => None,
+            _ => Some(-target),
+        };
+        let all: Vec<Tid> = self.processes.keys().copied().collect();
+        for pid in all {
+            let hit = match group {
+                Some(group) => sys::group_of(pid) == Some(group),
+                None => pid != sender,
+            };
+            if hit {
+                self.is_dying(pid);
+            }
+        }
+    }
+
+    /// A thread ends itself.
+    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Action {
+        let threads = self.threads.values();
+        if threads.filter(|thread| thread.process == process).count() == 1 {
+            self.is_dying(process);
+        } else if tid == process {
+            // The first thread of a process is told of only when the others have ended as well.
+            self.threads.remove(&tid);
+            if sys::go_on(tid, 0).is_ok() {
+                while !matches!(kernel_state(process, tid), Some('Z' | 'X') | None) {
+                    std::thread::yield_now();
+                }
+            }
+            self.wake_changed_futexes();
+        }
+        Action::Make
+    }
+}
+
+/// One processor, whatever the machine has: programs start as many threads as they find processors.
+pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Action, Halt> {
+    if length < 8 {
+        return Ok(Action::Make);
+    }
+    Memory(tid).write(into, &1_u64.to_ne_bytes())?;
+    Ok(Action::Answer(8))
+}

@@ -1,0 +1,106 @@
+//! Calls that are made without waiting, and again when something has happened: children, locks, queues.
+
+use crate::traced::arch::Registers;
+use crate::traced::call::Call;
+use crate::traced::clock::span;
+use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tree::AtEnd;
+
+impl Tracer<'_> {
+    /// A wait for a child is made without waiting, and again when something has happened.
+    pub(crate) fn child_call(
+        &mut self,
+        tid: Tid,
+        call: Call,
+        registers: Registers,
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let index = if call == Call::Wait4 { 2 } else { 3 };
+        let options = registers.arguments()[index];
+        let at_once = u64::from(libc::WNOHANG.unsigned_abs());
+        if options & at_once != 0 {
+            return Ok(self.ask(tid, crept).unwrap_or(Action::Make));
+        }
+        let mut tried = registers;
+        tried.set_argument(index, options | at_once);
+        Ok(Action::ToEnd(tried, AtEnd::Child(registers)))
+    }
+
+    /// Locks and queues, likewise.
+    pub(crate) fn lock_call(
+        &mut self,
+        tid: Tid,
+        call: Call,
+        registers: Registers,
+    ) -> Result<Action, Halt> {
+        let a = registers.arguments();
+        let no_wait = u64::from(libc::IPC_NOWAIT.unsigned_abs());
+        let mut tried = registers;
+        let mut restore = None;
+        let mut deadline = None;
+        let mut would_wait: &'static [i32] = &[libc::EAGAIN];
+        match call {
+            Call::Flock => tried.set_argument(1, a[1] | u64::from(libc::LOCK_NB.unsigned_abs())),
+            Call::Fcntl => {
+                // The commands that do not wait come before those that do.
+                tried.set_argument(1, a[1] - 1);
+                would_wait = &[libc::EAGAIN, libc::EACCES];
+            }
+            Call::Msgsnd => tried.set_argument(3, a[3] | no_wait),
+            Call::Msgrcv => {
+                tried.set_argument(4, a[4] | no_wait);
+                would_wait = &[libc::ENOMSG];
+            }
+            _ => {
+                /// The length of a `sembuf`: number, operation, flags of two bytes each.
+                const LENGTH: usize = 6;
+                let count = usize::try_from(a[2]).unwrap_or(usize::MAX);
+                if count > 500 {
+                    return Ok(Action::Make);
+                }
+                let mut bytes = vec![0; LENGTH * count];
+                Memory(tid).read(a[1], &mut bytes)?;
+                let before = bytes.clone();
+                for one in bytes.chunks_exact_mut(LENGTH) {
+                    // IPC_NOWAIT is 0o4000.
+                    if let Some(high) = one.get_mut(5) {
+                        *high |= 0x08;
+                    }
+                }
+                Memory(tid).write(a[1], &bytes)?;
+                restore = Some((a[1], before));
+                if call == Call::Semtimedop && a[3] != 0 {
+                    deadline = span(Memory(tid).read_pair(a[3])?)
+                        .map(|time| self.now.saturating_add(time));
+                }
+            }
+        }
+        let asked_not_to_wait = match call {
+            Call::Flock => a[1] & u64::from(libc::LOCK_NB.unsigned_abs()) != 0,
+            Call::Msgsnd => a[3] & no_wait != 0,
+            Call::Msgrcv => a[4] & no_wait != 0,
+            // One of them that must not wait is enough.
+            Call::Semop | Call::Semtimedop => restore
+                .as_ref()
+                .is_some_and(|(_, before)| before.chunks(6).any(|one| one[5] & 0x08 != 0)),
+            _ => false,
+        };
+        if asked_not_to_wait {
+            would_wait = &[];
+        }
+        // A wait that has begun before goes on to its own deadline.
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            deadline = thread.again_until.take().or(deadline);
+        }
+        let at_end = AtEnd::Again {
+            before: registers,
+            would_wait,
+            restore,
+            deadline,
+            late: -i64::from(libc::EAGAIN),
+        };
+        Ok(Action::ToEnd(tried, at_end))
+    }
+}

@@ -1,0 +1,124 @@
+//! Signals that interrupt waits.
+
+use std::collections::BTreeSet;
+
+use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
+use crate::traced::tracer::{Halt, Tracer};
+use crate::traced::tree::{Resume, State};
+use crate::traced::wait::Wait;
+
+/// The signals of a thread, as sets with signal 1 in the lowest bit.
+pub(crate) struct Signals {
+    pub(crate) pending: u64,
+    pub(crate) blocked: u64,
+    pub(crate) ignored: u64,
+    pub(crate) caught: u64,
+}
+
+impl Signals {
+    pub(crate) fn of(process: Tid, tid: Tid) -> Option<Self> {
+        let text = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
+        let set = |name: &str| {
+            let line = text.lines().find_map(|line| line.strip_prefix(name));
+            line.and_then(|set| u64::from_str_radix(set.trim(), 16).ok())
+                .unwrap_or(0)
+        };
+        Some(Self {
+            pending: set("SigPnd:") | set("ShdPnd:"),
+            blocked: set("SigBlk:"),
+            ignored: set("SigIgn:"),
+            caught: set("SigCgt:"),
+        })
+    }
+
+    /// Those that would interrupt a wait. `mask` takes the place of what is blocked.
+    pub(crate) fn interrupting(&self, mask: Option<u64>) -> u64 {
+        /// SIGCHLD, SIGCONT, SIGURG and SIGWINCH do nothing unless they are caught.
+        const USUALLY_IGNORED: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
+        let ignored = self.ignored | (USUALLY_IGNORED & !self.caught);
+        self.pending & !mask.unwrap_or(self.blocked) & !ignored
+    }
+}
+
+impl Tracer<'_> {
+    /// Interrupts waits of those to whom a signal has been sent.
+    pub(crate) fn interrupt_waits(&mut self) -> Result<(), Halt> {
+        let mut waiting: Vec<(u64, Tid)> = self
+            .threads
+            .iter()
+            .filter(|(_, thread)| thread.hold().is_some())
+            .map(|(tid, thread)| (thread.number, *tid))
+            .collect();
+        waiting.sort_unstable();
+        let mut served = BTreeSet::new();
+        for (_, tid) in waiting {
+            let Some(thread) = self.threads.get(&tid) else {
+                continue;
+            };
+            let Some(hold) = thread.hold() else {
+                continue;
+            };
+            let process = thread.process;
+            let Some(signals) = Signals::of(process, tid) else {
+                continue;
+            };
+            let (set, mask) = match &hold.wait {
+                Wait::Signal { set, mask } => (*set, *mask),
+                Wait::Poll { mask, .. } => (None, *mask),
+                Wait::Vfork { .. } => continue,
+                _ => (None, None),
+            };
+            let wanted = set.is_some_and(|set| signals.pending & set != 0);
+            let interrupting = signals.interrupting(mask);
+            // What has been sent to the process is for the first who takes it.
+            if (wanted || interrupting != 0) && served.insert((process, interrupting)) {
+                self.interrupt(tid)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends a wait because of a signal, which comes when the thread goes on.
+    pub(crate) fn interrupt(&mut self, tid: Tid) -> Result<(), Halt> {
+        let now = self.now;
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return Ok(());
+        };
+        let State::Held(hold) = std::mem::replace(&mut thread.state, State::Ready(Resume::Go(0)))
+        else {
+            return Ok(());
+        };
+        let mut registers = hold.registers;
+        match hold.wait {
+            Wait::Sleep { rest } => {
+                let left = hold.deadline.unwrap_or(now).saturating_sub(now);
+                if let Some(address) = rest {
+                    let (seconds, nanoseconds) = crate::traced::clock::parts(left);
+                    // A wrong address is the program's.
+                    let _ = Memory(tid).write_pair(address, seconds, nanoseconds);
+                }
+                registers.answer(-i64::from(libc::EINTR));
+                registers.set(tid)?;
+            }
+            Wait::Poll { mask: None, .. } => {
+                registers.answer(-i64::from(libc::EINTR));
+                registers.set(tid)?;
+            }
+            Wait::PortWrite { sent, .. } if sent > 0 => {
+                registers.answer(i64::try_from(sent).unwrap_or(i64::MAX));
+                registers.set(tid)?;
+            }
+            Wait::Creep => thread.state = State::Ready(Resume::Call { crept: true }),
+            Wait::Child | Wait::Again { .. } => {
+                // At the end of the call; the system makes it again or not, as the signal has it.
+                const ERESTARTSYS: i64 = 512;
+                registers.set_result(-ERESTARTSYS);
+                registers.set(tid)?;
+            }
+            // The system itself sees the signal at once, and does what it does.
+            _ => {}
+        }
+        Ok(())
+    }
+}

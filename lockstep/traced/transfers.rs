@@ -1,0 +1,207 @@
+//! Reads, writes and the like, of ports and of everything else; and random bytes.
+
+use rustix::event::PollFlags;
+use rustix::net::sockopt::{Timeout, socket_timeout};
+
+use crate::traced::arch::Registers;
+use crate::traced::call::Call;
+use crate::traced::clock::{nanoseconds, span};
+use crate::traced::descriptor::Descriptor;
+use crate::traced::entry::{failure, int};
+use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
+use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tree::AtEnd;
+use crate::traced::wait::Wait;
+
+/// Most random bytes of one call; the program asks for the rest again.
+const MOST_RANDOM: usize = 1 << 16;
+
+/// How a read or write waits; see [`Wait::Descriptor`].
+struct Rule {
+    flags: PollFlags,
+    room: usize,
+    /// It says that it would have to, and does not.
+    at_once: bool,
+    deadline: Option<u64>,
+    late: i64,
+    has_more: bool,
+}
+
+impl Tracer<'_> {
+    /// Reads, writes and the like.
+    pub(crate) fn transfer_call(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        call: Call,
+        registers: Registers,
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let a = registers.arguments();
+        // Before anything is done with a port, the world knows who has it open.
+        self.look_at_ports()?;
+        // The end that a port may be at.
+        let fd = match call {
+            Call::Splice => int(a[2]),
+            _ => int(a[0]),
+        };
+        let Some(descriptor) = self.descriptor(process, fd) else {
+            return Ok(Action::Make);
+        };
+        if let Some(index) = self.port_of(&descriptor) {
+            return self.port_transfer(tid, (index, &descriptor), call, a, crept);
+        }
+        if call == Call::Read && descriptor.is_random() {
+            return self.random_bytes(tid, a[1], a[2]);
+        }
+        if call == Call::Read
+            && descriptor.is_anonymous()
+            && a[2] >= 8
+            && let Some(action) = self.read_timer(tid, &descriptor, a[1])?
+        {
+            return Ok(action);
+        }
+        if descriptor.never_waits() && !is_queue(call) {
+            return Ok(Action::Make);
+        }
+        let rule = self.transfer_rule(tid, call, a, &descriptor)?;
+        let action = self.may_wait(tid, fd, &descriptor, &rule, crept);
+        if call == Call::Recvmmsg && matches!(action, Action::Make) {
+            // It would wait for the others of the messages that it has room for.
+            let mut changed = registers;
+            let first_only = u64::from(libc::MSG_WAITFORONE.unsigned_abs());
+            changed.set_argument(3, a[3] | first_only);
+            changed.set_argument(4, 0);
+            return Ok(Action::ToEnd(changed, AtEnd::Restore(registers)));
+        }
+        Ok(action)
+    }
+
+    /// The same on a port.
+    fn port_transfer(
+        &mut self,
+        tid: Tid,
+        (index, descriptor): (usize, &Descriptor),
+        call: Call,
+        a: [u64; 6],
+        crept: bool,
+    ) -> Result<Action, Halt> {
+        let length = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
+        match call {
+            // Programs fall back to reading and writing.
+            Call::Splice | Call::Sendfile => Ok(failure(libc::EINVAL)),
+            Call::Write => self.write_port(tid, index, descriptor, &[(a[1], a[2])], crept),
+            Call::Writev => {
+                let parts = Memory(tid).read_parts(a[1], a[2])?;
+                self.write_port(tid, index, descriptor, &parts, crept)
+            }
+            Call::Read => {
+                let asked = (length(a[2]), Some(a[1]));
+                Ok(self.read_port(tid, index, descriptor, asked, crept))
+            }
+            Call::Readv => {
+                let parts = Memory(tid).read_parts(a[1], a[2])?;
+                let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
+                let asked = (length(parts.iter().fold(0, add)), None);
+                Ok(self.read_port(tid, index, descriptor, asked, crept))
+            }
+            _ => Ok(Action::Make),
+        }
+    }
+
+    /// What a read or write of something that is no port waits for, and how long.
+    fn transfer_rule(
+        &self,
+        tid: Tid,
+        call: Call,
+        a: [u64; 6],
+        descriptor: &Descriptor,
+    ) -> Result<Rule, Halt> {
+        let (flags, room) = match call {
+            Call::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
+            Call::Writev
+            | Call::Sendto
+            | Call::Sendmsg
+            | Call::Sendmmsg
+            | Call::Splice
+            | Call::Sendfile
+            | Call::MqTimedsend => (PollFlags::OUT, 1),
+            _ => (PollFlags::IN, 0),
+        };
+        let message_flags = match call {
+            Call::Recvfrom | Call::Sendto | Call::Recvmmsg | Call::Sendmmsg => a[3],
+            Call::Recvmsg | Call::Sendmsg => a[2],
+            _ => 0,
+        };
+        let mut rule = Rule {
+            flags,
+            room,
+            at_once: message_flags & u64::from(libc::MSG_DONTWAIT.unsigned_abs()) != 0,
+            deadline: None,
+            late: -i64::from(libc::EAGAIN),
+            // Perhaps a timer, which counts how often it has run out; or several messages.
+            has_more: descriptor.is_anonymous() || call == Call::Recvmmsg,
+        };
+        if is_queue(call) && a[4] != 0 {
+            rule.late = -i64::from(libc::ETIMEDOUT);
+            let time = span(Memory(tid).read_pair(a[4])?);
+            rule.deadline = time.and_then(|t| self.clocks.when(libc::CLOCK_REALTIME, t, self.now));
+        } else if descriptor.is_socket() {
+            let which = match flags {
+                PollFlags::OUT => Timeout::Send,
+                _ => Timeout::Recv,
+            };
+            let patience = socket_timeout(&descriptor.file, which).ok().flatten();
+            rule.deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
+        }
+        Ok(rule)
+    }
+
+    pub(crate) fn random_bytes(&mut self, tid: Tid, into: u64, count: u64) -> Result<Action, Halt> {
+        let count = usize::try_from(count)
+            .unwrap_or(usize::MAX)
+            .min(MOST_RANDOM);
+        let mut bytes = vec![0; count];
+        if self.random(&mut bytes).is_none() {
+            return Ok(Action::Make);
+        }
+        Memory(tid).write(into, &bytes)?;
+        Ok(Action::Answer(i64::try_from(count).unwrap_or(0)))
+    }
+
+    /// A read or write that may wait.
+    fn may_wait(
+        &mut self,
+        tid: Tid,
+        fd: i32,
+        descriptor: &Descriptor,
+        rule: &Rule,
+        crept: bool,
+    ) -> Action {
+        let ready = if rule.flags.contains(PollFlags::OUT) {
+            descriptor.has_room(rule.room)
+        } else {
+            descriptor.is_ready(rule.flags)
+        };
+        if ready {
+            return Action::Make;
+        }
+        if rule.at_once || descriptor.is_nonblocking() {
+            return self.ask(tid, crept).unwrap_or(Action::Make);
+        }
+        let wait = Wait::Descriptor {
+            fd,
+            flags: rule.flags,
+            room: rule.room,
+            late: rule.late,
+            has_more: rule.has_more,
+        };
+        Action::Hold(wait, rule.deadline)
+    }
+}
+
+/// A message queue is a file, too, and one that waits.
+fn is_queue(call: Call) -> bool {
+    matches!(call, Call::MqTimedsend | Call::MqTimedreceive)
+}

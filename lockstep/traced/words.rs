@@ -1,0 +1,118 @@
+//! What programs do and wait for, in words.
+
+use crate::traced::arch::Registers;
+use crate::traced::sys::{self, Tid, Whom};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{State, name_of, path_of};
+use crate::traced::wait::Wait;
+
+impl Tracer<'_> {
+    /// What the programs are doing, for people.
+    pub(crate) fn doing(&self) -> String {
+        let running = self.current.and_then(|tid| {
+            let thread = self.threads.get(&tid)?;
+            thread.is_running().then_some((tid, thread.process))
+        });
+        let Some((tid, process)) = running else {
+            return self.waits_text();
+        };
+        let name = name_of(tid);
+        let place = place_of(process, tid);
+        match place {
+            Some(place) => format!("{name} was computing, in {place}"),
+            None => format!("{name} was computing"),
+        }
+    }
+
+    /// What everybody waits for, for people.
+    pub(crate) fn waits_text(&self) -> String {
+        let mut waits: Vec<String> = Vec::new();
+        for (tid, thread) in &self.threads {
+            let what = match &thread.state {
+                State::Held(hold) => self.wait_text(thread.process, &hold.wait),
+                State::Stopped => "for being continued".to_owned(),
+                State::Blocked => "in the kernel".to_owned(),
+                State::Running | State::Ready(_) => continue,
+            };
+            let text = format!("{} waited {what}", name_of(*tid));
+            if !waits.contains(&text) {
+                waits.push(text);
+            }
+        }
+        waits.truncate(8);
+        waits.join(", ")
+    }
+
+    fn wait_text(&self, process: Tid, wait: &Wait) -> String {
+        let file = |fd: i32| {
+            let path = path_of(process, fd);
+            path.map_or(format!("descriptor {fd}"), |path| {
+                let path = path.to_string_lossy().into_owned();
+                match self.ports.iter().find(|port| port.leads_to(&path)) {
+                    Some(port) => port.path().display().to_string(),
+                    None => path,
+                }
+            })
+        };
+        match wait {
+            Wait::Sleep { .. } | Wait::Creep => "for time to pass".to_owned(),
+            Wait::Poll { set, .. } => {
+                let files: Vec<String> = set.iter().map(|(fd, _)| file(*fd)).collect();
+                format!("for {}", files.join(" or "))
+            }
+            Wait::Descriptor { fd, .. } => format!("for {}", file(*fd)),
+            Wait::PortRead { port, .. } => match self.ports.get(*port) {
+                Some(port) => format!("for bytes from {}", port.path().display()),
+                None => "for bytes".to_owned(),
+            },
+            Wait::PortWrite { .. } => "for room on the line".to_owned(),
+            Wait::Futex { .. } => "for another thread".to_owned(),
+            Wait::Signal { .. } => "for a signal".to_owned(),
+            Wait::Child | Wait::Vfork { .. } => "for a child".to_owned(),
+            Wait::Again { .. } => "for a lock or a queue".to_owned(),
+            Wait::Forever => "for a change of modem lines".to_owned(),
+        }
+    }
+
+    /// What a thread does that sleeps in a call that nobody looks at.
+    pub(crate) fn what_kernel_waits_for(&self, process: Tid, tid: Tid) -> String {
+        let call = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/syscall"));
+        let call = call.unwrap_or_default();
+        let mut words = call.split_whitespace();
+        let number: i64 = words.next().and_then(|n| n.parse().ok()).unwrap_or(-1);
+        let fd = words.next().and_then(|n| n.strip_prefix("0x"));
+        let fd = fd.and_then(|n| i32::from_str_radix(n, 16).ok());
+        let program = name_of(tid);
+        match (number, fd) {
+            (libc::SYS_openat, _) => format!("{program} opens a file that somebody else must open"),
+            (libc::SYS_connect, Some(fd)) => match self.peer(process, fd) {
+                Some(peer) => peer,
+                None => format!("{program} connects to somebody outside"),
+            },
+            (_, Some(fd)) => match path_of(process, fd) {
+                Some(path) => format!("{program} in call {number}, perhaps on {}", path.display()),
+                None => format!("{program} in call {number}"),
+            },
+            _ => format!("{program} in call {number}"),
+        }
+    }
+}
+
+/// In which file a thread computes, which it does no more after that.
+fn place_of(process: Tid, tid: Tid) -> Option<String> {
+    sys::interrupt(tid).ok()?;
+    sys::wait(Whom::One(tid), true).ok()?;
+    let place = Registers::of(tid).ok()?.place();
+    let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
+    let line = maps.lines().find(|line| {
+        let ends = line
+            .split_whitespace()
+            .next()
+            .and_then(|r| r.split_once('-'));
+        ends.is_some_and(|(from, to)| {
+            let number = |text| u64::from_str_radix(text, 16).unwrap_or(0);
+            (number(from)..number(to)).contains(&place)
+        })
+    })?;
+    line.split_whitespace().nth(5).map(str::to_owned)
+}

@@ -1,0 +1,180 @@
+//! What the motor drivers allow: ramps of the duty, limits of the current, shutting off when hot.
+
+use super::network::MotorPort;
+use super::settings::{MotorSettings, MotorThermalSettings};
+
+/// A hot driver comes back when it is so much cooler than where it shut off, K.
+const COOLED: f64 = 10.0;
+
+/// One driver.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Driver {
+    /// What its bridge does, behind the ramp, −1 to 1.
+    pub(super) duty: f64,
+    /// Most current, A.
+    limit: Option<f64>,
+    /// Whether heat lowers that limit.
+    pub(super) derated: bool,
+    pub(super) shut_off: bool,
+}
+
+impl Driver {
+    pub(super) fn new(motor: &MotorSettings) -> Self {
+        Self {
+            limit: motor.current_limit,
+            ..Self::default()
+        }
+    }
+
+    /// Moves the duty towards what is wanted for so many seconds: away from zero by one ramp, towards
+    /// zero by the other.
+    pub(super) fn follow(&mut self, wanted: f64, motor: &MotorSettings, seconds: f64) {
+        let reach = |ramp: f64| if ramp > 0.0 { seconds / ramp } else { 2.0 };
+        let (up, down) = (
+            reach(motor.ramp_up.as_secs_f64()),
+            reach(motor.ramp_down.as_secs_f64()),
+        );
+        if self.duty * wanted < 0.0 {
+            // Through zero: what is left of the step raises it again.
+            let spent = self.duty.abs() / down;
+            if spent >= 1.0 {
+                self.duty -= self.duty.signum() * down;
+                return;
+            }
+            self.duty = wanted.clamp(-up * (1.0 - spent), up * (1.0 - spent));
+            return;
+        }
+        let most = if wanted.abs() > self.duty.abs() {
+            up
+        } else {
+            down
+        };
+        self.duty += (wanted - self.duty).clamp(-most, most);
+    }
+
+    /// Takes over how hot the motor and the driver are, °C.
+    pub(super) fn warm(
+        &mut self,
+        motor: &MotorSettings,
+        thermal: &MotorThermalSettings,
+        stall: f64,
+        [motor_celsius, driver_celsius]: [f64; 2],
+    ) {
+        let left = |celsius: f64, from: f64, to: f64| {
+            ((to - celsius) / (to - from).max(0.1)).clamp(0.0, 1.0)
+        };
+        let share = left(
+            motor_celsius,
+            thermal.motor_derating,
+            thermal.motor_shut_off,
+        )
+        .min(left(
+            driver_celsius,
+            thermal.driver_derating,
+            thermal.driver_shut_off,
+        ));
+        let cooled = motor_celsius < thermal.motor_shut_off - COOLED
+            && driver_celsius < thermal.driver_shut_off - COOLED;
+        self.derated = share < 1.0;
+        self.shut_off = share <= 0.0 || (self.shut_off && !cooled);
+        self.limit = if self.derated {
+            Some(motor.current_limit.unwrap_or(stall) * share)
+        } else {
+            motor.current_limit
+        };
+    }
+
+    /// The bridge as the bus sees it, which has `bus` V: where the whole duty would draw more current
+    /// than is allowed it gives less. A bridge that is off still conducts through its diodes what a
+    /// motor gives that turns faster than the bus allows.
+    pub(super) fn port(&self, on: bool, duty: f64, bus: f64, motor: MotorPort) -> MotorPort {
+        if !on || self.shut_off {
+            return MotorPort {
+                connected: motor.back_emf.abs() > bus,
+                duty: motor.back_emf.signum(),
+                ..motor
+            };
+        }
+        let duty = self.limit.map_or(duty, |limit| {
+            let reach = limit * motor.resistance;
+            let (low, high) = (motor.back_emf - reach, motor.back_emf + reach);
+            duty.clamp((low / bus).clamp(-1.0, 1.0), (high / bus).clamp(-1.0, 1.0))
+        });
+        MotorPort {
+            connected: true,
+            duty,
+            ..motor
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOTOR: MotorPort = MotorPort {
+        connected: true,
+        duty: 0.0,
+        back_emf: 20.0,
+        resistance: 0.5,
+    };
+
+    #[test]
+    fn a_reversal_goes_down_by_one_ramp_and_up_by_the_other() {
+        let settings = MotorSettings::default();
+        let mut driver = Driver::new(&settings);
+        let mut took = |wanted: f64| {
+            let mut steps = 0;
+            while (driver.duty - wanted).abs() > 1e-9 {
+                driver.follow(wanted, &settings, 0.005);
+                steps += 1;
+            }
+            steps * 5
+        };
+        assert_eq!(took(1.0), 500);
+        assert_eq!(took(-1.0), 750);
+        assert_eq!(took(0.0), 250);
+        let at_once = MotorSettings {
+            ramp_up: std::time::Duration::ZERO,
+            ..settings
+        };
+        driver.follow(0.7, &at_once, 0.0005);
+        assert_eq!(driver.duty, 0.7);
+    }
+
+    #[test]
+    fn the_limit_holds_both_ways_and_diodes_conduct_above_the_bus_only() {
+        let driver = Driver {
+            limit: Some(10.0),
+            ..Driver::default()
+        };
+        for (duty, current) in [(1.0, 10.0), (-1.0, -10.0), (0.4, -1.6)] {
+            let port = driver.port(true, duty, 48.0, MOTOR);
+            let found = (port.duty * 48.0 - port.back_emf) / port.resistance;
+            assert!((found - current).abs() < 1e-9, "{duty}: {found} A");
+        }
+        assert!(!driver.port(false, 1.0, 48.0, MOTOR).connected);
+        let pushed = MotorPort {
+            back_emf: -60.0,
+            ..MOTOR
+        };
+        let port = driver.port(false, 0.0, 48.0, pushed);
+        assert!(port.connected && port.duty == -1.0);
+    }
+
+    #[test]
+    fn heat_lowers_the_limit_and_shuts_off_until_it_has_cooled() {
+        let (motor, thermal) = (MotorSettings::default(), MotorThermalSettings::default());
+        let mut driver = Driver::new(&motor);
+        let mut at = |celsius| {
+            driver.warm(&motor, &thermal, 96.0, celsius);
+            (driver.limit, driver.derated, driver.shut_off)
+        };
+        assert_eq!(at([110.0, 80.0]), (Some(45.0), false, false));
+        assert_eq!(at([120.0, 25.0]), (Some(22.5), true, false));
+        assert_eq!(at([130.0, 25.0]), (Some(0.0), true, true));
+        assert!(at([121.0, 25.0]).2);
+        assert!(!at([119.0, 25.0]).2);
+        assert!(at([25.0, 95.0]).2);
+    }
+}

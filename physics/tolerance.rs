@@ -1,0 +1,30 @@
+//! How far one piece of a kind is from the next.
+
+use crate::noise::Noise;
+
+sim_settings::settings! {
+    /// How far the parts of one vehicle are from one another. What each is off by is drawn from the
+    /// vehicle's name, so that it is the same in every run.
+    pub struct ToleranceSettings {
+        /// Most by which a motor is stronger or weaker than it should be.
+        motor: f64 = 0.3, unit "%", range 0.0..=20.0,
+            assumed "motors of one batch; data sheets allow several percent";
+        /// Most by which a wheel is larger or smaller than it should be.
+        wheel: f64 = 0.1, unit "%", range 0.0..=20.0,
+            assumed "a quarter of a millimetre on 250, a little less air in one tyre than in another";
+    }
+}
+
+/// Draws factors near 1 for the parts of one vehicle.
+pub(crate) struct Draw(Noise);
+
+impl Draw {
+    pub(crate) fn of(name: &str) -> Self {
+        Self(Noise::new(0, &format!("{name}.tolerance")))
+    }
+
+    /// A factor of 1 ± so many percent.
+    pub(crate) fn factor(&mut self, percent: f64) -> f64 {
+        1.0 + percent / 100.0 * (2.0 * self.0.uniform() - 1.0)
+    }
+}

@@ -1,0 +1,160 @@
+//! The CAN from the module to the vehicle's controller, on which the motor set-points go.
+//!
+//! As long as it works it takes no time. When it fails the module knows nothing of it and goes on
+//! answering; the controller goes on with what it heard last, and stops the motors when it has heard
+//! nothing for a while.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use sim_settings::SimTime;
+
+/// How it fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CanFailure {
+    /// The controller hears nothing.
+    Cut,
+    /// It hears everything so much later.
+    Late(Duration),
+}
+
+/// Most set-points on their way; the oldest arrive at once where there are more.
+const MOST_UNDER_WAY: usize = 4096;
+
+/// What the vehicle's controller hears of the set-points, right then left.
+#[derive(Debug, Clone)]
+pub struct Can {
+    timeout: Duration,
+    failure: Option<CanFailure>,
+    /// When the silence began.
+    silent_since: Option<SimTime>,
+    said: [i16; 2],
+    heard: [i16; 2],
+    under_way: VecDeque<(SimTime, [i16; 2])>,
+}
+
+impl Can {
+    /// One that works, with a controller that stops the motors after such a silence.
+    #[must_use]
+    pub fn new(timeout: Duration) -> Self {
+        Self {
+            timeout,
+            failure: None,
+            silent_since: None,
+            said: [0; 2],
+            heard: [0; 2],
+            under_way: VecDeque::new(),
+        }
+    }
+
+    /// Fails in another way, or no more.
+    pub fn fail(&mut self, now: SimTime, said: [i16; 2], failure: Option<CanFailure>) {
+        if failure != self.failure {
+            self.follow(now, said);
+            self.failure = failure;
+            self.silent_since = None;
+            self.under_way.clear();
+            self.follow(now, said);
+        }
+    }
+
+    /// The module says this now.
+    pub fn follow(&mut self, now: SimTime, said: [i16; 2]) {
+        let news = said != std::mem::replace(&mut self.said, said);
+        match self.failure {
+            None => self.heard = said,
+            Some(CanFailure::Cut) => {
+                let since = *self.silent_since.get_or_insert(now);
+                if now >= since + self.timeout {
+                    self.heard = [0; 2];
+                }
+            }
+            Some(CanFailure::Late(delay)) => {
+                if news {
+                    self.under_way.push_back((now + delay, said));
+                }
+                while let Some((due, set_point)) = self.under_way.front().copied()
+                    && (due <= now || self.under_way.len() > MOST_UNDER_WAY)
+                {
+                    self.heard = set_point;
+                    self.under_way.pop_front();
+                }
+            }
+        }
+    }
+
+    /// When what the controller hears next changes by itself.
+    #[must_use]
+    pub fn deadline(&self) -> Option<SimTime> {
+        match self.failure? {
+            CanFailure::Cut => {
+                let due = self.silent_since? + self.timeout;
+                (self.heard != [0; 2]).then_some(due)
+            }
+            CanFailure::Late(_) => self.under_way.front().map(|(due, _)| *due),
+        }
+    }
+
+    /// The set-point as the controller has it, when this is what the module says.
+    #[must_use]
+    pub fn heard(&self, said: [i16; 2]) -> [i16; 2] {
+        self.failure.map_or(said, |_| self.heard)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: fn(u64) -> SimTime = SimTime::from_millis;
+    const FULL: [i16; 2] = [1000, 1000];
+    const BACK: [i16; 2] = [-500, -500];
+
+    fn driving() -> Can {
+        let mut can = Can::new(Duration::from_millis(500));
+        can.follow(MS(0), FULL);
+        can
+    }
+
+    #[test]
+    fn cut_it_leaves_the_last_set_point_until_the_controller_stops_by_itself() {
+        let mut can = driving();
+        can.fail(MS(100), FULL, Some(CanFailure::Cut));
+        can.follow(MS(200), BACK);
+        assert_eq!((can.heard(BACK), can.deadline()), (FULL, Some(MS(600))));
+        can.follow(MS(600) - Duration::from_nanos(1), BACK);
+        assert_eq!(can.heard(BACK), FULL);
+        can.follow(MS(600), BACK);
+        assert_eq!((can.heard(BACK), can.deadline()), ([0; 2], None));
+        can.fail(MS(700), BACK, None);
+        assert_eq!(can.heard(BACK), BACK);
+    }
+
+    #[test]
+    fn late_it_brings_everything_in_order() {
+        let mut can = driving();
+        let delay = Duration::from_millis(300);
+        can.fail(MS(100), FULL, Some(CanFailure::Late(delay)));
+        can.follow(MS(200), BACK);
+        can.follow(MS(250), FULL);
+        assert_eq!((can.heard(FULL), can.deadline()), (FULL, Some(MS(500))));
+        can.follow(MS(500), FULL);
+        assert_eq!((can.heard(FULL), can.deadline()), (BACK, Some(MS(550))));
+        can.follow(MS(550), FULL);
+        assert_eq!((can.heard(FULL), can.deadline()), (FULL, None));
+    }
+
+    #[test]
+    fn memory_is_bounded() {
+        let mut can = driving();
+        can.fail(
+            MS(0),
+            FULL,
+            Some(CanFailure::Late(Duration::from_secs(3600))),
+        );
+        for at in 0..10_000_u64 {
+            can.follow(MS(at), [(at % 1000) as i16, 0]);
+        }
+        assert!(can.under_way.len() <= MOST_UNDER_WAY);
+    }
+}

@@ -1,0 +1,149 @@
+//! The speed of a motor as firmware measures it: whole pulses of an encoder over a window, filtered.
+
+use std::time::Duration;
+
+use sim_settings::SimTime;
+
+use super::settings::R150FirmwareSettings;
+
+/// What is made of one motor's encoder.
+#[derive(Debug, Clone)]
+pub struct Speedometer {
+    pulses_per_turn: f64,
+    window: Duration,
+    /// Share of the old speed that stays after a window.
+    kept: f64,
+    /// When the window that runs began, and the count then.
+    begun: SimTime,
+    count: f64,
+    /// When the encoder was last read, and how far it was, turns.
+    read: SimTime,
+    turns: f64,
+    rpm: f64,
+}
+
+impl Speedometer {
+    /// One that has just been switched on.
+    #[must_use]
+    pub fn new(settings: &R150FirmwareSettings, now: SimTime, turns: f64) -> Self {
+        let filter = settings.speed_filter.as_secs_f64();
+        let window = settings.speed_window.as_secs_f64();
+        let mut meter = Self {
+            pulses_per_turn: f64::from(settings.speed_pulses),
+            window: settings.speed_window,
+            kept: if filter > 0.0 {
+                libm::exp(-window / filter)
+            } else {
+                0.0
+            },
+            begun: now,
+            count: 0.0,
+            read: now,
+            turns,
+            rpm: 0.0,
+        };
+        meter.count = meter.whole(turns);
+        meter
+    }
+
+    /// Reads the encoder, which since it last changed has turned steadily.
+    pub fn read(&mut self, now: SimTime, turns: f64) {
+        if turns.to_bits() == self.turns.to_bits() && now < self.begun + self.window {
+            return;
+        }
+        let window = self.window.as_secs_f64();
+        let since = now.since(self.read).as_secs_f64();
+        if since > 100.0 * window {
+            // It has stood for long, or nobody looked.
+            self.rpm = (turns - self.turns) / since * 60.0;
+            self.begun = now;
+            self.count = self.whole(turns);
+        }
+        while self.begun + self.window <= now {
+            self.begun += self.window;
+            let share = if since > 0.0 {
+                self.begun.since(self.read).as_secs_f64() / since
+            } else {
+                1.0
+            };
+            let count = self.whole(self.turns + (turns - self.turns) * share);
+            let rpm = (count - self.count) / self.pulses_per_turn / window * 60.0;
+            self.rpm = rpm + (self.rpm - rpm) * self.kept;
+            self.count = count;
+        }
+        self.read = now;
+        self.turns = turns;
+    }
+
+    /// The speed, rpm.
+    #[must_use]
+    pub fn rpm(&self) -> f64 {
+        self.rpm
+    }
+
+    fn whole(&self, turns: f64) -> f64 {
+        // What is a hair short of a whole number by rounding alone is that number.
+        (turns * self.pulses_per_turn + 1e-6).floor()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is shown every millisecond of a motor that turns at 600 rpm from 0 on.
+    fn shown(change: impl FnOnce(&mut R150FirmwareSettings)) -> Vec<f64> {
+        let mut settings = R150FirmwareSettings::default();
+        change(&mut settings);
+        let mut meter = Speedometer::new(&settings, SimTime::ZERO, 0.0);
+        (1..=1000_u32)
+            .map(|ms| {
+                meter.read(SimTime::from_millis(ms.into()), f64::from(ms) * 0.01);
+                meter.rpm()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn it_lags_by_its_window_and_its_filter_and_gets_there() {
+        let plain = shown(|s| {
+            s.speed_pulses = 1000;
+            s.speed_filter = Duration::ZERO;
+            s.speed_window = Duration::from_millis(40);
+        });
+        assert_eq!((plain[38], plain[39]), (0.0, 600.0));
+        let filtered = shown(|s| s.speed_filter = Duration::from_millis(100));
+        assert!(
+            filtered[99] > 200.0 && filtered[99] < 450.0,
+            "{}",
+            filtered[99]
+        );
+        assert!((filtered[999] - 600.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn few_pulses_make_large_steps() {
+        // 0.1 pulses a millisecond: 2 a window of 20 ms, so a step is half the speed.
+        let coarse = shown(|s| {
+            s.speed_pulses = 10;
+            s.speed_window = Duration::from_millis(25);
+            s.speed_filter = Duration::ZERO;
+        });
+        let mut steps: Vec<String> = coarse[100..]
+            .iter()
+            .map(|rpm| format!("{rpm:.0}"))
+            .collect();
+        steps.sort_unstable();
+        steps.dedup();
+        assert_eq!(steps, ["480", "720"]);
+    }
+
+    #[test]
+    fn after_a_long_pause_it_shows_what_was_on_average() {
+        let settings = R150FirmwareSettings::default();
+        let mut meter = Speedometer::new(&settings, SimTime::ZERO, 0.0);
+        meter.read(SimTime::from_millis(20), 0.2);
+        meter.read(SimTime::from_secs(3600), 0.2);
+        assert_eq!(meter.rpm(), 0.0);
+    }
+}

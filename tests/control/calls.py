@@ -1,0 +1,95 @@
+"""Each call, as it is meant."""
+
+from simulator import call, ask, step, until, Events, HEARTBEAT
+
+state = call("GET", "/v1/state")
+assert state["seed"] == 1 and state["time"] == "real" and not state["paused"], state
+(device,) = state["devices"]
+assert device["kind"] == "r150" and len(device["wheels"]) == 4 and device["report"] == [], device
+
+# Names, and values of names.
+names = {one["name"]: one for one in call("GET", "/v1/names")["names"]}
+assert names["truth.speed_mps"]["unit"] == "m/s" and names["truth.speed_mps"]["meaning"], names
+values = call("GET", "/v1/names?names=truth.speed_mps,truth.at_rest")["values"]
+assert values == {"truth.speed_mps": 0.0, "truth.at_rest": values["truth.at_rest"]}, values
+why = call("GET", "/v1/names?names=truth.sped_mps", status=422)["error"]
+assert "did you mean `truth.speed_mps`" in why, why
+
+# The forms: a step, with each fault, and which device can have it.
+schema = call("GET", "/v1/schema")
+assert "$defs" in schema["step"] and schema["time"]["oneOf"], schema.keys()
+assert any(fault["kind"] == "rail-short" for fault in schema["faults"])
+
+# What happens is told as it happens; each line only to who wants it.
+events = Events("?names=truth.at_rest&rate=20&picture=20&traffic=true")
+assert "truth.at_rest" in events.wait("values")["values"]
+assert len(events.wait("picture")["devices"]) == 1
+assert ask(HEARTBEAT, 7)
+assert events.wait("log", lambda log: log["role"] == "request")["line"].count("heartbeat") == 1
+events.wait("log", lambda log: log["role"] == "reply")
+
+# A fault is there until it is cleared, by its name or with all others.
+fault = step({"fault": {"kind": "mute", "direction": "to-client"}})
+assert fault["state"] == "active" and fault["name"] == "mute" and fault["added"], fault
+events.wait("log", lambda log: log["code"] == "fault_armed")
+assert call("GET", "/v1/steps/mute")["state"] == "active"
+assert call("DELETE", "/v1/steps/mute")["state"] == "done"
+events.wait("log", lambda log: log["code"] == "fault_cleared")
+events.wait("step", lambda one: one["name"] == "mute" and one["state"] == "done")
+step({"name": "a b/c", "fault": {"kind": "bit-flips", "probability": 0.01}})
+assert call("DELETE", "/v1/steps/a%20b%2Fc")["name"] == "a b/c"
+step({"fault": {"kind": "mute", "direction": "to-client"}, "for": "10 ms"})
+step({"fault": {"kind": "mute", "direction": "to-device"}})
+assert call("DELETE", "/v1/steps")["cleared"][-1] == "mute 3"
+assert all(one["state"] == "done" for one in call("GET", "/v1/steps")["steps"])
+
+# The operator and the world, which are undone in the same way.
+stop = step({"operator": {"emergency_stop": True}})
+assert call("DELETE", f"/v1/steps/{stop['name'].replace(' ', '%20')}")["state"] == "done"
+box = {"box": [{"name": "crate", "at_m": [3, 0], "length": "0.3 m", "width": "1 m"}]}
+added = step({"world": {"add": box}})
+assert len(call("GET", "/v1/state")["world"]["obstacles"]) == 1
+call("DELETE", f"/v1/steps/{added['name'].replace(' ', '%20')}")
+assert call("GET", "/v1/state")["world"]["obstacles"] == []
+
+# Conditions are waited for in simulated time.
+step({"operator": {"push": {"ahead": "3000 N"}}, "for": "500 ms"})
+until("truth.speed_mps > 0.05")
+until("truth.at_rest")
+late = step({"expect": {"that": "truth.speed_mps > 9", "within": "50 ms"}}, wait=True)
+assert late["state"] == "failed" and "truth.speed_mps = 0" in late["why"], late
+
+# Time stands still, goes on by so much, faster, and on.
+paused = call("POST", "/v1/time", "\"pause\"")
+assert paused["paused"], paused
+again = call("GET", "/v1/state")
+assert again["paused"] and again["t"] == paused["t"], (paused, again)
+stepped = call("POST", "/v1/time", {"step": "250 ms"})
+assert stepped["paused"] and abs(stepped["t"] - paused["t"] - 0.25) < 1e-9, (paused, stepped)
+assert events.wait("time", lambda time: time["t"] == stepped["t"])["paused"]
+assert call("POST", "/v1/time", {"speed": 20})["speed"] == 20
+assert not call("POST", "/v1/time", "\"go_on\"")["paused"]
+until("t > %f" % (stepped["t"] + 20))
+call("POST", "/v1/time", {"speed": 1})
+
+# What makes no sense is refused in words, and changes nothing.
+for body, words in [
+    ({"fault": {"kind": "bit-flipz"}}, "bit-flips"),
+    ({"fault": {"kind": "bit-flips", "probability": 2}}, "probability"),
+    ({"fault": {"kind": "mute", "direction": "to-client"}, "device": "car"}, "car"),
+    ({"expect": {"that": "truth.sped_mps > 1"}}, "did you mean"),
+    ({"expect": {"that": "(" * 3000}}, "2000 bytes"),
+    ({"expect": {"that": "(" * 1900}}, "expect.that"),
+    ({"host": {"send": "version"}}, "scripted"),
+    ({"what": 1}, "what"),
+    ({}, "step"),
+    ([], "object"),
+    ("7", "object"),
+    ({"operator": None}, "step"),
+]:
+    why = step(body, status=422)["error"]
+    assert words in why and len(why) < 3000, (body, why)
+for change in ['"stop"', "{}", '{"speed": 0}', '{"speed": 1e9}', '{"speed": "1"}', '{"step": 5}', '{"step": "-1 s"}']:
+    call("POST", "/v1/time", change, status=422)
+call("DELETE", "/v1/steps/nobody", status=404)
+call("GET", "/v1/events?names=nope", status=422)
