@@ -186,6 +186,7 @@ pub enum Error {
 }
 
 /// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends before.
+/// Other children of this thread that end meanwhile are reaped.
 ///
 /// # Errors
 /// When it cannot be traced or started, holds something that cannot be run, or the world fails.

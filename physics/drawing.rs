@@ -112,6 +112,8 @@ mod tests {
         assert_eq!(r150.wheels.len(), 4);
         assert_eq!(r150.wheels[0].place[0] * 2.0, settings.body.wheelbase);
         assert_eq!(r150.wheels[1].place[1] * -2.0, settings.body.track);
+        // Beside nothing.
+        let mut world = World::new(&WorldSettings::default());
         let settings = MecanumPlantSettings::default();
         let car = MecanumPlant::new(&settings, &mut world, Pose::default()).drawing();
         for wheel in Wheel::ALL {

@@ -43,6 +43,7 @@ pub use signals::{
     WHEELS, Wheel, Wiring,
 };
 
+use crate::noise::Noise;
 use crate::pose::Pose;
 use crate::vehicle_body::{Bounds, VehicleBody};
 use crate::world::{BodyId, BodyShape, World};
@@ -123,6 +124,11 @@ impl MecanumPlant {
             drive,
             sensors,
         }
+    }
+
+    /// From where the errors of its sensors are drawn.
+    pub fn set_chance(&mut self, chance: Noise) {
+        self.sensors.set_chance(chance);
     }
 
     /// Drives the pins.

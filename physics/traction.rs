@@ -101,6 +101,8 @@ pub struct Traction<const WHEELS: usize, const PATCHES: usize, C = Straight> {
 struct PatchState<C> {
     place: Patch,
     contact: C,
+    /// How much stiffer than the law it is across.
+    across: f64,
     /// Speed at which the contact turns by itself, m/s.
     spin: f64,
     /// Along and across, m.
@@ -141,6 +143,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             patches: patches.map(|(place, contact)| PatchState {
                 place,
                 contact,
+                across: 1.0,
                 spin: 0.0,
                 deflection: [0.0; 2],
                 impulse: [0.0; 2],
@@ -171,6 +174,13 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
     pub fn forces(&self, dt: f64) -> [[f64; 2]; PATCHES] {
         self.patches
             .map(|patch| patch.impulse.map(|impulse| impulse / dt))
+    }
+
+    /// Makes each patch so much stiffer across than the law says.
+    pub fn set_across(&mut self, factors: [f64; PATCHES]) {
+        for (patch, factor) in self.patches.iter_mut().zip(factors) {
+            patch.across = factor;
+        }
     }
 
     /// The force of all patches on the body in the last step, ahead and left, N.

@@ -401,6 +401,16 @@ impl Scenario {
         })
     }
 
+    /// What people can do to such a device, by the keys of `operator`.
+    #[must_use]
+    pub fn operator_actions(device: &DeviceSpec) -> Vec<String> {
+        let mut generator = SchemaGenerator::default();
+        let own = device.operator.as_ref();
+        let own = own.map(|actions| (actions.schema)(&mut generator));
+        let any = (HANDS.schema)(&mut generator);
+        schema::names(own.into_iter().chain([any]).collect())
+    }
+
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.
     pub fn faults(&self) -> impl Iterator<Item = &'static str> {
         self.steps.iter().filter_map(|step| match &step.action {

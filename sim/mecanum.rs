@@ -124,6 +124,8 @@ impl Mecanum {
         let MecanumSettings { firmware, plant } = settings.cloned().unwrap_or_default();
         let plant = plant.expecting(firmware.wiring);
         let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
+        let chance = format!("{}.ultrasonic", setup.name);
+        plant.set_chance(Noise::new(setup.seed, &chance));
         plant.set_directed_encoders(firmware.pulse_direction == PulseDirection::Counted);
         let measured = plant.measurements();
         let device = MecanumDevice::new(SimTime::ZERO, firmware, setup.links > 1, measured);

@@ -420,3 +420,44 @@ fn links_lead_to_files_and_headings() {
         }
     }
 }
+
+/// All Rust sources under a folder, one after the other.
+fn sources(folder: &Path, text: &mut String) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, text);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            text.push_str(&fs::read_to_string(path).unwrap());
+        }
+    }
+}
+
+/// Each sentence of a manual has a number of its own, and is held by tests that exist or assumed or
+/// left out.
+#[test]
+fn every_sentence_of_a_manual_is_held_by_a_test_or_said_not_to_be() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut code = String::new();
+    for folder in ["sim", "physics"] {
+        sources(&root.join(folder), &mut code);
+    }
+    for page in ["docs/r150.md", "docs/mecanum.md"] {
+        let text = fs::read_to_string(root.join(page)).unwrap();
+        let (_, table) = text.split_once("sentence by sentence").unwrap();
+        let mut numbers = BTreeSet::new();
+        for row in table.lines().filter(|row| row.starts_with("| ")).skip(1) {
+            let cells: Vec<&str> = row.split(" | ").collect();
+            assert_eq!(cells.len(), 3, "{page}: {row}");
+            assert!(numbers.insert(cells[0]), "{page} has {} twice", cells[0]);
+            let tests: Vec<&str> = cells[2].split('`').skip(1).step_by(2).collect();
+            let open = cells[2].contains("assumed") || cells[2].contains("not modelled");
+            assert!(open || !tests.is_empty(), "{page}: {row}");
+            for test in tests {
+                let named = code.contains(&format!("fn {test}("));
+                assert!(named, "{page}, {}: there is no test {test}", cells[0]);
+            }
+        }
+        assert!(numbers.len() > 20, "{page}");
+    }
+}

@@ -261,8 +261,18 @@ pub(super) fn schema(devices: Devices) -> Value {
         let devices: Vec<&str> = able.map(|device| device.id).collect();
         json!({"kind": fault.id, "devices": devices, "summary": fault.summary, "sees": fault.client_sees})
     });
+    let operators: Map<String, Value> = devices
+        .iter()
+        .map(|device| {
+            (
+                device.id.to_owned(),
+                json!(Scenario::operator_actions(device)),
+            )
+        })
+        .collect();
     json!({
         "step": step,
+        "operators": operators,
         "time": schemars::schema_for!(TimeChange).as_value(),
         "faults": faults.collect::<Vec<_>>(),
     })

@@ -11,11 +11,20 @@ function resolve(schema, defs) {
   return real.length === 1 ? { ...resolve(real[0], defs), ...found, anyOf: undefined } : found;
 }
 
+// The words that a schema allows, if it allows nothing else.
+function wordsOf(schema, defs) {
+  const own = resolve(schema, defs);
+  if (own.const !== undefined) return [own.const];
+  if (own.enum) return own.enum;
+  const parts = (own.oneOf ?? own.anyOf ?? []).map((one) => wordsOf(one, defs));
+  return parts.length && parts.every(Boolean) ? [...new Set(parts.flat())] : null;
+}
+
 // An input for a value of a schema: the element, and a way to read it.
 function input(schema, defs, label) {
   const own = resolve(schema, defs);
   const types = [own.type].flat();
-  const words = own.enum ?? (own.oneOf?.every((one) => one.const !== undefined) ? own.oneOf.map((one) => one.const) : null);
+  const words = wordsOf(own, defs);
   if (words) {
     const element = document.createElement("select");
     if (own.default === undefined) element.append(new Option("", ""));
@@ -114,9 +123,9 @@ function form(title, about, build, send) {
 }
 
 // The forms of everything that people can do to a device.
-export function operatorForms(schema, send) {
+export function operatorForms(schema, able, send) {
   const { $defs: defs } = schema;
-  return alternatives(defs.OperatorText, defs).map(([name, one]) => {
+  return alternatives(defs.OperatorText, defs).filter(([name]) => able.includes(name)).map(([name, one]) => {
     const about = one.description ?? "";
     const title = name.replaceAll("_", " ");
     const property = one.properties?.[name];

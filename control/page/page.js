@@ -32,6 +32,9 @@ async function refresh() {
 }
 
 function setTime(time) {
+  // In lockstep it is the client's.
+  for (const button of element("time").querySelectorAll("button, select")) button.disabled = time.speed === null;
+  if (time.speed === null) return;
   paused = time.paused;
   element("pause").textContent = paused ? "Go on" : "Pause";
   element("pause").classList.toggle("on", paused);
@@ -74,11 +77,12 @@ function showDevices() {
   picture.chosen = chosen;
   picture.dirty = true;
   const device = state.devices[chosen];
+  const able = schema.operators[device.kind];
   const send = async (step) => {
     await link.call("POST", "/v1/steps", { device: device.name, ...step });
     await refresh();
   };
-  element("operator").replaceChildren(...operatorForms(schema.step, send));
+  element("operator").replaceChildren(...operatorForms(schema.step, able, send));
   element("faults").replaceChildren(...faultForms(schema.step, schema.faults, device.kind, send));
   filterFaults();
 }

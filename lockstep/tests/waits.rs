@@ -57,6 +57,7 @@ fn c_prints(code: &str, expected: &str) {
     };
     assert_eq!(played.output, expected, "{:?}", played.ending);
     assert_eq!(played.ending.end, End::Exited(0));
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
     assert!(played.took.as_secs() < 20, "{:?}", played.took);
 }
 

@@ -1,5 +1,7 @@
 //! What programs do and wait for, in words.
 
+use std::io;
+
 use crate::traced::arch::Registers;
 use crate::traced::sys::{self, Tid, Whom};
 use crate::traced::tracer::Tracer;
@@ -101,7 +103,12 @@ impl Tracer<'_> {
 /// In which file a thread computes, which it does no more after that.
 fn place_of(process: Tid, tid: Tid) -> Option<String> {
     sys::interrupt(tid).ok()?;
-    sys::wait(Whom::One(tid), true).ok()?;
+    // It stops when the system has time for it; the ticks interrupt the wait.
+    while let Err(error) = sys::wait(Whom::One(tid), true) {
+        if error.kind() != io::ErrorKind::Interrupted {
+            return None;
+        }
+    }
     let place = Registers::of(tid).ok()?.place();
     let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
     let line = maps.lines().find(|line| {

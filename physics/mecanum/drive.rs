@@ -18,6 +18,8 @@ pub(super) struct Drive {
     pulses: [PulseWire; WHEELS],
     /// How much faster each wheel turns than it should.
     speed_factors: [f64; WHEELS],
+    /// How much more the rollers of each wheel drag than they should.
+    roller_factors: [f64; WHEELS],
     /// How much of the step that comes has passed, s, and what the pulses were told by then that
     /// the wheels turn in it, rad.
     passed: f64,
@@ -44,6 +46,7 @@ impl Drive {
         let mut draw = Draw::of(name);
         let wheel_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.wheel));
         let motor_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.motor));
+        let roller_factors = [(); WHEELS].map(|()| draw.factor(settings.wheel.roller_spread));
         let body = &settings.body;
         let stance = Stance {
             half_wheelbase: body.half_wheelbase,
@@ -70,6 +73,7 @@ impl Drive {
                 let pulses = f64::from(settings.encoder.pulses_per_revolution);
                 PulseWire::new(pulses / factor, settings.encoder.hysteresis)
             }),
+            roller_factors,
             speed_factors: std::array::from_fn(|wheel| wheel_factors[wheel] * motor_factors[wheel]),
             passed: 0.0,
             turned: [0.0; WHEELS],
@@ -95,6 +99,9 @@ impl Drive {
         let body = &settings.body;
         let deck = body.length * body.length + body.width * body.width;
         self.mass = body.mass + payload;
+        let grown = 1.0 + settings.wheel.roller_drag_growth * payload / body.mass;
+        self.traction
+            .set_across(self.roller_factors.map(|factor| factor * grown));
         self.inertia = body.yaw_inertia + payload * deck / 12.0;
         self.stance.centre_height =
             (body.mass * body.centre_of_mass_height + payload * body.payload_height) / self.mass;

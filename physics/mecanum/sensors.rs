@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::settings::MecanumPlantSettings;
 use super::signals::ECHOES;
+use crate::noise::Noise;
 use crate::pose::BodyMotion;
 use crate::world::{BodyId, Cone, World};
 
@@ -29,6 +30,10 @@ pub(super) struct Sensors {
     bar_reach: f64,
     /// Of ultrasonic, infrared, reader and bar.
     paces: [Pace; 4],
+    /// Of a distance, m.
+    noise: f64,
+    crosstalk: f64,
+    chance: Noise,
     seen: Seen,
 }
 
@@ -41,6 +46,8 @@ struct Mount {
     direction: [f64; 2],
     /// Cosine and sine.
     half_opening: [f64; 2],
+    /// Cosine of the greatest angle of an echo.
+    grazing: f64,
     range: f64,
 }
 
@@ -58,14 +65,21 @@ impl Sensors {
         let ultrasonic = &settings.ultrasonic;
         let beam = &settings.infrared;
         let bar = &settings.magnetic_bar;
-        let mount = |x: f64, y: f64, degrees: f64, half_angle: f64, range: f64| {
+        let mount = |x: f64, y: f64, degrees: f64, half_angle: f64, grazing: f64, range: f64| {
             let (angle, half) = (degrees.to_radians(), half_angle.to_radians());
             Mount {
                 place: [x, y],
                 direction: [libm::cos(angle), libm::sin(angle)],
                 half_opening: [libm::cos(half), libm::sin(half)],
+                grazing,
                 range,
             }
+        };
+        // A right angle is no angle that a surface could not be seen at.
+        let grazing = if ultrasonic.incidence < 90.0 {
+            libm::cos(ultrasonic.incidence.to_radians())
+        } else {
+            0.0
         };
         let periods = [
             ultrasonic.period,
@@ -80,10 +94,11 @@ impl Sensors {
                     ultrasonic.y[index],
                     ultrasonic.angle[index],
                     ultrasonic.half_angle,
+                    grazing,
                     ultrasonic.range,
                 )
             }),
-            beam: mount(beam.x, beam.y, beam.angle, 0.0, beam.range),
+            beam: mount(beam.x, beam.y, beam.angle, 0.0, 0.0, beam.range),
             reader: [settings.rfid.x, settings.rfid.y],
             reader_radius: settings.rfid.radius,
             channels: [
@@ -97,8 +112,15 @@ impl Sensors {
                 since: Duration::ZERO,
                 changes: 0,
             }),
+            noise: ultrasonic.noise,
+            crosstalk: ultrasonic.crosstalk / 100.0,
+            chance: Noise::new(0, "ultrasonic"),
             seen: Seen::default(),
         }
+    }
+
+    pub(super) fn set_chance(&mut self, chance: Noise) {
+        self.chance = chance;
     }
 
     pub(super) fn seen(&self) -> &Seen {
@@ -143,9 +165,24 @@ impl Sensors {
     }
 
     fn listen(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
-        self.seen.echoes = self
+        let echoes = self
             .cones
             .map(|mount| world.nearest_echo(&mount.cone(motion), Some(body)));
+        for (index, heard) in self.seen.echoes.iter_mut().enumerate() {
+            let mut echo = echoes[index];
+            // The neighbour of each of the pairs on either side.
+            if self.crosstalk > 0.0 && self.chance.uniform() < self.crosstalk {
+                echo = echo.into_iter().chain(echoes[index ^ 1]).reduce(f64::min);
+            }
+            *heard = echo.map(|distance| {
+                if self.noise > 0.0 {
+                    (distance + self.noise * self.chance.normal())
+                        .clamp(0.0, self.cones[index].range)
+                } else {
+                    distance
+                }
+            });
+        }
     }
 
     fn look_ahead(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
@@ -170,6 +207,7 @@ impl Mount {
             origin: in_world(motion, self.place),
             direction: motion.to_world(self.direction),
             half_opening: self.half_opening,
+            grazing: self.grazing,
             range: self.range,
         }
     }

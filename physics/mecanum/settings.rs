@@ -93,6 +93,13 @@ settings! {
         /// Drag of a turning roller, as a share of the load.
         roller_drag: f64 = 0.18, range 0.0..=2.0,
             assumed "plain bearings and a small rubber roller on a hard floor";
+        /// Most by which the rollers of a wheel drag more or less than that.
+        roller_spread: f64 = 10.0, unit "%", range 0.0..=50.0,
+            assumed "bearings with more or less dirt; a strafing car then turns a little";
+        /// By what share the drag grows for each empty weight of payload.
+        roller_drag_growth: f64 = 0.3, range 0.0..=10.0,
+            assumed "loaded rollers press into the floor and their bearings; builders report that \
+                     heavy robots strafe worse";
         /// Distance rolled in which a roller takes up most of a change of slip.
         relaxation_length: f64 = 0.01, unit "m", range 0.0005..=1.0,
             assumed "a fraction of the radius of a roller";
@@ -169,6 +176,15 @@ settings! {
             unit "deg", range -360.0..=360.0, assumed "the outer ones look a little aside";
         /// Half the opening of a cone.
         half_angle: f64 = 15.0, unit "deg", range 0.0..=80.0, assumed "common sensors, 30 degrees in all";
+        /// Angle from a surface's normal beyond which it sends no echo back; its edges always do.
+        incidence: f64 = 60.0, unit "deg", range 0.0..=90.0,
+            assumed "smooth walls throw sound that comes aslant away, rough ones do not";
+        /// Random error of a distance, one standard deviation.
+        noise: f64 = 0.001, unit "m", range 0.0..=1.0,
+            assumed "the data sheet of the HC-SR04 promises 3 mm";
+        /// How often a sensor hears the echo of its neighbour's ping, if that is the nearer one.
+        crosstalk: f64 = 0.5, unit "%", range 0.0..=100.0,
+            assumed "sensors that ping in turn seldom hear one another";
         /// How far they see.
         range: f64 = 4.5, unit "m", range 0.01..=100.0, assumed "common sensors, 4500 mm";
         /// Time between two pings of a sensor.

@@ -79,6 +79,7 @@ fn beside(name: &str, tolerance: f64) -> f64 {
     let mut settings = MecanumPlantSettings::default();
     settings.tolerance.wheel *= tolerance;
     settings.tolerance.motor *= tolerance;
+    settings.wheel.roller_spread *= tolerance;
     let mut world = sim_physics::World::new(&sim_physics::WorldSettings::default());
     let pose = Pose::default();
     let plant = sim_physics::MecanumPlant::with_name(name, &settings, &mut world, pose);
@@ -393,4 +394,42 @@ fn each_wheel_stands_on_its_own_ground() {
     assert!(car.gone()[2] > 0.01);
     assert!(car.world.ground_at(0.0, 0.12).friction() < 0.1);
     assert!(car.world.ground_at(0.0, -0.12).friction() > 0.5);
+}
+
+/// Heading in degrees and share of the wheels' way after a strafe of 6 s at full speed.
+fn strafe(change: impl FnOnce(&mut MecanumPlantSettings)) -> (f64, f64) {
+    let mut settings = MecanumPlantSettings::default();
+    (settings.tolerance.wheel, settings.tolerance.motor) = (0.0, 0.0);
+    change(&mut settings);
+    let mut car = Car::with(&settings);
+    car.turn(LEFT, 1.0);
+    car.run(6.0);
+    let way = car.plant.truth().distance;
+    (car.gone()[2].to_degrees(), way / car.by_wheels()[1])
+}
+
+#[test]
+fn rollers_that_drag_unlike_turn_a_strafing_car() {
+    let (none, _) = strafe(|s| s.wheel.roller_spread = 0.0);
+    let (usual, _) = strafe(|_| ());
+    let (much, _) = strafe(|s| s.wheel.roller_spread = 50.0);
+    println!("6 s of strafing turn it by {none:.3}, {usual:.3} and {much:.3} deg");
+    assert!(none.abs() < 1e-6);
+    assert!((0.02..8.0).contains(&usual.abs()));
+    assert!(much.abs() > 2.0 * usual.abs());
+}
+
+#[test]
+fn a_loaded_car_loses_more_of_a_strafe() {
+    let (_, empty) = strafe(|_| ());
+    let (_, loaded) = strafe(|s| s.body.payload = 8.0);
+    let (_, even) = strafe(|s| {
+        s.body.payload = 8.0;
+        s.wheel.roller_drag_growth = 0.0;
+    });
+    println!(
+        "a strafe moves {empty:.3} of the wheels' way empty, {loaded:.3} loaded, {even:.3} without growth"
+    );
+    assert!(loaded < empty - 0.02 && (even - empty).abs() < 0.01);
+    assert!((0.74..=0.92).contains(&loaded));
 }

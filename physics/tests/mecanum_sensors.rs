@@ -5,16 +5,16 @@
 mod car;
 
 use car::Car;
-use sim_physics::world::{Strip, Tag};
+use sim_physics::world::{Obstacle, Strip, Tag};
 use sim_physics::{
     MecanumMeasurements, MecanumPlant, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
 };
 
+/// A car whose sensors measure exactly.
 fn within(map: &WorldMap) -> Car {
-    Car::within(
-        World::with_map(&WorldSettings::default(), map),
-        &MecanumPlantSettings::default(),
-    )
+    let mut settings = MecanumPlantSettings::default();
+    (settings.ultrasonic.noise, settings.ultrasonic.crosstalk) = (0.0, 0.0);
+    Car::within(World::with_map(&WorldSettings::default(), map), &settings)
 }
 
 fn at(x: f64, y: f64, heading: f64) -> Pose {
@@ -45,7 +45,7 @@ fn in_an_empty_world_there_is_nothing() {
 
 #[test]
 fn echoes_come_in_the_order_of_the_packet() {
-    let mut car = Car::new();
+    let mut car = within(&WorldMap::default());
     car.world.add_wall([1.0, -9.0], [1.0, 9.0], 0.02);
     car.world.add_disc(-1.0, 0.6, 0.1);
     let echoes = read_at(&mut car, at(0.0, 0.0, 0.0)).echoes;
@@ -181,4 +181,83 @@ fn on_the_shipped_slope_the_ground_is_another() {
         world.ground_at(4.9, 1.0).downhill(),
         [0.0, 0.0].map(|zero: f64| -zero)
     );
+}
+
+/// What the front sensors read at a wall 0.5 m ahead of them while the car creeps along it, left to
+/// right, for so many pings.
+fn pings(pings: usize, change: impl FnOnce(&mut MecanumPlantSettings)) -> Vec<[Option<f64>; 8]> {
+    let mut settings = MecanumPlantSettings::default();
+    (settings.ultrasonic.noise, settings.ultrasonic.crosstalk) = (0.0, 0.0);
+    change(&mut settings);
+    let mut map = WorldMap::default();
+    // The left half of the wall is nearer.
+    for (x, from, to) in [(0.67, 0.0, 9.0), (0.97, -9.0, 0.0)] {
+        let wall = Obstacle::wall([x + 0.05, from], [x + 0.05, to], 0.1);
+        map.obstacles.add(wall).unwrap();
+    }
+    let world = World::with_map(&WorldSettings::default(), &map);
+    let mut car = Car::within(world, &settings);
+    car.turn([-1, 1, 1, -1], 0.02);
+    (0..pings)
+        .map(|_| {
+            car.run(0.06);
+            car.plant.measurements().echoes
+        })
+        .collect()
+}
+
+#[test]
+fn echoes_are_noisy_when_they_are_to_be() {
+    let spread = |noise: f64| {
+        let echoes = pings(200, |s| s.ultrasonic.noise = noise);
+        let left: Vec<f64> = echoes.iter().map(|echo| echo[1].unwrap()).collect();
+        let mean = left.iter().sum::<f64>() / 200.0;
+        (left.iter().map(|echo| (echo - mean).powi(2)).sum::<f64>() / 200.0).sqrt()
+    };
+    let (none, some) = (spread(0.0), spread(0.01));
+    println!("spread {none:.5} m and {some:.5} m");
+    assert!(none < 0.001 && (0.007..0.013).contains(&some));
+}
+
+#[test]
+fn a_sensor_may_hear_its_neighbour() {
+    let first = |crosstalk: f64| {
+        let echoes = pings(100, |s| {
+            s.ultrasonic.half_angle = 1.0;
+            // The first sensor looks aside, where there is nothing.
+            s.ultrasonic.angle[0] = 90.0;
+            s.ultrasonic.crosstalk = crosstalk;
+        });
+        echoes.iter().filter(|echo| echo[0].is_some()).count()
+    };
+    assert_eq!((first(0.0), first(100.0)), (0, 100));
+    assert!((20..80).contains(&first(50.0)));
+}
+
+#[test]
+fn a_surface_that_lies_aslant_sends_no_echo() {
+    for (incidence, seen) in [(90.0, true), (60.0, true), (30.0, false)] {
+        let mut settings = MecanumPlantSettings::default();
+        settings.ultrasonic.incidence = incidence;
+        settings.ultrasonic.half_angle = 2.0;
+        let mut map = WorldMap::default();
+        // At 45° across the way of the second sensor.
+        let wall = Obstacle::wall([-1.0, -2.0], [3.0, 2.0], 0.02);
+        map.obstacles.add(wall).unwrap();
+        let world = World::with_map(&WorldSettings::default(), &map);
+        let mut car = Car::within(world, &settings);
+        car.plant.place(
+            &mut car.world,
+            Pose {
+                x: 0.0,
+                y: 0.5,
+                ..Pose::default()
+            },
+        );
+        assert_eq!(
+            car.plant.measurements().echoes[1].is_some(),
+            seen,
+            "{incidence}"
+        );
+    }
 }

@@ -96,7 +96,8 @@ impl<C> PatchState<C> {
             ..Row::IDLE
         };
         for axis in 0..2 {
-            let stiffness = law.stiffness_per_load[axis] * load;
+            let factor = if axis == 0 { 1.0 } else { self.across };
+            let stiffness = law.stiffness_per_load[axis] * factor * load;
             self.stiffness[axis] = stiffness;
             row.give[axis] = stiffness * dt * (shed * dt + damping);
             row.bias[axis] = stiffness * dt * shed * self.deflection[axis];

@@ -1,7 +1,8 @@
 //! What sensors find in the world: echoes, tags, magnetic strips.
 //!
 //! Distances are exact for the shapes: an echo comes from the nearest point of an obstacle that lies
-//! within the cone. Surfaces reflect at every angle, and nothing is too thin to be seen.
+//! within the cone and faces the sensor well enough; ends and corners face every way. Nothing is too
+//! thin to be seen.
 
 use super::area::{Band, Disc, Rectangle, dot, from, square};
 use super::{BodyId, World};
@@ -15,6 +16,8 @@ pub struct Cone {
     pub direction: [f64; 2],
     /// Cosine and sine of half its opening, under 90°.
     pub half_opening: [f64; 2],
+    /// Cosine of the greatest angle from its normal at which a surface sends an echo back.
+    pub grazing: f64,
     /// How far it sees, m.
     pub range: f64,
 }
@@ -171,7 +174,8 @@ impl<'c> Nearest<'c> {
         for rim in self.rims() {
             let (ahead, aside) = (dot(rim, centre), cross(rim, centre));
             let rest = disc.radius * disc.radius - aside * aside;
-            if ahead > 0.0 && rest >= 0.0 {
+            let cosine_radius = self.cone.grazing * disc.radius;
+            if ahead > 0.0 && rest >= cosine_radius * cosine_radius {
                 self.note(ahead - rest.sqrt());
             }
         }
@@ -196,7 +200,8 @@ impl<'c> Nearest<'c> {
             let slant = cross(rim, along);
             let share = -cross(rim, start) / slant;
             // Along the rim itself there is no crossing but at the ends.
-            if slant != 0.0 && (0.0..=1.0).contains(&share) {
+            let faces = slant.abs() >= self.cone.grazing * square(along).sqrt();
+            if slant != 0.0 && faces && (0.0..=1.0).contains(&share) {
                 let distance = dot(rim, start) + share * dot(rim, along);
                 if distance >= 0.0 {
                     self.note(distance);

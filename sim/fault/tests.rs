@@ -78,6 +78,9 @@ fn car(ros: bool) -> Rig {
     });
     let mut rig = rig(map, 1);
     let mut settings = MecanumSettings::default();
+    // Only what a fault does to an echo is of interest.
+    let ultrasonic = &mut settings.plant.ultrasonic;
+    (ultrasonic.noise, ultrasonic.crosstalk) = (0.0, 0.0);
     settings.firmware.link_timeout = Some(MS(400));
     crate::mecanum::add(&mut rig, "car", &settings, ros, Pose::default());
     rig.attach(MAIN, SimTime::ZERO).unwrap();

@@ -18,6 +18,7 @@ assert "did you mean `truth.speed_mps`" in why, why
 # The forms: a step, with each fault, and which device can have it.
 schema = call("GET", "/v1/schema")
 assert "$defs" in schema["step"] and schema["time"]["oneOf"], schema.keys()
+assert "unlock" in schema["operators"]["r150"] and "unlock" not in schema["operators"]["mecanum"]
 assert any(fault["kind"] == "rail-short" for fault in schema["faults"])
 
 # What happens is told as it happens; each line only to who wants it.

@@ -11,6 +11,7 @@ fn world() -> World {
 fn cone(origin: [f64; 2], degrees: f64, half_degrees: f64, range: f64) -> Cone {
     let (angle, half) = (degrees.to_radians(), half_degrees.to_radians());
     Cone {
+        grazing: 0.0,
         origin,
         direction: [libm::cos(angle), libm::sin(angle)],
         half_opening: [libm::cos(half), libm::sin(half)],

@@ -196,18 +196,20 @@ impl Car<'_> {
         Ok(self.count > count)
     }
 
-    /// Waits until the board is heard and knows where it is.
+    /// Waits until the board is heard to say twice where it is, and knows it.
     fn look(&mut self) -> Result<(), End> {
         let due = self.now + Duration::from_secs(10);
+        let near = |a: i16, b: i16| a.abs_diff(b) <= 1;
         while self.now < due {
+            let before = (self.status.axis_x, self.status.axis_y);
             let heard = self.next(DEAF)?;
             let Some((x, y)) = self.lost else {
-                if heard {
+                let same = near(self.status.axis_x, before.0) && near(self.status.axis_y, before.1);
+                if heard && same {
                     return Ok(());
                 }
                 continue;
             };
-            let near = |a: i16, b: i16| a.abs_diff(b) <= 1;
             if near(self.status.axis_x, x) && near(self.status.axis_y, y) {
                 self.lost = None;
             } else {
@@ -272,14 +274,14 @@ impl Car<'_> {
             } else {
                 self.client.write(MAIN, motion(axis, way).encode());
             }
-            if self.watch(axis, corner, way)? == Pause::Doubt {
+            if self.watch(axis, corner, way, by_line && order < 3)? == Pause::Doubt {
                 self.stop()?;
             }
         }
         Err(End::Trouble)
     }
 
-    fn watch(&mut self, axis: Axis, corner: i16, way: i16) -> Result<Pause, End> {
+    fn watch(&mut self, axis: Axis, corner: i16, way: i16, by_line: bool) -> Result<Pause, End> {
         let begun = self.now;
         let (mut standing, mut strayed, mut ran) = (0, 0, false);
         let (mut nearest, mut stuck) = (way.abs(), 0);
@@ -301,7 +303,9 @@ impl Car<'_> {
             };
             nearest = nearest.min(left);
             if strayed == 2 || stuck == 15 {
-                return Err(End::Trouble);
+                // It goes aside alone where it was told something else than it was to be.
+                let misheard = by_line && strayed == 2 && left >= way.abs();
+                return misheard.then_some(Pause::Doubt).ok_or(End::Trouble);
             }
             ran |= running;
             standing = if running { 0 } else { standing + 1 };
@@ -317,7 +321,9 @@ impl Car<'_> {
         self.side(Axis::X, 30, false)?;
         self.side(Axis::Y, 10, false)?;
         self.side(Axis::X, 0, true)?;
-        self.side(Axis::Y, 0, true)
+        self.side(Axis::Y, 0, true)?;
+        // Where the last line was misheard, it went aside.
+        self.side(Axis::X, 0, false)
     }
 }
 

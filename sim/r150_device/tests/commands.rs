@@ -1,5 +1,7 @@
 //! Every command, byte by byte, and every refusal.
 
+use std::collections::BTreeSet;
+
 use super::*;
 use crate::event::EventKind;
 use crate::r150_device::codec::encode;
@@ -309,4 +311,16 @@ fn measurement_noise_is_off_by_default_and_spreads_as_it_says() {
         .sum::<f64>();
     let deviation = (spread / 200.0).sqrt();
     assert!((0.007..0.013).contains(&deviation), "{deviation}");
+}
+
+#[test]
+fn measurement_noise_reaches_the_speeds() {
+    for (noise, even) in [(0.0, true), (2.0, false)] {
+        let mut bench = Bench::with(|s| s.measurement_noise = noise);
+        bench.spin();
+        let replies: BTreeSet<_> = (0..50)
+            .map(|_| bench.device.motor_reply().encode())
+            .collect();
+        assert_eq!(replies.len() == 1, even, "{noise}");
+    }
 }

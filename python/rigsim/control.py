@@ -1,0 +1,176 @@
+"""The control of a simulator: HTTP and JSON over a local socket."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import threading
+from dataclasses import dataclass
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+from urllib.parse import quote, urlencode, urlsplit
+
+Value = Union[float, bool, None]
+Json = Any
+
+
+class ControlError(Exception):
+    """The simulator does not answer, or refuses."""
+
+
+class Refused(ControlError):
+    """The simulator refuses; the text says why."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+class NotReached(AssertionError):
+    """A condition has not come to hold in its time."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that a simulator tells: ``log``, ``values``, ``picture``, ``step``, ``time``,
+    ``lost`` or ``end``."""
+
+    kind: str
+    data: Dict[str, Json]
+
+
+class Control:
+    """The calls, one for one. :class:`rigsim.Device` is nicer."""
+
+    def __init__(self, url: str) -> None:
+        """``url`` is what the simulator prints, with the token in it."""
+        parts = urlsplit(url)
+        token = dict(item.partition("=")[::2] for item in parts.fragment.split("&")).get("token")
+        if parts.scheme != "http" or not parts.hostname or not parts.port or not token:
+            raise ValueError(f"{url!r} is no URL of a simulator, as http://127.0.0.1:4000/#token=...")
+        self.url = url
+        self._host, self._port = parts.hostname, parts.port
+        self._headers = {"Authorization": f"Bearer {token}"}
+        self._local = threading.local()
+
+    def call(self, method: str, path: str, body: Json = None, timeout: float = 30.0) -> Json:
+        """Asks; ``timeout`` is real time in seconds.
+
+        Raises :class:`Refused`, or :class:`ControlError` when there is no answer.
+        """
+        payload = None if body is None else json.dumps(body)
+        status, text = self._exchange(method, path, payload, timeout)
+        answer = json.loads(text)
+        if status >= 300:
+            raise Refused(status, answer.get("error", f"refused with {status}"))
+        return answer
+
+    def _exchange(
+        self, method: str, path: str, payload: Optional[str], timeout: float
+    ) -> Tuple[int, bytes]:
+        # A connection that was idle for long is closed by the simulator, which shows only when it is
+        # used again. Nothing has been done then, so that asking once more is safe.
+        kept: Optional[http.client.HTTPConnection] = getattr(self._local, "connection", None)
+        for connection in [kept, None] if kept else [None]:
+            fresh = connection is None
+            if connection is None:
+                connection = http.client.HTTPConnection(self._host, self._port)
+            connection.timeout = timeout
+            try:
+                if connection.sock is not None:
+                    connection.sock.settimeout(timeout)
+                connection.request(method, path, payload, self._headers)
+                response = connection.getresponse()
+                text = response.read()
+            except (ConnectionError, http.client.RemoteDisconnected) as error:
+                connection.close()
+                self._local.connection = None
+                if fresh:
+                    raise ControlError(f"the simulator at {self._host}:{self._port}: {error}") from error
+                continue
+            except (OSError, http.client.HTTPException) as error:
+                connection.close()
+                self._local.connection = None
+                raise ControlError(f"the simulator at {self._host}:{self._port}: {error}") from error
+            self._local.connection = None if response.will_close else connection
+            return response.status, text
+        raise AssertionError("the last try either answers or raises")
+
+    def add_step(self, step: Mapping[str, Json], wait: bool = False, timeout: float = 60.0) -> Json:
+        """Has a step done; with ``wait``, answers when it is over."""
+        return self.call("POST", f"/v1/steps{'?wait=true' if wait else ''}", step, timeout)
+
+    def steps(self) -> List[Json]:
+        """All steps and how far they are."""
+        steps: List[Json] = self.call("GET", "/v1/steps")["steps"]
+        return steps
+
+    def step(self, name: str) -> Json:
+        """How far the step of this name is."""
+        return self.call("GET", f"/v1/steps/{quote(name, safe='')}")
+
+    def clear(self, name: Optional[str] = None) -> Json:
+        """Undoes a step, or all that were asked for here."""
+        path = "/v1/steps" if name is None else f"/v1/steps/{quote(name, safe='')}"
+        return self.call("DELETE", path)
+
+    def values(self, names: Sequence[str]) -> Dict[str, Value]:
+        """The values of names of ``sim names`` now."""
+        values: Dict[str, Value] = self.call("GET", f"/v1/names?names={quote(','.join(names), safe=',')}")["values"]
+        return values
+
+    def names(self) -> List[Dict[str, str]]:
+        """What names there are, with unit and meaning."""
+        names: List[Dict[str, str]] = self.call("GET", "/v1/names")["names"]
+        return names
+
+    def state(self) -> Json:
+        """What there is: devices, world, steps, reports, time."""
+        return self.call("GET", "/v1/state")
+
+    def schema(self) -> Json:
+        """The forms of all that can be asked."""
+        return self.call("GET", "/v1/schema")
+
+    def time(self, change: Json) -> Json:
+        """Lets time pass otherwise: ``"pause"``, ``"go_on"``, ``{"step": "5 ms"}``, ``{"speed": 2}``."""
+        return self.call("POST", "/v1/time", change)
+
+    def events(
+        self,
+        *,
+        names: Sequence[str] = (),
+        rate: float = 10.0,
+        picture: Optional[float] = None,
+        traffic: bool = False,
+        timeout: Optional[float] = None,
+    ) -> Iterator[Event]:
+        """What happens, as it happens, until the simulation ends; ``rate`` and ``picture`` are
+        messages a second of values and of where everything is. Ends with :class:`ControlError` when
+        nothing comes for ``timeout`` seconds."""
+        query: Dict[str, Json] = {"traffic": str(traffic).lower()}
+        if names:
+            query.update(names=",".join(names), rate=rate)
+        if picture is not None:
+            query["picture"] = picture
+        connection = http.client.HTTPConnection(self._host, self._port, timeout=timeout)
+        try:
+            connection.request("GET", f"/v1/events?{urlencode(query)}", headers=self._headers)
+            response = connection.getresponse()
+            if response.status != 200:
+                raise Refused(response.status, json.loads(response.read()).get("error", ""))
+            kind = ""
+            while True:
+                line = response.readline().decode().rstrip("\n")
+                if line.startswith("event: "):
+                    kind = line[7:]
+                elif line.startswith("data: "):
+                    yield Event(kind, json.loads(line[6:]))
+                    if kind == "end":
+                        return
+                elif not line and response.isclosed():
+                    return
+        except (OSError, http.client.HTTPException, socket.timeout) as error:
+            raise ControlError(f"the simulator's events: {error}") from error
+        finally:
+            connection.close()

@@ -1,0 +1,180 @@
+"""The pytest plugin: simulators as fixtures, scenarios as markers, and what to look at when a test fails."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterator, List, Optional
+
+import pytest
+
+from .control import ControlError
+from .picture import draw
+from .simulator import Simulator, connect, joinable, start
+
+_FAILED: "pytest.StashKey[bool]" = pytest.StashKey()
+_MOST_LOG = 60
+_MADE = "_rigsim_made"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    group = parser.getgroup("rigsim", "simulated vehicles")
+    group.addoption(
+        "--sim-set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a setting of every simulator, as in r150.heartbeat_timeout=5s; may be repeated",
+    )
+    group.addoption("--sim-seed", type=int, metavar="N", help="the seed of every simulator [default: 1]")
+    group.addoption("--sim-world", metavar="FILE", help="the world file of every simulator of one device")
+    group.addoption(
+        "--sim-speed", type=float, metavar="X", help="simulated seconds for each second of real time [default: 1]"
+    )
+    group.addoption(
+        "--sim-keep",
+        metavar="DIR",
+        help="where to keep log, trace and picture of tests that fail [default: the test's own folder]",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line(
+        "markers",
+        "sim(settings={}, seed=None, world=None, speed=1.0): how the simulator of this test is started",
+    )
+    config.addinivalue_line(
+        "markers",
+        "scenario(file): the steps and faults of this scenario file happen to the test's simulator, "
+        "and the test fails if its rules are broken",
+    )
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: "pytest.CallInfo[None]") -> Iterator[None]:
+    outcome: Any = yield
+    report = outcome.get_result()
+    if report.when == "call" and report.failed:
+        item.stash[_FAILED] = True
+    if report.when == "teardown" and item.stash.get(_FAILED, False):
+        # Only now all of it is printed. The word is what pytest shows sections of this phase by.
+        for simulator in getattr(item, _MADE, []):
+            shown = "\n".join(simulator.log.splitlines()[-_MOST_LOG:])
+            report.sections.append(("simulator, to its teardown", shown))
+
+
+class Maker:
+    """Starts the simulators of a test, or joins the one that plays it."""
+
+    def __init__(self, request: pytest.FixtureRequest, folder: Path) -> None:
+        self._request = request
+        self._folder = folder
+        self._made: List[Simulator] = []
+        setattr(request.node, _MADE, self._made)
+
+    def __call__(self, device: str = "r150", *, rig: "Optional[str | Path]" = None, **options: Any) -> Simulator:
+        """A simulator of one device, or of a rig file. Under ``sim run`` it is the one that plays this
+        test, whatever its devices are."""
+        if joinable():
+            simulator = connect()
+            if rig is None and not any(own.kind == device for own in simulator.devices.values()):
+                pytest.fail(f"the scenario that is being played has no {device}", pytrace=False)
+            self._made.append(simulator)
+            return simulator
+        config = self._request.config
+        chosen: Dict[str, Any] = {
+            "settings": dict(one.partition("=")[::2] for one in config.getoption("--sim-set")),
+            "seed": config.getoption("--sim-seed"),
+            "world": config.getoption("--sim-world") if rig is None else None,
+            "speed": config.getoption("--sim-speed"),
+        }
+        marker = self._request.node.get_closest_marker("sim")
+        for more in (marker.kwargs if marker else {}, options):
+            settings = {**chosen["settings"], **more.get("settings", {})}
+            chosen.update(more, settings=settings)
+        if chosen["seed"] is None:
+            chosen["seed"] = 1
+        if chosen["speed"] is None:
+            chosen["speed"] = 1.0
+        scenario = self._request.node.get_closest_marker("scenario")
+        if scenario is not None and rig is None:
+            chosen["scenario"] = _scenario_file(self._request, scenario)
+            chosen.pop("world")
+        folder = self._folder / f"sim{len(self._made) + 1}"
+        folder.mkdir()
+        simulator = start(device, rig=rig, folder=folder, trace=folder / "trace.jsonl", **chosen)
+        self._made.append(simulator)
+        return simulator
+
+    def finish(self) -> None:
+        """Ends what was started here, and mends what was broken in what was joined."""
+        failed = self._request.node.stash.get(_FAILED, False)
+        verdicts = []
+        self._worlds: Dict[int, Any] = {}
+        for number, simulator in enumerate(self._made, 1):
+            if simulator.joined:
+                try:
+                    simulator.clear()
+                except ControlError:
+                    # It ended with the scenario.
+                    pass
+                continue
+            if failed:
+                try:
+                    self._worlds[number] = simulator.control.state()
+                except ControlError:
+                    # It is gone already; its trace is there.
+                    pass
+            if simulator.close() == 1:
+                verdicts.append(simulator.verdict or simulator.log)
+            if failed or verdicts:
+                self._keep(simulator, number)
+        if verdicts and not failed:
+            pytest.fail("\n".join(verdicts), pytrace=False)
+
+    def _keep(self, simulator: Simulator, number: int) -> None:
+        """Log, trace and picture of a test that failed."""
+        keep = self._request.config.getoption("--sim-keep")
+        own = simulator.folder
+        if own is None:
+            return
+        draw(own / "trace.jsonl", self._worlds.get(number), own / "picture.svg")
+        if keep is None:
+            return
+        name = "".join(c if c.isalnum() or c in "-_." else "_" for c in self._request.node.nodeid)
+        place = Path(keep) / name
+        place.mkdir(parents=True, exist_ok=True)
+        for path in own.iterdir():
+            if path.is_file() and not path.is_symlink():
+                shutil.copy(path, place / f"sim{number}-{path.name}")
+
+
+def _scenario_file(request: pytest.FixtureRequest, marker: pytest.Mark) -> Path:
+    """The file that a marker names: beside the test, or from where pytest was started."""
+    if len(marker.args) != 1:
+        pytest.fail("a scenario marker names one file", pytrace=False)
+    beside: Path = request.path.parent / str(marker.args[0])
+    found: Path = beside if beside.exists() else request.config.rootpath / str(marker.args[0])
+    if not found.exists():
+        pytest.fail(f"there is no scenario {marker.args[0]}, neither beside the test nor in the root folder", pytrace=False)
+    return found
+
+
+@pytest.fixture
+def sim(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Simulator]]:
+    """Makes simulators: ``sim("mecanum", settings={...})``, ``sim(rig="worlds/two-and-two.toml")``."""
+    maker = Maker(request, tmp_path)
+    yield maker
+    maker.finish()
+
+
+@pytest.fixture
+def sim_r150(sim: Callable[..., Simulator]) -> Simulator:
+    """An R150."""
+    return sim("r150")
+
+
+@pytest.fixture
+def sim_mecanum(sim: Callable[..., Simulator]) -> Simulator:
+    """A mecanum car."""
+    return sim("mecanum")

@@ -1,0 +1,439 @@
+"""Starting, finding and using simulators."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Type, Union
+
+from .control import Control, ControlError, Event, NotReached, Value
+
+Json = Any
+PathLike = Union[str, "os.PathLike[str]"]
+Seconds = Union[str, float]
+
+_READY_WITHIN = 60.0
+_END_WITHIN = 30.0
+_REST_WITHIN = 120.0
+
+
+def program() -> str:
+    """The path of ``sim``: ``$SIM_PROGRAM``, the one of this package, or the one on the path."""
+    named = os.environ.get("SIM_PROGRAM")
+    if named:
+        return named
+    for folder in (sysconfig.get_path("scripts"), str(Path(sys.executable).parent)):
+        own = Path(folder) / "sim"
+        if own.is_file():
+            return str(own)
+    found = shutil.which("sim")
+    if found is None:
+        raise FileNotFoundError("there is no program `sim`: install the wheel, or set SIM_PROGRAM")
+    return found
+
+
+def span(value: Seconds) -> str:
+    """A time as files have it; plain numbers are seconds."""
+    return value if isinstance(value, str) else f"{value!r} s"
+
+
+class Step:
+    """Something that was done: a fault that can be cleared, a push that can be ended.
+
+    As a context manager it is undone at the end of the block.
+    """
+
+    def __init__(self, control: Control, name: str) -> None:
+        self._control = control
+        self.name = name
+
+    @property
+    def state(self) -> Dict[str, Json]:
+        """How far it is: ``state`` is waiting, active, done or failed."""
+        state: Dict[str, Json] = self._control.step(self.name)
+        return state
+
+    @property
+    def hits(self) -> int:
+        """How often its fault has hit something so far."""
+        return int(self.state["hits"])
+
+    def clear(self) -> None:
+        """Undoes it."""
+        self._control.clear(self.name)
+
+    def __enter__(self) -> "Step":
+        return self
+
+    def __exit__(
+        self,
+        kind: Optional[Type[BaseException]],
+        error: Optional[BaseException],
+        trace: Optional[TracebackType],
+    ) -> None:
+        try:
+            self.clear()
+        except ControlError:
+            # What went wrong in the block is told, and not that nobody was there afterwards.
+            if error is None:
+                raise
+
+
+class Device:
+    """A device of a simulator."""
+
+    def __init__(self, simulator: "Simulator", about: Mapping[str, Json], alone: bool) -> None:
+        self.simulator = simulator
+        self.name: str = about["name"]
+        self.kind: str = about["kind"]
+        self._prefix = "" if alone else f"{about['identifier']}."
+        self._ports: List[Dict[str, Json]] = about["ports"]
+
+    @property
+    def control(self) -> Control:
+        """The calls beneath."""
+        return self.simulator.control
+
+    @property
+    def port(self) -> str:
+        """The path of its port: open it as any serial port."""
+        return str(self._ports[0]["path"])
+
+    @property
+    def ports(self) -> Dict[str, str]:
+        """The paths of all its links, by their names."""
+        return {port["link"]: port["path"] for port in self._ports}
+
+    def get(self, name: str) -> Value:
+        """The value of a name of ``sim names`` now, as ``truth.speed_mps``."""
+        full = self._prefix + name
+        return self.control.values([full])[full]
+
+    def until(self, condition: str, within: Seconds = "5 s", message: Optional[str] = None) -> None:
+        """Waits until a condition holds, ``within`` simulated time; with several devices, names in it
+        begin with a device's. Raises :class:`NotReached`."""
+        self.simulator.until(condition, within, message)
+
+    def fault(self, kind: str, lasts: Optional[Seconds] = None, **parameters: Json) -> Step:
+        """Breaks something: a fault of ``sim faults`` with its parameters."""
+        named = {name.rstrip("_"): value for name, value in parameters.items()}
+        return self.step({"fault": {"kind": kind, **named}}, lasts)
+
+    def operator(self, action: str, value: Json = None, lasts: Optional[Seconds] = None) -> Step:
+        """Has somebody do something to it, as ``operator("emergency_stop", True)``."""
+        return self.step({"operator": action if value is None else {action: value}}, lasts)
+
+    def world(self, change: str, value: Json, lasts: Optional[Seconds] = None) -> Step:
+        """Changes something around it, as ``world("friction", 0.1)``."""
+        return self.step({"world": {change: value}}, lasts)
+
+    def step(self, step: Mapping[str, Json], lasts: Optional[Seconds] = None) -> Step:
+        """Has a step done, in the form of a scenario file's."""
+        whole = {"device": self.name, **step}
+        if lasts is not None:
+            whole["for"] = span(lasts)
+        return Step(self.control, self.control.add_step(whole)["name"])
+
+    @property
+    def report(self) -> List[Dict[str, Json]]:
+        """What the client did that is forbidden or risky, each with ``code``, ``count``, ``first`` and
+        ``first_s``; empty if nothing."""
+        devices = self.control.state()["devices"]
+        report: List[Dict[str, Json]] = next(one for one in devices if one["name"] == self.name)["report"]
+        return report
+
+
+class Simulator:
+    """A running simulator. As a context manager it ends with the block, if it was started here."""
+
+    def __init__(
+        self,
+        control: Control,
+        process: "Optional[subprocess.Popen[bytes]]" = None,
+        folder: "Optional[tempfile.TemporaryDirectory[str]]" = None,
+        log_path: Optional[Path] = None,
+        scenario: bool = False,
+    ) -> None:
+        self.control = control
+        self._scenario = scenario
+        self._process = process
+        self._folder = folder
+        self._log_path = log_path
+        state = control.state()
+        devices = state["devices"]
+        #: Whose time it is: ``real``, or ``lockstep`` under ``sim run``, where time goes on while this
+        #: program waits.
+        self.time: str = state["time"]
+        alone = len(devices) == 1
+        self.devices = {about["name"]: Device(self, about, alone) for about in devices}
+
+    @property
+    def device(self) -> Device:
+        """The first device."""
+        return next(iter(self.devices.values()))
+
+    def __getitem__(self, name: str) -> Device:
+        return self.devices[name]
+
+    def __getattr__(self, name: str) -> Any:
+        # With one device the simulator is as good as the device.
+        if name.startswith("_") or len(self.__dict__.get("devices", ())) != 1:
+            raise AttributeError(name)
+        return getattr(self.device, name)
+
+    @property
+    def joined(self) -> bool:
+        """Whether it was running already, and goes on when this is done."""
+        return self._process is None
+
+    @property
+    def folder(self) -> Optional[Path]:
+        """Where its ports, log and trace are, if it was started here."""
+        return self._log_path.parent if self._log_path else None
+
+    @property
+    def verdict(self) -> str:
+        """What it has said of the scenario; empty without one, or before its end."""
+        _, found, verdict = self.log.partition("\nFAILED")
+        return f"FAILED{verdict}" if found else ""
+
+    @property
+    def log(self) -> str:
+        """What it has printed so far."""
+        return self._log_path.read_text(errors="replace") if self._log_path else ""
+
+    def until(self, condition: str, within: Seconds = "5 s", message: Optional[str] = None) -> None:
+        """Waits until a condition holds, ``within`` simulated time. Raises :class:`NotReached`."""
+        expect = {"that": condition, "within": span(within)}
+        if message is not None:
+            expect["message"] = message
+        over = self.control.add_step({"expect": expect}, wait=True, timeout=3600.0)
+        if over["state"] != "done":
+            raise NotReached(over.get("why") or f"`{condition}` has not come to hold")
+
+    def get(self, name: str) -> Value:
+        """The value of a name now; with several devices it begins with one's, as ``car.truth.x_m``."""
+        return self.control.values([name])[name]
+
+    def clear(self) -> None:
+        """Undoes all that was done from here."""
+        self.control.clear()
+
+    def pause(self) -> None:
+        """Lets simulated time stand still."""
+        self.control.time("pause")
+
+    def go_on(self) -> None:
+        """Lets it go on."""
+        self.control.time("go_on")
+
+    def step_by(self, span_: Seconds) -> None:
+        """Lets so much pass, and then stand still; returns when it has passed."""
+        self.control.time({"step": span(span_)})
+
+    def advance(self, span_: Seconds) -> None:
+        """Waits for so much simulated time, in whatever time it is."""
+        now = self.now
+        step = {"at": span(span_), "expect": {"that": "true"}}
+        over = self.control.add_step(step, wait=True, timeout=3600.0)
+        if over["state"] != "done":
+            raise ControlError(f"{span_} from {now} s have not passed: {over.get('why')}")
+
+    @property
+    def now(self) -> float:
+        """Simulated time since the start, s."""
+        return float(self.control.state()["t"])
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds for each second of real time."""
+        return float(self.control.state()["speed"])
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        self.control.time({"speed": speed})
+
+    def events(
+        self,
+        *,
+        names: Sequence[str] = (),
+        rate: float = 10.0,
+        traffic: bool = False,
+        timeout: Optional[float] = None,
+    ) -> Iterator[Event]:
+        """What happens, as it happens; see :meth:`Control.events`."""
+        return self.control.events(names=names, rate=rate, traffic=traffic, timeout=timeout)
+
+    def close(self) -> int:
+        """Ends a simulator that was started here; gives its exit code."""
+        process, self._process = self._process, None
+        if process is None:
+            return 0
+        try:
+            if self._scenario and process.poll() is None:
+                self._play_the_rest(process)
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            return process.wait(_END_WITHIN)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
+        finally:
+            if self._folder is not None:
+                self._folder.cleanup()
+
+    def _play_the_rest(self, process: "subprocess.Popen[bytes]") -> None:
+        """The rest of a scenario shows what becomes of the vehicle; if it has begun at all."""
+        try:
+            if self.now > 0:
+                self.control.time({"speed": 100})
+                self.control.time("go_on")
+                process.wait(_REST_WITHIN)
+        except (ControlError, subprocess.TimeoutExpired):
+            # It has ended by now, or is ended.
+            pass
+
+    def __enter__(self) -> "Simulator":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def start(
+    device: str = "r150",
+    *,
+    rig: Optional[PathLike] = None,
+    scenario: Optional[PathLike] = None,
+    world: Optional[PathLike] = None,
+    settings: Optional[Mapping[str, object]] = None,
+    seed: Optional[int] = None,
+    speed: float = 1.0,
+    folder: Optional[PathLike] = None,
+    trace: Optional[PathLike] = None,
+    arguments: Sequence[str] = (),
+) -> Simulator:
+    """Starts a simulator and waits until clients can connect.
+
+    Either one ``device``, or the devices of a ``rig`` file or of a ``scenario``, whose steps happen then.
+    ``settings`` are those of ``sim config``,
+    as ``{"r150.heartbeat_timeout": "5s"}``; ``arguments`` go to ``sim`` as they are. Ports and log are
+    in ``folder``, or in a new one that goes with the simulator; ``trace`` is written if it is named.
+    """
+    own = None
+    if folder is None:
+        own = tempfile.TemporaryDirectory(prefix="rigsim-")
+        folder = own.name
+    place = Path(folder).absolute()
+    ready, log = place / "ready", place / "sim.log"
+    command = [program(), "--control", "127.0.0.1:0", "--ready-file", str(ready), "--speed", repr(speed), "-v"]
+    if rig is not None:
+        command += ["--rig", str(rig)]
+    elif scenario is not None:
+        command += ["--scenario", str(scenario), "--pty", str(place / "port")]
+    else:
+        command += ["--device", device, "--pty", str(place / device)]
+        if world is not None:
+            command += ["--world", str(world)]
+    if seed is not None:
+        command += ["--seed", str(seed)]
+    for key, value in (settings or {}).items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        command += ["--set", f"{key}={text}"]
+    if trace is not None:
+        command += ["--trace", str(trace)]
+    command += arguments
+    with log.open("wb") as out:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT)
+    try:
+        return Simulator(Control(_wait_for_control(process, ready, log)), process, own, log, scenario is not None)
+    except BaseException:
+        process.kill()
+        process.wait()
+        if own is not None:
+            own.cleanup()
+        raise
+
+
+def _wait_for_control(process: "subprocess.Popen[bytes]", ready: Path, log: Path) -> str:
+    """The URL of a simulator that has just been started."""
+    end = time.monotonic() + _READY_WITHIN
+    while not ready.exists():
+        if process.poll() is not None:
+            raise ControlError(f"the simulator ended at once:\n{log.read_text(errors='replace')}")
+        if time.monotonic() > end:
+            raise ControlError(f"the simulator is not ready:\n{log.read_text(errors='replace')}")
+        time.sleep(0.01)
+    for session in _sessions():
+        if session["pid"] == process.pid:
+            return str(session["url"])
+    raise ControlError("the simulator has left no file that says where it is controlled")
+
+
+def find(port: Optional[PathLike] = None) -> Simulator:
+    """A simulator of this user that runs with ``--control``: the one that serves ``port``, or the only
+    one."""
+    sessions = _sessions()
+    if port is not None:
+        wanted = os.path.realpath(port)
+        sessions = [
+            session
+            for session in sessions
+            if any(str(port) == own or os.path.realpath(own) == wanted for own in session["ports"])
+        ]
+    if len(sessions) != 1:
+        told = "none" if not sessions else f"{len(sessions)} of them"
+        which = f" that serves {port}" if port is not None else ""
+        raise ControlError(f"one simulator with --control{which} has to run, and there is {told}")
+    return connect(sessions[0]["url"])
+
+
+def connect(url: Optional[str] = None) -> Simulator:
+    """The simulator at a URL as it prints it; under ``sim run --control``, that of ``$SIM_CONTROL``."""
+    url = url or os.environ.get("SIM_CONTROL")
+    if not url:
+        raise ControlError("there is no simulator: `sim run` sets SIM_CONTROL when it has --control")
+    return Simulator(Control(url))
+
+
+def joinable() -> bool:
+    """Whether this program is the client of a ``sim run`` that can be controlled."""
+    if os.environ.get("SIM_CONTROL"):
+        return True
+    if os.environ.get("SIM_SCENARIO"):
+        raise ControlError("`sim run` plays this program, but without `--control 127.0.0.1:0`; add that")
+    return False
+
+
+def _sessions() -> List[Dict[str, Json]]:
+    """What running simulators have written into the folder of theirs."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    folder = Path(runtime) / "sim" if runtime.startswith("/") else Path(f"/tmp/sim-control-{os.geteuid()}")
+    try:
+        about = folder.lstat()
+    except FileNotFoundError:
+        return []
+    if about.st_uid != os.geteuid() or about.st_mode & 0o077 or not folder.is_dir():
+        raise ControlError(f"{folder} has to be a folder of yours that nobody else can enter")
+    found = []
+    for path in sorted(folder.glob("*.json")):
+        try:
+            with path.open() as file:
+                # A simulator holds a lock on its file as long as it runs.
+                try:
+                    fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    found.append(json.load(file))
+        except (FileNotFoundError, ValueError):
+            continue
+    return found

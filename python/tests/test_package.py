@@ -1,0 +1,162 @@
+"""The installed package and its plugin, as users have them."""
+
+import os
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+import rigsim
+
+pytest_plugins = ["pytester"]
+HEARTBEAT = bytes.fromhex("AA 55 00 07 C7 84")
+STAND = 'schema = 1\ntitle = "Stand"\ngood_client = "Any."\nlimit = "%s"\ndevice = [{ kind = "r150" }]\n'
+
+
+def ask(port):
+    """A heartbeat is answered."""
+    file = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        os.write(file, HEARTBEAT)
+        answer = b""
+        while len(answer) < 7:
+            answer += os.read(file, 7)
+        return answer
+    finally:
+        os.close(file)
+
+
+def test_a_fault_lasts_as_long_as_its_block(sim_r150):
+    with sim_r150.fault("mute", direction="to-client") as fault:
+        assert fault.state["state"] == "active" and fault.hits == 0
+    assert fault.state["state"] == "done"
+    assert ask(sim_r150.port)[3] == 0x07
+    assert sim_r150.report == []
+    while "heartbeat" not in sim_r150.log:
+        time.sleep(0.01)
+    assert sim_r150.get("truth.at_rest") in (True, False) and sim_r150.get("truth.speed_mps") == 0.0
+
+
+def test_what_is_wrong_is_said_in_words(sim_r150):
+    with pytest.raises(rigsim.Refused, match="did you mean"):
+        sim_r150.get("truth.sped_mps")
+    with pytest.raises(rigsim.Refused, match="fault.kind"):
+        sim_r150.fault("nonsense")
+    with pytest.raises(rigsim.NotReached, match="far: expected `truth.x_m > 5`, but truth.x_m = 0"):
+        sim_r150.until("truth.x_m > 5", within=0.01, message="far")
+
+
+def test_a_running_simulator_is_found_by_its_port(sim):
+    one, other = sim("r150"), sim("mecanum")
+    assert rigsim.find(one.port).control.url == one.control.url
+    assert rigsim.find(other.port).device.kind == "mecanum"
+    with pytest.raises(rigsim.ControlError, match="that serves /nowhere"):
+        rigsim.find("/nowhere")
+
+
+@pytest.mark.sim(settings={"world.slope": "1 deg"}, seed=9)
+def test_a_marker_says_how_it_is_started(sim_r150):
+    assert sim_r150.control.state()["seed"] == 9
+    assert "world.slope" in sim_r150.log
+
+
+def test_time_and_events(sim_mecanum):
+    events = sim_mecanum.events(names=["truth.x_m"], rate=50, timeout=60)
+    assert next(event for event in events if event.kind == "values").data["values"] == {"truth.x_m": 0.0}
+    sim_mecanum.pause()
+    before = sim_mecanum.now
+    sim_mecanum.step_by("30 ms")
+    assert sim_mecanum.now - before == pytest.approx(0.03)
+    sim_mecanum.speed = 5
+    assert sim_mecanum.speed == 5
+    sim_mecanum.go_on()
+    sim_mecanum.advance("50 ms")
+    assert next(event for event in events if event.kind == "time").data["paused"]
+
+
+def test_a_test_that_fails_shows_and_keeps_what_happened(pytester):
+    pytester.makepyfile(
+        """
+        def test_it(sim_r150):
+            with sim_r150.operator("push", {"ahead": "3000 N"}):
+                sim_r150.until("truth.x_m > 0.1", within="60 s")
+            sim_r150.operator("lock")
+            assert False
+        """
+    )
+    result = pytester.runpytest_subprocess("--sim-keep", "kept", "-p", "no:cacheprovider")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*- simulator, to its teardown -*", "*operator: lock*"])
+    (folder,) = (pytester.path / "kept").iterdir()
+    names = {path.name for path in folder.iterdir()}
+    assert {"sim1-sim.log", "sim1-trace.jsonl", "sim1-picture.svg"} <= names
+    assert "<polyline" in (folder / "sim1-picture.svg").read_text()
+    assert subprocess.run([rigsim.program(), "replay", folder / "sim1-trace.jsonl"]).returncode == 0
+
+
+def test_a_scenario_judges_a_test(pytester):
+    stand = STAND % "500 ms"
+    (pytester.path / "good.toml").write_text(stand)
+    (pytester.path / "bad.toml").write_text(stand + '[[never]]\nthat = "t > 0.2"\nmessage = "too late"\n')
+    pytester.makepyfile(
+        """
+        import os, pytest
+
+        @pytest.mark.scenario("good.toml")
+        def test_good(sim_r150):
+            os.close(os.open(sim_r150.port, os.O_RDWR | os.O_NOCTTY))
+            sim_r150.until("t > 0.01", within="60 s")
+
+        @pytest.mark.scenario("bad.toml")
+        def test_bad(sim_r150):
+            os.close(os.open(sim_r150.port, os.O_RDWR | os.O_NOCTTY))
+            sim_r150.until("t > 0.01", within="60 s")
+        """
+    )
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    result.assert_outcomes(passed=2, errors=1)
+    result.stdout.fnmatch_lines(["*too late*"])
+
+
+def test_tests_run_in_parallel(pytester):
+    pytest.importorskip("xdist")
+    pytester.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.parametrize("number", range(4))
+        def test_it(sim_r150, number):
+            assert sim_r150.get("truth.x_m") == 0
+        """
+    )
+    result = pytester.runpytest_subprocess("-n", "2", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=4)
+
+
+TEST = """
+def test_it(sim_r150):
+    import os
+    file = os.open(sim_r150.port, os.O_RDWR | os.O_NOCTTY)
+    assert sim_r150.joined and sim_r150.time == "lockstep"
+    with sim_r150.fault("mute", direction="to-client"):
+        sim_r150.advance("100 s")
+    sim_r150.until("t > 200", within="200 s")
+    os.close(file)
+"""
+
+
+def test_the_fixtures_join_the_run_that_plays_them(tmp_path):
+    (tmp_path / "stand.toml").write_text(STAND % "10 min")
+    (tmp_path / "test_it.py").write_text(textwrap.dedent(TEST))
+    client = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"]
+
+    def run(*flags):
+        command = [rigsim.program(), "run", "--seed", "1", *flags, "stand.toml", "--", *client]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+
+    ended = run("--control", "127.0.0.1:0")
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert "not repeatable" not in ended.stdout
+    ended = run()
+    assert ended.returncode == 1 and "--control 127.0.0.1:0" in ended.stdout, ended.stdout + ended.stderr
