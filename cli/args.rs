@@ -43,7 +43,7 @@ Examples:
       A mecanum car with both of its links, in a yard with walls.
   sim --rig my-rig.toml
       Several devices of either kind in one world.
-  sim --pty /tmp/r150 --scenario scenarios/r150/cable-pulled.toml
+  sim --pty /tmp/r150 --scenario scenarios/r150/faults/cable-pulled.toml
       The faults of a scenario against whatever client opens /tmp/r150, and a verdict.
   sim run scenarios/r150 -- python3 my_client.py
       Your client through every scenario, one after the other: for CI. `sim run --help`.";
@@ -62,6 +62,10 @@ Examples:
       For CI: JUnit XML, traces and reports for `sim replay`, four at a time.
   sim run --report report.html scenarios
       A page with all verdicts, and pictures of what happened.
+  sim run --job my-job.toml scenarios/r150/faults -- ./client
+      Every fault within a job of your own.
+  sim run --set r150.heartbeat_timeout=2s --param pwm=300,600 my.toml -- ./client
+      Your vehicle's settings, and each value of a parameter of the file as a case of its own.
   sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
       Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
 
@@ -189,12 +193,14 @@ pub(crate) enum Command {
     Config(SettingsArgs),
     /// Play scenario files and say pass or fail, in simulated time: with their scripted client, or with
     /// yours.
-    Run(RunArgs),
+    Run(Box<RunArgs>),
     /// Read scenario files and say what is wrong with them, without playing them.
     Check {
         /// Files, or folders of them.
         #[arg(required = true)]
         files: Vec<PathBuf>,
+        #[command(flatten)]
+        given: GivenArgs,
     },
     /// Play a trace of `run --output` again; the devices must do the same to the last byte.
     Replay {
@@ -254,6 +260,10 @@ pub(crate) struct RunArgs {
     /// How many scenarios to play at a time [default: one for each core, but 1 with a client in real time].
     #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) jobs: Option<u32>,
+    #[command(flatten)]
+    pub(crate) given: GivenArgs,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
     /// Seed of everything random, instead of the file's or a random one.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -315,6 +325,22 @@ pub(crate) struct RunArgs {
     /// Read everything, say what would be played with which seed and ports, and play nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
+}
+
+/// What scenario files are read with.
+#[derive(Debug, Default, Args)]
+pub(crate) struct GivenArgs {
+    /// Play fault files within this job: a scenario file with devices, a world, a limit and the verdicts
+    /// of its mission. It takes the place of the file with the devices that they are based on.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) job: Option<PathBuf>,
+    /// Give a parameter of the files a value, as in --param pwm=300; with several, as in --param
+    /// pwm=300,600,1000, each is a case of its own, and each with each of another parameter.
+    #[arg(long, value_name = "NAME=VALUE", action = ArgAction::Append)]
+    pub(crate) param: Vec<String>,
+    /// Build the world from this file instead of those that the files name.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) world: Option<PathBuf>,
 }
 
 /// Which part of a trace to print, and how.

@@ -48,7 +48,7 @@ pub fn main(devices: Devices) -> ExitCode {
         match &cli.command {
             Some(Command::Config(settings)) => config::print(devices, settings),
             Some(Command::Run(args)) => run::run(devices, args),
-            Some(Command::Check { files }) => run::check(devices, files),
+            Some(Command::Check { files, given }) => run::check(devices, files, given),
             Some(Command::Replay { trace }) => replay::replay(devices, trace),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client, folder }) => {

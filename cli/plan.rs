@@ -13,7 +13,7 @@ use sim_settings::Source;
 use crate::args::ServeArgs;
 use crate::config;
 use crate::exit::Failure;
-use crate::scenario_files::{self, Loaded};
+use crate::scenario_files::{self, Given, Loaded};
 use crate::visible;
 
 /// Makes the plan that the flags ask for.
@@ -34,15 +34,12 @@ pub(crate) fn plan(devices: Devices, args: &ServeArgs) -> Result<Loaded, Failure
 
 /// The scenario's devices, the first of which is served where the flags say.
 fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Loaded, Failure> {
-    let base = config::load_file(devices, &args.settings)?;
-    let mut loaded = scenario_files::load(file, &base)?;
+    let given = Given {
+        set: &args.settings.set,
+        ..Given::plain(config::load_file(devices, &args.settings)?)
+    };
+    let mut loaded = scenario_files::load(file, &given)?;
     let scenario = Arc::make_mut(&mut loaded.scenario);
-    // Flags win over files, for each device.
-    config::apply_flags(&args.settings, &mut scenario.rig.settings)?;
-    for device in &mut scenario.rig.devices {
-        config::apply_flags(&args.settings, &mut device.settings)?;
-        config::check(&device.settings)?;
-    }
     let Some(first) = scenario.rig.devices.first_mut() else {
         return Err(Failure::usage(anyhow!("the scenario has no device")));
     };

@@ -19,12 +19,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use sim_core::device::Devices;
+use sim_core::settings::SimSettings;
 
-use crate::args::{RunArgs, TimeArg};
+use crate::args::{GivenArgs, RunArgs, TimeArg};
+use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 use crate::report::Report;
-use crate::scenario_files::{Loaded, find, load_all};
+use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::start::random_seed;
 use crate::supervise::adopt_orphans;
 use crate::visible;
@@ -38,7 +40,9 @@ pub(crate) use trace_file::TraceFile;
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
-    let mut loaded = load_all(devices, &find(&args.files, args.filter.as_deref())?)?;
+    let settings = config::load_file(devices, &args.settings)?;
+    let given = Given::new(settings, &args.given, &args.settings.set)?;
+    let mut loaded = load_all(&given, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
         loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
     }
@@ -142,8 +146,13 @@ impl Audience for Told<'_> {
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
-pub(crate) fn check(devices: Devices, files: &[PathBuf]) -> Result<Exit, Failure> {
-    let loaded = load_all(devices, &find(files, None)?)?;
+pub(crate) fn check(
+    devices: Devices,
+    files: &[PathBuf],
+    given: &GivenArgs,
+) -> Result<Exit, Failure> {
+    let given = Given::new(SimSettings::new(devices), given, &[])?;
+    let loaded = load_all(&given, &find(files, None)?)?;
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),

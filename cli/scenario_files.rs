@@ -7,14 +7,15 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
-use sim_runner::scenario::is_scenario_file;
+use sim_runner::scenario::{Glance, Texts, is_scenario_file};
 use sim_runner::{RigPlan, Run, RunOptions, Scenario};
 use sim_settings::Source;
 
+use crate::args::GivenArgs;
 use crate::config;
 use crate::exit::Failure;
+use crate::print::complain;
 use crate::visible;
 
 /// Most scenario files of one call.
@@ -27,6 +28,8 @@ pub(crate) struct Loaded {
     pub(crate) scenario: Arc<Scenario>,
     /// Name and text.
     world: Option<(String, String)>,
+    /// The parameters that were given.
+    pub(crate) case: Vec<(String, String)>,
 }
 
 impl Loaded {
@@ -44,6 +47,7 @@ impl Loaded {
             path,
             scenario: Arc::new(Scenario::serving(rig)),
             world: world.map(read).transpose()?,
+            case: Vec::new(),
         })
     }
 
@@ -68,7 +72,35 @@ impl Loaded {
             _ => None,
         });
         let parts: Vec<&OsStr> = parts.collect();
-        parts.join(OsStr::new("-"))
+        let mut stem = parts.join(OsStr::new("-"));
+        for (name, value) in &self.case {
+            let letter = |c: char| {
+                if c.is_ascii_alphanumeric() || c == '.' {
+                    c
+                } else {
+                    '_'
+                }
+            };
+            let value: String = value.chars().map(letter).collect();
+            stem.push(format!("-{name}-{value}"));
+        }
+        stem
+    }
+
+    /// What it is called: its path, and the parameters that were given.
+    pub(crate) fn name(&self) -> String {
+        let case = self.case.iter();
+        let case: Vec<String> = case
+            .map(|(name, value)| format!("{name}={value}"))
+            .collect();
+        match case.as_slice() {
+            [] => visible::name(&self.path),
+            case => format!(
+                "{} {}",
+                visible::name(&self.path),
+                visible::line(&case.join(" "))
+            ),
+        }
     }
 }
 
@@ -118,15 +150,88 @@ fn is_hidden(path: &Path) -> bool {
         .is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
 
-/// Reads all, or says what is wrong with each.
-pub(crate) fn load_all(devices: Devices, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
+/// Most files that are based on one another.
+const MOST_BASES: usize = 8;
+/// Most combinations of parameters of one file.
+const MOST_CASES: usize = 10_000;
+
+/// What files are read with.
+pub(crate) struct Given<'a> {
+    pub(crate) base: SimSettings,
+    /// The job for fault files.
+    pub(crate) job: Option<&'a Path>,
+    /// Parameters and their values.
+    pub(crate) parameters: Vec<(String, Vec<String>)>,
+    /// Settings that win over the files'.
+    pub(crate) set: &'a [String],
+    /// The world that wins over the files'.
+    pub(crate) world: Option<&'a Path>,
+}
+
+impl<'a> Given<'a> {
+    /// What flags say; settings of their own go into `base`.
+    pub(crate) fn new(
+        base: SimSettings,
+        args: &'a GivenArgs,
+        set: &'a [String],
+    ) -> Result<Self, Failure> {
+        let mut parameters: Vec<(String, Vec<String>)> = Vec::new();
+        for text in &args.param {
+            let (name, values) = text.split_once('=').ok_or_else(|| {
+                let why = anyhow!("--param {text}: wanted NAME=VALUE, as in --param pwm=300");
+                Failure::usage(why)
+            })?;
+            let values = values.split(',').map(str::to_owned).collect();
+            parameters.push((name.to_owned(), values));
+        }
+        Ok(Self {
+            base,
+            job: args.job.as_deref(),
+            parameters,
+            set,
+            world: args.world.as_deref(),
+        })
+    }
+
+    /// Nothing but settings.
+    pub(crate) fn plain(base: SimSettings) -> Given<'static> {
+        Given {
+            base,
+            job: None,
+            parameters: Vec::new(),
+            set: &[],
+            world: None,
+        }
+    }
+}
+
+/// Reads all, each with each combination of its parameters; or says what is wrong with each. World and
+/// rig files that lie among them are named and left out.
+pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
+    if let Some(job) = given.job {
+        // Said once, and not of each file.
+        config::read(job, "job")?;
+    }
     let mut errors = Vec::new();
     let mut loaded = Vec::new();
+    let mut used = BTreeSet::new();
     for path in files {
-        match load(path, &SimSettings::new(devices)) {
-            Ok(one) => loaded.push(one),
+        match load_cases(given, path, &mut used) {
+            Ok(cases) => loaded.extend(cases),
             Err(failure) => errors.push(format!("{:#}", failure.error)),
         }
+    }
+    let unused = given
+        .parameters
+        .iter()
+        .find(|(name, _)| !used.contains(name));
+    if let Some((name, _)) = unused.filter(|_| errors.is_empty()) {
+        errors.push(format!(
+            "--param {name}: no file has a parameter of this name"
+        ));
+    }
+    if errors.is_empty() && loaded.is_empty() {
+        errors.push("no scenario file is there: nothing to run".to_owned());
     }
     if errors.is_empty() {
         Ok(loaded)
@@ -135,29 +240,151 @@ pub(crate) fn load_all(devices: Devices, files: &[PathBuf]) -> Result<Vec<Loaded
     }
 }
 
-/// Reads one, with `base` for what it does not set.
-pub(crate) fn load(path: &Path, base: &SimSettings) -> Result<Loaded, Failure> {
-    let text = config::read(path, "scenario file")?;
-    let shown = visible::name(path);
-    let source = Source {
-        file: &shown,
-        text: &text,
-    };
-    let scenario = Scenario::parse(source, base).map_err(Failure::usage)?;
-    for device in &scenario.rig.devices {
-        config::check(&device.settings)?;
+fn load_cases(
+    given: &Given<'_>,
+    path: &Path,
+    used: &mut BTreeSet<String>,
+) -> Result<Vec<Loaded>, Failure> {
+    let chain = Chain::read(given, path)?;
+    if let Some(kind) = chain.other_kind() {
+        let shown = visible::name(path);
+        complain(&format!("{shown} looks like a {kind} file and is left out"));
+        return Ok(Vec::new());
     }
-    let mut loaded = Loaded {
-        path: path.to_owned(),
-        scenario: Arc::new(scenario),
-        world: None,
-    };
-    if let Some(world) = loaded.scenario.world() {
-        let world = loaded.folder().join(world);
-        let text = config::read(&world, "world file")?;
-        loaded.world = Some((visible::name(&world), text));
+    let own: Vec<&(String, Vec<String>)> = given
+        .parameters
+        .iter()
+        .filter(|(name, _)| chain.parameters.contains(name))
+        .collect();
+    used.extend(own.iter().map(|(name, _)| name.clone()));
+    let mut cases: Vec<Vec<(String, String)>> = vec![Vec::new()];
+    for (name, values) in own {
+        let with = |case: &Vec<(String, String)>| {
+            let values = values.iter().map(|value| (name.clone(), value.clone()));
+            let case = case.clone();
+            values
+                .map(move |value| [case.clone(), vec![value]].concat())
+                .collect::<Vec<_>>()
+        };
+        cases = cases.iter().flat_map(with).collect();
+        if cases.len() > MOST_CASES {
+            let why = anyhow!("{MOST_CASES} combinations of parameters are the most of one file");
+            return Err(Failure::usage(why));
+        }
     }
-    // A world that is wrong is found now, not when others have been played.
-    loaded.run(RunOptions::scripted(0))?;
-    Ok(loaded)
+    cases.iter().map(|case| chain.load(given, case)).collect()
+}
+
+/// Reads one, with `given` for what it does not set.
+pub(crate) fn load(path: &Path, given: &Given<'_>) -> Result<Loaded, Failure> {
+    Chain::read(given, path)?.load(given, &[])
+}
+
+/// A file with those that it is based on.
+struct Chain {
+    path: PathBuf,
+    /// Names and texts.
+    files: Vec<(String, String)>,
+    /// The names of all their parameters.
+    parameters: BTreeSet<String>,
+    /// The keys of the first.
+    keys: BTreeSet<String>,
+    world: Option<PathBuf>,
+}
+
+impl Chain {
+    fn read(given: &Given<'_>, path: &Path) -> Result<Self, Failure> {
+        let mut chain = Self {
+            path: path.to_owned(),
+            files: Vec::new(),
+            parameters: BTreeSet::new(),
+            keys: BTreeSet::new(),
+            world: given.world.map(Path::to_owned),
+        };
+        let mut job = given.job;
+        let mut next = Some(path.to_owned());
+        while let Some(path) = next.take() {
+            if chain.files.len() >= MOST_BASES {
+                let why = anyhow!(
+                    "{}: more than {MOST_BASES} files are based on one another, perhaps in a circle",
+                    visible::name(&chain.path)
+                );
+                return Err(Failure::usage(why));
+            }
+            let what = if chain.files.is_empty() {
+                "scenario file"
+            } else {
+                "base"
+            };
+            let text = config::read(&path, what)?;
+            let glance = Glance::at(&text);
+            let has_devices = glance.keys.contains("device");
+            if has_devices && chain.files.is_empty() && given.job.is_some() {
+                let why = anyhow!(
+                    "{} has devices of its own, so it is no fault file for --job",
+                    visible::name(&path)
+                );
+                return Err(Failure::usage(why));
+            }
+            if let Some(own) = job.filter(|_| has_devices) {
+                next = Some(own.to_owned());
+                job = None;
+                continue;
+            }
+            let folder = path.parent().unwrap_or(Path::new(""));
+            let base = glance.base.map(|base| folder.join(base));
+            if chain.world.is_none() {
+                chain.world = glance.world.map(|world| folder.join(world));
+            }
+            if chain.files.is_empty() {
+                chain.keys = glance.keys;
+            }
+            chain.parameters.extend(glance.parameters);
+            chain.files.push((visible::name(&path), text));
+            // Without a base it has no devices, which the job has.
+            next = base.or_else(|| job.take().map(Path::to_owned));
+        }
+        Ok(chain)
+    }
+
+    /// What it looks like if it is no scenario.
+    fn other_kind(&self) -> Option<&'static str> {
+        let has = |key: &&str| self.keys.contains(*key);
+        if ["title", "limit", "step", "base"].iter().any(has) {
+            return None;
+        }
+        let things = ["wall", "box", "circle", "slope", "friction", "tag", "strip"];
+        match (things.iter().any(has), has(&"device")) {
+            (true, false) => Some("world"),
+            (false, true) if has(&"schema") && !has(&"good_client") => Some("rig"),
+            _ => None,
+        }
+    }
+
+    fn load(&self, given: &Given<'_>, parameters: &[(String, String)]) -> Result<Loaded, Failure> {
+        let files = self.files.iter();
+        let files: Vec<Source<'_>> = files.map(|(file, text)| Source { file, text }).collect();
+        let texts = Texts {
+            files: &files,
+            parameters,
+            set: given.set,
+        };
+        let scenario = Scenario::compose(texts, &given.base).map_err(Failure::usage)?;
+        for device in &scenario.rig.devices {
+            config::check(&device.settings)?;
+        }
+        let world = |path: &PathBuf| {
+            let text = config::read(path, "world file")?;
+            Ok((visible::name(path), text))
+        };
+        let loaded = Loaded {
+            path: self.path.clone(),
+            scenario: Arc::new(scenario),
+            world: self.world.as_ref().map(world).transpose()?,
+            case: parameters.to_vec(),
+        };
+        // A world that is wrong is found now, not when others have been played.
+        loaded.run(RunOptions::scripted(0))?;
+        Ok(loaded)
+    }
 }

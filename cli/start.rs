@@ -89,7 +89,7 @@ impl Session {
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
         let ports = open_all(
-            plan,
+            &loaded.scenario,
             &loaded.folder(),
             serial,
             &Elsewhere::Unlinked,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use sim_core::rig::PortId;
 use sim_pty::{ListenAddress, Port, PtyPort, PtySetup, SerialPort};
-use sim_runner::RigPlan;
+use sim_runner::{RigPlan, Scenario};
 
 use crate::served::Served;
 use sim_pty::PortError;
@@ -23,23 +23,26 @@ const DESCRIPTORS_OF_A_PORT: u64 = 4;
 /// More than a program needs beside its ports: several runs at a time have ports of their own.
 const OTHER_DESCRIPTORS: u64 = 512;
 
-/// Opens every port of the plan; relative paths are relative to `folder`, and URLs are where to listen
+/// Opens every port that a client may open, which are all but those of devices that the script is the
+/// client of; relative paths are relative to `folder`, and URLs are where to listen
 /// on the network. The first device's first link is served on the real port `serial`, if one is
 /// named. Pseudo-terminals are set up as `setup` says, but for the speed, which is the device's own.
 ///
 /// # Errors
 /// When a port cannot be made or opened.
 pub fn open_all(
-    plan: &RigPlan,
+    scenario: &Scenario,
     folder: &Path,
     serial: Option<&Path>,
     elsewhere: &Elsewhere<'_>,
     setup: PtySetup,
 ) -> Result<Vec<Served>, PortError> {
+    let plan = &scenario.rig;
     let links: usize = plan.devices.iter().map(|device| device.links().len()).sum();
     sim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links as u64);
     let mut ports = Vec::new();
-    for (device, planned) in plan.devices.iter().enumerate() {
+    let devices = plan.devices.iter().enumerate();
+    for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
         for link in planned.links() {
             let id = PortId {
                 device,

@@ -33,7 +33,13 @@ impl Spawned {
         let plan = &run.scenario().rig;
         let names = plan.devices.iter().map(|device| device.name.clone());
         let names = names.collect();
-        let ports = open_all(plan, folder, None, &Elsewhere::Unlinked, PtySetup::raw(0))?;
+        let ports = open_all(
+            run.scenario(),
+            folder,
+            None,
+            &Elsewhere::Unlinked,
+            PtySetup::raw(0),
+        )?;
         let paths = ports.iter().map(|port| (port.id, port.path.clone()));
         let paths = paths.collect();
         let waiter = Waiter::new()?;

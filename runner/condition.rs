@@ -6,7 +6,8 @@
 //!
 //! `t` is the time since the start in seconds. Every other name is the name of a device, a dot, and
 //! a name of the device: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
-//! a device's name is written `_`. `saved.x0` is what a step has remembered under that name.
+//! a device's name is written `_`. `saved.x0` is what a step has remembered under that name, and
+//! `param.pwm` a parameter.
 //!
 //! All this is checked when the file is read: a condition that passed cannot fail for a name, a
 //! function or a type.
@@ -55,6 +56,15 @@ pub enum Value {
     Flag(bool),
 }
 
+impl From<Value> for Reading {
+    fn from(value: Value) -> Self {
+        match value {
+            Value::Number(number) => Self::Number(number),
+            Value::Flag(flag) => Self::Flag(flag),
+        }
+    }
+}
+
 /// Where the value of a name comes from.
 #[derive(Debug, Clone, Copy)]
 enum Origin {
@@ -62,6 +72,8 @@ enum Origin {
     Device(usize, Getter),
     /// What a step has remembered, by its index.
     Saved(usize),
+    /// A parameter.
+    Fixed(Value),
 }
 
 /// A value that a step remembers.
@@ -198,11 +210,11 @@ impl Origin {
     fn read(self, situation: Situation<'_>) -> Reading {
         match self {
             Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),
-            Self::Saved(index) => match situation.saved.get(index) {
-                Some(Some(Value::Number(number))) => Reading::Number(*number),
-                Some(Some(Value::Flag(flag))) => Reading::Flag(*flag),
-                _ => Reading::Number(0.0),
-            },
+            Self::Saved(index) => {
+                let value = situation.saved.get(index).copied().flatten();
+                value.map_or(Reading::Number(0.0), Reading::from)
+            }
+            Self::Fixed(value) => value.into(),
             Self::Device(index, getter) => {
                 let Situation { rig, observed, .. } = situation;
                 match (rig.any_device(index), observed.get(index)) {

@@ -11,6 +11,7 @@ pub mod rig_file;
 pub mod run;
 pub mod scenario;
 mod schema;
+mod sources;
 mod suggest;
 mod tables;
 pub mod trace;

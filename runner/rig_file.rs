@@ -29,11 +29,12 @@ use serde_json::{Map, Value, json};
 use sim_core::device::{DeviceSpec, Devices};
 use sim_core::settings::SimSettings;
 use sim_physics::Pose;
-use sim_settings::{Angle, Length, Origin, SettingsError, Source, apply_table, shorten};
+use sim_settings::{Angle, Length, SettingsError, Source, apply_table};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::schema;
+use crate::sources::Sources;
 use crate::suggest::or_allowed;
 use crate::tables::{self, Tables};
 
@@ -106,73 +107,75 @@ impl RigPlan {
     pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
         let file: RigText = toml::from_str(source.text)
             .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))?;
-        Self::check(source, base, file)
+        let sources = Sources(&[source]);
+        let tables = sources.tables(0).map_err(|line| RigFileError(vec![line]))?;
+        let (plan, wrong) = Self::check(sources, &Tables(tables), base, file);
+        match plan {
+            Some(plan) if wrong.is_empty() => Ok(plan),
+            _ => Err(RigFileError(wrong)),
+        }
     }
 
-    /// What a file says that has these tables, and perhaps others.
+    /// What a file says that has these tables, and perhaps others; and lines about what is wrong with
+    /// it. There is no plan without every device.
     pub(crate) fn check(
-        source: Source<'_>,
+        sources: Sources<'_>,
+        tables: &Tables<'_>,
         base: &SimSettings,
         file: RigText,
-    ) -> Result<Self, RigFileError> {
-        let wrong =
-            |origin: Origin, why: String| RigFileError(vec![format!("{origin}: {}", shorten(why))]);
-        let at = |span: std::ops::Range<usize>, why: String| wrong(source.place(span.start), why);
+    ) -> (Option<Self>, Vec<String>) {
+        let mut wrong = Vec::new();
         if *file.schema.get_ref() != 1 {
-            return Err(at(
-                file.schema.span(),
-                "`schema`: only schema 1 is known".to_owned(),
-            ));
+            wrong.push(sources.wrong(file.schema.span().start, "only schema 1 is known"));
         }
         if file.device.is_empty() || file.device.len() > MOST_DEVICES {
             let why = format!("a rig has 1 to {MOST_DEVICES} [[device]] tables");
-            return Err(at(0..0, why));
+            let place = sources.place(0);
+            wrong.push(format!("{place}: {why}"));
+            return (None, wrong);
         }
-        let tables = Tables::parse(source)?;
         let mut settings = base.clone();
         if let Some(table) = tables.table("settings") {
-            apply_table(source, table, "", &mut settings)?;
+            wrong.extend(applied(sources, table, "", &mut settings));
+        }
+        let mut texts = Vec::new();
+        for (index, device) in file.device.iter().enumerate() {
+            let own = tables.of("device", index).cloned().unwrap_or_default();
+            match OwnText::read(sources, base.table(), own, device.span()) {
+                Ok(text) => texts.push(text),
+                Err(line) => wrong.push(line),
+            }
+        }
+        if texts.len() < file.device.len() {
+            return (None, wrong);
         }
         let mut names = BTreeSet::new();
         let mut paths = BTreeSet::new();
         let mut devices = Vec::new();
-        let table = base.table();
-        let mut texts = Vec::new();
-        for index in 0..file.device.len() {
-            let own = tables.of("device", index).cloned().unwrap_or_default();
-            texts.push(OwnText::read(
-                source,
-                table,
-                own,
-                file.device[index].span(),
-            )?);
-        }
         for (index, text) in texts.iter().enumerate() {
             let OwnText { common, device, .. } = text;
             let (name, name_at) = match &common.name {
-                Some(name) => (name.get_ref().clone(), name.span()),
-                None => (default_name(&texts, index), file.device[index].span()),
+                Some(name) => (name.get_ref().clone(), name.span().start),
+                None => (default_name(&texts, index), file.device[index].span().start),
             };
             if !is_name(&name) {
-                let why =
-                    format!("`device.name`: \"{name}\" may have letters, digits, - and _ only");
-                return Err(at(name_at, why));
+                let why = format!("\"{name}\" may have letters, digits, - and _ only");
+                wrong.push(sources.wrong(name_at, &why));
             }
             if !names.insert(name.clone()) {
-                let why = format!("`device.name`: two devices are named \"{name}\"");
-                return Err(at(name_at, why));
+                let why = format!("two devices are named \"{name}\"");
+                wrong.push(sources.wrong(name_at, &why));
             }
-            for (key, path) in &text.paths {
+            for path in &text.paths {
                 if !paths.insert(path.get_ref().clone()) {
-                    let shown = path.get_ref().display();
-                    let why = format!("`device.{key}`: two ports have the path {shown}");
-                    return Err(at(path.span(), why));
+                    let why = format!("two ports have the path {}", path.get_ref().display());
+                    wrong.push(sources.wrong(path.span().start, &why));
                 }
             }
             let mut own = settings.clone();
             let table = tables.of("device", index);
             if let Some(table) = table.and_then(|own| tables::table(own, "settings")) {
-                apply_table(source, table, device.id, &mut own)?;
+                wrong.extend(applied(sources, table, device.id, &mut own));
             }
             devices.push(DevicePlan {
                 name,
@@ -183,13 +186,27 @@ impl RigPlan {
                 ports: text.ports.clone(),
             });
         }
-        Ok(Self {
+        let plan = Self {
             world: file.world,
             seed: file.seed,
             settings,
             devices,
-        })
+        };
+        (Some(plan), wrong)
     }
+}
+
+/// Applies a table of settings, and says what is wrong with it.
+fn applied(
+    sources: Sources<'_>,
+    table: &DeTable<'_>,
+    prefix: &str,
+    settings: &mut SimSettings,
+) -> Vec<String> {
+    let place = |at| sources.place(at);
+    let wrong = apply_table(&place, table, prefix, settings);
+    let wrong = wrong.err().unwrap_or_default();
+    wrong.iter().map(ToString::to_string).collect()
 }
 
 /// The device's id, with a number if there are several of it.
@@ -263,54 +280,48 @@ struct OwnText {
     device: &'static DeviceSpec,
     start: usize,
     ports: Vec<Option<PathBuf>>,
-    /// Those that are given, with their keys.
-    paths: Vec<(String, Spanned<PathBuf>)>,
+    /// Those that are given.
+    paths: Vec<Spanned<PathBuf>>,
 }
 
 impl OwnText {
     fn read(
-        source: Source<'_>,
+        sources: Sources<'_>,
         devices: Devices,
         mut table: DeTable<'_>,
         span: Range<usize>,
-    ) -> Result<Self, RigFileError> {
+    ) -> Result<Self, String> {
         let own = own_keys(devices).into_iter();
         let own: Vec<_> = own
             .filter_map(|key| Some((table.remove(key.as_str())?, key)))
             .collect();
         let rest = Spanned::new(span, DeValue::Table(table));
-        let common: DeviceText = tables::read(&rest).map_err(|error| syntax(source, &error))?;
-        let wrong = |at: usize, key: &str, why: String| {
-            let line = format!("{}: `device.{key}`: {}", source.place(at), shorten(why));
-            RigFileError(vec![line])
-        };
+        let at = rest.span().start;
+        let syntax = |error: &toml::de::Error| sources.syntax(at, error);
+        let common: DeviceText = tables::read(&rest).map_err(|error| syntax(&error))?;
         let kind = common.kind.get_ref();
         let device = devices.iter().find(|device| device.id == *kind);
         let device = *device.ok_or_else(|| {
             let all: Vec<&str> = devices.iter().map(|device| device.id).collect();
             let why = format!("no device is a `{kind}`; {}", or_allowed(kind, &all));
-            wrong(common.kind.span().start, "kind", why)
+            sources.wrong(common.kind.span().start, &why)
         })?;
         let mut text = Self {
             start: 0,
             ports: vec![common.port.as_ref().map(|path| path.get_ref().clone())],
-            paths: common
-                .port
-                .iter()
-                .map(|path| ("port".to_owned(), path.clone()))
-                .collect(),
+            paths: common.port.iter().cloned().collect(),
             device,
             common,
         };
         for (value, key) in own {
             let at = value.span().start;
             text.own_key(&value, &key).map_err(|why| match why {
-                Some(error) => syntax(source, &error),
+                Some(error) => syntax(&error),
                 None => {
                     let able = devices.iter().filter(|device| has_key(device, &key));
                     let able: Vec<&str> = able.map(|device| device.title).collect();
                     let why = format!("only {} has one", able.join(" or "));
-                    wrong(at, &key, why)
+                    sources.wrong(at, &why)
                 }
             })?;
         }
@@ -351,14 +362,10 @@ impl OwnText {
         }
         if let Some(path) = path {
             self.ports[index] = Some(path.get_ref().clone());
-            self.paths.push((key.to_owned(), path));
+            self.paths.push(path);
         }
         Ok(())
     }
-}
-
-fn syntax(source: Source<'_>, error: &toml::de::Error) -> RigFileError {
-    RigFileError::from(vec![source.syntax(error)])
 }
 
 /// The keys that only some devices have.

@@ -229,7 +229,7 @@ impl Run {
             lateness: Lateness::default(),
             lines: BTreeMap::new(),
             unread: vec![Vec::new(); ports.len()],
-            follows_bytes: options.trace || !options.live,
+            follows_bytes: options.trace || !options.live || scenario.scripted.contains(&true),
             recorder,
             events: VecDeque::new(),
             events_lost: 0,
@@ -521,7 +521,7 @@ impl Run {
         if let Some(recorder) = &mut self.recorder {
             recorder.device_sent(at, port, &unread[before..]);
         }
-        if self.options.live {
+        if !self.hosts.contains_key(&port) {
             unread.truncate(MOST_UNREAD);
         } else {
             let bytes = std::mem::take(unread);

@@ -26,10 +26,13 @@
 
 mod actions;
 mod check;
+mod compose;
 mod document;
+mod forgiving;
 mod host;
 mod problems;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -42,12 +45,13 @@ use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
+pub use compose::{Glance, Texts};
 pub use document::{Only, Overlap};
 
 pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
-use crate::condition::{Condition, Saved};
+use crate::condition::{Condition, Saved, Value};
 use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
 
@@ -87,6 +91,18 @@ pub struct Scenario {
     /// How long it may take in real time.
     pub wall_limit: Option<Duration>,
     pub(crate) base: SimSettings,
+    /// The files that it is based on, each with its name and text.
+    pub(crate) bases: Vec<(String, String)>,
+    /// The values of parameters that were given.
+    pub(crate) given: Vec<(String, String)>,
+    /// The parameters that are no texts.
+    pub(crate) parameters: BTreeMap<String, Value>,
+    /// The settings that were given.
+    pub(crate) set: Vec<String>,
+    /// Whether each device has the script for a client also where there is a real one.
+    pub(crate) scripted: Vec<bool>,
+    /// Verdicts of the mission do not count.
+    pub(crate) mission_may_fail: bool,
     pub(crate) steps: Vec<Step>,
     pub(crate) rules: Vec<Rule>,
     pub(crate) responses: Vec<Response>,
@@ -118,6 +134,7 @@ pub(crate) struct Step {
     pub probability: Option<f64>,
     pub may_not_trigger: bool,
     pub only: Option<Only>,
+    pub mission: bool,
     pub device: usize,
     pub action: Action,
 }
@@ -194,6 +211,7 @@ pub(crate) struct Rule {
     pub until: Option<Duration>,
     pub after: Option<usize>,
     pub only: Option<Only>,
+    pub mission: bool,
 }
 
 /// What has to come each time that something happens.
@@ -205,6 +223,7 @@ pub(crate) struct Response {
     pub until: Option<Duration>,
     pub message: Option<String>,
     pub only: Option<Only>,
+    pub mission: bool,
 }
 
 /// What a response is to.
@@ -230,7 +249,31 @@ impl Scenario {
     /// # Errors
     /// Up to 20 lines, each naming the file, the line, the column, the key, and what is allowed.
     pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
-        check::read(source, base)
+        let texts = Texts {
+            files: &[source],
+            parameters: &[],
+            set: &[],
+        };
+        Self::compose(texts, base)
+    }
+
+    /// Reads a scenario file with those that it is based on; its settings change those of `base`.
+    ///
+    /// # Errors
+    /// As [`Scenario::parse`].
+    pub fn compose(texts: Texts<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
+        check::read(texts, base)
+    }
+
+    /// Whether a device has the script for a client also where there is a real one.
+    #[must_use]
+    pub fn is_scripted(&self, device: usize) -> bool {
+        self.scripted.get(device).copied().unwrap_or(false)
+    }
+
+    /// The device that is meant where none is named: the only one, or the only one for a real client.
+    pub(crate) fn usual_device(&self) -> Option<usize> {
+        check::usual_device(&self.scripted)
     }
 
     /// Reads the table of a further step, whose name, if it says none, is no other's.
@@ -254,6 +297,12 @@ impl Scenario {
             limit: Duration::MAX,
             wall_limit: None,
             base: rig.settings.clone(),
+            bases: Vec::new(),
+            given: Vec::new(),
+            parameters: BTreeMap::new(),
+            set: Vec::new(),
+            scripted: vec![false; rig.devices.len()],
+            mission_may_fail: false,
             rig,
             steps: Vec::new(),
             rules: Vec::new(),
@@ -314,7 +363,13 @@ impl Scenario {
                 let parts = devices.iter().filter_map(|device| part(device, generator));
                 parts.collect::<Vec<Schema>>()
             };
-            let device = device_schema(devices, generator);
+            let mut device = device_schema(devices, generator);
+            let mut client = document::ClientText::json_schema(generator);
+            let about =
+                "Who its client is where there is a real one: that one, or the script also then.";
+            client.insert("description".to_owned(), about.into());
+            let client = [("client".to_owned(), client.to_value())];
+            schema::add_properties(&mut device, client.into_iter().collect());
             let commands = each(|d, g| Some((d.host.schema)(g)), generator);
             let mut operator = each(|d, g| Some((d.operator.as_ref()?.schema)(g)), generator);
             operator.push((HANDS.schema)(generator));

@@ -1,35 +1,26 @@
 //! The tables of a file with the places of their keys, for what each device reads by itself.
 
 use serde::de::DeserializeOwned;
-use sim_settings::Source;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-use crate::rig_file::RigFileError;
-
 /// A file's tables.
-pub(crate) struct Tables<'t>(Spanned<DeTable<'t>>);
+pub(crate) struct Tables<'t>(pub DeTable<'t>);
 
 impl<'t> Tables<'t> {
-    pub(crate) fn parse(source: Source<'t>) -> Result<Self, RigFileError> {
-        DeTable::parse(source.text)
-            .map(Self)
-            .map_err(|error| RigFileError::from(vec![source.syntax(&error)]))
-    }
-
     /// All of it.
     pub(crate) fn root(&self) -> &DeTable<'t> {
-        self.0.get_ref()
+        &self.0
     }
 
     /// The table with this name.
     pub(crate) fn table(&self, name: &str) -> Option<&DeTable<'t>> {
-        table(self.0.get_ref(), name)
+        table(&self.0, name)
     }
 
     /// A table of the list with this name.
     pub(crate) fn of(&self, list: &str, index: usize) -> Option<&DeTable<'t>> {
-        let DeValue::Array(tables) = self.0.get_ref().get(list)?.get_ref() else {
+        let DeValue::Array(tables) = self.0.get(list)?.get_ref() else {
             return None;
         };
         match tables.get(index)?.get_ref() {

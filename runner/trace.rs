@@ -36,7 +36,7 @@ use sim_core::rig::{PortId, Rig};
 use sim_settings::{Root, Source};
 
 pub use onlooker::Onlooker;
-pub use record::{Header, Hexed, PortRecord, Record, WorldRecord};
+pub use record::{Header, Hexed, PortRecord, Record, TextRecord};
 pub use replay::{Difference, Replay, ReplayError};
 
 use crate::run::{Failure, RunOptions};
@@ -77,6 +77,10 @@ impl Recorder {
             out: BTreeMap::new(),
             poses: Vec::new(),
         };
+        let record = |(file, text): &(String, String)| TextRecord {
+            file: file.clone(),
+            text: text.clone(),
+        };
         recorder.write(&Record::Header(Box::new(Header {
             format: FORMAT,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -91,7 +95,10 @@ impl Recorder {
                 scenario.text.clone()
             },
             settings: changed_settings(&scenario.base),
-            world: world.map(|source| WorldRecord {
+            base: scenario.bases.iter().map(record).collect(),
+            parameters: scenario.given.clone(),
+            set: scenario.set.clone(),
+            world: world.map(|source| TextRecord {
                 file: source.file.to_owned(),
                 text: source.text.to_owned(),
             }),

@@ -69,15 +69,16 @@ pub fn load_toml(
 ) -> Result<(), Vec<SettingsError>> {
     let source = Source { file, text };
     let table = DeTable::parse(text).map_err(|error| vec![source.syntax(&error)])?;
-    apply_table(source, table.get_ref(), "", settings)
+    apply_table(&|at| source.place(at), table.get_ref(), "", settings)
 }
 
-/// Applies a table of a TOML document to `settings`; its keys are relative to `prefix`.
+/// Applies a table of a TOML document to `settings`; its keys are relative to `prefix`, and `place` says
+/// where the byte with an index is.
 ///
 /// # Errors
 /// As [`load_toml`].
 pub fn apply_table(
-    source: Source<'_>,
+    place: &dyn Fn(usize) -> Origin,
     table: &DeTable<'_>,
     prefix: &str,
     settings: &mut dyn Root,
@@ -88,8 +89,8 @@ pub fn apply_table(
             return;
         }
         let origin = |problem: &Problem| match problem {
-            Problem::Invalid { .. } => source.place(value.span().start),
-            Problem::UnknownKey | Problem::IsGroup => source.place(key_at),
+            Problem::Invalid { .. } => place(value.span().start),
+            Problem::UnknownKey | Problem::IsGroup => place(key_at),
         };
         let plain = plain(value.get_ref());
         // A known group with nothing in it changes nothing, as a saved file may have been cut to.

@@ -249,10 +249,10 @@ fn flags_that_make_no_sense_are_refused() {
 fn the_shipped_clients_pass_and_are_the_same_each_time() {
     let Some(python) = python() else { return };
     let drives = [
-        ("careful_client", "r150/plain-drive.toml"),
-        ("careful_client", "r150/cable-pulled.toml"),
-        ("naive_client", "r150/plain-drive.toml"),
-        ("careful_car_client", "mecanum/plain-rectangle.toml"),
+        ("careful_client", "r150/jobs/camera-drive.toml"),
+        ("careful_client", "r150/faults/cable-pulled.toml"),
+        ("naive_client", "r150/jobs/camera-drive.toml"),
+        ("careful_car_client", "mecanum/jobs/rectangle.toml"),
     ];
     for (client, drive) in drives {
         let folder = folder();

@@ -32,6 +32,7 @@ const DATE: Duration = Duration::from_secs(1_735_689_600);
 #[derive(Clone)]
 pub(crate) struct Job<'a> {
     pub(crate) loaded: &'a Loaded,
+    args: &'a RunArgs,
     pub(crate) seed: u64,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
@@ -72,6 +73,7 @@ impl<'a> Job<'a> {
         let timeout = args.timeout.map(|timeout| timeout.0);
         Self {
             loaded,
+            args,
             seed: seed.wrapping_add(u64::from(repeat)),
             repeat: (args.repeat > 1).then_some(repeat),
             time: args.time,
@@ -110,7 +112,7 @@ impl<'a> Job<'a> {
 
     /// The file's path, and which time it is.
     pub(crate) fn name(&self) -> String {
-        let path = visible::name(&self.loaded.path);
+        let path = self.loaded.name();
         match self.repeat {
             Some(repeat) => format!("{path} #{}", repeat + 1),
             None => path,
@@ -201,6 +203,22 @@ impl<'a> Job<'a> {
         }
         if let Some(timeout) = self.timeout {
             words.extend(["--timeout".into(), show_duration(timeout).into()]);
+        }
+        let mut flag = |flag: &str, value: OsString| words.extend([flag.into(), value]);
+        if let Some(job) = &self.args.given.job {
+            flag("--job", job.into());
+        }
+        for (name, value) in &self.loaded.case {
+            flag("--param", format!("{name}={value}").into());
+        }
+        if let Some(world) = &self.args.given.world {
+            flag("--world", world.into());
+        }
+        if let Some(config) = &self.args.settings.config {
+            flag("--config", config.into());
+        }
+        for set in &self.args.settings.set {
+            flag("--set", set.into());
         }
         words.push(self.loaded.path.clone().into());
         if self.is_live() {

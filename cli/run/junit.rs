@@ -188,7 +188,7 @@ fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
     let mut suite = TestSuite::new(job.name());
     let mut properties = vec![
         ("sim.version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("sim.scenario", visible::name(&job.loaded.path)),
+        ("sim.scenario", job.loaded.name()),
         ("sim.seed", job.seed.to_string()),
         ("sim.time", job.time_word().to_owned()),
         ("sim.command", job.command()),

@@ -57,10 +57,9 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         .tempdir()
         .context("cannot make a folder for the ports")
         .map_err(Failure::system)?;
-    let plan = &job.loaded.scenario.rig;
     let elsewhere = Elsewhere::In(links.path());
     let ports = open_all(
-        plan,
+        &job.loaded.scenario,
         &job.loaded.folder(),
         None,
         &elsewhere,
@@ -69,7 +68,11 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     .map_err(Failure::system)?;
     let paths = ports.iter().map(|served| (served.id, served.path.clone()));
     let mut environment = environment(job, paths)?;
-    let shown = || ports.iter().map(|port| ShownPort::new(port, plan));
+    let shown = || {
+        ports
+            .iter()
+            .map(|port| ShownPort::new(port, &job.loaded.scenario.rig))
+    };
     let desk = job.desk(&run, || shown().collect(), &mut environment)?;
     let log = job.file("client.log").map(|path| {
         File::create(&path).with_context(|| {
@@ -121,6 +124,15 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
             is_spoilt: !passed && held_up.total > job.most_held_up,
         })),
     })
+}
+
+/// The reason of a scenario whose client has opened no port.
+pub(crate) fn no_port_opened(job: &Job<'_>) -> String {
+    let variables = super::tell::variables(&job.loaded.scenario).join(", ");
+    format!(
+        "the client ended without having opened a port; it finds the paths of all in its environment: \
+         {variables}"
+    )
 }
 
 /// What the client finds in its environment.
@@ -185,7 +197,7 @@ impl LivePlay {
                 self.fail(format!("the client {end}"));
             }
             Ended::Watched if !self.server.has_begun() => {
-                self.fail("the client ended without having opened a port".to_owned());
+                self.fail(no_port_opened(job));
             }
             Ended::Watched => {
                 if !self.play_the_rest(job, stop)? {

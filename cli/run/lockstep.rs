@@ -26,7 +26,7 @@ use crate::visible;
 
 use super::folder::Folder;
 use super::job::{Job, JobResult, Played, PlayedClient};
-use super::live::{over_time, take};
+use super::live::{no_port_opened, over_time, take};
 use super::trace_file::TraceFile;
 
 /// Instants of the simulation between looks at the real clock.
@@ -139,7 +139,9 @@ fn failure(job: &Job<'_>, error: Error) -> Failure {
 fn open_ports(job: &Job<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>), Failure> {
     let mut ids = Vec::new();
     let mut ports = Vec::new();
-    for (device, planned) in job.loaded.scenario.rig.devices.iter().enumerate() {
+    let scenario = &job.loaded.scenario;
+    let devices = scenario.rig.devices.iter().enumerate();
+    for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
         for link in planned.links() {
             let path = match &link.path {
                 Some(path) if ListenAddress::is_url(path) => {
@@ -318,8 +320,7 @@ impl Stage {
                     .fail(format!("the client {}", client_end(ending.end)));
             }
             Reason::Itself if self.begun_at.is_none() => {
-                self.run
-                    .fail("the client ended without having opened a port".to_owned());
+                self.run.fail(no_port_opened(job));
             }
             Reason::Itself => return self.play_the_rest(job, begun, stop),
         }

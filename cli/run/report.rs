@@ -17,6 +17,10 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
     };
     let mut report = outcome_json(&played.outcome);
     report["scenario"] = json!(visible::path_value(&job.loaded.path));
+    let case = job.loaded.case.iter();
+    report["parameters"] = case
+        .map(|(name, value)| (name.clone(), json!(value)))
+        .collect();
     report["version"] = json!(env!("CARGO_PKG_VERSION"));
     report["took_s"] = json!(played.took.as_secs_f64());
     report["time"] = json!(job.time_word());

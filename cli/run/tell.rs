@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 use sim_core::event::Hex;
 use sim_embed::serve::HeldUp;
-use sim_runner::Outcome;
+use sim_runner::{DevicePlan, Outcome, PlannedLink, Scenario};
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
@@ -25,11 +25,7 @@ const MOST_CHARACTERS: usize = 300;
 /// A scenario in the list.
 pub(crate) fn listed(loaded: &Loaded) -> String {
     let scenario = &loaded.scenario;
-    let mut text = format!(
-        "{}: {}",
-        visible::name(&loaded.path),
-        visible::line(&scenario.title)
-    );
+    let mut text = format!("{}: {}", loaded.name(), visible::line(&scenario.title));
     if !scenario.tags.is_empty() {
         let _ = write!(text, " [{}]", scenario.tags.join(", "));
     }
@@ -47,19 +43,31 @@ pub(crate) fn planned(job: &Job<'_>) -> String {
         show_duration(scenario.limit),
         job.time_word()
     );
-    for device in &scenario.rig.devices {
+    for (index, device) in scenario.rig.devices.iter().enumerate() {
         let _ = write!(text, "\n  device {} ({})", device.name, device.device.id);
-        if job.is_live() {
-            let variables: Vec<String> = device
-                .links()
-                .iter()
-                .map(|link| ports::variable(&device.name, link.index, link.name))
-                .collect();
+        if scenario.is_scripted(index) {
+            text += ", scripted";
+        } else if job.is_live() {
+            let variables = variables_of(device);
             let _ = write!(text, ", served at ${}", variables.join(" and $"));
         }
     }
     let _ = write!(text, "\n  {}", job.command());
     text
+}
+
+/// The variables of the environment in which a client finds the ports of a device.
+fn variables_of(device: &DevicePlan) -> Vec<String> {
+    let links = device.links();
+    let variable = |link: &PlannedLink| ports::variable(&device.name, link.index, link.name);
+    links.iter().map(variable).collect()
+}
+
+/// The same of all devices that a client has.
+pub(crate) fn variables(scenario: &Scenario) -> Vec<String> {
+    let devices = scenario.rig.devices.iter().enumerate();
+    let live = devices.filter(|(index, _)| !scenario.is_scripted(*index));
+    live.flat_map(|(_, device)| variables_of(device)).collect()
 }
 
 /// What came of a job, in full if it failed.

@@ -7,9 +7,8 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity}
 use crate::traced::sys::Tid;
 use crate::traced::tracer::Tracer;
 
-/// After so many turns the system may choose another processor. To move to a busy one costs
-/// milliseconds, which so many turns take a hundred times as long as.
-const TURNS: u32 = 10_000;
+/// After so many turns the system may choose another processor.
+const TURNS: u32 = 1000;
 
 /// Where the tracer and its program are. What the system refuses here costs time alone.
 pub(crate) struct Processor {

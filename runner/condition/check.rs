@@ -7,8 +7,8 @@ use cel::common::types::CelDouble;
 use sim_core::device::NameInfo;
 use sim_core::device::names::Unit;
 
-use super::{Devices, Origin, Saved};
-use crate::suggest::nearest;
+use super::{Devices, Origin, Saved, Value};
+use crate::suggest::{nearest, or_allowed};
 
 /// What an expression is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,7 +38,11 @@ pub struct Scope<'a> {
     pub usual: Option<usize>,
     /// What steps remember.
     pub saved: &'a [Saved],
+    /// The parameters that are no texts.
+    pub parameters: &'a BTreeMap<String, Value>,
 }
+
+static NONE: BTreeMap<String, Value> = BTreeMap::new();
 
 /// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean; says
 /// whether it is true or false.
@@ -200,6 +204,7 @@ impl<'a> Scope<'a> {
             devices,
             usual: (devices.len() == 1).then_some(0),
             saved: &[],
+            parameters: &NONE,
         }
     }
 
@@ -209,6 +214,9 @@ impl<'a> Scope<'a> {
         }
         if let Some(own) = name.strip_prefix("saved.") {
             return self.look_up_saved(own);
+        }
+        if let Some(own) = name.strip_prefix("param.") {
+            return self.look_up_parameter(own);
         }
         let mut candidates =
             self.devices
@@ -224,6 +232,19 @@ impl<'a> Scope<'a> {
                     Some((Origin::Device(index, info.getter()), info.unit))
                 });
         candidates.next().ok_or_else(|| self.unknown(name))
+    }
+
+    fn look_up_parameter(&self, name: &str) -> Result<(Origin, Unit), String> {
+        let value = self.parameters.get(name).ok_or_else(|| {
+            let known: Vec<&str> = self.parameters.keys().map(String::as_str).collect();
+            let hint = or_allowed(name, &known);
+            format!("no parameter that is a number, true or false is named `{name}`; {hint}")
+        })?;
+        let unit = match value {
+            Value::Flag(_) => Unit::Flag,
+            Value::Number(_) => Unit::Number(""),
+        };
+        Ok((Origin::Fixed(*value), unit))
     }
 
     fn look_up_saved(&self, name: &str) -> Result<(Origin, Unit), String> {

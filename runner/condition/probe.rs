@@ -47,7 +47,7 @@ impl Probe {
     fn parse(name: &str, devices: &Devices<'_>) -> Result<Self, String> {
         let (origin, unit) = Scope::of(devices).look_up(name)?;
         let device = match origin {
-            Origin::Time | Origin::Saved(_) => None,
+            Origin::Time | Origin::Saved(_) | Origin::Fixed(_) => None,
             Origin::Device(device, _) => Some(device),
         };
         Ok(Self {

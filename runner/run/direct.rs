@@ -79,8 +79,10 @@ impl Run {
             .map(|d| (d.name.as_str(), d.device))
             .collect();
         let scope = Scope {
+            devices: &devices,
+            usual: self.scenario.usual_device(),
             saved: &self.scenario.saved,
-            ..Scope::of(&devices)
+            parameters: &self.scenario.parameters,
         };
         parse(text, &scope)
     }

@@ -96,10 +96,10 @@ impl Waiting {
 impl Run {
     /// Opens the scripted client's ports.
     pub(super) fn open_script(&mut self) -> Result<(), RunError> {
-        if self.options.live {
-            return Ok(());
-        }
         for port in self.ports.clone() {
+            if !self.has_script(port.device) {
+                continue;
+            }
             let plan = &self.scenario.rig.devices[port.device];
             let host = HostPort::new(plan, port.link);
             self.hosts.extend(host.map(|host| (port, host)));

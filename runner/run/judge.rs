@@ -68,7 +68,7 @@ impl Run {
     /// The window of a rule begins to be counted from now, if it waits for the step `after` only.
     pub(super) fn open_window(&mut self, index: usize, after: Option<usize>, now: SimTime) {
         let rule = &self.scenario.rules[index];
-        let counts = self.counts(rule.only);
+        let counts = self.is_judged(rule.only, rule.mission);
         let state = &mut self.rules[index];
         if rule.after != after || state.from.is_some() {
             return;

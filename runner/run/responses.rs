@@ -35,7 +35,8 @@ impl Run {
     pub(super) fn awaits_responses(&self) -> bool {
         let all = self.scenario.responses.iter().zip(&self.responses);
         all.into_iter().any(|(response, state)| {
-            let watched = matches!(response.to, Cause::Whenever(_)) && self.counts(response.only);
+            let watched = matches!(response.to, Cause::Whenever(_))
+                && self.is_judged(response.only, response.mission);
             watched || !state.pending.is_empty()
         })
     }
@@ -52,7 +53,7 @@ impl Run {
 
     fn await_response(&mut self, index: usize, response: &Response, now: SimTime) {
         let pending = self.responses[index].pending.len();
-        if !self.counts(response.only) || pending >= MOST_PENDING {
+        if !self.is_judged(response.only, response.mission) || pending >= MOST_PENDING {
             return;
         }
         let (since, came) = (now, false);

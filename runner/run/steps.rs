@@ -138,7 +138,18 @@ impl Run {
     /// Whether a step is played in this kind of run.
     pub(super) fn is_played(&self, step: &Step) -> bool {
         let host = matches!(step.action, Action::Host(_));
-        self.counts(step.only) && !(host && self.options.live)
+        let replaced = host && !self.has_script(step.device);
+        self.is_judged(step.only, step.mission) && !replaced
+    }
+
+    /// Whether the script is the client of a device.
+    pub(super) fn has_script(&self, device: usize) -> bool {
+        !self.options.live || self.scenario.is_scripted(device)
+    }
+
+    /// Whether a verdict counts in this kind of run.
+    pub(super) fn is_judged(&self, only: Option<Only>, mission: bool) -> bool {
+        self.counts(only) && !(mission && self.scenario.mission_may_fail)
     }
 
     pub(super) fn counts(&self, only: Option<Only>) -> bool {
@@ -153,6 +164,7 @@ impl Run {
     pub(super) fn begin(&mut self, index: usize, now: SimTime) {
         let state = &mut self.steps[index];
         state.watching = false;
+        state.nearest = None;
         let at = now + state.draw(self.scenario.steps[index].delay);
         self.agenda.plan(at, Item::Occur(index));
     }

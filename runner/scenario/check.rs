@@ -1,32 +1,40 @@
 //! From what a file says to a scenario that makes sense.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
 
 use sim_core::device::DeviceSpec;
 use sim_core::settings::SimSettings;
-use sim_settings::{Source, Span};
+use sim_settings::{Origin, Source, Span, parse_assignment, set};
 use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 use super::actions::read_operator;
-use super::document::{DemandText, Document, ResponseText, RuleText, StepText, TimeText};
+use super::compose::{Parameters, Texts, put_over};
+use super::document::{ClientText, DemandText, ResponseText, RuleText, StepText, TimeText};
+use super::forgiving::{self, Read};
 use super::problems::Problems;
 use super::{
-    Action, Cause, Demand, HostAction, MOST_STEPS, Response, Rule, Scenario, Step, Times, Trigger,
-    WorldAction,
+    Action, Cause, Demand, HostAction, MOST_STEPS, Only, Response, Rule, Scenario, Step, Times,
+    Trigger, WorldAction,
 };
-use crate::condition::{Condition, Saved, Scope, identifier};
+use crate::condition::{Condition, Saved, Scope, Value, identifier};
 use crate::report::client_report_codes;
 use crate::rig_file::{RigFileError, RigPlan, RigText};
+use crate::sources::{MOST_FILES, Sources};
 use crate::suggest::{improve, nearest, or_allowed};
 use crate::tables::{self, Tables};
 
-pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
-    let document: Document = toml::from_str(source.text).map_err(|error| {
-        let line = source.syntax(&error).to_string();
-        RigFileError(vec![improve(&line)])
-    })?;
+pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
+    let sources = Sources(texts.files);
+    let mut problems = Problems::new(sources);
+    let (root, parameters) = composed(sources, texts, &mut problems)?;
+    let mut tables = Tables(root);
+    let scripted = scripts(&mut tables.0, &mut problems);
+    let Some(Read { document, broken }) = forgiving::read(&mut tables.0, &mut problems) else {
+        return Err(problems.into_error());
+    };
     let rig_text = RigText {
         schema: document.schema,
         world: document.world,
@@ -34,10 +42,24 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         _settings: document.settings,
         device: document.device,
     };
-    let rig = RigPlan::check(source, base, rig_text)?;
-    let mut problems = Problems::new(source);
-    if document.limit.get_ref().0.is_zero() {
+    if rig_text.device.is_empty() {
+        let why = "a scenario has 1 to 1000 [[device]] tables; a fault file is played within a job, which \
+                   has them: `--job FILE`, or `base` in the file";
+        problems.add_lines([format!("{}: {why}", sources.place(0))]);
+        return Err(problems.into_error());
+    }
+    let (rig, wrong) = RigPlan::check(sources, &tables, base, rig_text);
+    problems.add_lines(wrong);
+    let Some(mut rig) = rig else {
+        return Err(problems.into_error());
+    };
+    problems.add_lines(set_all(texts.set, &mut rig));
+    let (limit, takes) = (document.limit.get_ref().0, document.takes);
+    if limit.is_zero() {
         problems.add(document.limit.span(), "a run takes some time");
+    }
+    if let Some(takes) = takes.as_ref().filter(|takes| takes.get_ref().0 > limit) {
+        problems.add(takes.span(), "is more than `limit`");
     }
     let mut checker = Checker {
         rig: &rig,
@@ -46,9 +68,12 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
             .iter()
             .map(|device| (device.name.as_str(), device.device))
             .collect(),
-        tables: Tables::parse(source)?,
+        scripted: &scripted,
+        parameters: &parameters,
+        tables,
         names: BTreeMap::new(),
-        limit: document.limit.get_ref().0,
+        limit,
+        takes: takes.map_or(limit, |takes| takes.get_ref().0),
         obstacles: Vec::new(),
         unnamed_faults: BTreeMap::new(),
         saved: Vec::new(),
@@ -58,13 +83,13 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
     checker.check_tags(&document.tags);
     checker.note_names(&document.step);
     let rules = document.always.len() + document.never.len() + document.response.len();
-    let too_many = document.step.len() > MOST_STEPS || rules > MOST_STEPS;
-    if too_many {
+    if document.step.len() > MOST_STEPS || rules > MOST_STEPS {
         let why = format!("at most {MOST_STEPS} steps and {MOST_STEPS} conditions over time");
         checker.problems.add(0..0, &why);
-        checker.problems.into_result()?;
-        return Err(RigFileError(vec![why]));
+        return Err(checker.problems.into_error());
     }
+    // Of what could not be read whole, nothing else is said.
+    let is_whole = |at: Range<usize>| !broken.contains(&at.start);
     let remembered: Vec<_> = document
         .step
         .iter()
@@ -76,20 +101,31 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         .zip(remembered)
         .enumerate()
         .map(|(index, (text, remember))| {
-            let step = checker.step(index, text)?;
+            let step = is_whole(text.span()).then(|| checker.step(index, text));
+            let step = step.flatten()?;
             Some(Step { remember, ..step })
         })
         .collect();
     let mut rules = Vec::new();
     for (texts, must_hold) in [(&document.always, true), (&document.never, false)] {
-        for text in texts {
-            rules.extend(checker.rule(text, must_hold));
+        checker.check_rule_names(
+            texts
+                .iter()
+                .filter_map(|text| text.get_ref().name.as_deref()),
+        );
+        for text in texts.iter().filter(|text| is_whole(text.span())) {
+            rules.extend(checker.rule(text.get_ref(), must_hold));
         }
     }
-    let responses: Vec<_> = document
-        .response
-        .iter()
-        .filter_map(|text| checker.response(text))
+    let responses = document.response.iter();
+    checker.check_rule_names(
+        responses
+            .clone()
+            .filter_map(|text| text.get_ref().name.as_deref()),
+    );
+    let responses = responses.filter(|text| is_whole(text.span()));
+    let responses: Vec<_> = responses
+        .filter_map(|text| checker.response(text.get_ref()))
         .collect();
     let demand = document
         .client_report
@@ -100,14 +136,22 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
     }
     let (obstacles, saved) = (checker.obstacles, checker.saved);
     checker.problems.into_result()?;
+    let owned = |source: &Source<'_>| (source.file.to_owned(), source.text.to_owned());
+    let (file, text) = texts.files.first().map(owned).unwrap_or_default();
     Ok(Scenario {
-        file: source.file.to_owned(),
-        text: source.text.to_owned(),
+        file,
+        text,
+        bases: texts.files.iter().skip(1).map(owned).collect(),
+        given: texts.parameters.to_vec(),
+        parameters,
+        set: texts.set.to_vec(),
+        scripted,
+        mission_may_fail: document.mission_may_fail,
         title: document.title,
         description: document.description,
         good_client: document.good_client,
         tags: document.tags.into_iter().map(Spanned::into_inner).collect(),
-        limit: document.limit.get_ref().0,
+        limit,
         wall_limit: document.wall_limit.map(|limit| limit.0),
         base: base.clone(),
         steps: steps.into_iter().flatten().collect(),
@@ -118,6 +162,81 @@ pub(super) fn read(source: Source<'_>, base: &SimSettings) -> Result<Scenario, R
         obstacles,
         rig,
     })
+}
+
+/// The tables of all files as one, with parameters filled in; and those that are no texts.
+fn composed<'t>(
+    sources: Sources<'t>,
+    texts: Texts<'t>,
+    problems: &mut Problems<'_>,
+) -> Result<(DeTable<'t>, BTreeMap<String, Value>), RigFileError> {
+    if texts.files.len() > MOST_FILES {
+        let why = format!("at most {MOST_FILES} files are based on one another");
+        return Err(RigFileError(vec![why]));
+    }
+    let tables = (0..texts.files.len())
+        .rev()
+        .map(|number| sources.tables(number));
+    let mut root = DeTable::new();
+    let mut wrong = Vec::new();
+    for table in tables {
+        match table {
+            Ok(table) => root = put_over(root, table),
+            Err(line) => wrong.push(line),
+        }
+    }
+    if !wrong.is_empty() {
+        return Err(RigFileError(wrong));
+    }
+    let parameters = Parameters::read(&root, texts.parameters, problems);
+    parameters.fill(&mut root, problems);
+    Ok((root, parameters.values()))
+}
+
+/// Takes out of the devices' tables whether each has the script for a client.
+fn scripts(root: &mut DeTable<'_>, problems: &mut Problems<'_>) -> Vec<bool> {
+    let Some(DeValue::Array(devices)) = root.get_mut("device").map(Spanned::get_mut) else {
+        return Vec::new();
+    };
+    let mut scripted = Vec::new();
+    for device in devices.iter_mut() {
+        let client = match device.get_mut() {
+            DeValue::Table(table) => table.remove("client"),
+            _ => None,
+        };
+        let client = client.and_then(|client| problems.read(client.span(), tables::read(&client)));
+        scripted.push(client == Some(ClientText::Script));
+    }
+    scripted
+}
+
+/// Puts settings over those of the file, for each device; and says what is wrong with them.
+fn set_all(assignments: &[String], rig: &mut RigPlan) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for text in assignments {
+        let read = parse_assignment("--set", text);
+        let result = read.and_then(|(key, value)| {
+            let of_devices = rig.devices.iter_mut().map(|device| &mut device.settings);
+            let mut all = of_devices.chain([&mut rig.settings]);
+            let origin = || Origin::Flag(format!("--set {text}"));
+            all.try_for_each(|settings| set(settings, &key, &value, origin()))
+        });
+        wrong.extend(result.err().map(|error| error.to_string()));
+    }
+    wrong
+}
+
+/// The device that is meant where none is named: the only one, or the only one for a real client.
+pub(super) fn usual_device(scripted: &[bool]) -> Option<usize> {
+    let mut live = scripted
+        .iter()
+        .enumerate()
+        .filter(|(_, is_scripted)| !**is_scripted);
+    match (scripted.len(), live.next(), live.next()) {
+        (1, ..) => Some(0),
+        (_, Some((index, _)), None) => Some(index),
+        _ => None,
+    }
 }
 
 /// A step that whoever drives a run of the scenario adds, and what is remembered with it; without a
@@ -133,18 +252,23 @@ pub(super) fn read_step(
     if text.at.is_none() && text.when.is_none() && text.after.is_none() {
         text.at = Some(Spanned::new(0..0, TimeText::Exactly(Span::default())));
     }
+    let sources = Sources(&[source]);
+    let table = sources.tables(0).map_err(|line| RigFileError(vec![line]))?;
     let devices = scenario.rig.devices.iter();
     let names = scenario.steps.iter().enumerate();
     let mut checker = Checker {
         rig: &scenario.rig,
         devices: devices.map(|d| (d.name.as_str(), d.device)).collect(),
-        tables: Tables::parse(source)?,
+        scripted: &scenario.scripted,
+        parameters: &scenario.parameters,
+        tables: Tables(table),
         names: names.map(|(at, step)| (step.name.clone(), at)).collect(),
         limit: scenario.limit,
+        takes: scenario.limit,
         obstacles: Vec::new(),
         unnamed_faults: BTreeMap::new(),
         saved: scenario.saved.clone(),
-        problems: Problems::new(source),
+        problems: Problems::new(sources),
     };
     let whole = 0..source.text.len();
     if let Some(name) = &text.name
@@ -170,10 +294,15 @@ pub(super) fn read_step(
 struct Checker<'a> {
     rig: &'a RigPlan,
     devices: Vec<(&'a str, &'static DeviceSpec)>,
+    /// Which devices have the script for a client in any case.
+    scripted: &'a [bool],
+    parameters: &'a BTreeMap<String, Value>,
     tables: Tables<'a>,
     /// Steps by their names.
     names: BTreeMap<String, usize>,
     limit: Duration,
+    /// How long a good client takes.
+    takes: Duration,
     /// Obstacles that have to be there, and where the file says so.
     obstacles: Vec<(String, String)>,
     /// How many faults of each kind have no name.
@@ -197,7 +326,7 @@ impl Checker<'_> {
                 .flat_map(|device| device.all_names())
                 .any(|info| info.name.split('.').next() == Some(own.as_str()));
             let why = if own.starts_with(|first: char| first.is_ascii_digit())
-                || ["t", "saved"].contains(&own.as_str())
+                || ["t", "saved", "param"].contains(&own.as_str())
                 || group
             {
                 Some(format!("in a scenario no device can be named \"{name}\""))
@@ -233,23 +362,33 @@ impl Checker<'_> {
     }
 
     fn condition(&mut self, text: &Spanned<String>) -> Option<Condition> {
-        let scope = Scope {
-            saved: &self.saved,
-            ..Scope::of(&self.devices)
-        };
-        let condition = Condition::parse(text.get_ref(), &scope);
+        let condition = Condition::parse(text.get_ref(), &self.scope());
         self.problems.take(text.span(), condition)
+    }
+
+    fn scope(&self) -> Scope<'_> {
+        Scope {
+            devices: &self.devices,
+            usual: usual_device(self.scripted),
+            saved: &self.saved,
+            parameters: self.parameters,
+        }
+    }
+
+    /// Those that a file changes by name have to be told apart.
+    fn check_rule_names<'n>(&mut self, names: impl Iterator<Item = &'n str>) {
+        let mut seen = BTreeSet::new();
+        for name in names.filter(|name| !seen.insert(*name)) {
+            let why = format!("two rules of a kind are named \"{name}\"");
+            self.problems.add(0..0, &why);
+        }
     }
 
     /// What a step remembers, which those behind it may remember something of.
     fn remembered(&mut self, text: &StepText) -> Vec<(usize, Condition)> {
         let mut remembered = Vec::new();
         for (name, value) in &text.remember {
-            let scope = Scope {
-                saved: &self.saved,
-                ..Scope::of(&self.devices)
-            };
-            let read = Condition::parse_typed(value.get_ref(), &scope);
+            let read = Condition::parse_typed(value.get_ref(), &self.scope());
             let Some((value, is_flag)) = self.problems.take(value.span(), read) else {
                 continue;
             };
@@ -282,6 +421,11 @@ impl Checker<'_> {
                 min: range.min.0,
                 max: range.max.0,
             },
+            TimeText::Share(_) => {
+                let why = "a share of what the job takes says `at`, and nothing else";
+                self.problems.add(text.span(), why);
+                return None;
+            }
         };
         if times.min > times.max {
             self.problems.add(text.span(), "`min` is more than `max`");
@@ -352,6 +496,7 @@ impl Checker<'_> {
             probability: text.probability.as_ref().map(|p| *p.get_ref()),
             may_not_trigger: text.may_not_trigger,
             only: text.only,
+            mission: text.mission,
             device,
             action,
         })
@@ -361,12 +506,13 @@ impl Checker<'_> {
         let Some(name) = &text.device else {
             // What is about no device in particular is said to be the first one's.
             let matters = text.host.is_some() || text.fault.is_some() || text.operator.is_some();
-            if matters && self.devices.len() > 1 {
+            let usual = usual_device(self.scripted);
+            if matters && usual.is_none() {
                 let why = "`device` has to say which of several devices is meant";
                 self.problems.add(at, why);
                 return None;
             }
-            return Some(0);
+            return Some(usual.unwrap_or(0));
         };
         let found = self
             .devices
@@ -383,7 +529,13 @@ impl Checker<'_> {
     fn trigger(&mut self, text: &StepText, at: Range<usize>) -> Option<Trigger> {
         match (&text.at, &text.when, &text.after) {
             (Some(time), None, None) if text.delay.is_none() => {
-                let times = self.times(time)?;
+                let times = match time.get_ref() {
+                    TimeText::Share(share) => {
+                        let at = self.takes.mul_f64(*share);
+                        Times { min: at, max: at }
+                    }
+                    _ => self.times(time)?,
+                };
                 if times.max > self.limit {
                     self.problems.add(time.span(), "later than the run lasts");
                 }
@@ -418,9 +570,16 @@ impl Checker<'_> {
         let mut actions = Vec::new();
         if let Some(host) = &text.host {
             let (own, at) = (host.get_ref(), host.span());
+            let link_at = at.clone();
             let send = tables::table(&table, "host").and_then(|host| host.get("send"));
-            let read = HostAction::read(own, at, send, (device, plan), &mut self.problems);
+            let read = HostAction::read(own, link_at, send, (device, plan), &mut self.problems);
             actions.push(read.map(Action::Host));
+            if text.only == Some(Only::Live) && !self.scripted.get(device).copied().unwrap_or(false)
+            {
+                let why = "a real client takes the place of the script, so this never happens; \
+                           `client = \"script\"` of a device keeps the script for it";
+                self.problems.add(at, why);
+            }
         }
         if let Some(fault) = &text.fault {
             let checked = plan.check_fault(fault.get_ref());
@@ -542,6 +701,7 @@ impl Checker<'_> {
             until: text.until.as_ref().map(|until| until.get_ref().0),
             message: text.message.clone(),
             only: text.only,
+            mission: text.mission,
         })
     }
 
@@ -567,6 +727,7 @@ impl Checker<'_> {
             until,
             after,
             only: text.only,
+            mission: text.mission,
         };
         Some((rule, text.after.as_ref().map(Spanned::span)))
     }

@@ -3,12 +3,12 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use sim_core::fault::parameters::LinkName;
-use sim_settings::{Angle, Length, Span};
+use sim_settings::{Angle, Length, Percent, Span};
 use toml::Spanned;
 
 use sim_core::fault::Fault;
@@ -20,11 +20,20 @@ use crate::rig_file::{DeviceText, SettingsText};
 /// file. Conditions are CEL expressions over the names that `sim names` lists.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "sim scenario file")]
+#[schemars(title = "sim scenario file", transform = needs_less_with_a_base)]
 pub(crate) struct Document {
     /// Version of the form of this file.
     #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
     pub schema: Spanned<u32>,
+    /// The file that this one is based on: everything in that one holds here, unless it is given here.
+    /// Devices, steps and rules of the same name are changed by what is given of them here.
+    #[serde(default, rename = "base")]
+    pub _base: Option<PathBuf>,
+    /// Values for this file by name, as they are unless `--param` gives others: `"${pwm}"` stands for one
+    /// in texts, `param.pwm` in conditions.
+    #[serde(default, rename = "parameters")]
+    #[schemars(with = "std::collections::BTreeMap<String, ParameterText>")]
+    pub _parameters: toml::Table,
     /// What is tried, in a few words.
     pub title: String,
     /// What happens, for readers.
@@ -42,6 +51,12 @@ pub(crate) struct Document {
     /// How long the run takes, in simulated time.
     #[schemars(with = "Span")]
     pub limit: Spanned<Span>,
+    /// How long it takes a good client, of which `at = "40 %"` is a share; the limit unless given.
+    #[schemars(with = "Option<Span>")]
+    pub takes: Option<Spanned<Span>>,
+    /// What is wrong may cost the mission: verdicts with `mission = true` do not count.
+    #[serde(default)]
+    pub mission_may_fail: bool,
     /// How long it may take in real time with a client; no longer than simulated time needs, and a
     /// little more, unless given.
     pub wall_limit: Option<Span>,
@@ -59,16 +74,28 @@ pub(crate) struct Document {
     pub step: Vec<Spanned<StepText>>,
     /// Conditions that have to hold all the time.
     #[serde(default)]
-    pub always: Vec<RuleText>,
+    #[schemars(with = "Vec<RuleText>")]
+    pub always: Vec<Spanned<RuleText>>,
     /// Conditions that must not hold at any time.
     #[serde(default)]
-    pub never: Vec<RuleText>,
+    #[schemars(with = "Vec<RuleText>")]
+    pub never: Vec<Spanned<RuleText>>,
     /// What has to come each time that something happens.
     #[serde(default)]
-    pub response: Vec<ResponseText>,
+    #[schemars(with = "Vec<ResponseText>")]
+    pub response: Vec<Spanned<ResponseText>>,
     /// What the client report may have in it; anything unless given.
     #[schemars(with = "Option<DemandText>")]
     pub client_report: Option<Spanned<DemandText>>,
+}
+
+/// What must be there may be in the file that this one is based on.
+fn needs_less_with_a_base(schema: &mut Schema) {
+    if let Some(required) = schema.remove("required") {
+        let alone = serde_json::json!({ "required": required });
+        let based = serde_json::json!({ "required": ["schema", "base"] });
+        schema.insert("anyOf".to_owned(), serde_json::json!([alone, based]));
+    }
 }
 
 /// One thing that happens: one of `at`, `when` and `after` says when, and one of `host`, `fault`,
@@ -81,8 +108,8 @@ pub(crate) struct StepText {
     /// Unique; other steps and messages call it so.
     #[schemars(with = "Option<String>")]
     pub name: Option<Spanned<String>>,
-    /// So long after the start.
-    #[schemars(with = "Option<TimeText>")]
+    /// So long after the start; or a share of what the job takes, as in "40 %".
+    #[schemars(with = "Option<AtText>")]
     pub at: Option<Spanned<TimeText>>,
     /// As soon as this condition holds.
     #[schemars(with = "Option<String>")]
@@ -118,6 +145,9 @@ pub(crate) struct StepText {
     pub may_not_trigger: bool,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
+    /// It is a verdict of the mission, which does not count where that may fail.
+    #[serde(default)]
+    pub mission: bool,
     /// Values of expressions at this time, for conditions from then on: `{ x0 = "truth.x_m" }` gives
     /// `saved.x0`.
     #[serde(default)]
@@ -154,6 +184,44 @@ pub(crate) enum TimeText {
     Exactly(Span),
     /// Drawn each time.
     Between(RangeText),
+    /// A part of what the job takes, from 0 to 1.
+    #[schemars(skip)]
+    Share(f64),
+}
+
+/// A time, a range, or a share of what the job takes.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "only its schema is used")]
+pub(crate) enum AtText {
+    /// A time or a range.
+    Time(TimeText),
+    /// A share of what the job takes.
+    Share(Percent),
+}
+
+/// A parameter.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "only its schema is used")]
+pub(crate) enum ParameterText {
+    /// A text, for values.
+    Text(String),
+    /// A number, for values and conditions.
+    Number(f64),
+    /// True or false, for both.
+    Flag(bool),
+}
+
+/// Who is a device's client where there is a real one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum ClientText {
+    /// The real one.
+    #[default]
+    Live,
+    /// The script, also then.
+    Script,
 }
 
 /// A time between two others.
@@ -181,6 +249,10 @@ impl<'de> Deserialize<'de> for TimeText {
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<TimeText, E> {
+                if text.trim_end().ends_with('%') {
+                    let share = text.parse::<Percent>().map_err(E::custom)?;
+                    return Ok(TimeText::Share(share.0 / 100.0));
+                }
                 text.parse().map(TimeText::Exactly).map_err(E::custom)
             }
 
@@ -326,6 +398,8 @@ pub(crate) struct ExpectText {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RuleText {
+    /// Unique among rules of its kind; files that are based on this one change it by its name.
+    pub name: Option<String>,
     /// The condition.
     #[schemars(with = "String")]
     pub that: Spanned<String>,
@@ -343,12 +417,17 @@ pub(crate) struct RuleText {
     pub after: Option<Spanned<String>>,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
+    /// It is a verdict of the mission, which does not count where that may fail.
+    #[serde(default)]
+    pub mission: bool,
 }
 
 /// What has to come each time that something happens: `whenever` or `step` says what.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ResponseText {
+    /// Unique among responses; files that are based on this one change it by its name.
+    pub name: Option<String>,
     /// Each time that this condition becomes true.
     #[schemars(with = "Option<String>")]
     pub whenever: Option<Spanned<String>>,
@@ -367,6 +446,9 @@ pub(crate) struct ResponseText {
     pub message: Option<String>,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
+    /// It is a verdict of the mission, which does not count where that may fail.
+    #[serde(default)]
+    pub mission: bool,
 }
 
 /// What the client report may have in it: "empty" for nothing at all, or by kind.

@@ -2,43 +2,40 @@
 
 use std::ops::Range;
 
-use sim_settings::{Source, shorten};
-
 use crate::rig_file::RigFileError;
-use crate::suggest::improve;
+use crate::sources::Sources;
 
 /// The most errors that one file reports.
 pub(super) const MOST_ERRORS: usize = 20;
 
 /// What is wrong so far.
 pub(super) struct Problems<'t> {
-    source: Source<'t>,
+    sources: Sources<'t>,
     lines: Vec<String>,
 }
 
 impl<'t> Problems<'t> {
-    pub(super) fn new(source: Source<'t>) -> Self {
+    pub(super) fn new(sources: Sources<'t>) -> Self {
         Self {
-            source,
+            sources,
             lines: Vec::new(),
         }
     }
 
     /// Something is wrong at a place of the file.
     pub(super) fn add(&mut self, at: Range<usize>, why: &str) {
-        if self.lines.len() < MOST_ERRORS {
-            let place = self.source.place(at.start);
-            let key = self.source.key_at(at.start);
-            let key = key.map(|key| format!("`{}`: ", shorten(key)));
-            let why = shorten(why.to_owned());
-            let line = format!("{place}: {}{why}", key.unwrap_or_default());
-            self.lines.push(line);
-        }
+        self.add_lines([self.sources.wrong(at.start, why)]);
+    }
+
+    /// Lines about what is wrong.
+    pub(super) fn add_lines(&mut self, lines: impl IntoIterator<Item = String>) {
+        let left = MOST_ERRORS.saturating_sub(self.lines.len());
+        self.lines.extend(lines.into_iter().take(left));
     }
 
     /// Where something is said, as errors begin.
     pub(super) fn place(&self, at: Range<usize>) -> String {
-        self.source.place(at.start).to_string()
+        self.sources.place(at.start).to_string()
     }
 
     /// The value, or `None` and one problem more.
@@ -54,12 +51,12 @@ impl<'t> Problems<'t> {
         result: Result<T, toml::de::Error>,
     ) -> Option<T> {
         result
-            .map_err(|error| {
-                let at = error.span().filter(|span| *span != (0..0)).unwrap_or(at);
-                let why = improve(&error.message().replace('\n', " "));
-                self.add(at, &why);
-            })
+            .map_err(|error| self.add_lines([self.sources.syntax(at.start, &error)]))
             .ok()
+    }
+
+    pub(super) fn into_error(self) -> RigFileError {
+        RigFileError(self.lines)
     }
 
     pub(super) fn into_result(self) -> Result<(), RigFileError> {

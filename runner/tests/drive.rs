@@ -226,35 +226,34 @@ fn no_seed_fails_a_good_client() {
 #[test]
 fn a_naive_client_of_the_r150_fails_where_it_should() {
     let failing = [
-        "r150/bytes-lost",
-        "r150/cable-pulled",
-        "r150/camera-shorted",
-        "r150/emergency-stop",
-        "r150/line-mute",
-        "r150/module-restarts",
-        "r150/remote-control-takes-over",
-        "r150/replies-missing",
-        "r150/wheel-blocked",
+        "r150/faults/bytes-lost",
+        "r150/faults/cable-pulled",
+        "r150/faults/camera-shorted",
+        "r150/faults/emergency-stop",
+        "r150/faults/line-mute",
+        "r150/faults/remote-control-takes-over",
+        "r150/faults/replies-missing",
+        "r150/faults/wheel-blocked",
     ];
-    naive_fails("r150", r150::naive, "r150/plain-drive", &failing);
+    naive_fails("r150", r150::naive, "r150/jobs/camera-drive", &failing);
 }
 
 #[test]
 fn a_naive_client_of_the_car_fails_where_it_should() {
     let failing = [
-        "mecanum/board-wants-signs-of-life",
-        "mecanum/cable-pulled",
-        "mecanum/distance-stuck-and-person",
-        "mecanum/encoder-lost-on-the-way",
-        "mecanum/lines-garbled",
-        "mecanum/order-lost",
-        "mecanum/person-in-the-way",
-        "mecanum/place-forgotten",
-        "mecanum/status-silent",
-        "mecanum/status-spoilt",
-        "mecanum/wheel-blocked-on-the-way",
+        "mecanum/faults/board-wants-signs-of-life",
+        "mecanum/faults/cable-pulled",
+        "mecanum/faults/distance-stuck-and-person",
+        "mecanum/faults/encoder-lost-on-the-way",
+        "mecanum/faults/lines-garbled",
+        "mecanum/faults/order-lost",
+        "mecanum/faults/person-in-the-way",
+        "mecanum/faults/place-forgotten",
+        "mecanum/faults/status-silent",
+        "mecanum/faults/status-spoilt",
+        "mecanum/faults/wheel-blocked-on-the-way",
     ];
-    naive_fails("mecanum", car::naive, "mecanum/plain-rectangle", &failing);
+    naive_fails("mecanum", car::naive, "mecanum/jobs/rectangle", &failing);
 }
 
 fn naive_fails(kind: &str, client: fn(&Client) -> Option<()>, passing: &str, failing: &[&str]) {

@@ -132,15 +132,24 @@ pub struct Header {
     pub file: String,
     /// What was in it, or the rig that was served.
     pub scenario: String,
+    /// The files that it is based on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub base: Vec<TextRecord>,
+    /// Parameters that were given, each with its value.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<(String, String)>,
+    /// Settings that won over those of the files, as `key=value`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set: Vec<String>,
     /// Settings that were not as they are by default, beside those of the file.
     pub settings: String,
     /// The world file.
-    pub world: Option<WorldRecord>,
+    pub world: Option<TextRecord>,
 }
 
-/// A world file.
+/// A file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct WorldRecord {
+pub struct TextRecord {
     /// Its name.
     pub file: String,
     /// What was in it.

@@ -13,11 +13,11 @@ use sim_core::settings::SimSettings;
 use sim_settings::{Source, load_toml, shorten};
 
 use super::onlooker::Onlooker;
-use super::record::{Header, Record};
+use super::record::{Header, Record, TextRecord};
 use super::{FORMAT, MOST_BYTES};
 use crate::rig_file::RigPlan;
 use crate::run::{Run, RunError, RunOptions, StepError};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Texts};
 
 /// Most bytes of a port by which the recording and the second run may be apart, since of one instant
 /// there is never more. So neither of them fills the memory when the other has nothing.
@@ -394,20 +394,31 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
         let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
         shorten(errors.join("; "))
     })?;
-    let source = Source {
+    fn source(record: &TextRecord) -> Source<'_> {
+        Source {
+            file: &record.file,
+            text: &record.text,
+        }
+    }
+    let first = Source {
         file: &header.file,
         text: &header.scenario,
     };
+    let files: Vec<Source<'_>> = std::iter::once(first)
+        .chain(header.base.iter().map(source))
+        .collect();
+    let texts = Texts {
+        files: &files,
+        parameters: &header.parameters,
+        set: &header.set,
+    };
     let scenario = if header.serving {
-        RigPlan::parse(source, &base).map(Scenario::serving)
+        RigPlan::parse(first, &base).map(Scenario::serving)
     } else {
-        Scenario::parse(source, &base)
+        Scenario::compose(texts, &base)
     };
     let scenario = scenario.map_err(|error| error.to_string())?;
-    let world = header.world.as_ref().map(|world| Source {
-        file: &world.file,
-        text: &world.text,
-    });
+    let world = header.world.as_ref().map(source);
     let options = RunOptions {
         seed: header.seed,
         wire: if header.paced {

@@ -60,8 +60,6 @@ fn a_port_can_be_closed_and_opened_and_set_to_a_wrong_speed() {
          [[step]]\nname = \"on\"\nat = \"500ms\"\nhost = { port = \"open\" }\n\
          [[step]]\nafter = \"on\"\nexpect = { that = \"client.attached\" }\n\
          [[step]]\nname = \"slow\"\nat = \"1s\"\nhost = { baud = 9600 }\n\
-         [[step]]\nafter = \"slow\"\nhost = { send = \"heartbeat\", expect = { within = \"500ms\", reply = { success = true } } }\nonly = \"live\"\n\
-         [[step]]\nat = \"1.1s\"\nhost = { send = \"heartbeat\", expect = { within = \"100ms\" } }\nonly = \"live\"\n\
          [[step]]\nat = \"1.2s\"\nhost = { send = \"heartbeat\" }\n\
          [[step]]\nat = \"2s\"\nexpect = { that = \"count.requests == 0\" }\n",
     ));

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sim_core::settings::SimSettings;
-use sim_runner::scenario::is_scenario_file;
+use sim_runner::scenario::{Glance, Texts, is_scenario_file};
 use sim_runner::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
@@ -24,42 +24,57 @@ pub struct Loaded {
     world: Option<(String, String)>,
 }
 
+fn library() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios")
+}
+
 /// The shipped scenario files, in the order of their names.
 pub fn files() -> Vec<PathBuf> {
     let mut files = Vec::new();
     for folder in FOLDERS {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../scenarios")
-            .join(folder);
-        for entry in fs::read_dir(folder).unwrap() {
-            files.push(entry.unwrap().path());
+        for inner in ["", "faults", "jobs"] {
+            for entry in fs::read_dir(library().join(folder).join(inner)).unwrap() {
+                files.push(entry.unwrap().path());
+            }
         }
     }
-    files.retain(|file| is_scenario_file(file));
+    files.retain(|file| file.is_file() && is_scenario_file(file));
     files.sort();
     files
 }
 
-/// The name of a file as users write it, as in `r150/cable-pulled`.
+/// The name of a file as users write it, as in `r150/faults/cable-pulled`.
 pub fn name(file: &Path) -> String {
-    let stem = file.with_extension("");
-    let parts: Vec<_> = stem.iter().rev().take(2).collect();
-    format!("{}/{}", parts[1].display(), parts[0].display())
+    let inside = file.strip_prefix(library()).unwrap();
+    inside.with_extension("").display().to_string()
 }
 
 impl Loaded {
     pub fn read(path: &Path) -> Result<Self, String> {
-        let text = fs::read_to_string(path).map_err(|error| error.to_string())?;
-        let file = path.display().to_string();
-        let source = Source {
-            file: &file,
-            text: &text,
+        let mut chain = Vec::new();
+        let mut world = None;
+        let mut next = Some(path.to_owned());
+        while let Some(path) = next {
+            let text = fs::read_to_string(&path).map_err(|error| error.to_string())?;
+            let glance = Glance::at(&text);
+            let beside = |name: PathBuf| path.with_file_name("").join(name);
+            world = world.or(glance.world.map(beside));
+            next = glance.base.map(beside);
+            chain.push((path.display().to_string(), text));
+        }
+        let files: Vec<Source<'_>> = chain
+            .iter()
+            .map(|(file, text)| Source { file, text })
+            .collect();
+        let texts = Texts {
+            files: &files,
+            parameters: &[],
+            set: &[],
         };
-        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
+        let scenario = Scenario::compose(texts, &SimSettings::new(sim_core::SHIPPED))
             .map_err(|errors| errors.to_string())?;
-        let world = match scenario.world() {
+        let world = match world {
             Some(world) => {
-                let world = path.with_file_name("").join(world);
                 let text = fs::read_to_string(&world)
                     .map_err(|error| format!("{}: {error}", world.display()))?;
                 Some((world.display().to_string(), text))

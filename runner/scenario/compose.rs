@@ -1,0 +1,285 @@
+//! One scenario from several files: what a file takes over from another one, and parameters.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use sim_settings::Source;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::problems::Problems;
+use crate::condition::Value;
+use crate::suggest::or_allowed;
+
+/// The files of a scenario, and what is given with them.
+#[derive(Debug, Clone, Copy)]
+pub struct Texts<'t> {
+    /// The file itself, then the one that it is based on, and so on.
+    pub files: &'t [Source<'t>],
+    /// Values of parameters, which win over those in the files.
+    pub parameters: &'t [(String, String)],
+    /// Settings as `key=value`, which win over those in the files.
+    pub set: &'t [String],
+}
+
+/// What is to be known of a file before it is read with those that it is based on. Of what is no TOML
+/// nothing is known; that is told when it is read.
+#[derive(Debug, Default)]
+pub struct Glance {
+    /// The keys of the file.
+    pub keys: BTreeSet<String>,
+    /// The file that it is based on, relative to it.
+    pub base: Option<PathBuf>,
+    /// Its world, relative to it.
+    pub world: Option<PathBuf>,
+    /// The names of its parameters.
+    pub parameters: BTreeSet<String>,
+}
+
+impl Glance {
+    /// Glances at the text of a file.
+    #[must_use]
+    pub fn at(text: &str) -> Self {
+        let table: toml::Table = text.parse().unwrap_or_default();
+        let path = |key: &str| {
+            table
+                .get(key)
+                .and_then(toml::Value::as_str)
+                .map(PathBuf::from)
+        };
+        let parameters = table.get("parameters").and_then(toml::Value::as_table);
+        let parameters = parameters.into_iter().flatten();
+        Self {
+            base: path("base"),
+            world: path("world"),
+            parameters: parameters.map(|(name, _)| name.clone()).collect(),
+            keys: table.into_iter().map(|(key, _)| key).collect(),
+        }
+    }
+}
+
+/// Lists whose elements have names, and change those of the same name in what a file is based on.
+const NAMED: [&str; 5] = ["device", "step", "always", "never", "response"];
+
+/// Keys of a step of which one takes the place of another.
+const EXCLUSIVE: [&[&str]; 2] = [
+    &["at", "when", "after"],
+    &["host", "fault", "clear", "operator", "world", "expect"],
+];
+
+/// Puts a file over the one that it is based on.
+pub(super) fn put_over<'t>(base: DeTable<'t>, over: DeTable<'t>) -> DeTable<'t> {
+    let mut all = base;
+    for (key, value) in over {
+        let name = key.get_ref().to_string();
+        let before = all.remove(name.as_str());
+        let value = match before {
+            Some(before) if NAMED.contains(&name.as_str()) => by_name(before, value),
+            Some(before) if ["settings", "parameters"].contains(&name.as_str()) => {
+                deeply(before, value)
+            }
+            _ => value,
+        };
+        all.insert(key, value);
+    }
+    all
+}
+
+fn by_name<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanned<DeValue<'t>> {
+    let span = over.span();
+    let (base, over) = match (base.into_inner(), over.into_inner()) {
+        (DeValue::Array(base), DeValue::Array(over)) => (base, over),
+        // What is no list is told when it is read.
+        (_, over) => return Spanned::new(span, over),
+    };
+    let mut all: Vec<Spanned<DeValue<'t>>> = base.into_iter().collect();
+    for value in over {
+        let name = name_of(&value);
+        let same = all
+            .iter()
+            .position(|own| name.is_some() && name_of(own) == name);
+        match same {
+            Some(index) => {
+                let own = all.remove(index);
+                all.insert(index, changed(own, value));
+            }
+            None => all.push(value),
+        }
+    }
+    Spanned::new(span, DeValue::Array(all.into_iter().collect()))
+}
+
+/// The name of an element; a device without one is called by its kind.
+fn name_of(value: &Spanned<DeValue<'_>>) -> Option<String> {
+    let table = value.get_ref().as_table()?;
+    let name = table.get("name").or_else(|| table.get("kind"))?;
+    name.get_ref().as_str().map(str::to_owned)
+}
+
+/// An element with keys changed.
+fn changed<'t>(own: Spanned<DeValue<'t>>, by: Spanned<DeValue<'t>>) -> Spanned<DeValue<'t>> {
+    let span = by.span();
+    let (mut own, by) = match (own.into_inner(), by.into_inner()) {
+        (DeValue::Table(own), DeValue::Table(by)) => (own, by),
+        (_, by) => return Spanned::new(span, by),
+    };
+    for keys in EXCLUSIVE {
+        if keys.iter().any(|key| by.contains_key(*key)) {
+            for key in keys {
+                own.remove(*key);
+            }
+        }
+    }
+    for (key, value) in by {
+        let before = own.remove(key.get_ref().as_ref());
+        let value = match before {
+            Some(before) if *key.get_ref() == "settings" => deeply(before, value),
+            _ => value,
+        };
+        own.insert(key, value);
+    }
+    Spanned::new(span, DeValue::Table(own))
+}
+
+fn deeply<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanned<DeValue<'t>> {
+    let span = over.span();
+    let (mut base, over) = match (base.into_inner(), over.into_inner()) {
+        (DeValue::Table(base), DeValue::Table(over)) => (base, over),
+        (_, over) => return Spanned::new(span, over),
+    };
+    for (key, value) in over {
+        let value = match base.remove(key.get_ref().as_ref()) {
+            Some(before) => deeply(before, value),
+            None => value,
+        };
+        base.insert(key, value);
+    }
+    Spanned::new(span, DeValue::Table(base))
+}
+
+/// The parameters of a scenario by their names.
+#[derive(Debug, Default)]
+pub(super) struct Parameters<'t>(BTreeMap<String, DeValue<'t>>);
+
+impl<'t> Parameters<'t> {
+    /// Those of the tables, with the values that are given.
+    pub(super) fn read(
+        root: &DeTable<'t>,
+        given: &'t [(String, String)],
+        problems: &mut Problems<'_>,
+    ) -> Self {
+        let mut all = BTreeMap::new();
+        let table = root
+            .get("parameters")
+            .and_then(|own| own.get_ref().as_table());
+        for (name, value) in table.into_iter().flatten() {
+            let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            if !name.get_ref().chars().all(letter)
+                || name.get_ref().starts_with(|c: char| c.is_ascii_digit())
+            {
+                let why = "a name for conditions has letters, digits and _, and no digit first";
+                problems.add(name.span(), why);
+            }
+            match value.get_ref() {
+                DeValue::Array(_) | DeValue::Table(_) | DeValue::Datetime(_) => {
+                    let why = "a parameter is a text, a number, true or false";
+                    problems.add(value.span(), why);
+                }
+                value => {
+                    all.insert(name.get_ref().to_string(), value.clone());
+                }
+            }
+        }
+        for (name, text) in given {
+            match all.get_mut(name) {
+                Some(value) => *value = plain(text),
+                None => {
+                    let known: Vec<&str> = all.keys().map(String::as_str).collect();
+                    let hint = or_allowed(name, &known);
+                    problems.add(0..0, &format!("no parameter is named `{name}`; {hint}"));
+                }
+            }
+        }
+        Self(all)
+    }
+
+    /// What conditions have behind `param.`; texts are for values alone.
+    pub(super) fn values(&self) -> BTreeMap<String, Value> {
+        let value = |value: &DeValue<'_>| match value {
+            DeValue::Boolean(flag) => Some(Value::Flag(*flag)),
+            DeValue::Integer(_) | DeValue::Float(_) => shown(value).parse().ok().map(Value::Number),
+            _ => None,
+        };
+        let all = self.0.iter();
+        all.filter_map(|(name, own)| Some((name.clone(), value(own)?)))
+            .collect()
+    }
+
+    /// Puts values in the place of `${name}` in all texts.
+    pub(super) fn fill(&self, table: &mut DeTable<'t>, problems: &mut Problems<'_>) {
+        for (_, value) in table.iter_mut() {
+            self.fill_value(value, problems);
+        }
+    }
+
+    fn fill_value(&self, value: &mut Spanned<DeValue<'t>>, problems: &mut Problems<'_>) {
+        let span = value.span();
+        match value.get_mut() {
+            DeValue::Table(table) => self.fill(table, problems),
+            DeValue::Array(values) => {
+                for value in values.iter_mut() {
+                    self.fill_value(value, problems);
+                }
+            }
+            DeValue::String(text) if text.contains("${") => match self.filled(text) {
+                Ok(filled) => *value.get_mut() = filled,
+                Err(why) => problems.add(span, &why),
+            },
+            _ => {}
+        }
+    }
+
+    /// A text that is one parameter has its value, be it a number; others get texts put in.
+    fn filled(&self, text: &str) -> Result<DeValue<'t>, String> {
+        let mut filled = String::new();
+        let mut rest = text;
+        while let Some((before, behind)) = rest.split_once("${") {
+            let (name, after) = behind
+                .split_once('}')
+                .ok_or("`${` begins the name of a parameter, and `}` has to end it")?;
+            let value = self.0.get(name).ok_or_else(|| {
+                let known: Vec<&str> = self.0.keys().map(String::as_str).collect();
+                let hint = or_allowed(name, &known);
+                format!("no parameter is named `{name}`; {hint}")
+            })?;
+            if before.is_empty() && after.is_empty() && filled.is_empty() {
+                return Ok(value.clone());
+            }
+            filled += before;
+            filled += &shown(value);
+            rest = after;
+        }
+        filled += rest;
+        Ok(DeValue::String(filled.into()))
+    }
+}
+
+/// A value as a flag gives it: TOML, or else a text.
+fn plain(text: &str) -> DeValue<'_> {
+    match DeValue::parse(text).map(Spanned::into_inner) {
+        Ok(value @ (DeValue::Integer(_) | DeValue::Float(_) | DeValue::Boolean(_))) => value,
+        Ok(DeValue::String(text)) => DeValue::String(text),
+        _ => DeValue::String(text.into()),
+    }
+}
+
+fn shown(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(text) => text.to_string(),
+        DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
+            .map_or_else(|_| number.as_str().to_owned(), |number| number.to_string()),
+        DeValue::Float(number) => number.as_str().to_owned(),
+        DeValue::Boolean(flag) => flag.to_string(),
+        DeValue::Datetime(_) | DeValue::Array(_) | DeValue::Table(_) => String::new(),
+    }
+}

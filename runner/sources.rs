@@ -1,0 +1,90 @@
+//! Several files that are read as one, so that each value still knows where it stands.
+
+use sim_settings::{Origin, Source, shorten};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::suggest::improve;
+
+/// Where the number of a file is in a place; below it is the place in the file.
+const SHIFT: u32 = usize::BITS - 5;
+
+/// Most files that make one.
+pub(crate) const MOST_FILES: usize = 16;
+
+/// Files that are read as one, by their numbers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sources<'t>(pub &'t [Source<'t>]);
+
+impl<'t> Sources<'t> {
+    fn part(&self, at: usize) -> (Source<'t>, usize) {
+        let none = Source { file: "", text: "" };
+        let source = self.0.get(at >> SHIFT).or(self.0.first());
+        (source.copied().unwrap_or(none), at & ((1 << SHIFT) - 1))
+    }
+
+    /// Where something is.
+    pub(crate) fn place(&self, at: usize) -> Origin {
+        let (source, at) = self.part(at);
+        source.place(at)
+    }
+
+    /// The key there.
+    pub(crate) fn key_at(&self, at: usize) -> Option<String> {
+        let (source, at) = self.part(at);
+        source.key_at(at)
+    }
+
+    /// A line about something that is wrong there.
+    pub(crate) fn wrong(&self, at: usize, why: &str) -> String {
+        let key = self.key_at(at).map(|key| format!("`{}`: ", shorten(key)));
+        let why = shorten(why.replace('\n', " "));
+        format!("{}: {}{why}", self.place(at), key.unwrap_or_default())
+    }
+
+    /// The same error of the TOML reader, with its place and key; `at` is the place of one that has none.
+    pub(crate) fn syntax(&self, at: usize, error: &toml::de::Error) -> String {
+        let own = error.span().filter(|span| *span != (0..0));
+        let at = own.map_or(at, |span| span.start);
+        let message = error.message().replace('\n', " ");
+        let improved = improve(&message);
+        // What it may have meant must not be cut off with the rest of a long list.
+        let hint = improved.strip_prefix(&message).unwrap_or_default();
+        let list = "a list belongs here, also of one: `[{ … }]` instead of `{ … }`";
+        let message = message.replace("invalid type: map, expected a sequence", list);
+        self.wrong(at, &message) + hint
+    }
+
+    /// The tables of one of the files.
+    pub(crate) fn tables(&self, number: usize) -> Result<DeTable<'t>, String> {
+        let text = self.0.get(number).map_or("", |source| source.text);
+        let table = DeTable::parse(text).map_err(|error| {
+            let at = error.span().map_or(0, |span| span.start);
+            self.wrong(at | number << SHIFT, error.message())
+        })?;
+        Ok(numbered_table(table.into_inner(), number << SHIFT))
+    }
+}
+
+fn numbered_table(table: DeTable<'_>, number: usize) -> DeTable<'_> {
+    let numbered = |(key, value)| (moved(key, number), numbered(value, number));
+    table.into_iter().map(numbered).collect()
+}
+
+fn numbered(value: Spanned<DeValue<'_>>, number: usize) -> Spanned<DeValue<'_>> {
+    let span = value.span();
+    let inside = match value.into_inner() {
+        DeValue::Table(table) => DeValue::Table(numbered_table(table, number)),
+        DeValue::Array(values) => {
+            let values = values.into_iter().map(|value| numbered(value, number));
+            DeValue::Array(values.collect())
+        }
+        plain => plain,
+    };
+    moved(Spanned::new(span, inside), number)
+}
+
+fn moved<T>(value: Spanned<T>, number: usize) -> Spanned<T> {
+    let span = value.span();
+    Spanned::new(span.start | number..span.end | number, value.into_inner())
+}
