@@ -42,6 +42,12 @@ const BUSY_POLL: Duration = Duration::from_micros(100);
 /// How late the system may run the simulator before simulated time stands still. Schedulers of
 /// desktops are late by a few milliseconds now and then, and deadlines of half a second do not mind.
 const MOST_LATE: Duration = Duration::from_millis(20);
+/// Longest sleep after the machine has held the simulator up; from then on twice as long each time that it
+/// is woken when it asked to be. Simulated time stands still from the beginning of a sleep that did not
+/// end on time, so who is stopped again and again would sleep through the same span for ever.
+const FIRST_SLEEP: Duration = MOST_LATE;
+/// A sleep that may be as long as this may have any length.
+const LONG_SLEEP: Duration = Duration::from_secs(1);
 /// From which lateness on what clients send is allowed to come closer together by as much.
 const LITTLE_LATE: Duration = Duration::from_millis(1);
 /// How long to compute before looking at signals and ports again.
@@ -239,6 +245,7 @@ impl Server {
     /// When a port or the simulation fails.
     pub fn attended(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
+        let mut longest_sleep = LONG_SLEEP;
         let mut awake_at = Instant::now();
         loop {
             let asleep_at = Instant::now();
@@ -249,7 +256,9 @@ impl Server {
             let ready: Vec<usize> = wake.ready().to_vec();
             let sleep = sleep_asked.unwrap_or(Duration::MAX);
             let late = awake_at.elapsed().saturating_sub(sleep);
+            longest_sleep = LONG_SLEEP.min(2 * longest_sleep);
             if asleep_at.elapsed().saturating_sub(sleep) > MOST_LATE {
+                longest_sleep = FIRST_SLEEP;
                 self.was_held_up(late);
             } else if late > MOST_LATE {
                 // Not in its sleep but at its work, which may have been too much.
@@ -292,6 +301,9 @@ impl Server {
             sleep_asked = sleep_asked.map(|sleep| sleep.max(SHORTEST_SLEEP));
             for other in [again, self.until.map(|_| left)].into_iter().flatten() {
                 sleep_asked = Some(sleep_asked.map_or(other, |sleep| sleep.min(other)));
+            }
+            if longest_sleep < LONG_SLEEP {
+                sleep_asked = sleep_asked.map(|sleep| sleep.min(longest_sleep));
             }
         }
     }

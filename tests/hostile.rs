@@ -12,12 +12,12 @@ use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 
 use harness::wire::frame;
-use harness::{Sim, command};
+use harness::{PATIENCE, Sim, command};
 
 /// A scenario of an hour with these steps.
 fn scenario(title: &str, steps: &str) -> String {
@@ -447,7 +447,9 @@ fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
 /// Has it stand still again and again, as a system that is too busy does, until it has ended.
 fn stop_and_go(sim: &Sim) {
     let state = format!("/proc/{}/stat", sim.pid());
+    let begun = Instant::now();
     while !fs::read_to_string(&state).unwrap().contains(") Z ") {
+        assert!(begun.elapsed() < PATIENCE, "{}", sim.printed());
         sim.signal(Signal::STOP);
         std::thread::sleep(Duration::from_millis(80));
         sim.signal(Signal::CONT);
