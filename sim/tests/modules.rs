@@ -69,6 +69,11 @@ fn read(path: &Path, uses: &mut BTreeSet<String>) {
 #[test]
 fn modules_form_no_circle() {
     let mut left = dependencies();
+    // What the crate hands on from another one names none of its modules.
+    let own: BTreeSet<String> = left.keys().cloned().collect();
+    for uses in left.values_mut() {
+        uses.retain(|used| own.contains(used));
+    }
     loop {
         let free = |(_, uses): &(&String, &BTreeSet<String>)| uses.is_empty();
         let Some(next) = left.iter().find(free).map(|(module, _)| module.clone()) else {
