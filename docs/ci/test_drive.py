@@ -8,7 +8,7 @@ from pathlib import Path
 import serial
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
-# By the folder of the scenario; with one client for all, just its path.
+# By a folder on the way to the scenario; with one client for all, just its path.
 CLIENTS = {"r150": "careful_client.py", "mecanum": "careful_car_client.py"}
 HEARTBEAT = bytes.fromhex("AA 55 00 07 C7 84")
 AHEAD = bytes.fromhex("AA 55 04 12 F4 01 F4 01 45 38")
@@ -29,4 +29,5 @@ def test_the_watchdog_stops_a_silent_client(r150):
 
 
 def test_scenario(scenario, play):
-    play(scenario, sys.executable, EXAMPLES / CLIENTS[Path(scenario).parent.name])
+    client = next(CLIENTS[part] for part in Path(scenario).parts if part in CLIENTS)
+    play(scenario, sys.executable, EXAMPLES / client)
