@@ -11,9 +11,6 @@ mod harness;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
-use std::time::Duration;
 
 use harness::client::Client;
 use harness::{Finished, Sim, command, run, tell_skipped, until};
@@ -65,30 +62,6 @@ fn a_signal_ends_it_well_and_nothing_is_left() {
 }
 
 /// Whether this process ignores `SIGHUP`, which its children inherit.
-/// What the system breaks off when a signal comes is done again: a client may leave just then.
-#[test]
-fn being_stopped_and_continued_while_clients_come_and_go_costs_nothing() {
-    let sim = Sim::start(&["--quiet"]);
-    let over = AtomicBool::new(false);
-    thread::scope(|scope| {
-        scope.spawn(|| {
-            while !over.load(Ordering::Relaxed) {
-                drop(fs::File::open(sim.port()));
-                // So that it finds the port empty now and then.
-                thread::sleep(Duration::from_micros(100));
-            }
-        });
-        for _ in 0..1_500 {
-            sim.signal(Signal::STOP);
-            sim.signal(Signal::CONT);
-            thread::yield_now();
-        }
-        over.store(true, Ordering::Relaxed);
-    });
-    assert_eq!(sim.client().ask(0xF0, &[]).len(), 8);
-    sim.stop().expect_clean();
-}
-
 fn hangup_is_ignored() -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

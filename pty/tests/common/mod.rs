@@ -40,7 +40,6 @@ impl Client {
         assert_eq!(rustix::io::write(&self.0, bytes), Ok(bytes.len()));
     }
 
-    /// What is there to be read right now.
     /// Waits until there is something to read.
     pub fn wait(&self) {
         let mut fds = [PollFd::new(&self.0, PollFlags::IN)];
@@ -48,6 +47,7 @@ impl Client {
         poll(&mut fds, Some(&patience)).unwrap();
     }
 
+    /// Takes what is there to be read right now.
     pub fn try_receive(&self) -> Vec<u8> {
         let mut buf = [0; 65_536];
         match rustix::io::read(&self.0, &mut buf[..]) {
