@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{play, python};
+use common::{c_prints, play, prints, python};
 use sim_lockstep::{End, Reason};
 
 #[test]
@@ -39,26 +39,6 @@ print("time", time.time_ns() - wall, time.strftime("%Y-%m-%d %H:%M:%S", time.gmt
         "{}",
         played.output
     );
-}
-
-/// Plays a program in Python that prints what is expected.
-fn prints(code: &str, expected: &str) {
-    let Some(played) = python(code) else { return };
-    assert_eq!(played.output, expected, "{:?}", played.ending);
-    assert_eq!(played.ending.end, End::Exited(0));
-    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
-    assert!(played.took.as_secs() < 20, "{:?}", played.took);
-}
-
-/// Plays a program in C likewise.
-fn c_prints(code: &str, expected: &str) {
-    let Some(played) = common::c_played(code) else {
-        return;
-    };
-    assert_eq!(played.output, expected, "{:?}", played.ending);
-    assert_eq!(played.ending.end, End::Exited(0));
-    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
-    assert!(played.took.as_secs() < 20, "{:?}", played.took);
 }
 
 #[test]

@@ -49,6 +49,11 @@ impl Descriptor {
             && matches!(rustix::fs::minor(device), 8 | 9)
     }
 
+    /// Its device and inode, which nothing else has.
+    pub(crate) fn inode(&self) -> (u64, u64) {
+        (self.stat.st_dev, self.stat.st_ino)
+    }
+
     pub(crate) fn is_pipe(&self) -> bool {
         FileType::from_raw_mode(self.stat.st_mode).is_fifo()
     }

@@ -9,6 +9,7 @@ use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{failure, int};
 use crate::traced::memory::Memory;
+use crate::traced::process_calls::read_processors;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Action, Halt, Tracer};
 use crate::traced::tree::AtEnd;
@@ -54,6 +55,9 @@ impl Tracer<'_> {
         }
         if call == Call::Read && descriptor.is_random() {
             return self.random_bytes(tid, a[1], a[2]);
+        }
+        if call == Call::Read && self.processors.contains(&descriptor.inode()) {
+            return read_processors(tid, &descriptor, (a[1], a[2]));
         }
         if call == Call::Read
             && descriptor.is_anonymous()
