@@ -186,7 +186,7 @@ settings! {
         /// one.
         crosstalk: f64 = 0.5, unit "%", range 0.0..=100.0,
             assumed "sensors that ping in turn seldom hear one another";
-        /// Range of them.
+        /// Range of the sensors.
         range: f64 = 4.5, unit "m", range 0.01..=100.0, assumed "common sensors, 4500 mm";
         /// Time between two pings of a sensor.
         period: Duration = MS(60), range MS(1)..=S(10),

@@ -269,7 +269,7 @@ sim_settings::choices! {
 }
 
 sim_settings::choices! {
-    /// Share that the duty of an open-drain output is.
+    /// Level whose share the duty of an open-drain output is.
     pub enum OutputDuty {
         /// The time in which it lets go of the line, which is then high.
         Released = "released",
@@ -296,7 +296,7 @@ sim_settings::settings! {
         /// Reading of an input while its level never changes.
         steady_level: SteadyLevel = SteadyLevel::Unmeasured,
             assumed "a capture unit counts edges, and there are none";
-        /// Share that the duty of an output is.
+        /// Level whose share the duty of an output is.
         output_duty: OutputDuty = OutputDuty::Released,
             assumed "an input wired to an output then reads the duty that was set";
         /// Frequency of the outputs.

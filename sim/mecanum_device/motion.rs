@@ -78,7 +78,7 @@ pub struct Rules {
     pub pause: Duration,
     /// Pulses of a wheel's revolution.
     pub pulses_per_revolution: u32,
-    /// Motions that one that preempts discards.
+    /// Motions that a preempting one discards.
     pub preempt: Preempt,
     /// Moment at which the wheels stop.
     pub end: MotionEnd,

@@ -55,7 +55,7 @@ settings! {
         /// Whose motions count while the ROS link is configured.
         orders_with_ros: OrdersWithRos = OrdersWithRos::BothLinks,
             assumed "the article takes only the magnetic sensor away then";
-        /// Motions that one that preempts discards.
+        /// Motions that a preempting one discards.
         preempt: Preempt = Preempt::All,
             assumed "a stop then stops the car, whatever waits";
         /// Number of motions that may wait beside the one that runs.

@@ -14,7 +14,7 @@ macro_rules! electrical {
         /// Power that it draws.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         power: Option<Power>,
-        /// Resistance of it.
+        /// Resistance of the load.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         resistance: Option<Resistance>,
         /// Current at the output's nominal voltage; the power stays the same at other voltages.

@@ -99,7 +99,7 @@ macro_rules! mechanical {
     sees "Slower starts and longer stops; more current.",
     counts "The vehicle was driven or moved.",
     {
-        /// Mass of it.
+        /// Mass of the payload.
         mass: Mass,
     }
     /// Something pushes the vehicle.

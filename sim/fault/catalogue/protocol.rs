@@ -33,7 +33,7 @@ macro_rules! protocol {
         /// By how many bytes; −1 unless given.
         #[serde(default = "defaults::one_less")]
         by: i8,
-        /// Lie: `parameters` are missing, or the `field` is wrong; parameters unless given.
+        /// Place of the error: `parameters` are missing, or the `field` lies; parameters unless given.
         #[serde(default)]
         what: WrongLength,
     }

@@ -53,7 +53,7 @@ macro_rules! sensor {
     sees "`infra` that does not change.",
     counts "The truth was another.",
     {
-        /// Answer: it sees something, or nothing; yes unless given.
+        /// Says that it sees something, and not nothing; yes unless given.
         #[serde(default = "defaults::yes")]
         sees: bool,
     }

@@ -65,7 +65,7 @@ choices! {
 }
 
 choices! {
-    /// Motions that one that preempts discards.
+    /// Motions that a preempting one discards.
     pub enum Preempt {
         /// The motion that runs and those that wait.
         All = "all",
@@ -197,7 +197,7 @@ choices! {
 }
 
 choices! {
-    /// Time for which the status packet calls a side's motors running.
+    /// Time during which the status packet calls a side's motors running.
     pub enum MotorState {
         /// While the firmware drives one of them.
         Driven = "driven",
