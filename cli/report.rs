@@ -32,7 +32,7 @@ const MOST_MAPS: usize = 1500;
 pub(crate) struct Report {
     devices: Devices,
     path: PathBuf,
-    /// Where recordings are that nobody else wants.
+    /// Folder of recordings that nobody else wants.
     folder: tempfile::TempDir,
     shown: Mutex<Shown>,
 }
@@ -129,7 +129,7 @@ struct Row {
     name: String,
     title: String,
     verdict: Verdict,
-    /// What it was worth, or why there is nothing.
+    /// Worth of it, or reason for which there is nothing.
     says: String,
     /// Simulated, s.
     time: Option<f64>,

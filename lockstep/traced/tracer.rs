@@ -34,7 +34,7 @@ pub(crate) struct Tracer<'a> {
     pub(crate) main: Tid,
     pub(crate) end: Option<End>,
     pub(crate) reason: Option<Reason>,
-    /// When those who were asked to end are killed.
+    /// Time at which those who were asked to end are killed.
     pub(crate) killed_at: Option<u64>,
     pub(crate) current: Option<Tid>,
     /// Threads that have stopped for the first time before their parent has told of them.
@@ -91,7 +91,7 @@ impl From<Broken> for Halt {
     }
 }
 
-/// What becomes of a call.
+/// Handling of a call.
 #[expect(
     clippy::large_enum_variant,
     reason = "it is looked at once, where it is made"

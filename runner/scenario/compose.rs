@@ -22,7 +22,7 @@ pub struct Texts<'t> {
     pub set: &'t [String],
 }
 
-/// What is to be known of a file before it is read with those that it is based on. Of what is no TOML
+/// Parts of a file that are read before those that it is based on. Of what is no TOML
 /// nothing is known; that is told when it is read.
 #[derive(Debug, Default)]
 pub struct Glance {
@@ -203,7 +203,7 @@ impl<'t> Parameters<'t> {
         Self(all)
     }
 
-    /// What conditions have behind `param.`; texts are for values alone.
+    /// Values that conditions have behind `param.`; texts are for values alone.
     pub(super) fn values(&self) -> BTreeMap<String, Value> {
         let value = |value: &DeValue<'_>| match value {
             DeValue::Boolean(flag) => Some(Value::Flag(*flag)),
