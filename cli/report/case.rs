@@ -46,6 +46,7 @@ pub(super) fn case(
     let title = readable(&outcome.title);
     let inside = html! {
         p.about { code { (readable(&job.command())) } }
+        @if job.is_live() { p.about { "The client had " (job.time_word()) " time." } }
         @if !outcome.failures.is_empty() { (failures(outcome)) }
         @if let Some(Ok(film)) = &film {
             figure.world {

@@ -288,6 +288,29 @@ print(a.recv(10), at())
     );
 }
 
+/// The system keeps a second small message of a talk until the first has been acknowledged, which takes
+/// up to 40 ms of its own time.
+#[test]
+fn what_is_sent_inside_is_there_at_once() {
+    prints(
+        r#"
+import socket, threading, time
+start = time.monotonic()
+server = socket.create_server(("127.0.0.1", 0))
+def serve():
+    connection, _ = server.accept()
+    for _ in range(20): connection.sendall(connection.recv(1))
+    for _ in "abc": print(connection.recv(1), round(time.monotonic() - start, 3))
+threading.Thread(target=serve).start()
+client = socket.create_connection(server.getsockname())
+for _ in range(20): client.sendall(b"x"); client.recv(1)
+for letter in b"abc": client.sendall(bytes([letter]))
+time.sleep(5)
+"#,
+        "b'a' 0.0\nb'b' 0.0\nb'c' 0.0\n",
+    );
+}
+
 #[test]
 fn queues_and_semaphores_of_system_v_and_posix() {
     c_prints(

@@ -12,7 +12,7 @@ use rustix::process::PidfdGetfdFlags;
 
 use crate::traced::sys::Tid;
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{Thread, path_of};
+use crate::traced::tree::{Process, Thread, path_of};
 use crate::traced::wait::Wait;
 
 /// A descriptor that leads outside, and is waited for.
@@ -114,8 +114,7 @@ pub(crate) fn wait(all: &[Outside], most: Duration) -> io::Result<bool> {
 impl Tracer<'_> {
     /// Finds what a descriptor of a process leads to; `None` if there is none.
     pub(crate) fn descriptor(&self, process: Tid, fd: i32) -> Option<Descriptor> {
-        let handle = &self.processes.get(&process)?.handle;
-        let file = rustix::process::pidfd_getfd(handle, fd, PidfdGetfdFlags::empty()).ok()?;
+        let file = duplicate(self.processes.get(&process)?, fd)?;
         let stat = rustix::fs::fstat(&file).ok()?;
         Some(Descriptor { file, stat })
     }
@@ -136,11 +135,10 @@ impl Tracer<'_> {
         };
         let mut files = Vec::with_capacity(set.len());
         for (fd, flags) in set {
-            let empty = PidfdGetfdFlags::empty();
-            match rustix::process::pidfd_getfd(&owner.handle, *fd, empty) {
-                Ok(file) => files.push((file, *flags)),
+            match duplicate(owner, *fd) {
+                Some(file) => files.push((file, *flags)),
                 // The system says what is wrong with it.
-                Err(_) => return true,
+                None => return true,
             }
         }
         let polls = files.iter().map(|(file, flags)| PollFd::new(file, *flags));
@@ -288,6 +286,14 @@ impl Tracer<'_> {
             })
         })
     }
+}
+
+/// Our own descriptor of what one of a process leads to. Programs may name any number.
+fn duplicate(process: &Process, fd: i32) -> Option<OwnedFd> {
+    if fd < 0 {
+        return None;
+    }
+    rustix::process::pidfd_getfd(&process.handle, fd, PidfdGetfdFlags::empty()).ok()
 }
 
 fn own_pid() -> i32 {

@@ -1,7 +1,7 @@
 //! Reads, writes and the like, of ports and of everything else; and random bytes.
 
 use rustix::event::PollFlags;
-use rustix::net::sockopt::{Timeout, socket_timeout};
+use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
 use crate::traced::arch::Registers;
 use crate::traced::call::Call;
@@ -153,7 +153,12 @@ impl Tracer<'_> {
             rule.deadline = time.and_then(|t| self.clocks.when(libc::CLOCK_REALTIME, t, self.now));
         } else if descriptor.is_socket() {
             let which = match flags {
-                PollFlags::OUT => Timeout::Send,
+                PollFlags::OUT => {
+                    // Else the system keeps back small messages, by its own clock. What is not TCP
+                    // refuses this.
+                    let _ = set_tcp_nodelay(&descriptor.file, true);
+                    Timeout::Send
+                }
                 _ => Timeout::Recv,
             };
             let patience = socket_timeout(&descriptor.file, which).ok().flatten();
