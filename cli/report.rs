@@ -32,7 +32,7 @@ const MOST_MAPS: usize = 1500;
 pub(crate) struct Report {
     devices: Devices,
     path: PathBuf,
-    /// Where recordings are that nobody else wants.
+    /// Folder of recordings that nobody else wants.
     folder: tempfile::TempDir,
     shown: Mutex<Shown>,
 }
@@ -40,6 +40,8 @@ pub(crate) struct Report {
 /// What is shown of cases, by their names.
 #[derive(Default)]
 struct Shown {
+    /// In the table, by the places of their jobs.
+    rows: BTreeMap<usize, Row>,
     cases: BTreeMap<String, String>,
     full: usize,
     maps: usize,
@@ -87,14 +89,19 @@ impl Report {
         self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// A job has a result.
+    pub(crate) fn known(&self, index: usize, job: &Job<'_>, result: &JobResult) {
+        self.shown().rows.insert(index, Row::new(job, Some(result)));
+    }
+
     /// Writes the page, also of a run that was broken off.
-    pub(crate) fn write(
-        &self,
-        jobs: &[Job<'_>],
-        results: &[Option<JobResult>],
-    ) -> Result<(), Failure> {
-        let shown = self.shown();
-        let rows: Vec<Row> = jobs.iter().zip(results).map(Row::new).collect();
+    pub(crate) fn write(&self, jobs: &[Job<'_>]) -> Result<(), Failure> {
+        let mut shown = self.shown();
+        let row = |(index, job)| {
+            let known = shown.rows.remove(&index);
+            known.unwrap_or_else(|| Row::new(job, None))
+        };
+        let rows: Vec<Row> = jobs.iter().enumerate().map(row).collect();
         let text = page(&rows, &shown.cases).into_string();
         fs::write(&self.path, text)
             .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
@@ -122,7 +129,7 @@ struct Row {
     name: String,
     title: String,
     verdict: Verdict,
-    /// What it was worth, or why there is nothing.
+    /// Worth of it, or reason for which there is nothing.
     says: String,
     /// Simulated, s.
     time: Option<f64>,
@@ -149,7 +156,7 @@ impl Verdict {
 }
 
 impl Row {
-    fn new((job, result): (&Job<'_>, &Option<JobResult>)) -> Self {
+    fn new(job: &Job<'_>, result: Option<&JobResult>) -> Self {
         let (verdict, says, time) = match result {
             Some(JobResult::Played(played)) => {
                 let verdict = match played.verdict() {

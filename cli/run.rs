@@ -81,18 +81,19 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let mut audience = Told {
         args,
         jobs: &jobs,
+        counts: Counts::default(),
         progress: progress(jobs.len()),
         junit: junit.map(|path| Junit::begin(path, &jobs)).transpose()?,
     };
     adopt_orphans().map_err(Failure::system)?;
-    let results = pool::play_all(args, &jobs, &mut audience);
+    let wrong = pool::play_all(args, &jobs, &mut audience);
     audience.progress.finish_and_clear();
-    let (results, wrong) = results?;
-    let exit = finish(&results);
+    let wrong = wrong?;
+    let exit = audience.counts.finish(jobs.len());
     // Also when the run was broken off.
     audience.junit.map_or(Ok(()), Junit::finish)?;
     if let Some(report) = &report {
-        report.write(&jobs, &results)?;
+        report.write(&jobs)?;
     }
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
@@ -116,18 +117,24 @@ fn check_time(args: &RunArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints results, and keeps them for the JUnit file.
+/// Prints results, counts them, and keeps them for the JUnit file.
 struct Told<'a> {
     args: &'a RunArgs,
     jobs: &'a [Job<'a>],
+    counts: Counts,
     progress: indicatif::ProgressBar,
     junit: Option<Junit>,
 }
 
 impl Audience for Told<'_> {
     fn known(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
+        self.counts.add(result);
+        let job = &self.jobs[index];
+        if let Some(report) = job.report {
+            report.known(index, job, result);
+        }
         match &mut self.junit {
-            Some(junit) => junit.known(index, &self.jobs[index], result),
+            Some(junit) => junit.known(index, job, result),
             None => Ok(()),
         }
     }
@@ -210,37 +217,59 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     bar
 }
 
-/// The last line, and the exit code.
-fn finish(results: &[Option<JobResult>]) -> Result<Exit, Failure> {
-    let verdicts = |verdict: Verdict| {
-        let results = results.iter().flatten();
-        let is = |one: &&JobResult| matches!(one, JobResult::Played(p) if p.verdict() == verdict);
-        results.filter(is).count()
-    };
-    let count = |is: fn(&JobResult) -> bool| results.iter().flatten().filter(|r| is(r)).count();
-    let [passed, failed, spoilt] =
-        [Verdict::Passed, Verdict::Failed, Verdict::Spoilt].map(verdicts);
-    let broken = count(|result| matches!(result, JobResult::Broken(_)));
-    let broken_off = count(|result| matches!(result, JobResult::BrokenOff));
-    let skipped = results.len() - passed - failed - spoilt - broken - broken_off;
-    let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-    for (count, what) in [
-        (spoilt, "spoilt by the machine"),
-        (broken, "could not be played"),
-        (broken_off, "broken off"),
-    ] {
-        if count > 0 {
-            text += &format!(", {count} {what}");
-        }
+/// How many results there are of each kind.
+#[derive(Default)]
+struct Counts {
+    passed: usize,
+    failed: usize,
+    spoilt: usize,
+    broken: usize,
+    broken_off: usize,
+}
+
+impl Counts {
+    fn add(&mut self, result: &JobResult) {
+        let count = match result {
+            JobResult::Played(played) => match played.verdict() {
+                Verdict::Passed => &mut self.passed,
+                Verdict::Failed => &mut self.failed,
+                Verdict::Spoilt => &mut self.spoilt,
+            },
+            JobResult::Broken(_) => &mut self.broken,
+            JobResult::BrokenOff => &mut self.broken_off,
+        };
+        *count += 1;
     }
-    print(&text)?;
-    Ok(if spoilt + broken + broken_off > 0 {
-        Exit::System
-    } else if failed > 0 {
-        Exit::Failed
-    } else {
-        Exit::Clean
-    })
+
+    /// The last line, and the exit code; `all` were to be played.
+    fn finish(&self, all: usize) -> Result<Exit, Failure> {
+        let Self {
+            passed,
+            failed,
+            spoilt,
+            broken,
+            broken_off,
+        } = self;
+        let skipped = all - passed - failed - spoilt - broken - broken_off;
+        let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
+        for (count, what) in [
+            (spoilt, "spoilt by the machine"),
+            (broken, "could not be played"),
+            (broken_off, "broken off"),
+        ] {
+            if *count > 0 {
+                text += &format!(", {count} {what}");
+            }
+        }
+        print(&text)?;
+        Ok(if spoilt + broken + broken_off > 0 {
+            Exit::System
+        } else if *failed > 0 {
+            Exit::Failed
+        } else {
+            Exit::Clean
+        })
+    }
 }
 
 #[cfg(test)]

@@ -63,8 +63,8 @@ impl Loaded {
         self.path.parent().map(Path::to_owned).unwrap_or_default()
     }
 
-    /// What distinguishes it in names of files: the whole path, so that files of one name in two
-    /// folders do not meet.
+    /// Part of names of files by which it is known: the whole path, so that files of one name in
+    /// two folders do not meet.
     pub(crate) fn stem(&self) -> OsString {
         let path = self.path.with_extension("");
         let parts = path.components().filter_map(|part| match part {
@@ -87,7 +87,7 @@ impl Loaded {
         stem
     }
 
-    /// What it is called: its path, and the parameters that were given.
+    /// Name of it: its path, and the parameters that were given.
     pub(crate) fn name(&self) -> String {
         let case = self.case.iter();
         let case: Vec<String> = case
@@ -153,7 +153,7 @@ fn is_hidden(path: &Path) -> bool {
 /// Most combinations of parameters of one file.
 const MOST_CASES: usize = 10_000;
 
-/// What files are read with.
+/// Things that files are read with.
 pub(crate) struct Given<'a> {
     pub(crate) base: SimSettings,
     /// The job for fault files.
@@ -167,7 +167,7 @@ pub(crate) struct Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    /// What flags say; settings of their own go into `base`.
+    /// Collects what flags say; settings of their own go into `base`.
     pub(crate) fn new(
         base: SimSettings,
         args: &'a GivenArgs,
@@ -203,8 +203,8 @@ impl<'a> Given<'a> {
     }
 }
 
-/// Reads all, each with each combination of its parameters; or says what is wrong with each. World and
-/// rig files that lie among them are named and left out.
+/// Reads all, each with each combination of its parameters; or says what is wrong with each. World
+/// and rig files that lie among them are named and left out.
 pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
     if let Some(job) = given.job {
         // Said once, and not of each file.

@@ -1,4 +1,4 @@
-//! What is printed at the end of a run.
+//! Summary that is printed at the end of a run.
 
 use std::fmt::Write as _;
 
@@ -17,7 +17,7 @@ pub(crate) struct DeviceSummary<'a> {
     pub(crate) ports: Vec<Counters>,
 }
 
-/// What concerns all devices.
+/// Facts that concern all devices.
 pub(crate) struct RunSummary {
     pub(crate) now: SimTime,
     /// Events that nobody took in time.

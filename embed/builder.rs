@@ -1,4 +1,4 @@
-//! What to simulate.
+//! Parts of a simulation.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -73,7 +73,8 @@ impl NewDevice {
         self
     }
 
-    /// Changes a setting of it, written without its kind as in rig files: `heartbeat_timeout`, `5 s`.
+    /// Changes a setting of it, written without its kind as in rig files: `heartbeat_timeout`, `5
+    /// s`.
     #[must_use]
     pub fn set(mut self, setting: &str, value: impl Into<Value>) -> Self {
         insert(&mut self.settings, setting, value.into());

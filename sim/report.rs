@@ -1,4 +1,4 @@
-//! What happened in a run, counted: the summary, and the client report.
+//! Counts of what happened in a run: the summary, and the client report.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -10,9 +10,9 @@ use crate::event::{Event, Role};
 /// Events of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tally {
-    /// How many there were.
+    /// Number of them.
     pub count: u64,
-    /// When the first was.
+    /// Time of the first.
     pub first_at: SimTime,
     /// The first in words.
     pub first: String,
@@ -20,7 +20,7 @@ pub struct Tally {
     pub bytes: Option<Vec<u8>>,
     /// Bytes that were lost in all of them.
     pub lost_bytes: u64,
-    /// How many of them were the client's doing: forbidden by the protocol, or risky.
+    /// Number of them that were the client's doing: forbidden by the protocol, or risky.
     pub held_against_client: u64,
 }
 
@@ -66,7 +66,7 @@ impl Report {
         tally.held_against_client += u64::from(kind.blames_client() && !left);
     }
 
-    /// What the client did that the protocol forbids or that is risky.
+    /// Lists what the client did that the protocol forbids or that is risky.
     pub fn held_against_client(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
         self.events
             .iter()

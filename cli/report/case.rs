@@ -1,4 +1,4 @@
-//! What a report says of one case.
+//! One case in a report.
 
 use maud::{Markup, html};
 use sim_core::SimTime;
@@ -19,7 +19,7 @@ const MANY: u32 = 480;
 /// Most lines that are shown of what the client wrote.
 const MOST_OUTPUT: usize = 200;
 
-/// How much is shown of a case.
+/// Detail in which a case is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Detail {
     /// The verdict alone.
@@ -30,7 +30,7 @@ pub(super) enum Detail {
     Full,
 }
 
-/// What is shown of a case.
+/// Shows a case.
 pub(super) fn case(
     devices: Devices,
     job: &Job<'_>,
@@ -46,6 +46,7 @@ pub(super) fn case(
     let title = readable(&outcome.title);
     let inside = html! {
         p.about { code { (readable(&job.command())) } }
+        @if job.is_live() { p.about { "The client had " (job.time_word()) " time." } }
         @if !outcome.failures.is_empty() { (failures(outcome)) }
         @if let Some(Ok(film)) = &film {
             figure.world {

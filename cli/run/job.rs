@@ -96,7 +96,7 @@ impl<'a> Job<'a> {
         !self.client.is_empty()
     }
 
-    /// Whether a real client plays in the simulator's time.
+    /// Tells whether a real client plays in the simulator's time.
     pub(crate) fn is_lockstep(&self) -> bool {
         self.is_live() && self.time == TimeArg::Lockstep
     }

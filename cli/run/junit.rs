@@ -18,19 +18,19 @@ use crate::{visible, whole_file};
 use super::job::{Job, JobResult, Played, Verdict};
 use super::tell;
 
-/// How many times as long as the last writing took to play on before the next: with thousands of results
-/// the file is not written for each.
+/// How many times as long as the last writing took to play on before the next: with thousands of
+/// results the file is not written for each.
 const RARELY: u32 = 20;
 /// How much of a file that is there is looked at for results.
 const GLANCE: u64 = 4096;
 
-/// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a whole
-/// document.
+/// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a
+/// whole document.
 pub(crate) struct Junit {
     path: PathBuf,
     to: To,
     report: Report,
-    /// When it was written, and how long that took.
+    /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
     /// Something is known that is not written.
     is_behind: bool,
@@ -178,8 +178,8 @@ fn without_skipped_total(text: &str) -> String {
     }
 }
 
-/// Text as it may go into the document: shown as on a terminal, so that the library finds nothing to
-/// take out and XML nothing that it forbids.
+/// Text as it may go into the document: shown as on a terminal, so that the library finds nothing
+/// to take out and XML nothing that it forbids.
 fn text(text: &str) -> String {
     visible::lines(text).into_owned()
 }

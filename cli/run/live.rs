@@ -135,7 +135,7 @@ pub(crate) fn no_port_opened(job: &Job<'_>) -> String {
     )
 }
 
-/// What the client finds in its environment.
+/// Environment of the client.
 pub(crate) fn environment(
     job: &Job<'_>,
     ports: impl Iterator<Item = (PortId, PathBuf)>,

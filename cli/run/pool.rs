@@ -1,6 +1,7 @@
 //! Playing several scenarios at a time.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -33,18 +34,19 @@ pub(crate) trait Audience {
     fn idle(&mut self) -> Result<(), Failure>;
 }
 
-/// Plays all. What was not played, since another failed or a signal came, has no result. An error that
-/// concerns all comes beside.
+/// Plays all, and keeps nothing of what has been told. What was not played, since another failed or a
+/// signal came, has no result. An error that concerns all is returned.
 pub(crate) fn play_all(
     args: &RunArgs,
     jobs: &[Job<'_>],
     audience: &mut dyn Audience,
-) -> Result<(Vec<Option<JobResult>>, Option<Failure>), Failure> {
+) -> Result<Option<Failure>, Failure> {
     let stop = broken_off_by_signals()?;
     let next = AtomicUsize::new(0);
     let enough = AtomicBool::new(false);
     let (sender, receiver) = crossbeam_channel::unbounded();
-    let mut results: Vec<Option<JobResult>> = jobs.iter().map(|_| None).collect();
+    // Those that wait to be told until the ones before them have been.
+    let mut early = BTreeMap::new();
     let mut wrong = None;
     std::thread::scope(|scope| {
         let work = || {
@@ -107,20 +109,18 @@ pub(crate) fn play_all(
                 JobResult::Broken(why)
             });
             note(audience.known(index, &result));
-            results[index] = Some(result);
-            while let Some(Some(result)) = results.get(told) {
-                note(audience.told(told, result));
+            early.insert(index, result);
+            while let Some(result) = early.remove(&told) {
+                note(audience.told(told, &result));
                 told += 1;
             }
         }
         // After a gap that was never played.
-        for (index, result) in results.iter().enumerate().skip(told) {
-            if let Some(result) = result {
-                note(audience.told(index, result));
-            }
+        for (index, result) in early {
+            note(audience.told(index, &result));
         }
     });
-    Ok((results, wrong))
+    Ok(wrong)
 }
 
 /// How many to play at a time.

@@ -16,7 +16,7 @@ const MOST_RAW: usize = 4096;
 
 /// The scripted client's end of a port.
 pub(super) struct HostPort {
-    /// What it sends without an open port goes nowhere.
+    /// Set if its port is open; what it sends without that goes nowhere.
     open: bool,
     reader: Box<dyn ReplyReader>,
     /// It sends by itself, so not all that comes answers.
@@ -29,7 +29,7 @@ struct Waiting {
     due: SimTime,
     wanted: ReplyWanted,
     raw: Vec<u8>,
-    /// Why what came so far is not it.
+    /// Reason for which what came so far is not it.
     so_far: String,
 }
 

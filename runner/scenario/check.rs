@@ -800,7 +800,7 @@ impl Checker<'_> {
 /// Times between repetitions, their number, and how long each lasts.
 type Timing = (Option<Times>, Option<u32>, Option<Times>);
 
-/// Whether following what a step waits for leads back to it.
+/// Tells whether following what a step waits for leads back to it.
 fn comes_back(steps: &[&Step], start: usize) -> bool {
     let mut at = start;
     for _ in 0..steps.len() {

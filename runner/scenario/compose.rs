@@ -166,7 +166,7 @@ impl<'t> Parameters<'t> {
         Self(all)
     }
 
-    /// What conditions have behind `param.`; texts are for values alone.
+    /// Values that conditions have behind `param.`; texts are for values alone.
     pub(super) fn values(&self) -> BTreeMap<String, Value> {
         let value = |value: &DeValue<'_>| match value {
             DeValue::Boolean(flag) => Some(Value::Flag(*flag)),

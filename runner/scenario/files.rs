@@ -88,13 +88,13 @@ impl ScenarioFiles {
         self.world.as_deref()
     }
 
-    /// Whether any of them has a parameter of this name.
+    /// Tells whether any of them has a parameter of this name.
     #[must_use]
     pub fn has_parameter(&self, name: &str) -> bool {
         self.parameters.contains(name)
     }
 
-    /// What the first looks like if it is no scenario.
+    /// The kind of file that the first looks like, if it is no scenario.
     #[must_use]
     pub fn other_kind(&self) -> Option<&'static str> {
         let has = |key: &&str| self.keys.contains(*key);
@@ -131,8 +131,7 @@ impl ScenarioFiles {
     }
 }
 
-/// What is to be known of a file before it is read with those that it is based on. Of what is no TOML
-/// nothing is known; that is told when it is read.
+/// Parts of a file that are read before those that it is based on. Of what is no TOML nothing is known; that is told when it is read.
 #[derive(Debug, Default)]
 struct Glance {
     keys: BTreeSet<String>,
