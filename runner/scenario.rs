@@ -28,6 +28,7 @@ mod actions;
 mod check;
 mod compose;
 mod document;
+mod files;
 mod forgiving;
 mod host;
 mod problems;
@@ -45,8 +46,9 @@ use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
-pub use compose::{Glance, Texts};
+pub use compose::Texts;
 pub use document::{Only, Overlap};
+pub use files::{NamedText, ScenarioFiles};
 
 pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
@@ -319,12 +321,6 @@ impl Scenario {
     #[must_use]
     pub fn is_endless(&self) -> bool {
         self.limit == Duration::MAX
-    }
-
-    /// The world file, relative to the scenario file.
-    #[must_use]
-    pub fn world(&self) -> Option<&Path> {
-        self.rig.world.as_deref()
     }
 
     /// Tells whether the obstacles that steps move or remove are in this world, or are added by a

@@ -61,7 +61,9 @@ impl<'t> Sources<'t> {
         let text = self.0.get(number).map_or("", |source| source.text);
         let table = DeTable::parse(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
-            self.wrong(at | number << SHIFT, error.message())
+            let twice = "duplicate key; a list is written either `name = [{ … }, { … }]` or with `[[name]]`";
+            let message = error.message().replace("duplicate key", twice);
+            self.wrong(at | number << SHIFT, &message)
         })?;
         Ok(numbered_table(table.into_inner(), number << SHIFT))
     }

@@ -14,24 +14,8 @@ use std::process::Command;
 use std::time::Instant;
 
 use harness::live::{DRIVE, Folder, is_running};
-use harness::{Finished, until};
+use harness::{Finished, python, until};
 use rustix::process::Signal;
-
-/// A Python with pyserial, or a word that there is none.
-fn python() -> Option<&'static str> {
-    let found = Command::new("python3")
-        .args(["-c", "import serial"])
-        .output();
-    if found.is_ok_and(|found| found.status.success()) {
-        return Some("python3");
-    }
-    assert!(
-        std::env::var_os("SIM_TEST_PYTHON").is_none(),
-        "SIM_TEST_PYTHON is set, and there is no Python with pyserial"
-    );
-    eprintln!("skipped: there is no Python with pyserial");
-    None
-}
 
 fn example(name: &str) -> String {
     format!("{}/docs/examples/{name}.py", env!("CARGO_MANIFEST_DIR"))
