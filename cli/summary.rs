@@ -58,6 +58,13 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
         if !other.is_empty() {
             let _ = write!(text, "\n    events: {}", other.join(", "));
         }
+        for (code, tally) in report.damage() {
+            let _ = write!(
+                text,
+                "\n    damage: {code} {}x, first at {} s: {}",
+                tally.count, tally.first_at, tally.first
+            );
+        }
         for port in ports {
             let full = port.dropped_full_bytes;
             let alone = port.dropped_detached_bytes;

@@ -115,6 +115,8 @@ pub enum Role {
     Reply,
     /// A client was silent for too long.
     HeartbeatLost,
+    /// Something broke, or came close to it, that the firmware does not know of.
+    Damage,
     /// Anything else.
     Other,
 }

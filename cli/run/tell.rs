@@ -114,6 +114,15 @@ fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
     for what in played.client.iter().flat_map(|client| &client.refused) {
         let _ = write!(text, "\n  refused: {what}");
     }
+    for device in &outcome.devices {
+        for (code, tally) in device.report.damage() {
+            let _ = write!(
+                text,
+                "\n  damage: {}: {code} {}x, first at {} s: {}",
+                device.name, tally.count, tally.first_at, tally.first
+            );
+        }
+    }
     // What a scripted client does wrong, it was told to do.
     if case.is_live() || !outcome.passed {
         for line in client_report(outcome) {

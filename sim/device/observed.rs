@@ -60,7 +60,7 @@ impl Observed {
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
             Role::Request => self.last_request = Some(event.at),
-            Role::Reply | Role::HeartbeatLost | Role::Other => {}
+            Role::Reply | Role::HeartbeatLost | Role::Damage | Role::Other => {}
         }
         if self.own.note(event.at, &*event.kind) {
             self.last_motion = Some((event.at, distance_m));

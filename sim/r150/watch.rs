@@ -46,7 +46,10 @@ impl EventKind for HardwareEvent {
     }
 
     fn role(&self) -> Role {
-        Role::Other
+        match self {
+            Self::MotorCooled(_) => Role::Other,
+            _ => Role::Damage,
+        }
     }
 
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {
