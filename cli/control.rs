@@ -1,4 +1,4 @@
-//! What is asked over the control socket, done to a run.
+//! Requests of the control socket, done to a run.
 
 mod ask;
 pub(crate) mod ctl;
@@ -28,7 +28,8 @@ use crate::visible;
 const MOST_AT_ONCE: usize = 16;
 /// How often to look whether steps have begun or ended, while anybody listens.
 const LOOK_AT_STEPS: Duration = Duration::from_millis(50);
-/// How long a client in the simulator's time may be kept waiting for what is asked and told meanwhile.
+/// How long a client in the simulator's time may be kept waiting for what is asked and told
+/// meanwhile.
 const SETTLE: Duration = Duration::from_secs(2);
 
 /// Answers requests between two steps of a run.
@@ -41,9 +42,9 @@ pub(crate) struct Desk {
     words: Words,
     ports: Vec<ShownPort>,
     listening: Vec<Listening>,
-    /// Who wants to know when a step is over.
+    /// Answers to be given when a step is over.
     waiting: Vec<(usize, Answer)>,
-    /// Who wants to know when time stands still again.
+    /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
     steps: Vec<Progress>,
     steps_next: Option<Instant>,
@@ -58,8 +59,8 @@ struct Listening {
     gone: bool,
 }
 
-/// What of a step may change: when it began and was done, how often it has hit, whether it lasts and
-/// has failed.
+/// What of a step may change: when it began and was done, how often it has hit, whether it lasts
+/// and has failed.
 type Progress = (Option<SimTime>, Option<SimTime>, u64, bool, bool);
 
 fn progress(step: &StepReport<'_>) -> Progress {
@@ -97,17 +98,17 @@ impl Desk {
         })
     }
 
-    /// Where it is, with the token.
+    /// URL of it, with the token.
     pub(crate) fn url(&self) -> String {
         self.control.url()
     }
 
-    /// What wakes it.
+    /// Control that wakes it.
     pub(crate) fn wakes(&self) -> &Control {
         &self.control
     }
 
-    /// Whether somebody waits for something that comes only with time.
+    /// Tells whether somebody waits for something that comes only with time.
     pub(crate) fn wants_time(&self) -> bool {
         !self.waiting.is_empty() || !self.stepping.is_empty()
     }
@@ -152,9 +153,9 @@ impl Desk {
         Ok(self.tell_what_is_due(run))
     }
 
-    /// Does all that is asked, also what is on its way, until everybody waits for an answer that only
-    /// time brings: for a client that has nothing else to do until then. Says whether anybody asked or
-    /// was told anything.
+    /// Does all that is asked, also what is on its way, until everybody waits for an answer that
+    /// only time brings: for a client that has nothing else to do until then. Says whether anybody
+    /// asked or was told anything.
     pub(crate) fn settle(&mut self, run: &mut Run) -> Result<bool, RunError> {
         let begun = Instant::now();
         let mut any = self.answer_waiting(run, None);
@@ -352,7 +353,8 @@ impl Words {
     }
 }
 
-/// Whether something is due by now, which then is due again later; what was missed is left out.
+/// Tells whether something is due by now, which then is due again later; what was missed is left
+/// out.
 fn is_due(next: &mut Option<Instant>, every: Duration, now: Instant) -> bool {
     match next {
         Some(at) if *at <= now => {

@@ -1,4 +1,4 @@
-//! Whoever is told what happens.
+//! Listeners, who are told what happens.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,7 +16,7 @@ const MOST_NAMES: usize = 64;
 /// Most messages a second of one kind that come at a rate.
 const MOST_RATE: f64 = 60.0;
 
-/// What a stream is to tell.
+/// Wishes of a stream.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wants {
     /// Names whose values are told, and how often in real time.
@@ -25,7 +25,7 @@ pub struct Wants {
     pub values_every: Option<Duration>,
     /// Between two messages of where everything is.
     pub picture_every: Option<Duration>,
-    /// Whether every request and reply is told, beside what else happens.
+    /// Set if every request and reply is told, beside what else happens.
     pub traffic: bool,
 }
 
@@ -89,10 +89,10 @@ fn every(rate: f64) -> Duration {
     Duration::from_secs_f64(1.0 / rate)
 }
 
-/// Whoever is told what happens; it ends when it is dropped.
+/// Listener, who is told what happens; it ends when it is dropped.
 #[derive(Debug)]
 pub struct Listener {
-    /// What it is to be told.
+    /// Wishes of it.
     pub wants: Wants,
     messages: Sender<Arc<str>>,
     lost: Arc<AtomicU64>,
@@ -143,7 +143,7 @@ impl Listener {
 }
 
 impl Messages {
-    /// How many messages were lost since this was last asked.
+    /// Number of messages that were lost since this was last asked.
     pub(crate) fn take_lost(&self) -> u64 {
         self.lost.swap(0, Ordering::Relaxed)
     }
