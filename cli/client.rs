@@ -23,7 +23,7 @@ const MOST_FILED: usize = 1 << 26;
 /// How long the end of a client may take in all, which includes killing it.
 const END_PATIENCE: Duration = Duration::from_secs(10);
 
-/// The supervisors of the clients that run now, at most one for each job at a time.
+/// The supervisors of the clients that run now, at most one for each case at a time.
 static SUPERVISORS: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
 
 fn supervisors() -> MutexGuard<'static, BTreeSet<u32>> {

@@ -29,7 +29,7 @@ pub(crate) struct Loaded {
     /// Name and text.
     world: Option<(String, String)>,
     /// The parameters that were given.
-    pub(crate) case: Vec<(String, String)>,
+    pub(crate) parameters: Vec<(String, String)>,
 }
 
 impl Loaded {
@@ -47,7 +47,7 @@ impl Loaded {
             path,
             scenario: Arc::new(Scenario::serving(rig)),
             world: world.map(read).transpose()?,
-            case: Vec::new(),
+            parameters: Vec::new(),
         })
     }
 
@@ -73,7 +73,7 @@ impl Loaded {
         });
         let parts: Vec<&OsStr> = parts.collect();
         let mut stem = parts.join(OsStr::new("-"));
-        for (name, value) in &self.case {
+        for (name, value) in &self.parameters {
             let letter = |c: char| {
                 if c.is_ascii_alphanumeric() || c == '.' {
                     c
@@ -89,16 +89,16 @@ impl Loaded {
 
     /// Name of it: its path, and the parameters that were given.
     pub(crate) fn name(&self) -> String {
-        let case = self.case.iter();
-        let case: Vec<String> = case
+        let given = self.parameters.iter();
+        let given: Vec<String> = given
             .map(|(name, value)| format!("{name}={value}"))
             .collect();
-        match case.as_slice() {
+        match given.as_slice() {
             [] => visible::name(&self.path),
-            case => format!(
+            given => format!(
                 "{} {}",
                 visible::name(&self.path),
-                visible::line(&case.join(" "))
+                visible::line(&given.join(" "))
             ),
         }
     }
@@ -294,9 +294,9 @@ fn compose(
     given: &Given<'_>,
     path: &Path,
     files: &ScenarioFiles,
-    case: &[(String, String)],
+    parameters: &[(String, String)],
 ) -> Result<Loaded, Failure> {
-    let scenario = files.compose(case, given.set, &given.base);
+    let scenario = files.compose(parameters, given.set, &given.base);
     let scenario = scenario.map_err(Failure::usage)?;
     for device in &scenario.rig.devices {
         config::check(&device.settings)?;
@@ -309,7 +309,7 @@ fn compose(
         path: path.to_owned(),
         scenario: Arc::new(scenario),
         world: given.world.or(files.world()).map(world).transpose()?,
-        case: case.to_vec(),
+        parameters: parameters.to_vec(),
     };
     // A world that is wrong is found now, not when others have been played.
     loaded.run(RunOptions::scripted(0))?;

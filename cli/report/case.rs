@@ -9,7 +9,7 @@ use super::film::{Film, Wanted};
 use super::{map, plots};
 use crate::exit::Failure;
 use crate::recording;
-use crate::run::{Job, PlayedCase, client_report};
+use crate::run::{Case, PlayedCase, client_report};
 use crate::visible::lines as readable;
 
 /// How many looks make the way of a case that passed.
@@ -31,22 +31,22 @@ pub(super) enum Detail {
 }
 
 /// Shows a case.
-pub(super) fn case(
+pub(super) fn shown(
     devices: Devices,
-    job: &Job<'_>,
+    case: &Case<'_>,
     played: &PlayedCase,
     detail: Detail,
 ) -> Result<Markup, Failure> {
     let outcome = &played.outcome;
     let film = match detail {
         Detail::Words => None,
-        Detail::Map => Some(film(devices, job, outcome, false)?),
-        Detail::Full => Some(film(devices, job, outcome, true)?),
+        Detail::Map => Some(film(devices, case, outcome, false)?),
+        Detail::Full => Some(film(devices, case, outcome, true)?),
     };
     let title = readable(&outcome.title);
     let inside = html! {
-        p.about { code { (readable(&job.command())) } }
-        @if job.is_live() { p.about { "The client had " (job.time_word()) " time." } }
+        p.about { code { (readable(&case.command())) } }
+        @if case.is_live() { p.about { "The client had " (case.time_word()) " time." } }
         @if !outcome.failures.is_empty() { (failures(outcome)) }
         @if let Some(Ok(film)) = &film {
             figure.world {
@@ -74,7 +74,7 @@ pub(super) fn case(
 /// The run again, as far as it is shown; or why it could not be played again.
 fn film(
     devices: Devices,
-    job: &Job<'_>,
+    case: &Case<'_>,
     outcome: &Outcome,
     full: bool,
 ) -> Result<Result<Film, String>, Failure> {
@@ -84,7 +84,7 @@ fn film(
         looks: if full { MANY } else { FEW },
         values: full,
     };
-    let Some(trace) = job.recording() else {
+    let Some(trace) = case.recording() else {
         return Ok(Err("there is none".to_owned()));
     };
     match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {

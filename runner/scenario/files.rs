@@ -131,7 +131,8 @@ impl ScenarioFiles {
     }
 }
 
-/// Parts of a file that are read before those that it is based on. Of what is no TOML nothing is known; that is told when it is read.
+/// Parts of a file that are read before those that it is based on. Of what is no TOML nothing is
+/// known; that is told when it is read.
 #[derive(Debug, Default)]
 struct Glance {
     keys: BTreeSet<String>,

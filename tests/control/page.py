@@ -22,6 +22,8 @@ from playwright.sync_api import sync_playwright
 
 SIM, FOLDER = str(Path(sys.argv[1]).absolute()), Path(sys.argv[2]).absolute()
 ROOT = Path(__file__).parent.parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+from browser import SCHEMES, VIEWS, launch, overflow
 # Spent only on failure, since the machine may be busy.
 PATIENCE = 120
 HOSTILE = "<img src=x onerror=\"document.title='run'\">"
@@ -124,11 +126,8 @@ def open_page(browser, url, **options):
 def looks(browser, simulator):
     """Dark and light, on a desk and on a phone."""
     colours = set()
-    for scheme in ["light", "dark"]:
-        for name, options in {
-            "desk": {"viewport": {"width": 1280, "height": 800}},
-            "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True},
-        }.items():
+    for scheme in SCHEMES:
+        for name, options in VIEWS.items():
             page, wrong = open_page(browser, simulator.ctl("url"), color_scheme=scheme, **options)
             # The token is not left where it is seen.
             assert "token" not in page.url, page.url
@@ -136,8 +135,7 @@ def looks(browser, simulator):
             wait("a chart is drawn", lambda page=page: page.evaluate("[...sim.charts.charts.values()][0].points.length > 60"))
             page.screenshot(path=str(FOLDER / f"page-{name}-{scheme}.png"))
             colours.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
-            over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-            assert over <= 0, (name, over)
+            assert overflow(page) <= 0, (name, overflow(page))
             # Something is drawn: more than one colour.
             assert page.evaluate(
                 "(() => { const c = document.getElementById('picture'); const d = c.getContext('2d')"
@@ -234,9 +232,8 @@ def paints(browser):
 
 
 def main():
-    chromium = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome"])))
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = launch(play)
         simulator = Simulator("two", RIG)
         driver = Driver(simulator.folder / "r150")
         driver.start()
