@@ -132,6 +132,8 @@ codes! {
     CLIENT_ATTACHED = "client_attached", Nobody;
     /// A port was closed.
     CLIENT_DETACHED = "client_detached", Nobody;
+    /// A wheel would lift: the vehicle would tip over.
+    TIPPING = "tipping", Nobody;
     /// The client's speed is not the device's.
     BAUD_MISMATCH = "baud_mismatch", Client;
     /// It is again.
