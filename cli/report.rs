@@ -11,6 +11,7 @@ mod plots;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
@@ -77,10 +78,15 @@ impl Report {
         self.folder.path()
     }
 
-    /// Adds a case, whose recording is there.
-    pub(crate) fn add(&self, case: &Case<'_>, played: &PlayedCase) -> Result<(), Failure> {
+    /// Adds a case, whose recording is there. Without a picture when `stop` becomes true meanwhile.
+    pub(crate) fn add(
+        &self,
+        case: &Case<'_>,
+        played: &PlayedCase,
+        stop: &AtomicBool,
+    ) -> Result<(), Failure> {
         let detail = self.shown().detail(played.outcome.passed);
-        let text = shown(self.devices, case, played, detail)?.into_string();
+        let text = shown(self.devices, case, played, detail, stop)?.into_string();
         self.shown().cases.insert(case.name(), text);
         Ok(())
     }

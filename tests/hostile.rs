@@ -100,6 +100,22 @@ fn the_time_allowed_and_signals_hold_in_files_that_have_something_every_nanoseco
     }
 }
 
+/// To play a recording again takes longer than what was recorded, where so much happens.
+#[test]
+fn a_report_takes_no_longer_than_its_scenario_may() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("beats.toml"), scenario("Beats", HEARTBEATS)).unwrap();
+    harness::until("its picture is given up", || {
+        let args = ["run", "--timeout", "1s", "--report", "r.html", "beats.toml"];
+        let ended = start(folder, &args).wait();
+        assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+        let page = fs::read_to_string(folder.join("r.html")).unwrap();
+        assert!(page.contains("still going on after the 1s"), "{page}");
+        page.contains("which took too long")
+    });
+}
+
 /// Bytes for the client whose loss is in the log.
 fn told_lost(log: &str) -> usize {
     let lines = harness::json_lines(log);

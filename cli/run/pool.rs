@@ -170,7 +170,7 @@ fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
         }
         if let CaseResult::Played(played) = &result {
             report::write(case, played)?;
-            case.show(played)?;
+            case.show(played, stop)?;
         }
         Ok(result)
     }))
