@@ -283,15 +283,17 @@ fn results_replace_nothing_but_results() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("a.toml"), short("A")).unwrap();
-    let ended = start(folder, &["run", "--junit", "a.toml", "a.toml"]).wait();
-    ended.expect_refusal(2, &["a.toml", "left alone"]);
-    assert_eq!(
-        fs::read_to_string(folder.join("a.toml")).unwrap(),
-        short("A")
-    );
-    for _ in 0..2 {
-        let ended = start(folder, &["run", "--junit", "r.xml", "a.toml"]).wait();
-        assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    for (flag, results) in [("--junit", "r.xml"), ("--report", "r.html")] {
+        let ended = start(folder, &["run", flag, "a.toml", "a.toml"]).wait();
+        ended.expect_refusal(2, &["a.toml", "left alone"]);
+        assert_eq!(
+            fs::read_to_string(folder.join("a.toml")).unwrap(),
+            short("A")
+        );
+        for _ in 0..2 {
+            let ended = start(folder, &["run", flag, results, "a.toml"]).wait();
+            assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+        }
     }
     // A pipe that nobody reads is told of, and standard output is a pipe here.
     rustix::fs::mknodat(
@@ -304,8 +306,12 @@ fn results_replace_nothing_but_results() {
     .unwrap();
     let ended = start(folder, &["run", "--junit", "pipe", "a.toml"]).wait();
     ended.expect_refusal(2, &["cannot write results to pipe"]);
-    let ended = start(folder, &["run", "--junit", "/dev/stdout", "a.toml"]).wait();
-    assert!(ended.out.contains("</testsuites>"), "{}", ended.out);
+    let ended = start(folder, &["run", "--report", "pipe", "a.toml"]).wait();
+    ended.expect_refusal(2, &["cannot write the report pipe"]);
+    for (flag, end) in [("--junit", "</testsuites>"), ("--report", "</html>")] {
+        let ended = start(folder, &["run", flag, "/dev/stdout", "a.toml"]).wait();
+        assert!(ended.out.contains(end), "{}", ended.out);
+    }
 }
 
 #[test]
