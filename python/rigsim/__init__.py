@@ -10,7 +10,7 @@
 """
 
 from .control import Control, ControlError, Event, NotReached, Refused
-from .simulator import Device, Simulator, Step, connect, find, joinable, program, start
+from .simulator import Device, Simulator, Step, connect, find, joinable, program, scenarios, start
 
 __all__ = [
     "Control",
@@ -25,5 +25,6 @@ __all__ = [
     "find",
     "joinable",
     "program",
+    "scenarios",
     "start",
 ]

@@ -42,6 +42,15 @@ def program() -> str:
     return found
 
 
+def scenarios(*places: PathLike, tag: Optional[str] = None) -> List[str]:
+    """The scenario files in files and folders, as ``sim run --list`` has them; with a tag, those alone."""
+    command = [program(), "run", "--list", *(["--tag", tag] if tag else []), *map(str, places)]
+    listed = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if listed.returncode != 0:
+        raise ValueError(listed.stderr.strip())
+    return [line.split(": ")[0] for line in listed.stdout.splitlines()]
+
+
 def span(value: Seconds) -> str:
     """A time as files have it; plain numbers are seconds."""
     return value if isinstance(value, str) else f"{value!r} s"
