@@ -2,7 +2,7 @@
 
     python3 benches/page.py SIM [--test]
 
-Needs what tests/control/browser.py needs. `--test` goes once through everything in seconds, and means
+Needs what tests/control/with_page.py needs. `--test` goes once through everything in seconds, and means
 nothing.
 """
 
@@ -16,7 +16,7 @@ import tty
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "control"))
-from browser import Driver, Simulator, chromium, frame, open_page, wait
+from with_page import Driver, Simulator, chromium, frame, open_page, wait
 
 PROGRAM, QUICK = str(Path(sys.argv[1]).absolute()), "--test" in sys.argv
 DESK = {"viewport": {"width": 1280, "height": 800}}

@@ -23,7 +23,7 @@ const MOST_FILED: usize = 1 << 26;
 /// How long the end of a client may take in all, which includes killing it.
 const END_PATIENCE: Duration = Duration::from_secs(10);
 
-/// The supervisors of the clients that run now, at most one for each job at a time.
+/// The supervisors of the clients that run now, at most one for each case at a time.
 static SUPERVISORS: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
 
 fn supervisors() -> MutexGuard<'static, BTreeSet<u32>> {
@@ -40,7 +40,7 @@ pub(crate) struct Client {
     reader: Option<JoinHandle<()>>,
 }
 
-/// What a client has written, or the end of it.
+/// Output of a client, or the end of it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Output {
     last: VecDeque<u8>,
@@ -48,7 +48,7 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// How much of the end is kept.
+    /// Size of the end that is kept.
     pub(crate) const MOST: usize = 1 << 16;
 
     fn add(&mut self, bytes: &[u8]) {
@@ -152,7 +152,7 @@ impl Client {
         })
     }
 
-    /// What can be read once the client has ended.
+    /// Descriptor that can be read once the client has ended.
     pub(crate) fn status(&self) -> BorrowedFd<'_> {
         self.status.as_fd()
     }
@@ -164,7 +164,7 @@ impl Client {
         self.wait()
     }
 
-    /// How it ended; it has, or is about to.
+    /// Waits for its end; it has ended, or is about to.
     pub(crate) fn wait(&mut self) -> anyhow::Result<ClientEnd> {
         let patience = Timespec::try_from(GRACE + END_PATIENCE).ok();
         let mut poll = [PollFd::new(&self.status, PollFlags::IN)];
@@ -207,7 +207,7 @@ impl Client {
         }
     }
 
-    /// What it has written so far.
+    /// Output so far.
     pub(crate) fn output(&self) -> Output {
         self.output
             .lock()

@@ -115,7 +115,7 @@ fn is_readable(file: &File, until: Instant) -> io::Result<bool> {
     Ok(ready > 0)
 }
 
-/// What differs from the defaults, as `key = value`.
+/// Lists what differs from the defaults, as `key = value`.
 pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
     let mut changed = Vec::new();
     settings.visit(&mut |entry| {

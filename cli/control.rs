@@ -1,4 +1,4 @@
-//! What is asked over the control socket, done to a run.
+//! Requests of the control socket, done to a run.
 
 mod ask;
 pub(crate) mod ctl;
@@ -35,7 +35,8 @@ const MOST_AT_ONCE: usize = 16;
 const TELL_EVERY: Duration = Duration::from_millis(20);
 /// Events of the log that wait until then.
 const MOST_UNTOLD: usize = 128;
-/// How long a client in the simulator's time may be kept waiting for what is asked and told meanwhile.
+/// How long a client in the simulator's time may be kept waiting for what is asked and told
+/// meanwhile.
 const SETTLE: Duration = Duration::from_secs(2);
 
 /// Answers requests between two steps of a run.
@@ -51,15 +52,15 @@ pub(crate) struct Desk {
     untold: Vec<Event>,
     traffic: Traffic,
     tell_next: Option<Instant>,
-    /// Who wants to know when a step is over.
+    /// Answers to be given when a step is over.
     waiting: Vec<(usize, Answer)>,
-    /// Who wants to know when time stands still again.
+    /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
     steps: Vec<Progress>,
 }
 
-/// What of a step may change: when it began and was done, how often it has hit, whether it lasts and
-/// has failed.
+/// What of a step may change: when it began and was done, how often it has hit, whether it lasts
+/// and has failed.
 type Progress = (Option<SimTime>, Option<SimTime>, u64, bool, bool);
 
 fn progress(step: &StepReport<'_>) -> Progress {
@@ -104,17 +105,17 @@ impl Desk {
         })
     }
 
-    /// Where it is, with the token.
+    /// URL of it, with the token.
     pub(crate) fn url(&self) -> String {
         self.control.url()
     }
 
-    /// What wakes it.
+    /// Control that wakes it.
     pub(crate) fn wakes(&self) -> &Control {
         &self.control
     }
 
-    /// Whether somebody waits for something that comes only with time.
+    /// Tells whether somebody waits for something that comes only with time.
     pub(crate) fn wants_time(&self) -> bool {
         !self.waiting.is_empty() || !self.stepping.is_empty()
     }
@@ -166,9 +167,9 @@ impl Desk {
         Ok(self.tell_what_is_due(run))
     }
 
-    /// Does all that is asked, also what is on its way, until everybody waits for an answer that only
-    /// time brings: for a client that has nothing else to do until then. Says whether anybody asked or
-    /// was told anything.
+    /// Does all that is asked, also what is on its way, until everybody waits for an answer that
+    /// only time brings: for a client that has nothing else to do until then. Says whether anybody
+    /// asked or was told anything.
     pub(crate) fn settle(&mut self, run: &mut Run) -> Result<bool, RunError> {
         let begun = Instant::now();
         let mut any = self.answer_waiting(run, None);

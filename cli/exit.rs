@@ -1,8 +1,8 @@
-//! What the exit codes mean; the one place that says so.
+//! Exit codes and their meaning; the one place that says so.
 
 use std::process::ExitCode;
 
-/// How a run ended.
+/// End of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Exit {
     /// Stopped by the user, or finished.

@@ -9,7 +9,7 @@ use sim_core::fault::{FaultInfo, ParameterInfo, catalogue};
 use crate::exit::{Exit, Failure};
 use crate::print::print;
 
-/// How to print a list.
+/// Form of a printed list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ListFormat {
     /// Lines for people.

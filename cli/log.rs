@@ -33,7 +33,7 @@ const GLANCE: Duration = Duration::from_millis(20);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
 
-/// What to print.
+/// Things to print.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LogOptions {
     pub(crate) format: LogFormat,
@@ -52,10 +52,10 @@ pub(crate) struct Log {
     lines: Option<Sender<Line>>,
     dropped: Arc<AtomicU64>,
     options: LogOptions,
-    /// What to print after all lines, or after those for which there was time.
+    /// Text to print after all lines, or after those for which there was time.
     last: Sender<String>,
     hurry: Arc<AtomicBool>,
-    /// What the output's first refusal was, if it was one; disconnected when the thread has ended.
+    /// First refusal of the output, if it was one; disconnected when the thread has ended.
     ended: Receiver<io::Error>,
     refusal: Option<io::Error>,
     thread: Option<JoinHandle<()>>,
@@ -186,7 +186,8 @@ struct Printer {
     words: Words,
     dropped: Arc<AtomicU64>,
     told_dropped: u64,
-    /// When an event of a device and kind was last printed, and how many were not since.
+    /// Time at which an event of a device and kind was last printed, and number that were not
+    /// since.
     repeats: BTreeMap<(usize, &'static str), (SimTime, u64)>,
     last: Receiver<String>,
     /// Set when there is no more time for the lines that wait.

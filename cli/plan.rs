@@ -1,4 +1,5 @@
-//! What to serve: from a rig file, or from the flags that are the short form for one device.
+//! Plan of what to serve: from a rig file, or from the flags that are the short form for one
+//! device.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -59,7 +60,7 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
     Ok(loaded)
 }
 
-/// Where a port or a file is, for whoever may be elsewhere: a URL, or a path from the root.
+/// Place of a port or a file, for whoever may be elsewhere: a URL, or a path from the root.
 pub(crate) fn absolute(path: &Path) -> Result<PathBuf, Failure> {
     if ListenAddress::is_url(path) {
         return Ok(path.to_owned());

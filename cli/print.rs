@@ -13,7 +13,7 @@ pub(crate) fn print(text: &str) -> Result<Exit, Failure> {
     written(writeln!(anstream::stdout(), "{}", visible::lines(text)))
 }
 
-/// What becomes of it when something could not be printed; nobody reading any more is no failure.
+/// Exit code when something could not be printed; nobody reading any more is no failure.
 pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
     match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -15,7 +15,7 @@ use crate::visible;
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
 
-/// What came of playing a recording again.
+/// Result of playing a recording again.
 pub(crate) type Played = Result<(), ReplayError>;
 
 /// The lines of a recording.

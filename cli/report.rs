@@ -18,9 +18,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sim_core::device::Devices;
 
 use crate::exit::Failure;
-use crate::run::{self, Job, JobResult, PlayedCase, worth};
+use crate::run::{self, Case, CaseResult, PlayedCase, worth};
 use crate::visible::{self, lines as readable};
-use case::{Detail, case};
+use case::{Detail, shown};
 
 const STYLE: &str = include_str!("report/style.css");
 /// Most cases that failed of which everything is shown.
@@ -32,7 +32,7 @@ const MOST_MAPS: usize = 1500;
 pub(crate) struct Report {
     devices: Devices,
     path: PathBuf,
-    /// Where recordings are that nobody else wants.
+    /// Folder of recordings that nobody else wants.
     folder: tempfile::TempDir,
     shown: Mutex<Shown>,
 }
@@ -40,6 +40,8 @@ pub(crate) struct Report {
 /// What is shown of cases, by their names.
 #[derive(Default)]
 struct Shown {
+    /// In the table, by the places of their cases.
+    rows: BTreeMap<usize, Row>,
     cases: BTreeMap<String, String>,
     full: usize,
     maps: usize,
@@ -76,10 +78,10 @@ impl Report {
     }
 
     /// Adds a case, whose recording is there.
-    pub(crate) fn add(&self, job: &Job<'_>, played: &PlayedCase) -> Result<(), Failure> {
+    pub(crate) fn add(&self, case: &Case<'_>, played: &PlayedCase) -> Result<(), Failure> {
         let detail = self.shown().detail(played.outcome.passed);
-        let text = case(self.devices, job, played, detail)?.into_string();
-        self.shown().cases.insert(job.name(), text);
+        let text = shown(self.devices, case, played, detail)?.into_string();
+        self.shown().cases.insert(case.name(), text);
         Ok(())
     }
 
@@ -87,14 +89,21 @@ impl Report {
         self.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// A case has a result.
+    pub(crate) fn known(&self, index: usize, case: &Case<'_>, result: &CaseResult) {
+        self.shown()
+            .rows
+            .insert(index, Row::new(case, Some(result)));
+    }
+
     /// Writes the page, also of a run that was broken off.
-    pub(crate) fn write(
-        &self,
-        jobs: &[Job<'_>],
-        results: &[Option<JobResult>],
-    ) -> Result<(), Failure> {
-        let shown = self.shown();
-        let rows: Vec<Row> = jobs.iter().zip(results).map(Row::new).collect();
+    pub(crate) fn write(&self, cases: &[Case<'_>]) -> Result<(), Failure> {
+        let mut shown = self.shown();
+        let row = |(index, case)| {
+            let known = shown.rows.remove(&index);
+            known.unwrap_or_else(|| Row::new(case, None))
+        };
+        let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
         let text = page(&rows, &shown.cases).into_string();
         fs::write(&self.path, text)
             .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
@@ -122,7 +131,7 @@ struct Row {
     name: String,
     title: String,
     verdict: Verdict,
-    /// What it was worth, or why there is nothing.
+    /// Worth of it, or reason for which there is nothing.
     says: String,
     /// Simulated, s.
     time: Option<f64>,
@@ -149,9 +158,9 @@ impl Verdict {
 }
 
 impl Row {
-    fn new((job, result): (&Job<'_>, &Option<JobResult>)) -> Self {
+    fn new(case: &Case<'_>, result: Option<&CaseResult>) -> Self {
         let (verdict, says, time) = match result {
-            Some(JobResult::Played(played)) => {
+            Some(CaseResult::Played(played)) => {
                 let verdict = match played.verdict() {
                     run::Verdict::Passed => Verdict::Passed,
                     run::Verdict::Failed => Verdict::Failed,
@@ -160,13 +169,13 @@ impl Row {
                 let time = played.outcome.ended_at.as_secs_f64();
                 (verdict, worth(&played.outcome), Some(time))
             }
-            Some(JobResult::BrokenOff) => (Verdict::Error, "broken off".to_owned(), None),
-            Some(JobResult::Broken(why)) => (Verdict::Error, why.clone(), None),
+            Some(CaseResult::BrokenOff) => (Verdict::Error, "broken off".to_owned(), None),
+            Some(CaseResult::Broken(why)) => (Verdict::Error, why.clone(), None),
             None => (Verdict::Skipped, "not played".to_owned(), None),
         };
         Self {
-            name: job.name(),
-            title: job.loaded.scenario.title.clone(),
+            name: case.name(),
+            title: case.loaded.scenario.title.clone(),
             verdict,
             says,
             time,

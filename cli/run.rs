@@ -1,7 +1,7 @@
 //! The `run` and `check` subcommands: scenarios, played and judged.
 
+mod case;
 mod folder;
-mod job;
 mod junit;
 mod live;
 mod lockstep;
@@ -34,7 +34,7 @@ use crate::visible;
 use junit::Junit;
 use pool::Audience;
 
-pub(crate) use job::{Job, JobResult, Played as PlayedCase, Verdict};
+pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 pub(crate) use trace_file::TraceFile;
 
@@ -61,12 +61,12 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
         refuse_shared_files(&loaded)?;
     }
     let base = random_seed();
-    let mut jobs: Vec<Job> = loaded
+    let mut cases: Vec<Case> = loaded
         .iter()
-        .flat_map(|one| (0..args.repeat).map(move |repeat| Job::new(args, one, repeat, base)))
+        .flat_map(|one| (0..args.repeat).map(move |repeat| Case::new(args, one, repeat, base)))
         .collect();
     if args.dry_run {
-        let text: Vec<String> = jobs.iter().map(tell::planned).collect();
+        let text: Vec<String> = cases.iter().map(tell::planned).collect();
         return print(&text.join("\n"));
     }
     prepare(args)?;
@@ -74,25 +74,26 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let report = report
         .map(|path| Report::begin(devices, path))
         .transpose()?;
-    for job in &mut jobs {
-        job.report = report.as_ref();
+    for case in &mut cases {
+        case.report = report.as_ref();
     }
     let junit = args.junit.as_deref();
     let mut audience = Told {
         args,
-        jobs: &jobs,
-        progress: progress(jobs.len()),
-        junit: junit.map(|path| Junit::begin(path, &jobs)).transpose()?,
+        cases: &cases,
+        counts: Counts::default(),
+        progress: progress(cases.len()),
+        junit: junit.map(|path| Junit::begin(path, &cases)).transpose()?,
     };
     adopt_orphans().map_err(Failure::system)?;
-    let results = pool::play_all(args, &jobs, &mut audience);
+    let wrong = pool::play_all(args, &cases, &mut audience);
     audience.progress.finish_and_clear();
-    let (results, wrong) = results?;
-    let exit = finish(&results);
+    let wrong = wrong?;
+    let exit = audience.counts.finish(cases.len());
     // Also when the run was broken off.
     audience.junit.map_or(Ok(()), Junit::finish)?;
     if let Some(report) = &report {
-        report.write(&jobs, &results)?;
+        report.write(&cases)?;
     }
     let exit = exit?;
     wrong.map_or(Ok(exit), Err)
@@ -116,18 +117,24 @@ fn check_time(args: &RunArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints results, and keeps them for the JUnit file.
+/// Prints results, counts them, and keeps them for the JUnit file.
 struct Told<'a> {
     args: &'a RunArgs,
-    jobs: &'a [Job<'a>],
+    cases: &'a [Case<'a>],
+    counts: Counts,
     progress: indicatif::ProgressBar,
     junit: Option<Junit>,
 }
 
 impl Audience for Told<'_> {
-    fn known(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
+    fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
+        self.counts.add(result);
+        let case = &self.cases[index];
+        if let Some(report) = case.report {
+            report.known(index, case, result);
+        }
         match &mut self.junit {
-            Some(junit) => junit.known(index, &self.jobs[index], result),
+            Some(junit) => junit.known(index, case, result),
             None => Ok(()),
         }
     }
@@ -138,8 +145,8 @@ impl Audience for Told<'_> {
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
-    fn told(&mut self, index: usize, result: &JobResult) -> Result<(), Failure> {
-        let text = tell::told(self.args, &self.jobs[index], result);
+    fn told(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
+        let text = tell::told(self.args, &self.cases[index], result);
         self.progress.inc(1);
         self.progress.suspend(|| print(&text)).map(|_| ())
     }
@@ -210,37 +217,59 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     bar
 }
 
-/// The last line, and the exit code.
-fn finish(results: &[Option<JobResult>]) -> Result<Exit, Failure> {
-    let verdicts = |verdict: Verdict| {
-        let results = results.iter().flatten();
-        let is = |one: &&JobResult| matches!(one, JobResult::Played(p) if p.verdict() == verdict);
-        results.filter(is).count()
-    };
-    let count = |is: fn(&JobResult) -> bool| results.iter().flatten().filter(|r| is(r)).count();
-    let [passed, failed, spoilt] =
-        [Verdict::Passed, Verdict::Failed, Verdict::Spoilt].map(verdicts);
-    let broken = count(|result| matches!(result, JobResult::Broken(_)));
-    let broken_off = count(|result| matches!(result, JobResult::BrokenOff));
-    let skipped = results.len() - passed - failed - spoilt - broken - broken_off;
-    let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-    for (count, what) in [
-        (spoilt, "spoilt by the machine"),
-        (broken, "could not be played"),
-        (broken_off, "broken off"),
-    ] {
-        if count > 0 {
-            text += &format!(", {count} {what}");
-        }
+/// How many results there are of each kind.
+#[derive(Default)]
+struct Counts {
+    passed: usize,
+    failed: usize,
+    spoilt: usize,
+    broken: usize,
+    broken_off: usize,
+}
+
+impl Counts {
+    fn add(&mut self, result: &CaseResult) {
+        let count = match result {
+            CaseResult::Played(played) => match played.verdict() {
+                Verdict::Passed => &mut self.passed,
+                Verdict::Failed => &mut self.failed,
+                Verdict::Spoilt => &mut self.spoilt,
+            },
+            CaseResult::Broken(_) => &mut self.broken,
+            CaseResult::BrokenOff => &mut self.broken_off,
+        };
+        *count += 1;
     }
-    print(&text)?;
-    Ok(if spoilt + broken + broken_off > 0 {
-        Exit::System
-    } else if failed > 0 {
-        Exit::Failed
-    } else {
-        Exit::Clean
-    })
+
+    /// The last line, and the exit code; `all` were to be played.
+    fn finish(&self, all: usize) -> Result<Exit, Failure> {
+        let Self {
+            passed,
+            failed,
+            spoilt,
+            broken,
+            broken_off,
+        } = self;
+        let skipped = all - passed - failed - spoilt - broken - broken_off;
+        let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
+        for (count, what) in [
+            (spoilt, "spoilt by the machine"),
+            (broken, "could not be played"),
+            (broken_off, "broken off"),
+        ] {
+            if *count > 0 {
+                text += &format!(", {count} {what}");
+            }
+        }
+        print(&text)?;
+        Ok(if spoilt + broken + broken_off > 0 {
+            Exit::System
+        } else if *failed > 0 {
+            Exit::Failed
+        } else {
+            Exit::Clean
+        })
+    }
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::settings::SimSettings;
-use sim_runner::scenario::{Glance, Texts, is_scenario_file};
+use sim_runner::scenario::{ScenarioFiles, is_scenario_file};
 use sim_runner::{RigPlan, Run, RunOptions, Scenario};
 use sim_settings::Source;
 
@@ -29,7 +29,7 @@ pub(crate) struct Loaded {
     /// Name and text.
     world: Option<(String, String)>,
     /// The parameters that were given.
-    pub(crate) case: Vec<(String, String)>,
+    pub(crate) parameters: Vec<(String, String)>,
 }
 
 impl Loaded {
@@ -47,7 +47,7 @@ impl Loaded {
             path,
             scenario: Arc::new(Scenario::serving(rig)),
             world: world.map(read).transpose()?,
-            case: Vec::new(),
+            parameters: Vec::new(),
         })
     }
 
@@ -63,8 +63,8 @@ impl Loaded {
         self.path.parent().map(Path::to_owned).unwrap_or_default()
     }
 
-    /// What distinguishes it in names of files: the whole path, so that files of one name in two
-    /// folders do not meet.
+    /// Part of names of files by which it is known: the whole path, so that files of one name in
+    /// two folders do not meet.
     pub(crate) fn stem(&self) -> OsString {
         let path = self.path.with_extension("");
         let parts = path.components().filter_map(|part| match part {
@@ -73,7 +73,7 @@ impl Loaded {
         });
         let parts: Vec<&OsStr> = parts.collect();
         let mut stem = parts.join(OsStr::new("-"));
-        for (name, value) in &self.case {
+        for (name, value) in &self.parameters {
             let letter = |c: char| {
                 if c.is_ascii_alphanumeric() || c == '.' {
                     c
@@ -87,18 +87,18 @@ impl Loaded {
         stem
     }
 
-    /// What it is called: its path, and the parameters that were given.
+    /// Name of it: its path, and the parameters that were given.
     pub(crate) fn name(&self) -> String {
-        let case = self.case.iter();
-        let case: Vec<String> = case
+        let given = self.parameters.iter();
+        let given: Vec<String> = given
             .map(|(name, value)| format!("{name}={value}"))
             .collect();
-        match case.as_slice() {
+        match given.as_slice() {
             [] => visible::name(&self.path),
-            case => format!(
+            given => format!(
                 "{} {}",
                 visible::name(&self.path),
-                visible::line(&case.join(" "))
+                visible::line(&given.join(" "))
             ),
         }
     }
@@ -150,12 +150,10 @@ fn is_hidden(path: &Path) -> bool {
         .is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
 
-/// Most files that are based on one another.
-const MOST_BASES: usize = 8;
 /// Most combinations of parameters of one file.
 const MOST_CASES: usize = 10_000;
 
-/// What files are read with.
+/// Things that files are read with.
 pub(crate) struct Given<'a> {
     pub(crate) base: SimSettings,
     /// The job for fault files.
@@ -169,7 +167,7 @@ pub(crate) struct Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    /// What flags say; settings of their own go into `base`.
+    /// Collects what flags say; settings of their own go into `base`.
     pub(crate) fn new(
         base: SimSettings,
         args: &'a GivenArgs,
@@ -205,8 +203,8 @@ impl<'a> Given<'a> {
     }
 }
 
-/// Reads all, each with each combination of its parameters; or says what is wrong with each. World and
-/// rig files that lie among them are named and left out.
+/// Reads all, each with each combination of its parameters; or says what is wrong with each. World
+/// and rig files that lie among them are named and left out.
 pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loaded>, Failure> {
     if let Some(job) = given.job {
         // Said once, and not of each file.
@@ -245,8 +243,8 @@ fn load_cases(
     path: &Path,
     used: &mut BTreeSet<String>,
 ) -> Result<Vec<Loaded>, Failure> {
-    let chain = Chain::read(given, path)?;
-    if let Some(kind) = chain.other_kind() {
+    let files = read_files(given, path)?;
+    if let Some(kind) = files.other_kind() {
         let shown = visible::name(path);
         complain(&format!("{shown} looks like a {kind} file and is left out"));
         return Ok(Vec::new());
@@ -254,7 +252,7 @@ fn load_cases(
     let own: Vec<&(String, Vec<String>)> = given
         .parameters
         .iter()
-        .filter(|(name, _)| chain.parameters.contains(name))
+        .filter(|(name, _)| files.has_parameter(name))
         .collect();
     used.extend(own.iter().map(|(name, _)| name.clone()));
     let mut cases: Vec<Vec<(String, String)>> = vec![Vec::new()];
@@ -272,119 +270,48 @@ fn load_cases(
             return Err(Failure::usage(why));
         }
     }
-    cases.iter().map(|case| chain.load(given, case)).collect()
+    let cases = cases.iter();
+    cases
+        .map(|case| compose(given, path, &files, case))
+        .collect()
 }
 
 /// Reads one, with `given` for what it does not set.
 pub(crate) fn load(path: &Path, given: &Given<'_>) -> Result<Loaded, Failure> {
-    Chain::read(given, path)?.load(given, &[])
+    compose(given, path, &read_files(given, path)?, &[])
 }
 
-/// A file with those that it is based on.
-struct Chain {
-    path: PathBuf,
-    /// Names and texts.
-    files: Vec<(String, String)>,
-    /// The names of all their parameters.
-    parameters: BTreeSet<String>,
-    /// The keys of the first.
-    keys: BTreeSet<String>,
-    world: Option<PathBuf>,
+fn read_files(given: &Given<'_>, path: &Path) -> Result<ScenarioFiles, Failure> {
+    let mut read = |own: &Path| {
+        let what = if own == path { "scenario file" } else { "base" };
+        let text = config::read(own, what).map_err(|failure| failure.error)?;
+        Ok::<_, anyhow::Error>((visible::name(own), text))
+    };
+    ScenarioFiles::read(path, given.job, &mut read).map_err(Failure::usage)
 }
 
-impl Chain {
-    fn read(given: &Given<'_>, path: &Path) -> Result<Self, Failure> {
-        let mut chain = Self {
-            path: path.to_owned(),
-            files: Vec::new(),
-            parameters: BTreeSet::new(),
-            keys: BTreeSet::new(),
-            world: given.world.map(Path::to_owned),
-        };
-        let mut job = given.job;
-        let mut next = Some(path.to_owned());
-        while let Some(path) = next.take() {
-            if chain.files.len() >= MOST_BASES {
-                let why = anyhow!(
-                    "{}: more than {MOST_BASES} files are based on one another, perhaps in a circle",
-                    visible::name(&chain.path)
-                );
-                return Err(Failure::usage(why));
-            }
-            let what = if chain.files.is_empty() {
-                "scenario file"
-            } else {
-                "base"
-            };
-            let text = config::read(&path, what)?;
-            let glance = Glance::at(&text);
-            let has_devices = glance.keys.contains("device");
-            if has_devices && chain.files.is_empty() && given.job.is_some() {
-                let why = anyhow!(
-                    "{} has devices of its own, so it is no fault file for --job",
-                    visible::name(&path)
-                );
-                return Err(Failure::usage(why));
-            }
-            if let Some(own) = job.filter(|_| has_devices) {
-                next = Some(own.to_owned());
-                job = None;
-                continue;
-            }
-            let folder = path.parent().unwrap_or(Path::new(""));
-            let base = glance.base.map(|base| folder.join(base));
-            if chain.world.is_none() {
-                chain.world = glance.world.map(|world| folder.join(world));
-            }
-            if chain.files.is_empty() {
-                chain.keys = glance.keys;
-            }
-            chain.parameters.extend(glance.parameters);
-            chain.files.push((visible::name(&path), text));
-            // Without a base it has no devices, which the job has.
-            next = base.or_else(|| job.take().map(Path::to_owned));
-        }
-        Ok(chain)
+fn compose(
+    given: &Given<'_>,
+    path: &Path,
+    files: &ScenarioFiles,
+    parameters: &[(String, String)],
+) -> Result<Loaded, Failure> {
+    let scenario = files.compose(parameters, given.set, &given.base);
+    let scenario = scenario.map_err(Failure::usage)?;
+    for device in &scenario.rig.devices {
+        config::check(&device.settings)?;
     }
-
-    /// What it looks like if it is no scenario.
-    fn other_kind(&self) -> Option<&'static str> {
-        let has = |key: &&str| self.keys.contains(*key);
-        if ["title", "limit", "step", "base"].iter().any(has) {
-            return None;
-        }
-        let things = ["wall", "box", "circle", "slope", "friction", "tag", "strip"];
-        match (things.iter().any(has), has(&"device")) {
-            (true, false) => Some("world"),
-            (false, true) if has(&"schema") && !has(&"good_client") => Some("rig"),
-            _ => None,
-        }
-    }
-
-    fn load(&self, given: &Given<'_>, parameters: &[(String, String)]) -> Result<Loaded, Failure> {
-        let files = self.files.iter();
-        let files: Vec<Source<'_>> = files.map(|(file, text)| Source { file, text }).collect();
-        let texts = Texts {
-            files: &files,
-            parameters,
-            set: given.set,
-        };
-        let scenario = Scenario::compose(texts, &given.base).map_err(Failure::usage)?;
-        for device in &scenario.rig.devices {
-            config::check(&device.settings)?;
-        }
-        let world = |path: &PathBuf| {
-            let text = config::read(path, "world file")?;
-            Ok((visible::name(path), text))
-        };
-        let loaded = Loaded {
-            path: self.path.clone(),
-            scenario: Arc::new(scenario),
-            world: self.world.as_ref().map(world).transpose()?,
-            case: parameters.to_vec(),
-        };
-        // A world that is wrong is found now, not when others have been played.
-        loaded.run(RunOptions::scripted(0))?;
-        Ok(loaded)
-    }
+    let world = |path: &Path| {
+        let text = config::read(path, "world file")?;
+        Ok((visible::name(path), text))
+    };
+    let loaded = Loaded {
+        path: path.to_owned(),
+        scenario: Arc::new(scenario),
+        world: given.world.or(files.world()).map(world).transpose()?,
+        parameters: parameters.to_vec(),
+    };
+    // A world that is wrong is found now, not when others have been played.
+    loaded.run(RunOptions::scripted(0))?;
+    Ok(loaded)
 }

@@ -12,11 +12,11 @@ use crate::exit::{Exit, Failure};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FileKind {
-    /// What `--world` reads.
+    /// Files that `--world` reads.
     World,
-    /// What `--rig` reads.
+    /// Files that `--rig` reads.
     Rig,
-    /// What `sim run` reads.
+    /// Files that `sim run` reads.
     Scenario,
 }
 

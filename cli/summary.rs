@@ -1,4 +1,4 @@
-//! What is printed at the end of a run.
+//! Summary that is printed at the end of a run.
 
 use std::fmt::Write as _;
 
@@ -17,7 +17,7 @@ pub(crate) struct DeviceSummary<'a> {
     pub(crate) ports: Vec<Counters>,
 }
 
-/// What concerns all devices.
+/// Facts that concern all devices.
 pub(crate) struct RunSummary {
     pub(crate) now: SimTime,
     /// Events that nobody took in time.
@@ -57,6 +57,13 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
             .collect();
         if !other.is_empty() {
             let _ = write!(text, "\n    events: {}", other.join(", "));
+        }
+        for (code, tally) in report.damage() {
+            let _ = write!(
+                text,
+                "\n    damage: {code} {}x, first at {} s: {}",
+                tally.count, tally.first_at, tally.first
+            );
         }
         for port in ports {
             let full = port.dropped_full_bytes;

@@ -3,8 +3,9 @@
 //!
 //! Its standard input is a pipe that the simulator holds open; a byte in it asks for the client's
 //! end, and the end of it does so, too, for then the simulator was killed. So do the signals that
-//! ask a program to end, as from `killall sim`. Standard error is where the client writes both of its
-//! streams. Standard output carries one line that says how the client ended, when nobody is left.
+//! ask a program to end, as from `killall sim`. Standard error is where the client writes both of
+//! its streams. Standard output carries one line that says how the client ended, when nobody is
+//! left.
 //!
 //! It is a child subreaper: a process whose parent has ended becomes its child, also one that has
 //! gone into a session of its own. So when it has no child left, nobody is left.
@@ -26,14 +27,14 @@ use signal_hook::iterator::Signals;
 
 use crate::exit::{Exit, Failure};
 
-/// How long those who were asked to end may take before they are killed.
+/// Time that those who were asked to end may take before they are killed.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
 /// How often to kill whoever has become a child meanwhile.
 const ROUND: Duration = Duration::from_millis(10);
 /// Rounds after which orphans are given up that even SIGKILL does not end.
 const MOST_ROUNDS: u32 = 200;
 
-/// How a client ended.
+/// End of a client.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum ClientEnd {
     /// With this exit code.

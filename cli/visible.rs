@@ -1,8 +1,8 @@
 //! Text that others wrote, made safe to show: titles, messages, names of files, what clients print.
 //!
-//! A terminal obeys some characters, an XML document may not hold some, and some make text look like
-//! another. All of those are shown as escapes. Everything that is printed or goes into a document for
-//! people passes here.
+//! A terminal obeys some characters, an XML document may not hold some, and some make text look
+//! like another. All of those are shown as escapes. Everything that is printed or goes into a
+//! document for people passes here.
 
 use std::borrow::Cow;
 use std::ffi::OsStr;
@@ -102,7 +102,8 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
-/// Whether a terminal may obey it, XML forbids it, or it hides or turns around what is beside it.
+/// Tells whether a terminal may obey it, XML forbids it, or it hides or turns around what is beside
+/// it.
 fn is_unsafe(c: char) -> bool {
     c.is_control()
         || matches!(

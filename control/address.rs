@@ -1,4 +1,4 @@
-//! Where to listen.
+//! Address to listen at.
 
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
@@ -20,13 +20,13 @@ impl Listen {
         self.0
     }
 
-    /// Whether it is one port, and not any that is free.
+    /// Tells whether it is one port, and not any that is free.
     #[must_use]
     pub fn is_fixed(&self) -> bool {
         self.0.port() != 0
     }
 
-    /// Whether other machines can reach it.
+    /// Tells whether other machines can reach it.
     #[must_use]
     pub fn is_public(&self) -> bool {
         !self.0.ip().is_loopback()

@@ -13,7 +13,7 @@ const MOST_BYTES: u64 = 64 << 20;
 /// How long a connection may take.
 const CONNECT: Duration = Duration::from_secs(5);
 
-/// Why a call has come to nothing.
+/// Reason for which a call has come to nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum CallError {
     /// The URL is not one that a simulator prints.

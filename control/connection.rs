@@ -50,7 +50,7 @@ struct Connection<'a> {
     stream: TcpStream,
     shared: &'a Shared,
     watch: &'a Arc<Watch>,
-    /// What has come and is not yet used.
+    /// Bytes that have come and are not yet used.
     buffer: Vec<u8>,
 }
 

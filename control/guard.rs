@@ -1,4 +1,4 @@
-//! Who may ask.
+//! Guard of who may ask.
 
 use std::fmt::Write as _;
 use std::io;
@@ -73,8 +73,8 @@ impl Guard {
         Err(Refusal::new(401, why))
     }
 
-    /// Whether a `Host` means this address. Names other than `localhost` do not, since they may come
-    /// to lead here without anybody's consent.
+    /// Tells whether a `Host` means this address. Names other than `localhost` do not, since they
+    /// may come to lead here without anybody's consent.
     fn is_own(&self, host: &str) -> bool {
         let (name, port) = match host.rsplit_once(':') {
             Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),

@@ -30,9 +30,9 @@ pub struct Head {
     pub authorization: Option<String>,
     /// Bytes of the body that follows.
     pub body: usize,
-    /// Whether another request may come.
+    /// Set if another request may come.
     pub stays: bool,
-    /// Whether the client waits until it may send the body.
+    /// Set if the client waits until it may send the body.
     pub waits: bool,
 }
 

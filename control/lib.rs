@@ -3,8 +3,8 @@
 //! This crate knows nothing of devices. A [`Control`] listens on a socket, refuses whoever has not
 //! the token, and hands on what is asked, [`Request`] by [`Request`], through a channel; whoever
 //! drives the simulation takes them between two steps of it and answers each. So a client, however
-//! slow or hostile, costs the simulation no more than the requests that come through, of which there
-//! are a thousand a second at most.
+//! slow or hostile, costs the simulation no more than the requests that come through, of which
+//! there are a thousand a second at most.
 //!
 //! # Bounds
 //!
@@ -51,14 +51,14 @@ use watch::{Watch, Watches};
 /// Most requests that wait for the simulation.
 const MOST_WAITING: usize = 64;
 
-/// What a client asks.
+/// Request of a client.
 #[derive(Debug)]
 pub enum Ask {
     /// Do this; with `wait`, answer when it is over.
     Add {
         /// A step in the form of a scenario file's.
         step: Value,
-        /// Whether to answer only when the step is over.
+        /// Set if the answer waits until the step is over.
         wait: bool,
     },
     /// All steps, or the one of this name.
@@ -67,7 +67,7 @@ pub enum Ask {
     Clear(Option<String>),
     /// The values of these names, or what names there are.
     Names(Vec<String>),
-    /// What there is.
+    /// Question for what there is.
     State,
     /// Let time pass otherwise.
     Time(Value),
@@ -75,12 +75,12 @@ pub enum Ask {
     Listen(Listener),
 }
 
-/// Why something is not done.
+/// Reason for which something is not done.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// As in HTTP.
     pub status: u16,
-    /// What is wrong, and what to do.
+    /// Reason, and what to do.
     pub why: String,
 }
 
@@ -94,16 +94,18 @@ impl Refusal {
     }
 }
 
-/// The forms of all that can be asked. It takes long to write down, so connections have it themselves.
+/// The forms of all that can be asked. It takes long to write down, so connections have it
+/// themselves.
 pub type Schema = Box<dyn Fn() -> Value + Send + Sync>;
 
-/// What comes of a request.
+/// Answer to a request.
 pub type Reply = Result<Value, Refusal>;
 
-/// A request that waits for its answer. Without one its client is told that the simulation has ended.
+/// A request that waits for its answer. Without one its client is told that the simulation has
+/// ended.
 #[derive(Debug)]
 pub struct Request {
-    /// What is asked.
+    /// Request.
     pub ask: Ask,
     answer: Answer,
 }
@@ -197,13 +199,13 @@ impl Control {
         })
     }
 
-    /// Where it listens.
+    /// Address at which it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What to open, with the token in it.
+    /// URL to open, with the token in it.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/#token={}", self.address, self.token)
@@ -227,12 +229,12 @@ impl Control {
         self.requests.recv_timeout(within).ok()
     }
 
-    /// Waits until nobody is being read from or answered, for no longer than `within`; says whether that
-    /// is so. False as well if there are requests to be answered first. Whoever waits for the simulation
-    /// to go on ([`Answer::later`]) counts as answered.
+    /// Waits until nobody is being read from or answered, for no longer than `within`; says whether
+    /// that is so. False as well if there are requests to be answered first. Whoever waits for the
+    /// simulation to go on ([`Answer::later`]) counts as answered.
     ///
-    /// For a simulation whose time goes on only while its client waits: all that the client has asked
-    /// before is done then, and all that it was told has reached it.
+    /// For a simulation whose time goes on only while its client waits: all that the client has
+    /// asked before is done then, and all that it was told has reached it.
     #[must_use]
     pub fn settle(&self, within: Duration) -> bool {
         let begun = Instant::now();

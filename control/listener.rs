@@ -1,4 +1,4 @@
-//! Whoever is told what happens.
+//! Listeners, who are told what happens.
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,7 +18,7 @@ const MOST_NAMES: usize = 64;
 /// Most messages a second of one kind that come at a rate.
 const MOST_RATE: f64 = 60.0;
 
-/// What a stream is to tell.
+/// Wishes of a stream.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wants {
     /// Names whose values are told, and how often in real time.
@@ -27,7 +27,7 @@ pub struct Wants {
     pub values_every: Option<Duration>,
     /// Between two messages of where everything is.
     pub picture_every: Option<Duration>,
-    /// Whether every request and reply is told, beside what else happens.
+    /// Set if every request and reply is told, beside what else happens.
     pub traffic: bool,
 }
 
@@ -91,10 +91,10 @@ fn every(rate: f64) -> Duration {
     Duration::from_secs_f64(1.0 / rate)
 }
 
-/// Whoever is told what happens; it ends when it is dropped.
+/// Listener, who is told what happens; it ends when it is dropped.
 #[derive(Debug)]
 pub struct Listener {
-    /// What it is to be told.
+    /// Wishes of it.
     pub wants: Wants,
     messages: Sender<Message>,
     lost: Arc<AtomicU64>,
@@ -171,7 +171,7 @@ impl fmt::Debug for Message {
 }
 
 impl Messages {
-    /// How many messages were lost since this was last asked.
+    /// Number of messages that were lost since this was last asked.
     pub(crate) fn take_lost(&self) -> u64 {
         self.lost.swap(0, Ordering::Relaxed)
     }

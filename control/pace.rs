@@ -1,4 +1,4 @@
-//! How many requests there may be.
+//! Limit of requests.
 
 use std::sync::{Mutex, PoisonError};
 use std::thread;

@@ -1,9 +1,9 @@
 //! Finding a running simulator by its port.
 //!
 //! Each writes a file that only its owner can read into a folder that only its owner can enter:
-//! `$XDG_RUNTIME_DIR/sim`, or `/tmp/sim-control-UID` where that is not set. In it is the URL with the token,
-//! and which ports are served. The simulator holds a lock on the file while it runs, so that what a
-//! killed one has left is told apart and removed.
+//! `$XDG_RUNTIME_DIR/sim`, or `/tmp/sim-control-UID` where that is not set. In it is the URL with
+//! the token, and which ports are served. The simulator holds a lock on the file while it runs, so
+//! that what a killed one has left is told apart and removed.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{self, Read as _, Write as _};
@@ -23,7 +23,7 @@ const MOST_FILES: usize = 1000;
 pub struct Session {
     /// Its process.
     pub pid: u32,
-    /// Where it is controlled, with the token.
+    /// URL at which it is controlled, with the token.
     pub url: String,
     /// The paths of its ports.
     pub ports: Vec<PathBuf>,
@@ -95,7 +95,7 @@ impl Session {
         Ok(paths.iter().filter_map(|path| read(path)).collect())
     }
 
-    /// Whether this is one of its ports, by its own name or another.
+    /// Tells whether this is one of its ports, by its own name or another.
     #[must_use]
     pub fn serves(&self, port: &Path) -> bool {
         let real = |path: &Path| fs::canonicalize(path).ok();
@@ -107,7 +107,7 @@ impl Session {
 }
 
 impl SessionFile {
-    /// Where it is.
+    /// Path of it.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path

@@ -1,4 +1,4 @@
-//! What connections are doing, as seen from outside of their threads.
+//! State of connections, as seen from outside of their threads.
 
 use std::io;
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -128,7 +128,8 @@ impl Watches {
         }
     }
 
-    /// Whether all wait for their clients, or for the simulation to go on, after so long a wait for that.
+    /// Tells whether all wait for their clients, or for the simulation to go on, after so long a
+    /// wait for that.
     pub(crate) fn are_quiet(&self, waited: Duration) -> bool {
         !self.accepting.load(Ordering::SeqCst)
             && self.lock().iter().all(|watch| watch.is_quiet(waited))
@@ -139,7 +140,7 @@ impl Watches {
     }
 }
 
-/// Whether there is nothing to be read or accepted.
+/// Tells whether there is nothing to be read or accepted.
 pub(crate) fn is_quiet(socket: &impl AsFd) -> bool {
     matches!(wait_readable(socket, Some(Duration::ZERO)), Ok(false))
 }

@@ -1,4 +1,4 @@
-//! What to simulate.
+//! Parts of a simulation.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,6 +6,7 @@ use std::sync::Arc;
 use sim_core::device::Devices;
 use sim_core::line::Wire;
 use sim_core::settings::SimSettings;
+use sim_runner::scenario::ScenarioFiles;
 use sim_runner::{RigPlan, Run, RunOptions, Scenario};
 use sim_settings::Source;
 use toml::{Table, Value};
@@ -72,7 +73,8 @@ impl NewDevice {
         self
     }
 
-    /// Changes a setting of it, written without its kind as in rig files: `heartbeat_timeout`, `5 s`.
+    /// Changes a setting of it, written without its kind as in rig files: `heartbeat_timeout`, `5
+    /// s`.
     #[must_use]
     pub fn set(mut self, setting: &str, value: impl Into<Value>) -> Self {
         insert(&mut self.settings, setting, value.into());
@@ -112,7 +114,11 @@ fn insert(table: &mut Table, key: &str, value: Value) {
 enum Origin {
     Devices(Vec<NewDevice>),
     Rig(PathBuf),
-    Scenario(PathBuf),
+    Scenario {
+        path: PathBuf,
+        job: Option<PathBuf>,
+        parameters: Vec<(String, String)>,
+    },
 }
 
 /// A simulation to be built.
@@ -169,7 +175,29 @@ impl Builder {
     /// [`Simulation::finish`] gives the verdict.
     #[must_use]
     pub fn scenario_file(mut self, path: impl Into<PathBuf>) -> Self {
-        self.from = Origin::Scenario(path.into());
+        self.from = Origin::Scenario {
+            path: path.into(),
+            job: None,
+            parameters: Vec::new(),
+        };
+        self
+    }
+
+    /// Plays the scenario file, which is a fault file, within this job; behind [`Self::scenario_file`].
+    #[must_use]
+    pub fn job(mut self, path: impl Into<PathBuf>) -> Self {
+        if let Origin::Scenario { job, .. } = &mut self.from {
+            *job = Some(path.into());
+        }
+        self
+    }
+
+    /// Gives a parameter of the scenario file a value, as `pwm` `300`; behind [`Self::scenario_file`].
+    #[must_use]
+    pub fn parameter(mut self, name: &str, value: impl ToString) -> Self {
+        if let Origin::Scenario { parameters, .. } = &mut self.from {
+            parameters.push((name.to_owned(), value.to_string()));
+        }
         self
     }
 
@@ -229,15 +257,14 @@ impl Builder {
     fn folder(&self) -> &Path {
         let parent = match &self.from {
             Origin::Devices(_) => None,
-            Origin::Rig(path) | Origin::Scenario(path) => path.parent(),
+            Origin::Rig(path) | Origin::Scenario { path, .. } => path.parent(),
         };
         parent.unwrap_or(Path::new(""))
     }
 
     fn run(&self) -> Result<Run, Error> {
-        let scenario = self.scenario()?;
-        let named = || scenario.world().map(|path| self.folder().join(path));
-        let world = self.world.clone().or_else(named);
+        let (scenario, named) = self.scenario()?;
+        let world = self.world.clone().or(named);
         let world = world.map(|path| Ok::<_, Error>((path.display().to_string(), read(&path)?)));
         let world = world.transpose()?;
         let world = world.as_ref().map(|(file, text)| Source { file, text });
@@ -250,9 +277,10 @@ impl Builder {
         Ok(Run::new(Arc::new(scenario), world, options)?)
     }
 
-    fn scenario(&self) -> Result<Scenario, Error> {
+    /// With the world file that it names.
+    fn scenario(&self) -> Result<(Scenario, Option<PathBuf>), Error> {
         let base = self.base()?;
-        Ok(match &self.from {
+        let rig = match &self.from {
             Origin::Devices(devices) => {
                 let devices = devices.iter().cloned().map(NewDevice::table);
                 let rig = [
@@ -261,17 +289,26 @@ impl Builder {
                 ];
                 let text = Table::from_iter(rig).to_string();
                 let file = "simulation";
-                Scenario::serving(RigPlan::parse(Source { file, text: &text }, &base)?)
+                RigPlan::parse(Source { file, text: &text }, &base)?
             }
             Origin::Rig(path) => {
                 let (file, text) = (&path.display().to_string(), &read(path)?);
-                Scenario::serving(RigPlan::parse(Source { file, text }, &base)?)
+                RigPlan::parse(Source { file, text }, &base)?
             }
-            Origin::Scenario(path) => {
-                let (file, text) = (&path.display().to_string(), &read(path)?);
-                Scenario::parse(Source { file, text }, &base)?
+            Origin::Scenario {
+                path,
+                job,
+                parameters,
+            } => {
+                let mut named =
+                    |path: &Path| Ok::<_, Error>((path.display().to_string(), read(path)?));
+                let files = ScenarioFiles::read(path, job.as_deref(), &mut named)?;
+                let scenario = files.compose(parameters, &[], &base)?;
+                return Ok((scenario, files.world().map(Path::to_owned)));
             }
-        })
+        };
+        let world = rig.world.as_ref().map(|path| self.folder().join(path));
+        Ok((Scenario::serving(rig), world))
     }
 
     fn base(&self) -> Result<SimSettings, Error> {

@@ -44,7 +44,8 @@ impl Clock {
         self.stopped = true;
     }
 
-    /// Has it run on from `now`, where the simulation is: without end, or for `span` of simulated time.
+    /// Has it run on from `now`, where the simulation is: without end, or for `span` of simulated
+    /// time.
     pub fn go_on(&mut self, now: SimTime, span: Option<Duration>) {
         self.set(now);
         self.stop_at = span.map(|span| now + span);
@@ -63,7 +64,7 @@ impl Clock {
         self.speed
     }
 
-    /// Whether it stands still until it is told to go on.
+    /// Tells whether it stands still until it is told to go on.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.stopped

@@ -1,4 +1,4 @@
-//! What can go wrong, for whoever embeds a simulation.
+//! Errors of an embedded simulation.
 
 use std::io;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use sim_runner::rig_file::RigFileError;
 
 use crate::serve::ServeError;
 
-/// Why something could not be done.
+/// Reason for which something could not be done.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -23,17 +23,17 @@ pub enum Error {
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     File {
-        /// Which.
+        /// Path of it.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         source: io::Error,
     },
     /// There is no such device, or it has no such link.
     #[error("there is no port `{wanted}`; there are: {known}")]
     NoSuchPort {
-        /// What was asked for.
+        /// Name that was asked for.
         wanted: String,
-        /// What there is.
+        /// Names that there are.
         known: String,
     },
     /// The device is of another type.
@@ -61,7 +61,7 @@ pub enum Error {
     NotHeld {
         /// The condition.
         condition: String,
-        /// When it was given up.
+        /// Time at which it was given up.
         at: SimTime,
         /// The values of its names then.
         found: String,

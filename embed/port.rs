@@ -12,16 +12,16 @@ use sim_runner::{Run, RunError};
 use crate::error::Error;
 use crate::simulation::{Simulation, State};
 
-/// Most bytes kept for a client that does not read, as much as a pseudo-terminal keeps; further ones
-/// are lost, and it is told of in an `overrun`.
+/// Most bytes kept for a client that does not read, as much as a pseudo-terminal keeps; further
+/// ones are lost, and it is told of in an `overrun`.
 const MOST_UNREAD: usize = 20_480;
 /// How long a read waits unless told.
 const TIMEOUT: Duration = Duration::from_secs(1);
-/// How long a look takes that finds nothing and must not wait, so that time passes for a client that
-/// polls.
+/// How long a look takes that finds nothing and must not wait, so that time passes for a client
+/// that polls.
 const LOOK: Duration = Duration::from_micros(100);
 
-/// What all handles of a port share.
+/// State that all handles of a port share.
 pub(crate) struct PortState {
     id: PortId,
     /// As the device's end is set.
@@ -80,22 +80,22 @@ impl PortState {
     }
 }
 
-/// The client's end of a port of a [`Simulation`], for code that takes a `Box<dyn SerialPort>`. Clones
-/// are the same port; it is closed when the last is dropped.
+/// The client's end of a port of a [`Simulation`], for code that takes a `Box<dyn SerialPort>`.
+/// Clones are the same port; it is closed when the last is dropped.
 ///
-/// Nothing waits in real time. A read that has to wait lets simulated time pass until a byte has arrived
-/// or its timeout is over; it gives what has arrived by then, often a single byte, as a real port may. A
-/// write puts bytes on the line, where they take their time, and waits only when 4096 are on their way; a
-/// flush waits until all have arrived. A read or write when the cable is out fails with
-/// [`ErrorKind::BrokenPipe`], and the port has to be opened anew.
+/// Nothing waits in real time. A read that has to wait lets simulated time pass until a byte has
+/// arrived or its timeout is over; it gives what has arrived by then, often a single byte, as a
+/// real port may. A write puts bytes on the line, where they take their time, and waits only when
+/// 4096 are on their way; a flush waits until all have arrived. A read or write when the cable is
+/// out fails with [`ErrorKind::BrokenPipe`], and the port has to be opened anew.
 ///
-/// Speed and stop bits are those of the client's end: with others than the device's, bytes are garbled as
-/// on a line. Other than 8 data bits without parity is refused. Modem lines are those of an adapter with
-/// a cable of three wires: inputs are off, outputs go nowhere.
+/// Speed and stop bits are those of the client's end: with others than the device's, bytes are
+/// garbled as on a line. Other than 8 data bits without parity is refused. Modem lines are those of
+/// an adapter with a cable of three wires: inputs are off, outputs go nowhere.
 ///
-/// A look that finds nothing and must not wait ([`SerialPort::bytes_to_read`], or a read with a timeout of
-/// zero) takes 100 µs of simulated time, so that a client that polls gets on. Sleeping in real time lets no
-/// simulated time pass; [`Simulation::advance`] does.
+/// A look that finds nothing and must not wait ([`SerialPort::bytes_to_read`], or a read with a
+/// timeout of zero) takes 100 µs of simulated time, so that a client that polls gets on. Sleeping
+/// in real time lets no simulated time pass; [`Simulation::advance`] does.
 pub struct ClientPort {
     simulation: Simulation,
     /// Index in the state, and which time that it was opened.

@@ -10,7 +10,7 @@ use sim_runner::{RigPlan, Scenario};
 use crate::served::Served;
 use sim_pty::PortError;
 
-/// Where ports go that have been given no path.
+/// Place of ports that have been given no path.
 pub enum Elsewhere<'a> {
     /// Wherever the system puts them.
     Unlinked,
@@ -23,10 +23,10 @@ const DESCRIPTORS_OF_A_PORT: u64 = 4;
 /// More than a program needs beside its ports: several runs at a time have ports of their own.
 const OTHER_DESCRIPTORS: u64 = 512;
 
-/// Opens every port that a client may open, which are all but those of devices that the script is the
-/// client of; relative paths are relative to `folder`, and URLs are where to listen
-/// on the network. The first device's first link is served on the real port `serial`, if one is
-/// named. Pseudo-terminals are set up as `setup` says, but for the speed, which is the device's own.
+/// Opens every port that a client may open, which are all but those of devices that the script is
+/// the client of; relative paths are relative to `folder`, and URLs are where to listen on the
+/// network. The first device's first link is served on the real port `serial`, if one is named.
+/// Pseudo-terminals are set up as `setup` says, but for the speed, which is the device's own.
 ///
 /// # Errors
 /// When a port cannot be made or opened.
@@ -84,7 +84,7 @@ pub struct ShownPort {
     pub link: &'static str,
     /// Index of the link on the device.
     pub index: usize,
-    /// Where a client opens it.
+    /// Path at which a client opens it.
     pub path: PathBuf,
     /// Other machines can open it, too.
     pub is_public: bool,

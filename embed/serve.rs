@@ -12,8 +12,9 @@
 //! to answer, every notice of it is a `simulator_late`, and what a client does in rhythm but
 //! arrives in a burst is not counted as its fault.
 //!
-//! When the simulator was late by less, what it reads is dated when it reads it, and what comes on time
-//! after it seems to come too soon. Commands are allowed to, by as much as the simulator was late.
+//! When the simulator was late by less, what it reads is dated when it reads it, and what comes on
+//! time after it seems to come too soon. Commands are allowed to, by as much as the simulator was
+//! late.
 //!
 //! In the same way simulated time stands still when there is more to compute than there is time.
 
@@ -33,18 +34,20 @@ use crate::slowness::Slowness;
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
 /// is worth, since a client cannot tell.
 const SHORTEST_SLEEP: Duration = Duration::from_micros(100);
-/// How long to look for the next request of a client that asks as soon as it is answered. A client in
-/// Python comes back after some 50 µs, and on a virtual machine waking a processor up can take 30 µs at
-/// either end (`cargo bench --bench served -- latency` compares). Looks that are too short are worse than
-/// none. Longer ones delay a client by as much when the system has it run on this processor, which it now
-/// and then does where there are few.
+/// How long to look for the next request of a client that asks as soon as it is answered. A client
+/// in Python comes back after some 50 µs, and on a virtual machine waking a processor up can take
+/// 30 µs at either end (`cargo bench --bench served -- latency` compares). Looks that are too short
+/// are worse than none. Longer ones delay a client by as much when the system has it run on this
+/// processor, which it now and then does where there are few.
 const BUSY_POLL: Duration = Duration::from_micros(100);
 /// How late the system may run the simulator before simulated time stands still. Schedulers of
-/// desktops are late by a few milliseconds now and then, and deadlines of half a second do not mind.
+/// desktops are late by a few milliseconds now and then, and deadlines of half a second do not
+/// mind.
 const MOST_LATE: Duration = Duration::from_millis(20);
-/// Longest sleep after the machine has held the simulator up; from then on twice as long each time that it
-/// is woken when it asked to be. Simulated time stands still from the beginning of a sleep that did not
-/// end on time, so who is stopped again and again would sleep through the same span for ever.
+/// Longest sleep after the machine has held the simulator up; from then on twice as long each time
+/// that it is woken when it asked to be. Simulated time stands still from the beginning of a sleep
+/// that did not end on time, so who is stopped again and again would sleep through the same span
+/// for ever.
 const FIRST_SLEEP: Duration = MOST_LATE;
 /// A sleep that may be as long as this may have any length.
 const LONG_SLEEP: Duration = Duration::from_secs(1);
@@ -59,21 +62,21 @@ const MOST_READS: usize = 16;
 /// A port whose line was full is read again when it has room for so many bytes.
 const RESUME_ROOM: usize = UART_FIFO / 2;
 
-/// When simulated time begins.
+/// Moment at which simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begin {
     /// At once.
     Now,
-    /// When a client first opens a port: whatever is planned waits for clients that are slow to
+    /// First opening of a port by a client: whatever is planned waits for clients that are slow to
     /// start.
     WithClient,
 }
 
-/// Whoever looks at a run between two of its steps, and changes what happens in it and how its time
+/// Observer of a run between two of its steps, which changes what happens in it and how its time
 /// passes.
 pub trait Attendant {
-    /// Called once a round; `woken` says that there is something to read where the attendant is to be
-    /// woken from. Says after how much real time at most it is to be called again.
+    /// Called once a round; `woken` says that there is something to read where the attendant is to
+    /// be woken from. Says after how much real time at most it is to be called again.
     ///
     /// # Errors
     /// When the run cannot go on.
@@ -84,8 +87,8 @@ pub trait Attendant {
         woken: bool,
     ) -> Result<Option<Duration>, RunError>;
 
-    /// Whether somebody waits for something that comes only with time, which begins then even if no
-    /// client has opened a port.
+    /// Tells whether somebody waits for something that comes only with time, which begins then even
+    /// if no client has opened a port.
     fn wants_time(&self) -> bool {
         false
     }
@@ -106,20 +109,20 @@ impl<F: FnMut(&mut Run)> Attendant for Looking<F> {
     }
 }
 
-/// Why the loop came to its end.
+/// Reason for which the loop came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// A signal asked for it.
     Signal,
     /// Nothing happens any more in the simulation.
     Over,
-    /// What is watched has something to tell.
+    /// Something that is watched has something to tell.
     Watched,
     /// The time allowed has passed.
     Timeout,
 }
 
-/// Why serving cannot go on.
+/// Reason for which serving cannot go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServeError {
@@ -139,7 +142,7 @@ pub struct Server {
     clock: Clock,
     /// Simulated time has not begun.
     waiting: bool,
-    /// When to stop in any case.
+    /// Time to stop at in any case.
     until: Option<Instant>,
     slowness: Slowness,
     held_up: HeldUp,
@@ -182,7 +185,7 @@ impl Server {
         })
     }
 
-    /// What is served, to look at.
+    /// Returns what is served, to look at.
     pub fn run(&self) -> &Run {
         &self.run
     }
@@ -308,7 +311,7 @@ impl Server {
         }
     }
 
-    /// Whether simulated time has begun.
+    /// Tells whether simulated time has begun.
     pub fn has_begun(&self) -> bool {
         !self.waiting
     }
@@ -402,8 +405,8 @@ impl Server {
     }
 
     /// Advances to the time of what has just been read, and says when that is: now, unless the
-    /// simulator was held up so that it may have come long before. A machine that is too slow has no
-    /// time to advance for each read.
+    /// simulator was held up so that it may have come long before. A machine that is too slow has
+    /// no time to advance for each read.
     fn catch_up(&mut self) -> Result<SimTime, ServeError> {
         let behind = self.clock.since(self.now());
         if !self.waiting && !self.slowness.is_slow() {
@@ -492,8 +495,8 @@ impl Server {
         Ok(())
     }
 
-    /// Tells the simulation how clients have set their ends, of which something passes by `to`. Nobody
-    /// is told when they change them.
+    /// Tells the simulation how clients have set their ends, of which something passes by `to`.
+    /// Nobody is told when they change them.
     fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];

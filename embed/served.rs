@@ -9,11 +9,11 @@ use sim_pty::{Counters, Port, PortError, PtySetup, Waiter};
 pub struct Served {
     /// Device and link.
     pub id: PortId,
-    /// Where a client opens it.
+    /// Path at which a client opens it.
     pub path: PathBuf,
     /// `None` while the cable is pulled.
     pub port: Option<Port>,
-    /// How it can be made again; a cable in a real serial port stays in.
+    /// Setup by which it can be made again; a cable in a real serial port stays in.
     setup: Option<PtySetup>,
     /// Totals of the times before the cable was pulled.
     before: Counters,
@@ -22,8 +22,8 @@ pub struct Served {
 }
 
 impl Served {
-    /// Serves on a pseudo-terminal at `path`, or on the network if that is a URL (`tcp://HOST:PORT`,
-    /// `rfc2217://HOST:PORT`).
+    /// Serves on a pseudo-terminal at `path`, or on the network if that is a URL
+    /// (`tcp://HOST:PORT`, `rfc2217://HOST:PORT`).
     ///
     /// # Errors
     /// When the port cannot be made.

@@ -87,8 +87,8 @@ impl Simulation {
     /// `truth.at_rest && count.bad_crc == 0`; looked at every 5 ms and at every event.
     ///
     /// # Errors
-    /// When it has not come to hold `within` this time, with the values that its names had; or when it
-    /// makes no sense.
+    /// When it has not come to hold `within` this time, with the values that its names had; or when
+    /// it makes no sense.
     pub fn wait_until(&self, condition: &str, within: Duration) -> Result<(), Error> {
         let mut state = self.state();
         let checked = state.run.condition(condition).map_err(Error::Expression)?;
@@ -108,8 +108,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// The value of an expression over the names of `sim names`, as `car.truth.speed_mps * 3.6`. With
-    /// one device its name may be left out.
+    /// The value of an expression over the names of `sim names`, as `car.truth.speed_mps * 3.6`.
+    /// With one device its name may be left out.
     ///
     /// # Errors
     /// When it makes no sense, or is not a number.
@@ -123,7 +123,7 @@ impl Simulation {
         }
     }
 
-    /// Whether a condition over the names of `sim names` holds now.
+    /// Tells whether a condition over the names of `sim names` holds now.
     ///
     /// # Errors
     /// When it makes no sense, or is a number.
@@ -266,7 +266,7 @@ impl Device {
         self.simulation.number(&self.qualified(name))
     }
 
-    /// Whether a name of `sim names` is true, as `truth.at_rest`.
+    /// Tells whether a name of `sim names` is true, as `truth.at_rest`.
     ///
     /// # Errors
     /// When there is no such name, or it is a number.
@@ -324,7 +324,8 @@ impl Device {
         self.step(&format!("fault = {{ {fault} }}"))
     }
 
-    /// Has somebody do something to it, as `"lock"` or `{ emergency_stop = true }` in scenario files.
+    /// Has somebody do something to it, as `"lock"` or `{ emergency_stop = true }` in scenario
+    /// files.
     ///
     /// # Errors
     /// When nobody can do that to this device.
@@ -341,7 +342,7 @@ impl Device {
         self.simulation.step(&format!("device = {device}\n{what}"))
     }
 
-    /// What happened at it so far, counted, and what its client did that the protocol forbids.
+    /// Counts of what happened at it so far, and of what its client did that the protocol forbids.
     #[must_use]
     pub fn report(&self) -> Report {
         let state = self.simulation.state();
@@ -375,7 +376,7 @@ impl Step {
         Ok(self.simulation.state().run.clear_step(self.index)?)
     }
 
-    /// How often its fault has hit something so far; `sim faults` says what counts.
+    /// Number of times that its fault has hit something so far; `sim faults` says what counts.
     #[must_use]
     pub fn hits(&self) -> u64 {
         self.simulation.state().run.step_hits(self.index)

@@ -1,4 +1,4 @@
-//! Whether the machine keeps up, and for how long it did not.
+//! Hold-ups of the machine.
 
 use std::time::{Duration, Instant};
 
@@ -7,11 +7,11 @@ const TOO_MANY_BUDGETS: u32 = 10;
 /// For how long used-up budgets are counted together.
 const COUNTED: Duration = Duration::from_secs(1);
 
-/// Real time for which simulated time stood still since the machine did not let the simulator run, or
-/// was too slow for it. A client's own clock went on meanwhile.
+/// Real time for which simulated time stood still since the machine did not let the simulator run,
+/// or was too slow for it. A client's own clock went on meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HeldUp {
-    /// How often that was.
+    /// Number of times.
     pub times: u64,
     /// For how long in all.
     pub total: Duration,
@@ -32,7 +32,7 @@ impl HeldUp {
 pub(crate) struct Slowness {
     /// Since when budgets are counted, and how many were used up.
     count: Option<(Instant, u32)>,
-    /// When there were last too many.
+    /// Time at which there were last too many.
     slow_at: Option<Instant>,
 }
 
@@ -47,7 +47,7 @@ impl Slowness {
         count >= TOO_MANY_BUDGETS && self.slow_at.replace(now).is_none()
     }
 
-    /// Whether it is too slow now.
+    /// Tells whether it is too slow now.
     pub(crate) fn is_slow(&self) -> bool {
         self.slow_at.is_some_and(|at| at.elapsed() <= 2 * COUNTED)
     }

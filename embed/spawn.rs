@@ -12,8 +12,8 @@ use crate::error::Error;
 use crate::ports::{Elsewhere, open_all};
 use crate::serve::{Begin, Server};
 
-/// Devices served on pseudo-terminals, for clients that open a path. When this is dropped, the ports are
-/// gone and the thread has ended.
+/// Devices served on pseudo-terminals, for clients that open a path. When this is dropped, the
+/// ports are gone and the thread has ended.
 ///
 /// ```no_run
 /// let served = sim_embed::Simulation::builder().device("r150").spawn()?;
@@ -67,13 +67,13 @@ impl Spawned {
         })
     }
 
-    /// Where the first device's main port is.
+    /// Path of the first device's main port.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.paths.first().map_or(Path::new(""), |(_, path)| path)
     }
 
-    /// Where a link of the device of this name is; its main link has index 0.
+    /// Path of a link of the device of this name; its main link has index 0.
     ///
     /// # Errors
     /// When there is no such device or link.
@@ -94,8 +94,8 @@ impl Spawned {
         )
     }
 
-    /// Ends it, and says what came of it: the counts of each device, and the verdict of a scenario as far
-    /// as it was played.
+    /// Ends it, and says what came of it: the counts of each device, and the verdict of a scenario
+    /// as far as it was played.
     ///
     /// # Errors
     /// When serving has failed.

@@ -2,9 +2,9 @@
 //!
 //! [`run`] starts a program and traces it with everything that it starts. Its clocks show simulated
 //! time, its sleeps, timeouts and timers end in simulated time. While it computes, simulated time
-//! stands still; when all of it waits, a [`World`] says what happens next and when, and time goes on
-//! to that or to the program's own next deadline. Nothing is preloaded, so that static programs and
-//! any language will do.
+//! stands still; when all of it waits, a [`World`] says what happens next and when, and time goes
+//! on to that or to the program's own next deadline. Nothing is preloaded, so that static programs
+//! and any language will do.
 //!
 //! # How it works
 //!
@@ -20,8 +20,8 @@
 //! Everything about devices is the world's. The crate knows pseudo-terminals, as [`Port`]s, since
 //! bytes pass them at the kernel's leisure: [`Port::deliver`] returns when they are there.
 //!
-//! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is in
-//! `traced/x86_64.rs`.
+//! It runs on x86-64; elsewhere [`run`] says that it does not. All that is of that architecture is
+//! in `traced/x86_64.rs`.
 
 mod port;
 #[cfg(target_arch = "x86_64")]
@@ -43,24 +43,24 @@ pub struct Program<'a> {
     pub words: &'a [OsString],
     /// Variables beside those of this program.
     pub environment: &'a [(String, OsString)],
-    /// Where it writes both of its streams.
+    /// File to which it writes both of its streams.
     pub output: File,
 }
 
-/// How to run it.
+/// Options of a run.
 #[derive(Debug)]
 pub struct Options<'a> {
-    /// What is random comes from this seed; `None` leaves it random.
+    /// Seed of what is random; `None` leaves it random.
     pub seed: Option<u64>,
     /// Its date when it begins, since 1970.
     pub date: Duration,
-    /// When it is ended in any case, by the real clock.
+    /// Time at which it is ended in any case, by the real clock.
     pub until: Option<Instant>,
     /// Ends it when it becomes true.
     pub stop: &'a AtomicBool,
 }
 
-/// What stands at the other end of the ports.
+/// World at the other end of the ports.
 ///
 /// Times are nanoseconds since the program began. What happens to one port is told in the order in
 /// which it happens.
@@ -77,8 +77,8 @@ pub trait World {
     /// When the world has broken down.
     fn closed(&mut self, port: usize, now: u64) -> Result<(), Broken>;
 
-    /// A client sends; says how many of the bytes there was room for. The others are sent again when
-    /// time has gone on.
+    /// A client sends; says how many of the bytes there was room for. The others are sent again
+    /// when time has gone on.
     ///
     /// # Errors
     /// When the world has broken down.
@@ -105,10 +105,10 @@ pub trait World {
     -> Result<Step, Broken>;
 }
 
-/// Why a world cannot go on.
+/// Reason for which a world cannot go on.
 pub type Broken = Box<dyn std::error::Error + Send + Sync>;
 
-/// How far a world has gone.
+/// Distance that a world has gone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// To this time.
@@ -119,7 +119,7 @@ pub enum Step {
     Never,
 }
 
-/// How a program ended.
+/// End of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
     /// With this code.
@@ -128,7 +128,7 @@ pub enum End {
     Killed(i32),
 }
 
-/// What brought a run to its end.
+/// Reason for which a run came to its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reason {
     /// The program ended.
@@ -143,24 +143,24 @@ pub enum Reason {
     Stopped,
 }
 
-/// What came of a run.
+/// Outcome of a run.
 #[derive(Debug, Clone)]
 pub struct Ending {
-    /// How the program ended, which it does in any case.
+    /// End of the program, which it comes to in any case.
     pub end: End,
-    /// What brought that about.
+    /// Reason of that.
     pub reason: Reason,
-    /// What was waited for outside of the run; it is not repeatable if there is anything.
+    /// Things outside of the run that were waited for; it is not repeatable if there are any.
     pub outside: BTreeSet<String>,
-    /// What was refused, and may explain a failure.
+    /// Calls that were refused, and may explain a failure.
     pub refused: BTreeSet<String>,
-    /// When it ended, in nanoseconds since it began.
+    /// Time at which it ended, in nanoseconds since it began.
     pub at: u64,
     /// Calls at which it was stopped.
     pub calls: u64,
 }
 
-/// Why a program could not be run.
+/// Reason for which a program could not be run.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The system does not let programs be traced, or cannot.
@@ -178,15 +178,15 @@ pub enum Error {
     /// The system failed.
     #[error("{what}: {error}")]
     System {
-        /// What was being done.
+        /// Call that was being done.
         what: &'static str,
-        /// What came of it.
+        /// Error of it.
         error: io::Error,
     },
 }
 
-/// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends before.
-/// Other children of this thread that end meanwhile are reaped.
+/// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends
+/// before. Other children of this thread that end meanwhile are reaped.
 ///
 /// # Errors
 /// When it cannot be traced or started, holds something that cannot be run, or the world fails.

@@ -22,8 +22,8 @@ use rustix::termios::{
 const MOST_IN_KERNEL: u64 = 3072;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
-/// How long bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless the
-/// machine has no time for this program.
+/// How long bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless
+/// the machine has no time for this program.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Modem lines, as `TIOCM_*` has them.
@@ -32,11 +32,12 @@ pub mod modem {
     pub const DTR: u32 = 0x002;
     /// Request to send: set by the client.
     pub const RTS: u32 = 0x004;
-    /// What an adapter with a cable of three wires reads: clear to send, carrier, data set ready.
+    /// Lines that an adapter with a cable of three wires reads: clear to send, carrier, data set
+    /// ready.
     pub const READ: u32 = 0x020 | 0x040 | 0x100;
 }
 
-/// How a client has set its end of the line.
+/// Settings of a client's end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineSettings {
     /// Bits a second.
@@ -51,7 +52,7 @@ pub struct LineSettings {
     pub rts_cts: bool,
 }
 
-/// When a read comes to its end.
+/// Rule by which a read comes to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ReadRule {
     /// Bytes that it waits for, `VMIN`; `None` if it waits for a line.
@@ -106,19 +107,19 @@ impl Port {
         Ok(port)
     }
 
-    /// Where a client finds it.
+    /// Path at which a client finds it.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.link
     }
 
-    /// Whether a client has it open.
+    /// Tells whether a client has it open.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.opened > 0
     }
 
-    /// Whether the cable is in.
+    /// Tells whether the cable is in.
     #[must_use]
     pub fn is_plugged(&self) -> bool {
         self.pair.is_some()
@@ -206,7 +207,7 @@ impl Port {
         Ok(())
     }
 
-    /// How the client has set it.
+    /// Settings by the client.
     ///
     /// # Errors
     /// When the system cannot tell.
@@ -226,12 +227,12 @@ impl Port {
         }))
     }
 
-    /// Whether it is the character device with this number.
+    /// Tells whether it is the character device with this number.
     pub(crate) fn is_device(&self, device: u64) -> bool {
         self.pair.as_ref().is_some_and(|pair| pair.device == device)
     }
 
-    /// What a client has done with it since the last time.
+    /// Deeds of a client with it since the last time.
     pub(crate) fn changes(&mut self) -> Vec<Change> {
         let mut changes = Vec::new();
         let Some(pair) = &self.pair else {
@@ -266,7 +267,7 @@ impl Port {
         self.waiting.clear();
     }
 
-    /// When a read of the client ends.
+    /// Rule by which a read of the client ends.
     pub(crate) fn read_rule(&self) -> ReadRule {
         let termios = self
             .pair
@@ -297,7 +298,7 @@ impl Port {
         unread.and_then(|n| usize::try_from(n).ok()).unwrap_or(0)
     }
 
-    /// Whether a read of so many bytes ends at once.
+    /// Tells whether a read of so many bytes ends at once.
     pub(crate) fn can_be_read(&self, rule: ReadRule, count: usize) -> bool {
         match rule.least {
             None => self.is_readable(),
@@ -306,12 +307,12 @@ impl Port {
         }
     }
 
-    /// Whether a descriptor's path, as the system tells it, leads to it.
+    /// Tells whether a descriptor's path, as the system tells it, leads to it.
     pub(crate) fn leads_to(&self, path: &str) -> bool {
         std::fs::read_link(&self.link).is_ok_and(|node| node.as_os_str() == path)
     }
 
-    /// Whether the client would read something, by the terminal's own rules.
+    /// Tells whether the client would read something, by the terminal's own rules.
     pub(crate) fn is_readable(&self) -> bool {
         self.pair.as_ref().is_none_or(|pair| {
             let mut poll = [PollFd::new(&pair.slave, PollFlags::IN)];
@@ -328,7 +329,7 @@ impl Port {
         bytes
     }
 
-    /// What a terminal makes of bytes that are written to it.
+    /// Bytes that a terminal makes of those that are written to it.
     pub(crate) fn cooked(&self, bytes: &[u8]) -> Vec<u8> {
         use rustix::termios::OutputModes;
         let pair = self.pair.as_ref();
@@ -347,7 +348,7 @@ impl Port {
         cooked
     }
 
-    /// What the terminal itself sends back, as an echo of what came.
+    /// Bytes that the terminal itself sends back, as an echo of what came.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
         let mut bytes = vec![0; 4096];
         let pair = self.pair.as_ref();
@@ -420,8 +421,8 @@ impl Pair {
         ))
     }
 
-    /// Bytes pass through the kernel at its leisure. A poll of an empty terminal waits for that; one
-    /// with something in it is looked at again.
+    /// Bytes pass through the kernel at its leisure. A poll of an empty terminal waits for that;
+    /// one with something in it is looked at again.
     fn wait_until_there(&self, unread: u64) -> io::Result<()> {
         let begun = Instant::now();
         // What a terminal keeps until a line is complete cannot be counted.

@@ -1,8 +1,8 @@
 //! A small robot with two driven wheels side by side, for devices of one's own.
 //!
-//! Its motors hold the speeds that they are told, as far as the friction under the wheels allows. What
-//! drives it is small next to what holds it, so motors and tyres are not modelled any further: use
-//! [`crate::traction`] where they matter.
+//! Its motors hold the speeds that they are told, as far as the friction under the wheels allows.
+//! What drives it is small next to what holds it, so motors and tyres are not modelled any further:
+//! use [`crate::traction`] where they matter.
 
 use crate::pose::{BodyMotion, Pose};
 use crate::rest::RestSettings;
@@ -47,7 +47,7 @@ pub struct Differential {
     /// Wanted and true speed of the wheels over the ground, left and right, m/s.
     wanted: [f64; 2],
     speed: [f64; 2],
-    /// How far each has rolled, m.
+    /// Distance that each has rolled, m.
     travel: [f64; 2],
 }
 
@@ -80,7 +80,7 @@ impl Differential {
         }
     }
 
-    /// How far each wheel has rolled, left and right, m.
+    /// Distance that each wheel has rolled, left and right, m.
     #[must_use]
     pub fn travel(&self) -> [f64; 2] {
         self.travel
@@ -92,13 +92,13 @@ impl Differential {
         self.body.id()
     }
 
-    /// Where it was and how it moved at the end of the last step.
+    /// Pose and motion at the end of the last step.
     #[must_use]
     pub fn motion(&self) -> &BodyMotion {
         self.body.motion()
     }
 
-    /// How far it has driven, m.
+    /// Distance that it has driven, m.
     #[must_use]
     pub fn distance(&self) -> f64 {
         self.body.distance()
@@ -110,7 +110,7 @@ impl Differential {
         self.shape.mass + self.body.payload()
     }
 
-    /// Whether nothing moves and nothing drives.
+    /// Tells whether nothing moves and nothing drives.
     #[must_use]
     pub fn at_rest(&self) -> bool {
         self.body.is_resting()

@@ -1,4 +1,4 @@
-//! How vehicles look from above.
+//! Outlines of vehicles from above.
 
 use crate::mecanum::MecanumPlant;
 use crate::r150::R150Plant;
@@ -6,7 +6,7 @@ use crate::r150::R150Plant;
 /// Width of a wheel as it is drawn, as a share of its diameter; of no effect on anything else.
 const WIDTH: f64 = 0.4;
 
-/// How a vehicle looks from above, in its own axes: m ahead and left of its middle.
+/// Outline of a vehicle from above, in its own axes: m ahead and left of its middle.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Drawing {
     /// Its wheels.
@@ -24,22 +24,22 @@ pub struct WheelDrawing {
     pub length: f64,
     /// m
     pub width: f64,
-    /// How fast it turns, rad/s, positive ahead.
+    /// Speed at which it turns, rad/s, positive ahead.
     pub speed: f64,
 }
 
 /// A sensor that measures distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EchoDrawing {
-    /// Where it is.
+    /// Place of it.
     pub place: [f64; 2],
-    /// Where it looks, rad.
+    /// Direction in which it looks, rad.
     pub heading: f64,
     /// From side to side of what it sees, rad.
     pub opening: f64,
-    /// How far it sees, m.
+    /// Range, m.
     pub range: f64,
-    /// What it has seen last, m.
+    /// Distance that it has seen last, m.
     pub distance: Option<f64>,
 }
 
@@ -53,7 +53,7 @@ fn wheel(place: [f64; 2], radius: f64, speed: f64) -> WheelDrawing {
 }
 
 impl R150Plant {
-    /// How it looks now.
+    /// Draws it as it is now.
     #[must_use]
     pub fn drawing(&self) -> Drawing {
         let body = &self.settings.body;
@@ -71,7 +71,7 @@ impl R150Plant {
 }
 
 impl MecanumPlant {
-    /// How it looks now.
+    /// Draws it as it is now.
     #[must_use]
     pub fn drawing(&self) -> Drawing {
         let settings = &self.settings;

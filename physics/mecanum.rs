@@ -6,8 +6,8 @@
 //!
 //! Each wheel pushes the ground along the axle of the roller that it stands on, as far as friction
 //! goes, and rolls across it against a drag; [`crate::traction`] has the law. Seen from above the
-//! upper rollers lie LF `\\`, RF `/`, LR `/`, RR `\\`, and those on the ground mirrored. Without slip
-//! the speeds of the contacts are then, with `k` half the wheelbase plus half the track,
+//! upper rollers lie LF `\\`, RF `/`, LR `/`, RR `\\`, and those on the ground mirrored. Without
+//! slip the speeds of the contacts are then, with `k` half the wheelbase plus half the track,
 //!
 //! ```text
 //! LF = vx − vy − kω    RF = vx + vy + kω    LR = vx + vy − kω    RR = vx − vy + kω
@@ -71,9 +71,9 @@ pub struct MecanumPlant {
     faults: MecanumFaults,
     /// The wiring without what the faults swap.
     plain_wiring: Wiring,
-    /// Whether the motors tell which way they turn.
+    /// Set if the motors tell which way they turn.
     directed_encoders: bool,
-    /// What the ports' counters show besides their wheel's pulses.
+    /// Count of the ports' counters besides their wheel's pulses.
     pulse_offset: [u32; PORTS],
     drive: Drive,
     sensors: Sensors,
@@ -146,7 +146,7 @@ impl MecanumPlant {
         &self.commands
     }
 
-    /// Which motor is really at which port.
+    /// Returns the motor that is really at each port.
     #[must_use]
     pub fn wiring(&self) -> Wiring {
         self.wiring
@@ -185,13 +185,13 @@ impl MecanumPlant {
             .follow(step, world, self.body.id(), self.body.motion());
     }
 
-    /// Says that so much of the step that comes has passed when what follows is done to the pins. The
-    /// wheels give their pulses until then, as if they turned on as they did at its beginning.
+    /// Says that so much of the step that comes has passed when what follows is done to the pins.
+    /// The wheels give their pulses until then, as if they turned on as they did at its beginning.
     pub fn pass_to(&mut self, passed: Duration) {
         self.drive_to(passed.as_secs_f64());
     }
 
-    /// How much of the step that comes has passed when a wheel gives its next pulse, if it turns on as
+    /// Part of the step that comes after which a wheel gives its next pulse, if it turns on as
     /// it does and that is within a second.
     #[must_use]
     pub fn next_pulse(&self) -> Option<Duration> {
@@ -205,15 +205,15 @@ impl MecanumPlant {
         self.drive.forget_step();
     }
 
-    /// Whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in for steps
-    /// of the world.
+    /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
+    /// for steps of the world.
     #[must_use]
     pub fn at_rest(&self) -> bool {
         self.body.is_resting()
     }
 
-    /// Looks again whether the car can stand and what its sensors see, after a change around it such
-    /// as another ground or a new obstacle.
+    /// Looks again whether the car can stand and what its sensors see, after a change around it
+    /// such as another ground or a new obstacle.
     pub fn wake(&mut self) {
         self.body.wake();
     }

@@ -1,4 +1,4 @@
-//! Where a body is and how it moves.
+//! Place and motion of a body.
 
 /// A position and heading on the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -66,13 +66,13 @@ impl BodyMotion {
         [forward, left, self.yaw_rate]
     }
 
-    /// Whether nothing at all moves.
+    /// Tells whether nothing at all moves.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.vx == 0.0 && self.vy == 0.0 && self.yaw_rate == 0.0
     }
 
-    /// Whether every number is finite.
+    /// Tells whether every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         [

@@ -59,18 +59,18 @@ pub struct R150Plant {
     commands: R150Commands,
     loads: [Load; RAILS],
     pwm_sources: [PwmSource; 4],
-    /// What the PWM inputs read.
+    /// Readings of the PWM inputs.
     pwm_in: [PwmReading; 4],
     side_faults: Sides<SideFaults>,
     faults: R150Faults,
     drive: Drive,
     slow: SlowStates,
     flow: Flow,
-    /// What a stuck encoder repeats, rpm.
+    /// Speed that a stuck encoder repeats, r/min.
     encoder_rpm: [f64; 2],
-    /// What the encoders have counted, turns of the motors.
+    /// Count of the encoders, turns of the motors.
     encoder_turns: Sides<f64>,
-    /// How much of the step that comes has passed, s.
+    /// Part of the step that comes that has passed, s.
     passed: f64,
 }
 
@@ -191,8 +191,8 @@ impl R150Plant {
         self.solve_network();
     }
 
-    /// Whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in for steps
-    /// of the world.
+    /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
+    /// for steps of the world.
     #[must_use]
     pub fn at_rest(&self) -> bool {
         self.body.is_resting()
@@ -239,8 +239,8 @@ impl R150Plant {
         }
     }
 
-    /// Lets the drivers' duties follow what the firmware wants up to so many seconds into the step that
-    /// comes.
+    /// Lets the drivers' duties follow what the firmware wants up to so many seconds into the step
+    /// that comes.
     fn follow_duty(&mut self, passed: f64) {
         let seconds = passed - self.passed;
         if seconds <= 0.0 {

@@ -1,9 +1,9 @@
-//! How far one piece of a kind is from the next.
+//! Spread between the pieces of a kind.
 
 use crate::noise::Noise;
 
 sim_settings::settings! {
-    /// How far the parts of one vehicle are from one another. What each is off by is drawn from the
+    /// Spread of the parts of one vehicle. What each is off by is drawn from the
     /// vehicle's name, so that it is the same in every run.
     pub struct ToleranceSettings {
         /// Most by which a motor is stronger or weaker than it should be.

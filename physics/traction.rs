@@ -3,8 +3,8 @@
 //! # Model
 //!
 //! Each contact patch has a deflection `z` along two axes, as if the tread were a brush between the
-//! wheel and the ground. It grows with the slip velocity `v` (the ground's view of the patch) and is
-//! shed as fresh tread rolls in:
+//! wheel and the ground. It grows with the slip velocity `v` (the ground's view of the patch) and
+//! is shed as fresh tread rolls in:
 //!
 //! ```text
 //! dz/dt = v − |rolling speed| / relaxation length · z
@@ -13,22 +13,24 @@
 //! ```
 //!
 //! Rolling steadily this is the linear tyre `F = −slip stiffness · load · v / rolling speed` up to
-//! the friction limit; standing still it is a spring, so a parked vehicle stays where it is and does
-//! not creep as it would with a force from slip alone. The damping `t_d` keeps the spring from
+//! the friction limit; standing still it is a spring, so a parked vehicle stays where it is and
+//! does not creep as it would with a force from slip alone. The damping `t_d` keeps the spring from
 //! ringing and fades out as the wheel starts to roll. Source: H. B. Pacejka, *Tire and Vehicle
-//! Dynamics*, 3rd ed. 2012, sections 7.2 and 8.6 (single contact point transient model, standstill).
+//! Dynamics*, 3rd ed. 2012, sections 7.2 and 8.6 (single contact point transient model,
+//! standstill).
 //!
 //! The forces are stiff against a 5 ms step, so they are found together with the velocities they
-//! lead to: every patch is a soft constraint, in general solved by projected Gauss–Seidel iteration over the
-//! impulses of one step (E. Catto, *Soft Constraints*, GDC 2011, for the constraint; M. Anitescu and
-//! F. A. Potra, *Nonlinear Dynamics* 14, 1997, for time stepping with Coulomb friction). The
-//! constraints are far softer than the bodies they join, so a few rounds suffice. While no patch slides
-//! there is nothing to project and the solution is found directly.
+//! lead to: every patch is a soft constraint, in general solved by projected Gauss–Seidel iteration
+//! over the impulses of one step (E. Catto, *Soft Constraints*, GDC 2011, for the constraint; M.
+//! Anitescu and F. A. Potra, *Nonlinear Dynamics* 14, 1997, for time stepping with Coulomb
+//! friction). The constraints are far softer than the bodies they join, so a few rounds suffice.
+//! While no patch slides there is nothing to project and the solution is found directly.
 //!
-//! Nothing here knows which vehicle it is: a wheel turns several patches or one, and how the axes of
-//! a patch lie is up to its [`Contact`]: [`Straight`] for a tyre, [`Slanted`] for a mecanum wheel,
-//! whose first axis is that of the roller on the ground and whose second is the way in which the
-//! roller turns. There the tread that turns up by the roller's own spin sheds deflection as well:
+//! Nothing here knows which vehicle it is: a wheel turns several patches or one, and how the axes
+//! of a patch lie is up to its [`Contact`]: [`Straight`] for a tyre, [`Slanted`] for a mecanum
+//! wheel, whose first axis is that of the roller on the ground and whose second is the way in which
+//! the roller turns. There the tread that turns up by the roller's own spin sheds deflection as
+//! well:
 //!
 //! ```text
 //! rolling speed = wheel radius · |wheel speed| + |slip across|
@@ -55,7 +57,7 @@ pub struct Patch {
     pub x: f64,
     /// Metres left of the body's centre.
     pub y: f64,
-    /// Which wheel speed turns it.
+    /// Index of the wheel speed that turns it.
     pub wheel: usize,
 }
 
@@ -64,8 +66,8 @@ pub struct Patch {
 pub struct Wheel {
     /// Speed at the end of the step if the ground did nothing, rad/s; on return with the ground.
     pub speed: f64,
-    /// The N·m·s that it takes to change the speed at the end of the step by 1 rad/s, kg·m². A motor
-    /// that opposes speed makes it larger.
+    /// The N·m·s that it takes to change the speed at the end of the step by 1 rad/s, kg·m². A
+    /// motor that opposes speed makes it larger.
     pub inertia: f64,
     /// The inverse of that, or zero for a wheel that cannot turn.
     pub compliance: f64,
@@ -80,8 +82,8 @@ pub struct Chassis {
     pub mass: f64,
     /// kg·m²
     pub inertia: f64,
-    /// Forward, left (m/s) and yaw rate (rad/s) at the end of the step if the ground did nothing; on
-    /// return with the ground.
+    /// Forward, left (m/s) and yaw rate (rad/s) at the end of the step if the ground did nothing;
+    /// on return with the ground.
     pub velocity: [f64; 3],
 }
 
@@ -89,10 +91,10 @@ pub struct Chassis {
 #[derive(Debug, Clone)]
 pub struct Traction<const WHEELS: usize, const PATCHES: usize, C = Straight> {
     patches: [PatchState<C>; PATCHES],
-    /// What dry friction and brakes did in the last step, N·m·s, and the most they could do.
+    /// Impulses of dry friction and brakes in the last step, N·m·s, and the most they could do.
     hold: [f64; WHEELS],
     hold_limit: [f64; WHEELS],
-    /// Whether a patch slid in the last step.
+    /// Set if a patch slid in the last step.
     slides: bool,
     law: TyreLaw,
 }
@@ -101,7 +103,7 @@ pub struct Traction<const WHEELS: usize, const PATCHES: usize, C = Straight> {
 struct PatchState<C> {
     place: Patch,
     contact: C,
-    /// How much stiffer than the law it is across.
+    /// Factor by which it is stiffer than the law across.
     across: f64,
     /// Speed at which the contact turns by itself, m/s.
     spin: f64,
@@ -111,7 +113,7 @@ struct PatchState<C> {
     impulse: [f64; 2],
     /// Spring stiffness of the last step, N/m.
     stiffness: [f64; 2],
-    /// What is left of a deflection after the step's rolling.
+    /// Part of a deflection that is left after the step's rolling.
     shed: f64,
     /// Friction limit of the last step, N.
     limit: f64,

@@ -1,4 +1,4 @@
-//! What every vehicle is as a body: where it is, what it carries, what pushes it, whether it stands.
+//! Body of every vehicle: place, payload, pushes, standing still.
 
 use crate::pose::{BodyMotion, Pose};
 use crate::rest::RestSettings;
@@ -60,12 +60,12 @@ impl VehicleBody {
         self.id
     }
 
-    /// Where it was and how it moved at the end of the last step.
+    /// Pose and motion at the end of the last step.
     pub(crate) fn motion(&self) -> &BodyMotion {
         &self.motion
     }
 
-    /// How far it has driven, m.
+    /// Distance that it has driven, m.
     pub(crate) fn distance(&self) -> f64 {
         self.distance
     }
@@ -74,7 +74,7 @@ impl VehicleBody {
         self.resting
     }
 
-    /// What it carries, kg.
+    /// Mass that it carries, kg.
     pub(crate) fn payload(&self) -> f64 {
         self.payload
     }
@@ -85,7 +85,7 @@ impl VehicleBody {
         self.wake();
     }
 
-    /// What pushes it, ahead, left, counter-clockwise; N and N·m.
+    /// Force and torque that push it, ahead, left, counter-clockwise; N and N·m.
     pub(crate) fn push(&self) -> [f64; 3] {
         self.push
     }
@@ -109,7 +109,7 @@ impl VehicleBody {
         self.settled = 0.0;
     }
 
-    /// Whether it goes on resting in the step that comes; woken if something has moved it.
+    /// Tells whether it goes on resting in the step that comes; woken if something has moved it.
     pub(crate) fn rests_before(&mut self, world: &World) -> bool {
         if self.resting && !world.is_still(self.id) {
             self.wake();
@@ -117,7 +117,7 @@ impl VehicleBody {
         self.resting
     }
 
-    /// Whether it goes on resting after a step; woken if something ran into it.
+    /// Tells whether it goes on resting after a step; woken if something ran into it.
     pub(crate) fn rests_after(&mut self, world: &mut World) -> bool {
         if !self.resting {
             return false;
@@ -140,7 +140,7 @@ impl VehicleBody {
         velocity
     }
 
-    /// Whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
+    /// Tells whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
     pub(crate) fn is_slow(&self, tyre_speeds: impl IntoIterator<Item = f64>) -> bool {
         let limit = self.rest.speed;
         let [ahead, left, yaw_rate] = self.motion.body_velocity();
@@ -150,8 +150,8 @@ impl VehicleBody {
             && tyre_speeds.into_iter().all(|speed| speed.abs() <= limit)
     }
 
-    /// Counts for how long it `could_stand`, being slow and driven by nothing; brings it to a full stop
-    /// when that has been long enough, and says so.
+    /// Counts for how long it `could_stand`, being slow and driven by nothing; brings it to a full
+    /// stop when that has been long enough, and says so.
     pub(crate) fn settle(&mut self, world: &mut World, seconds: f64, could_stand: bool) -> bool {
         if !could_stand {
             self.settled = 0.0;

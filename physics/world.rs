@@ -34,7 +34,7 @@ use terrain::Change;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BodyId(usize);
 
-/// What a body is made of, as far as collisions are concerned.
+/// Shape and material of a body, as far as collisions are concerned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyShape {
     /// Extent along the body's forward axis, m.
@@ -47,7 +47,7 @@ pub struct BodyShape {
     pub inertia: f64,
 }
 
-/// Why the world could not go on.
+/// Reason for which the world could not go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PhysicsError {
     /// A body's position or velocity is not a number.
@@ -65,7 +65,7 @@ pub struct World {
     gravity: f64,
     ground: Ground,
     areas: Vec<(Area, Change)>,
-    /// What stands around.
+    /// Things that stand around.
     standing: Vec<Standing>,
     tags: Vec<Tag>,
     /// Pieces of magnetic strips.
@@ -189,7 +189,7 @@ const TOUCH: f64 = 1e-9;
 /// out of one another without one.
 const DEEP: f64 = 0.002;
 
-/// Whether two shapes really meet: rapier lists contacts a little before they do.
+/// Tells whether two shapes really meet: rapier lists contacts a little before they do.
 fn pair_touches(pair: &rapier::ContactPair) -> bool {
     pair.solver_manifolds()
         .iter()

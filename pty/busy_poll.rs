@@ -1,8 +1,8 @@
-//! When it pays to look for news again and again instead of sleeping.
+//! Looking for news again and again, where it pays, instead of sleeping.
 
 use std::time::Duration;
 
-/// Whether the next wait looks busily, and for how long.
+/// Decision whether the next wait looks busily, and for how long.
 ///
 /// It does if the wait before had news so soon that looking would have found them. So a client that
 /// asks as soon as it is answered is not kept waiting while the system wakes this process up, which
@@ -25,7 +25,7 @@ impl BusyPoll {
         }
     }
 
-    /// How long to look before sleeping.
+    /// Time for which to look before sleeping.
     pub(crate) fn span(&self) -> Duration {
         if self.pays {
             self.longest

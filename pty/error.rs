@@ -15,7 +15,7 @@ pub struct PortError {
     kind: PortErrorKind,
 }
 
-/// What is wrong, and what the user can do about it.
+/// Kind of an error, and what the user can do about it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PortErrorKind {
@@ -92,13 +92,13 @@ pub enum PortErrorKind {
     System {
         /// The system call that failed.
         call: &'static str,
-        /// What the system said.
+        /// Reason in the system's words.
         source: io::Error,
     },
 }
 
 impl PortError {
-    /// What is wrong.
+    /// Kind of it.
     #[must_use]
     pub fn kind(&self) -> &PortErrorKind {
         &self.kind

@@ -1,4 +1,4 @@
-//! What a waiter and its ports share: an epoll instance for what happens at a port, an inotify
+//! Shared parts of a waiter and its ports: an epoll instance for what happens at a port, an inotify
 //! instance for the one thing that epoll does not tell, that a client opens a node.
 //!
 //! Reports only say where to look. A hung-up master is readable for ever, so that descriptors are
@@ -226,9 +226,9 @@ impl Registration {
         self.hub.drain().map_err(PortErrorKind::call("read"))
     }
 
-    /// Whether, as far as can be told from counting, the last one who had the node open has closed it
-    /// since our last visits. Openings that come together are reported as one, so that somebody may
-    /// still be there: whoever acts on this does nothing that would harm a client.
+    /// Whether, as far as can be told from counting, the last one who had the node open has closed
+    /// it since our last visits. Openings that come together are reported as one, so that somebody
+    /// may still be there: whoever acts on this does nothing that would harm a client.
     pub(crate) fn has_departed(&self) -> bool {
         self.with_node(|node| node.departed)
     }
@@ -240,9 +240,9 @@ impl Registration {
         Ok(())
     }
 
-    /// We have done so `visits` times. If anybody else has opened or closed it meanwhile, somebody may
-    /// have left. Whoever is seen to be there may not be reported yet, so that the count is corrected
-    /// where nobody is, and never upwards.
+    /// We have done so `visits` times. If anybody else has opened or closed it meanwhile, somebody
+    /// may have left. Whoever is seen to be there may not be reported yet, so that the count is
+    /// corrected where nobody is, and never upwards.
     pub(crate) fn end_visits(&self, visits: u32, hung_up: bool) -> Result<(), PortErrorKind> {
         self.drain()?;
         self.with_node(|node| {

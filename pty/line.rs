@@ -23,9 +23,9 @@ pub struct LineSettings {
     pub parity: Parity,
     /// Stop bits, 1 or 2.
     pub stop_bits: u8,
-    /// Whether the client waits for CTS before it sends. A pseudo-terminal takes no notice.
+    /// Set if the client waits for CTS before it sends. A pseudo-terminal takes no notice.
     pub rts_cts: bool,
-    /// Whether bytes pass untouched. A client that leaves this off has its
+    /// Set if bytes pass untouched. A client that leaves this off has its
     /// input echoed, edited by line or translated, and loses binary data.
     pub raw: bool,
 }
@@ -99,7 +99,7 @@ impl fmt::Display for LineSettings {
     }
 }
 
-/// How a port is set until a client sets it.
+/// Settings of a port until a client sets it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Defaults {
     /// Raw, 8N1, at the device's speed. A fresh pseudo-terminal echoes and edits lines, and so does
@@ -134,7 +134,7 @@ impl Defaults {
     }
 }
 
-/// Whether both are the same in all that a client can set.
+/// Tells whether both are the same in all that a client can set.
 pub(crate) fn is_same(one: &Termios, other: &Termios) -> bool {
     one.input_modes == other.input_modes
         && one.output_modes == other.output_modes

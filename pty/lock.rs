@@ -100,7 +100,7 @@ impl Lock {
         ))
     }
 
-    /// Where the link of the last holder pointed, if it left a record.
+    /// Target of the last holder's link, if it left a record.
     pub(crate) fn recorded_target(&self) -> Option<PathBuf> {
         let record = self.read();
         let mut lines = record.split(|byte| *byte == b'\n');

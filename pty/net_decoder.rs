@@ -1,4 +1,4 @@
-//! What a client on the network says and is told, without any input or output.
+//! Protocol with a client on the network, without any input or output.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,7 @@ const PLAIN_PIECE: usize = 256;
 pub struct NetDecoder {
     /// `None` where all are bytes for the device.
     server: Option<Server>,
-    /// What a client without a protocol is to be sent.
+    /// Bytes for a client without a protocol.
     plain: Vec<u8>,
     settings: PortSettings,
     lines: ModemState,
@@ -42,9 +42,9 @@ impl NetDecoder {
         decoder
     }
 
-    /// Takes of `input` what there is room for, adds what it has for the device to `ahead`, of which
-    /// never more than 4096 and one are kept, and says how much of it was taken. With output waiting
-    /// it may be nothing.
+    /// Takes of `input` what there is room for, adds what it has for the device to `ahead`, of
+    /// which never more than 4096 and one are kept, and says how much of it was taken. With output
+    /// waiting it may be nothing.
     pub fn take(&mut self, input: &[u8], ahead: &mut VecDeque<u8>) -> usize {
         let room = MOST_AHEAD.saturating_sub(ahead.len());
         if room == 0 {
@@ -82,7 +82,7 @@ impl NetDecoder {
         }
     }
 
-    /// What the client is to be sent.
+    /// Bytes for the client.
     #[must_use]
     pub fn output(&self) -> &[u8] {
         match &self.server {
@@ -99,7 +99,7 @@ impl NetDecoder {
         }
     }
 
-    /// How the client has set its port.
+    /// Settings of the port by the client.
     #[must_use]
     pub fn settings(&self) -> LineSettings {
         let asked = &self.settings;

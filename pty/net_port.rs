@@ -23,13 +23,13 @@ use crate::net_decoder::{MOST_AHEAD, NetDecoder};
 use crate::port::{Counters, Event, Written};
 use crate::pty_port::write_some;
 
-/// How long the end of one connection may take when the beginning of the next is known already: both
-/// come by different processors.
+/// How long the end of one connection may take when the beginning of the next is known already:
+/// both come by different processors.
 const LONGEST_FAREWELL: Duration = Duration::from_millis(100);
 /// After so long a silence a client is asked whether it is still there.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// How bytes go over the connection.
+/// Protocol of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// As they are. The client cannot set the line.
@@ -38,10 +38,10 @@ pub enum Protocol {
     Rfc2217,
 }
 
-/// Where to listen, written `tcp://HOST:PORT` or `rfc2217://HOST:PORT`.
+/// Address to listen at, written `tcp://HOST:PORT` or `rfc2217://HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ListenAddress {
-    /// How bytes go over the connection.
+    /// Protocol of its connections.
     pub protocol: Protocol,
     address: String,
 }
@@ -70,7 +70,7 @@ impl ListenAddress {
         })
     }
 
-    /// Whether `path` is a URL of these kinds.
+    /// Tells whether `path` is a URL of these kinds.
     #[must_use]
     pub fn is_url(path: &Path) -> bool {
         path.to_str().and_then(Self::parse).is_some()
@@ -148,13 +148,13 @@ impl NetPort {
         })
     }
 
-    /// Where it listens.
+    /// Address at which it listens.
     #[must_use]
     pub fn address(&self) -> &ListenAddress {
         &self.address
     }
 
-    /// Whether only this machine can connect.
+    /// Tells whether only this machine can connect.
     #[must_use]
     pub fn is_local(&self) -> bool {
         self.local
@@ -166,7 +166,7 @@ impl NetPort {
         &self.path
     }
 
-    /// Whether a client is connected, as far as events were reported.
+    /// Tells whether a client is connected, as far as events were reported.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         self.client.is_some()
@@ -320,7 +320,7 @@ struct Connection {
     decoder: NetDecoder,
     /// Bytes for the device.
     ahead: VecDeque<u8>,
-    /// What was read and the decoder has not taken.
+    /// Bytes that were read and the decoder has not taken.
     input: VecDeque<u8>,
     ended: bool,
 }
@@ -403,7 +403,7 @@ impl Connection {
     }
 }
 
-/// Whether the client has closed its side, be there something to read before or not.
+/// Tells whether the client has closed its side, be there something to read before or not.
 fn has_ended(stream: &TcpStream) -> bool {
     let mut fds = [PollFd::new(stream, PollFlags::RDHUP)];
     let _ = retry_on_intr(|| poll(&mut fds, Some(&Timespec::default())));

@@ -41,12 +41,12 @@ const MOST_VISITS: u32 = 8;
 /// system keeps.
 const MOST_ROUNDS: usize = 64;
 
-/// How the client's end is to be when nobody has it open.
+/// Setup of the client's end when nobody has it open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PtySetup {
     /// Bits per second of the device.
     pub baud: u32,
-    /// How it is set until a client sets it.
+    /// Settings until a client sets it.
     pub defaults: Defaults,
     /// Permissions of the node, such as `0o660`.
     pub mode: Option<u32>,
@@ -76,7 +76,7 @@ pub(crate) struct Pair {
     defaults: Termios,
 }
 
-/// What there was to read.
+/// Result of reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Read {
     Bytes(usize),
@@ -136,7 +136,7 @@ impl Pair {
         &self.slave
     }
 
-    /// Whether a client has the node open or has left bytes behind.
+    /// Tells whether a client has the node open or has left bytes behind.
     pub(crate) fn has_client(&self) -> Result<bool, PortErrorKind> {
         let flags = self.poll()?;
         if !flags.contains(PollFlags::HUP) {
@@ -146,7 +146,7 @@ impl Pair {
         Ok(flags.contains(PollFlags::IN) && self.count()? > 0)
     }
 
-    /// Whether nobody has the node open.
+    /// Tells whether nobody has the node open.
     pub(crate) fn is_hung_up(&self) -> Result<bool, PortErrorKind> {
         Ok(self.poll()?.contains(PollFlags::HUP))
     }
@@ -175,8 +175,8 @@ impl Pair {
         }
     }
 
-    /// How many bytes wait to be read for certain that were written before any flush that has not been
-    /// read of; `None` if there is such a flush.
+    /// Number of bytes that wait to be read for certain that were written before any flush that has
+    /// not been read of; `None` if there is such a flush.
     pub(crate) fn unread(&self) -> Result<Option<usize>, PortErrorKind> {
         let count = self.count()?;
         let flushed = self.poll()?.contains(PollFlags::PRI);
@@ -222,8 +222,9 @@ impl Pair {
         Ok(())
     }
 
-    /// Makes the client's end as it was before any client came; says whether it is, and how often it
-    /// was opened for that. The next client, who may come at any moment, keeps whatever it has set.
+    /// Makes the client's end as it was before any client came; says whether it is, and how often
+    /// it was opened for that. The next client, who may come at any moment, keeps whatever it has
+    /// set.
     pub(crate) fn restore(&self) -> Result<(bool, u32), PortErrorKind> {
         self.flush_output()?;
         // Somebody may come and go meanwhile, and leave something again.
@@ -246,8 +247,8 @@ impl Pair {
         Ok((false, MOST_VISITS))
     }
 
-    /// Undoes of that what a next client, who is there already, could not mend or would suffer from;
-    /// says how often it was opened for that.
+    /// Undoes of that what a next client, who is there already, could not mend or would suffer
+    /// from; says how often it was opened for that.
     pub(crate) fn restore_for_next(&self) -> Result<u32, PortErrorKind> {
         self.flush_output()?;
         // Nobody who wants to talk sets this, so it is not the next one's.
@@ -264,9 +265,9 @@ impl Pair {
         tcflush(&self.master, QueueSelector::OFlush).map_err(PortErrorKind::call("tcflush"))
     }
 
-    /// Settings can only be written all at once, so that writing them undoes what a client changes at
-    /// the same time. Hence they are not written without need, and whether somebody has come is asked
-    /// at the last moment.
+    /// Settings can only be written all at once, so that writing them undoes what a client changes
+    /// at the same time. Hence they are not written without need, and whether somebody has come is
+    /// asked at the last moment.
     fn restore_settings(&self) -> Result<(), PortErrorKind> {
         if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
             return Ok(());
@@ -303,8 +304,8 @@ impl Pair {
 
     /// A descriptor of the client's end, unless it is locked.
     ///
-    /// It only reads, so that its closing is told apart from that of most clients by whoever watches
-    /// the node.
+    /// It only reads, so that its closing is told apart from that of most clients by whoever
+    /// watches the node.
     fn look_in(&self) -> Result<Option<OwnedFd>, PortErrorKind> {
         let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         match retry_on_intr(|| rustix::fs::open(&self.slave, flags, Mode::empty())) {
@@ -334,8 +335,8 @@ fn begin_packet_mode(master: &OwnedFd) -> Result<(), Errno> {
     unsafe { ioctl(master, Setter::<TIOCPKT, c_int>::new(1)) }
 }
 
-/// The usual line discipline again, if a client has changed it. Setting it in any case would have the
-/// read of a client that has just come fail with `EAGAIN`.
+/// The usual line discipline again, if a client has changed it. Setting it in any case would have
+/// the read of a client that has just come fail with `EAGAIN`.
 #[expect(unsafe_code, reason = "no library wraps these calls")]
 fn restore_line_discipline(slave: &OwnedFd) -> Result<(), Errno> {
     const TIOCSETD: Opcode = 0x5423;

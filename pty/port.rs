@@ -1,4 +1,4 @@
-//! What the caller sees of a port, whichever kind it is.
+//! Port as the caller sees it, of whichever kind it is.
 
 use std::path::Path;
 
@@ -30,14 +30,14 @@ pub enum Event {
     Attached,
     /// So many bytes were received, never 0.
     Data(usize),
-    /// The client is gone. What it had sent and was not read by then is thrown away, as far as it is
-    /// certain that it was its own.
+    /// The client is gone. What it had sent and was not read by then is thrown away, as far as it
+    /// is certain that it was its own.
     Detached,
     /// There is nothing to report.
     Idle,
 }
 
-/// What became of the bytes given to [`Port::write`].
+/// Fate of the bytes given to [`Port::write`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[must_use]
 pub struct Written {
@@ -59,7 +59,7 @@ pub struct Counters {
     pub dropped_full_bytes: u64,
     /// Bytes dropped because nobody was attached.
     pub dropped_detached_bytes: u64,
-    /// How often a client attached.
+    /// Number of times that a client attached.
     pub attached: u64,
 }
 
@@ -86,8 +86,8 @@ impl Port {
     /// calls it ready again while anything is left.
     ///
     /// A caller without room for bytes passes an empty buffer, which tells of clients that come and
-    /// go, and gets [`Event::Idle`] whether there are bytes or not. It has to read again by itself once
-    /// it has room.
+    /// go, and gets [`Event::Idle`] whether there are bytes or not. It has to read again by itself
+    /// once it has room.
     ///
     /// # Errors
     ///
@@ -131,7 +131,7 @@ impl Port {
         }
     }
 
-    /// Whether a client is attached, as far as events were reported.
+    /// Tells whether a client is attached, as far as events were reported.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         match self {

@@ -1,8 +1,8 @@
 //! A pseudo-terminal that clients open like a serial port.
 //!
 //! The client's end is never held open by us for longer than a moment: that would hide the hang-up.
-//! So what a client does is seen through the master alone, and who is there follows from whether that
-//! is hung up.
+//! So what a client does is seen through the master alone, and who is there follows from whether
+//! that is hung up.
 
 use std::path::{Path, PathBuf};
 
@@ -32,15 +32,16 @@ pub struct PtyPort {
     handed_over: bool,
     /// Bytes that were read before that was known, to be handed out after it.
     held: Vec<u8>,
-    /// How many of the bytes that wait to be read were there at the last look: of a client that has
-    /// left since, or takes back what it has written, these are to be thrown away, and no others.
+    /// Number of the bytes that wait to be read that were there at the last look: of a client that
+    /// has left since, or takes back what it has written, these are to be thrown away, and no
+    /// others.
     seen: usize,
     counters: Counters,
 }
 
 impl PtyPort {
-    /// Opens a pseudo-terminal that is set up so, and publishes it at `path` as a symbolic link, which
-    /// is removed on drop.
+    /// Opens a pseudo-terminal that is set up so, and publishes it at `path` as a symbolic link,
+    /// which is removed on drop.
     ///
     /// The link appears whole and last. It replaces nothing but a stale link
     /// of our own kind, which is, provided that no running simulator serves
@@ -102,7 +103,7 @@ impl PtyPort {
         self.pair.slave()
     }
 
-    /// Whether a client is attached, as far as events were reported.
+    /// Tells whether a client is attached, as far as events were reported.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         self.attached
@@ -295,8 +296,8 @@ impl PtyPort {
         Ok(Event::Detached)
     }
 
-    /// What the next client cannot use, for this process may not undo what was done to it, is replaced
-    /// by another, to which the link is turned atomically.
+    /// What the next client cannot use, for this process may not undo what was done to it, is
+    /// replaced by another, to which the link is turned atomically.
     fn recreate(&mut self) -> Result<(), PortErrorKind> {
         let pair = self.pair.again()?;
         if let Some(link) = &mut self.link {

@@ -69,7 +69,7 @@ impl SerialPort {
         &self.path
     }
 
-    /// Whether the port has reported itself attached and was not unplugged.
+    /// Tells whether the port has reported itself attached and was not unplugged.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         self.attached

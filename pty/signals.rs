@@ -20,7 +20,8 @@ pub enum TerminationSignal {
     Terminate,
     /// `SIGHUP`, the terminal was closed.
     Hangup,
-    /// `SIGXCPU`, the limit of processor time has been reached; some seconds later the system kills.
+    /// `SIGXCPU`, the limit of processor time has been reached; some seconds later the system
+    /// kills.
     ProcessorTime,
 }
 
@@ -112,7 +113,7 @@ impl Drop for Signals {
     }
 }
 
-/// Whether the program was started with `SIGHUP` ignored, as `nohup` does:
+/// Tells whether the program was started with `SIGHUP` ignored, as `nohup` does:
 /// then it is meant to outlive its terminal.
 fn hangup_is_ignored() -> bool {
     std::fs::read_to_string("/proc/self/status").is_ok_and(|status| is_ignored(&status, SIGHUP))

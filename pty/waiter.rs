@@ -1,4 +1,5 @@
-//! Waiting for any of many ports, for something else to read, for a signal, or for the time to pass.
+//! Waiting for any of many ports, for something else to read, for a signal, or for the time to
+//! pass.
 
 use std::mem::MaybeUninit;
 use std::num::NonZeroU64;
@@ -30,7 +31,7 @@ pub struct Waiter {
     busy_poll: BusyPoll,
 }
 
-/// Why [`Waiter::wait`] returned. Neither a port nor a signal means that the
+/// Reason for which [`Waiter::wait`] returned. Neither a port nor a signal means that the
 /// time is up.
 #[derive(Debug, Default)]
 pub struct Wake {

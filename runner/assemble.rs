@@ -16,7 +16,7 @@ use crate::rig_file::{DevicePlan, RigPlan};
 pub struct PlannedLink {
     /// Index of the link on the device.
     pub index: usize,
-    /// What it is called.
+    /// Name of it.
     pub name: &'static str,
     /// Speed of the device's end.
     pub baud: u32,
@@ -50,7 +50,7 @@ impl DevicePlan {
         self.settings.of_device(self.device)
     }
 
-    /// Whether it can have a fault as it is planned.
+    /// Tells whether it can have a fault as it is planned.
     pub(crate) fn check_fault(&self, fault: &Fault) -> Result<(), String> {
         self.device.check(fault)?;
         let link = fault

@@ -47,7 +47,7 @@ pub struct Condition {
     names: BTreeMap<String, Origin>,
 }
 
-/// What an expression gives.
+/// Value of an expression.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
     /// A number, in the unit of its names.
@@ -70,7 +70,7 @@ impl From<Value> for Reading {
 enum Origin {
     Time,
     Device(usize, Getter),
-    /// What a step has remembered, by its index.
+    /// Value that a step has remembered, by its index.
     Saved(usize),
     /// A parameter.
     Fixed(Value),
@@ -88,14 +88,14 @@ pub struct Saved {
 /// The devices that conditions can speak of: name and kind, by their index in the rig.
 pub type Devices<'a> = [(&'a str, &'static DeviceSpec)];
 
-/// What conditions are evaluated against.
+/// State of a run that conditions are evaluated against.
 #[derive(Clone, Copy)]
 pub struct Situation<'a> {
     /// The devices and their world.
     pub rig: &'a Rig,
-    /// What has been observed of each device, by its index.
+    /// Observations of each device, by its index.
     pub observed: &'a [Observed],
-    /// What steps have remembered so far.
+    /// Values that steps have remembered so far.
     pub saved: &'a [Option<Value>],
 }
 
@@ -144,7 +144,7 @@ impl Condition {
         Ok((condition, is_flag))
     }
 
-    /// Whether all that it speaks of has a value by now: what steps remember has none before.
+    /// Tells whether all that it speaks of has a value by now: what steps remember has none before.
     #[must_use]
     pub fn is_known(&self, situation: Situation<'_>) -> bool {
         let known = |index: usize| situation.saved.get(index).is_some_and(Option::is_some);
@@ -158,7 +158,7 @@ impl Condition {
         &self.text
     }
 
-    /// Whether it holds.
+    /// Tells whether it holds.
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
@@ -169,7 +169,7 @@ impl Condition {
         }
     }
 
-    /// What it is now.
+    /// Evaluates it now.
     ///
     /// # Errors
     /// As [`Condition::holds`].

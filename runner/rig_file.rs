@@ -46,11 +46,11 @@ pub const MOST_DEVICES: usize = 1000;
 pub struct DevicePlan {
     /// Unique in the rig.
     pub name: String,
-    /// Which device.
+    /// Row of its device.
     pub device: &'static DeviceSpec,
     /// Index of the state in which it starts, among those that it can start in.
     pub start: usize,
-    /// Where it stands at the start.
+    /// Place and heading at the start.
     pub pose: Pose,
     /// The tree of settings as it holds for this device.
     pub settings: SimSettings,
@@ -59,7 +59,7 @@ pub struct DevicePlan {
     pub ports: Vec<Option<PathBuf>>,
 }
 
-/// What a rig file says.
+/// Contents of a rig file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigPlan {
     /// The world file, relative to the rig file.
@@ -72,7 +72,7 @@ pub struct RigPlan {
     pub devices: Vec<DevicePlan>,
 }
 
-/// What is wrong with a rig file; each line names the file, the line, and what to do.
+/// Errors of a rig file; each line names the file, the line, and what to do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct RigFileError(pub Vec<String>);
 
@@ -116,7 +116,7 @@ impl RigPlan {
         }
     }
 
-    /// What a file says that has these tables, and perhaps others; and lines about what is wrong with
+    /// Reads a file that has these tables, and perhaps others; and lists what is wrong with
     /// it. There is no plan without every device.
     pub(crate) fn check(
         sources: Sources<'_>,
@@ -255,13 +255,13 @@ pub(crate) struct RigText {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct DeviceText {
-    /// Which device.
+    /// Kind of the device.
     #[schemars(with = "String")]
     kind: Spanned<String>,
     /// Letters, digits, - and _; unique. The kind unless given, numbered if there are several.
     #[schemars(with = "Option<String>", extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
     name: Option<Spanned<String>>,
-    /// Where it stands at the start; at the origin, looking along x, unless given.
+    /// Place and heading at the start; at the origin, looking along x, unless given.
     #[serde(default)]
     pose: PoseText,
     /// Path of the pseudo-terminal of its main link, or a URL to listen at: rfc2217://HOST:PORT or

@@ -1,8 +1,8 @@
 //! A run: the devices, what happens to them, and what is made of it.
 //!
-//! One [`Run`] is driven by everybody: by a loop in real time that serves ports, by scripted clients
-//! and clients in simulated time, and by a trace that is played again. Devices that are only served are
-//! a run without steps ([`Scenario::serving`]).
+//! One [`Run`] is driven by everybody: by a loop in real time that serves ports, by scripted
+//! clients and clients in simulated time, and by a trace that is played again. Devices that are
+//! only served are a run without steps ([`Scenario::serving`]).
 //!
 //! # How to drive it
 //!
@@ -30,8 +30,8 @@
 //! happens, and at every step of the physics (5 ms unless set), also while nothing moves. What is
 //! true only in between is not seen.
 //!
-//! When a run neither writes a trace nor plays scripted clients, nothing is looked at in between: it
-//! costs what its devices cost.
+//! When a run neither writes a trace nor plays scripted clients, nothing is looked at in between:
+//! it costs what its devices cost.
 //!
 //! # Clients
 //!
@@ -87,7 +87,7 @@ const MOST_UNREAD: usize = 1 << 20;
 const SLICE: Duration = Duration::from_millis(500);
 const NANOSECOND: Duration = Duration::from_nanos(1);
 
-/// Why a run cannot go on.
+/// Reason for which a run cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RunError {
     /// The simulation has broken down.
@@ -96,7 +96,7 @@ pub enum RunError {
     /// The scenario goes round in circles.
     #[error("at {at} s the scenario's steps set one another off without end")]
     Stuck {
-        /// When.
+        /// Time of it.
         at: SimTime,
     },
     /// The world file is wrong.
@@ -104,16 +104,16 @@ pub enum RunError {
     World(String),
 }
 
-/// How to run a scenario.
+/// Options of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RunOptions {
     /// From which everything random is derived.
     pub seed: u64,
-    /// Whether bytes take time on the lines.
+    /// Pace of bytes on the lines.
     pub wire: Wire,
     /// A real client stands in the place of the scripted one.
     pub live: bool,
-    /// Whether to write a trace.
+    /// Set if a trace is to be written.
     pub trace: bool,
 }
 
@@ -136,14 +136,14 @@ pub struct Run {
     options: RunOptions,
     rig: Rig,
     ports: Vec<PortId>,
-    /// Where each device's ports begin in `ports`, and where the last one's end.
+    /// Index in `ports` of each device's first port, and behind them the number of ports.
     first_ports: Vec<usize>,
     observed: Vec<Observed>,
     agenda: Agenda,
     steps: Vec<StepState>,
     rules: Vec<RuleState>,
     responses: Vec<ResponseState>,
-    /// What steps have remembered.
+    /// Values that steps have remembered.
     saved: Vec<Option<Value>>,
     expected: Vec<Expected>,
     hosts: BTreeMap<PortId, HostPort>,
@@ -151,16 +151,16 @@ pub struct Run {
     excused_until: Vec<SimTime>,
     lateness: Lateness,
     lines: BTreeMap<PortId, ClientLine>,
-    /// What has arrived and was not read, by port.
+    /// Bytes that have arrived and were not read, by port.
     unread: Vec<Vec<u8>>,
     recorder: Option<Recorder>,
-    /// Whether every byte is looked at when it arrives: for a trace, a scripted client, or one whose
+    /// Set if every byte is looked at when it arrives: for a trace, a scripted client, or one whose
     /// time is the run's.
     follows_bytes: bool,
     events: VecDeque<Event>,
     events_lost: u64,
     recent: VecDeque<Event>,
-    /// What had happened and what was armed when it first failed.
+    /// Things that had happened and that were armed when it first failed.
     context: Option<Context>,
     failures: Vec<Failure>,
     more_failures: u64,
@@ -276,9 +276,9 @@ impl Run {
         Ok(())
     }
 
-    /// Goes on by one instant, but not beyond `to`; says whether more happens until then. A file may
-    /// ask for a thousand million instants a second, so this is for whoever has to look at a clock in
-    /// between.
+    /// Goes on by one instant, but not beyond `to`; says whether more happens until then. A file
+    /// may ask for a thousand million instants a second, so this is for whoever has to look at a
+    /// clock in between.
     ///
     /// # Errors
     /// When the simulation or the scenario cannot go on.
@@ -302,7 +302,7 @@ impl Run {
         Ok(self.outcome.is_none())
     }
 
-    /// When something next happens by itself; `None` when the run is over.
+    /// Time at which something next happens by itself; `None` when the run is over.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
         let next = || self.next_instant().min(self.next_of_devices());
@@ -333,13 +333,13 @@ impl Run {
         self.options.seed
     }
 
-    /// Whether a real client stands in the place of the scripted one.
+    /// Tells whether a real client stands in the place of the scripted one.
     #[must_use]
     pub fn is_live(&self) -> bool {
         self.options.live
     }
 
-    /// What came of it; `None` while it goes on.
+    /// Outcome of it; `None` while it goes on.
     #[must_use]
     pub fn finished(&self) -> Option<&Outcome> {
         self.outcome.as_ref()
@@ -364,18 +364,18 @@ impl Run {
         });
     }
 
-    /// What happened at each device so far, counted, and what of it is held against its client.
+    /// Counts of what happened at each device so far, and of what is held against its client.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
         self.observed.iter().map(Observed::report)
     }
 
-    /// How many events were lost because nobody took them.
+    /// Number of events that were lost because nobody took them.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
         self.events_lost + self.rig.events_lost()
     }
 
-    /// How many events are held against nobody because the simulator was late.
+    /// Number of events that are held against nobody because the simulator was late.
     #[must_use]
     pub fn excused(&self) -> u64 {
         self.lateness.excused()
@@ -391,8 +391,8 @@ impl Run {
         self.recorder.as_mut()?.poll()
     }
 
-    /// When there is next something to look at, be it only the end; while nobody follows every byte,
-    /// that is not all that happens. Everything up to the present has happened.
+    /// When there is next something to look at, be it only the end; while nobody follows every
+    /// byte, that is not all that happens. Everything up to the present has happened.
     fn next_instant(&self) -> SimTime {
         let now = self.rig.now();
         let watched = self.is_watched().then(|| {

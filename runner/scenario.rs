@@ -28,6 +28,7 @@ mod actions;
 mod check;
 mod compose;
 mod document;
+mod files;
 mod forgiving;
 mod host;
 mod problems;
@@ -45,8 +46,9 @@ use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
-pub use compose::{Glance, Texts};
+pub use compose::Texts;
 pub use document::{Only, Overlap};
+pub use files::{NamedText, ScenarioFiles};
 
 pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
@@ -58,9 +60,9 @@ use crate::schema;
 /// Most steps, and most conditions over time, of a file.
 pub const MOST_STEPS: usize = 1000;
 
-/// Whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml` and is
-/// not hidden. What is in it does not count, so that a scenario with a mistake in it is never passed
-/// over in silence.
+/// Tells whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml`
+/// and is not hidden. What is in it does not count, so that a scenario with a mistake in it is
+/// never passed over in silence.
 #[must_use]
 pub fn is_scenario_file(path: &Path) -> bool {
     let hidden = path
@@ -74,21 +76,21 @@ pub fn is_scenario_file(path: &Path) -> bool {
 pub struct Scenario {
     /// The file's name, as errors call it.
     pub file: String,
-    /// What is in the file.
+    /// Text of the file.
     pub text: String,
-    /// What is tried, in a few words.
+    /// Title: what is tried, in a few words.
     pub title: String,
-    /// What happens.
+    /// Description: what happens.
     pub description: Option<String>,
-    /// What a good client does.
+    /// Behaviour of a good client.
     pub good_client: String,
     /// Words by which runs select it.
     pub tags: Vec<String>,
     /// The devices, the world file, the seed.
     pub rig: RigPlan,
-    /// How long it takes in simulated time.
+    /// Time that it takes, in simulated time.
     pub limit: Duration,
-    /// How long it may take in real time.
+    /// Time that it may take in real time.
     pub wall_limit: Option<Duration>,
     pub(crate) base: SimSettings,
     /// The files that it is based on, each with its name and text.
@@ -99,14 +101,14 @@ pub struct Scenario {
     pub(crate) parameters: BTreeMap<String, Value>,
     /// The settings that were given.
     pub(crate) set: Vec<String>,
-    /// Whether each device has the script for a client also where there is a real one.
+    /// Devices that have the script for a client also where there is a real one.
     pub(crate) scripted: Vec<bool>,
     /// Verdicts of the mission do not count.
     pub(crate) mission_may_fail: bool,
     pub(crate) steps: Vec<Step>,
     pub(crate) rules: Vec<Rule>,
     pub(crate) responses: Vec<Response>,
-    /// What steps remember.
+    /// Values that steps remember.
     pub(crate) saved: Vec<Saved>,
     pub(crate) demand: Option<Demand>,
     /// Obstacles that have to be there, and where the file says so.
@@ -124,12 +126,12 @@ pub(crate) struct Step {
     pub every: Option<Times>,
     pub overlap: Overlap,
     pub count: Option<u32>,
-    /// How long each time's effect lasts; of what has no effect that lasts, how long it is repeated.
+    /// Time for which each effect lasts; of what has no effect that lasts, how long it is repeated.
     /// `None` for what has no end or needs none.
     pub lasts: Option<Times>,
     /// It ends as soon as this holds.
     pub until: Option<Condition>,
-    /// What it remembers: its index among all that is saved, and the value.
+    /// Values that it remembers: for each its index among all that is saved, and the condition.
     pub remember: Vec<(usize, Condition)>,
     pub probability: Option<f64>,
     pub may_not_trigger: bool,
@@ -140,12 +142,13 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Whether what it does has an end only by `for` and `until` of the whole step, not of each time.
+    /// Tells whether what it does has an end only by `for` and `until` of the whole step, not of
+    /// each time.
     pub(crate) fn is_repeated_for(&self) -> bool {
         matches!(self.action, Action::Host(_) | Action::Expect { .. })
     }
 
-    /// Whether it is repeated without end.
+    /// Tells whether it is repeated without end.
     pub(crate) fn is_endless(&self) -> bool {
         let ends = self.count.is_some()
             || self.until.is_some()
@@ -171,7 +174,7 @@ impl Times {
     }
 }
 
-/// When a step begins.
+/// Beginning of a step.
 #[derive(Debug, Clone)]
 pub(crate) enum Trigger {
     At(Times),
@@ -180,7 +183,7 @@ pub(crate) enum Trigger {
     After(usize),
 }
 
-/// What a step does.
+/// Action of a step.
 #[derive(Debug, Clone)]
 pub(crate) enum Action {
     Host(HostAction),
@@ -202,7 +205,7 @@ pub(crate) enum Action {
 #[derive(Debug, Clone)]
 pub(crate) struct Rule {
     pub that: Condition,
-    /// Whether the condition must hold; it must not otherwise.
+    /// Set if the condition must hold; it must not otherwise.
     pub must_hold: bool,
     pub message: Option<String>,
     /// For how long it may be violated.
@@ -214,7 +217,7 @@ pub(crate) struct Rule {
     pub mission: bool,
 }
 
-/// What has to come each time that something happens.
+/// Response that has to come each time that something happens.
 #[derive(Debug, Clone)]
 pub(crate) struct Response {
     pub to: Cause,
@@ -226,7 +229,7 @@ pub(crate) struct Response {
     pub mission: bool,
 }
 
-/// What a response is to.
+/// Cause of a response.
 #[derive(Debug, Clone)]
 pub(crate) enum Cause {
     /// This becomes true.
@@ -235,7 +238,7 @@ pub(crate) enum Cause {
     Step(usize),
 }
 
-/// What the client report may have in it.
+/// Content that the client report may have.
 #[derive(Debug, Clone)]
 pub(crate) struct Demand {
     pub allowed: Option<Vec<String>>,
@@ -265,13 +268,14 @@ impl Scenario {
         check::read(texts, base)
     }
 
-    /// Whether a device has the script for a client also where there is a real one.
+    /// Tells whether a device has the script for a client also where there is a real one.
     #[must_use]
     pub fn is_scripted(&self, device: usize) -> bool {
         self.scripted.get(device).copied().unwrap_or(false)
     }
 
-    /// The device that is meant where none is named: the only one, or the only one for a real client.
+    /// The device that is meant where none is named: the only one, or the only one for a real
+    /// client.
     pub(crate) fn usual_device(&self) -> Option<usize> {
         check::usual_device(&self.scripted)
     }
@@ -313,19 +317,14 @@ impl Scenario {
         }
     }
 
-    /// Whether it has no end of its own, as devices that are only served.
+    /// Tells whether it has no end of its own, as devices that are only served.
     #[must_use]
     pub fn is_endless(&self) -> bool {
         self.limit == Duration::MAX
     }
 
-    /// The world file, relative to the scenario file.
-    #[must_use]
-    pub fn world(&self) -> Option<&Path> {
-        self.rig.world.as_deref()
-    }
-
-    /// Whether the obstacles that steps move or remove are in this world, or are added by a step.
+    /// Tells whether the obstacles that steps move or remove are in this world, or are added by a
+    /// step.
     ///
     /// # Errors
     /// A line for each that nobody has put there, with its place in the file.
@@ -401,7 +400,7 @@ impl Scenario {
         })
     }
 
-    /// What people can do to such a device, by the keys of `operator`.
+    /// Deeds of people to such a device, by the keys of `operator`.
     #[must_use]
     pub fn operator_actions(device: &DeviceSpec) -> Vec<String> {
         let mut generator = SchemaGenerator::default();
@@ -419,7 +418,7 @@ impl Scenario {
         })
     }
 
-    /// Whether the file has a scripted client.
+    /// Tells whether the file has a scripted client.
     #[must_use]
     pub fn has_script(&self) -> bool {
         self.steps

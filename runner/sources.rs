@@ -23,7 +23,7 @@ impl<'t> Sources<'t> {
         (source.copied().unwrap_or(none), at & ((1 << SHIFT) - 1))
     }
 
-    /// Where something is.
+    /// Place of something.
     pub(crate) fn place(&self, at: usize) -> Origin {
         let (source, at) = self.part(at);
         source.place(at)
@@ -42,7 +42,8 @@ impl<'t> Sources<'t> {
         format!("{}: {}{why}", self.place(at), key.unwrap_or_default())
     }
 
-    /// The same error of the TOML reader, with its place and key; `at` is the place of one that has none.
+    /// The same error of the TOML reader, with its place and key; `at` is the place of one that has
+    /// none.
     pub(crate) fn syntax(&self, at: usize, error: &toml::de::Error) -> String {
         let own = error.span().filter(|span| *span != (0..0));
         let at = own.map_or(at, |span| span.start);
@@ -60,7 +61,9 @@ impl<'t> Sources<'t> {
         let text = self.0.get(number).map_or("", |source| source.text);
         let table = DeTable::parse(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
-            self.wrong(at | number << SHIFT, error.message())
+            let twice = "duplicate key; a list is written either `name = [{ … }, { … }]` or with `[[name]]`";
+            let message = error.message().replace("duplicate key", twice);
+            self.wrong(at | number << SHIFT, &message)
         })?;
         Ok(numbered_table(table.into_inner(), number << SHIFT))
     }

@@ -45,7 +45,7 @@ pub(crate) fn read<T: DeserializeOwned>(
     T::deserialize(ValueDeserializer::from(value.clone()))
 }
 
-/// What a word or a table with one key is called: `unlock`, or `press` of `{ press = "left" }`.
+/// Name of a word or a table with one key: `unlock`, or `press` of `{ press = "left" }`.
 pub(crate) fn name_of<'d>(value: &'d Spanned<DeValue<'_>>) -> Option<&'d str> {
     match value.get_ref() {
         DeValue::String(word) => Some(word),

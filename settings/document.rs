@@ -18,12 +18,12 @@ const MOST_ERRORS: usize = 20;
 pub struct Source<'t> {
     /// The file's name as the user gave it.
     pub file: &'t str,
-    /// What is in it.
+    /// Text of it.
     pub text: &'t str,
 }
 
 impl Source<'_> {
-    /// Where the byte at index `at` is.
+    /// Place of the byte at index `at`.
     #[must_use]
     pub fn place(&self, at: usize) -> Origin {
         let before = self.text.get(..at).unwrap_or(self.text);
@@ -72,8 +72,8 @@ pub fn load_toml(
     apply_table(&|at| source.place(at), table.get_ref(), "", settings)
 }
 
-/// Applies a table of a TOML document to `settings`; its keys are relative to `prefix`, and `place` says
-/// where the byte with an index is.
+/// Applies a table of a TOML document to `settings`; its keys are relative to `prefix`, and `place`
+/// says where the byte with an index is.
 ///
 /// # Errors
 /// As [`load_toml`].

@@ -1,8 +1,8 @@
-//! What to tell a user whose setting was refused.
+//! Errors of settings.
 
 use std::fmt;
 
-/// Where a value came from.
+/// Origin of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Origin {
     /// A place in a file; line and column count from 1.
@@ -45,22 +45,22 @@ pub enum SettingsError {
     /// The file is not TOML.
     #[error("{origin}: {why}")]
     Syntax {
-        /// Where.
+        /// Place of it.
         origin: Origin,
-        /// What the parser said.
+        /// Reason in the parser's words.
         why: String,
     },
     /// The flag is not of the form `KEY=VALUE`.
     #[error("{origin}: write it as KEY=VALUE, as in --set r150.heartbeat_timeout=5s")]
     NotAnAssignment {
-        /// Where.
+        /// Place of it.
         origin: Origin,
     },
     /// No setting has this name.
     #[error("{origin}: no setting is named `{key}`{}; `sim config` lists them all",
         nearest.as_ref().map(|near| format!(", did you mean `{near}`?")).unwrap_or_default())]
     UnknownKey {
-        /// Where.
+        /// Place of it.
         origin: Origin,
         /// The key as written.
         key: String,
@@ -72,7 +72,7 @@ pub enum SettingsError {
         "{origin}: `{key}` is a group of settings, not a setting: name one in it, as in `{example}`"
     )]
     IsGroup {
-        /// Where.
+        /// Place of it.
         origin: Origin,
         /// The key as written.
         key: String,
@@ -82,11 +82,11 @@ pub enum SettingsError {
     /// The value is not allowed.
     #[error("{origin}: `{key}`: {why}; allowed: {allowed}")]
     Invalid {
-        /// Where.
+        /// Place of it.
         origin: Origin,
         /// The full key.
         key: String,
-        /// What is wrong.
+        /// Reason.
         why: String,
         /// The allowed values in words.
         allowed: String,

@@ -1,4 +1,4 @@
-//! Which key of a TOML document stands at a place of its text.
+//! Key of a TOML document at a place of its text.
 
 use std::ops::Range;
 

@@ -31,7 +31,7 @@ pub use written::{
     Temperature, Torque, Voltage, private, read_written,
 };
 
-/// Why we believe a default.
+/// Basis of a default.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Basis {
     /// The manual says so; the text names the place.
@@ -50,7 +50,7 @@ impl Basis {
         }
     }
 
-    /// Where it comes from.
+    /// Source of it.
     #[must_use]
     pub fn source(&self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl Basis {
 pub struct Entry {
     /// Full dotted key, such as `r150.heartbeat_timeout`.
     pub key: String,
-    /// What it means, in the words of its documentation comment.
+    /// Meaning, in the words of its documentation comment.
     pub doc: String,
     /// The effective value as a TOML literal.
     pub value: String,
@@ -78,7 +78,7 @@ pub struct Entry {
     pub basis: Basis,
 }
 
-/// What was wrong with an attempt to set one key.
+/// Error of an attempt to set one key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Problem {
     /// No setting has this name.
@@ -87,7 +87,7 @@ pub enum Problem {
     IsGroup,
     /// The value is not one of those allowed.
     Invalid {
-        /// What is wrong with it.
+        /// Reason.
         why: String,
         /// The allowed values in words.
         allowed: String,

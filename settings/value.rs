@@ -60,7 +60,7 @@ pub trait SettingValue: Sized + Clone {
     /// The value as a TOML literal that [`SettingValue::read`] takes back unchanged.
     fn show(&self, unit: &str) -> String;
 
-    /// Whether it lies in the range.
+    /// Tells whether it lies in the range.
     fn within(&self, bounds: &Bounds<Self::Bound>) -> bool;
 
     /// The allowed values in words.

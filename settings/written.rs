@@ -189,7 +189,7 @@ pub fn read_written(
     }
 }
 
-/// What [`quantities!`] needs where it is used.
+/// Things that [`quantities!`] needs where it is used.
 #[doc(hidden)]
 pub mod private {
     pub use schemars;

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-/// What is wrong with a device's firmware.
+/// Defects of a device's firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Defects {
     /// It does nothing at all; its pins stay as they are.
     pub hung: bool,
-    /// What it takes longer to answer.
+    /// Time by which it answers later.
     pub slow: Duration,
     /// It no longer updates the status that it reports.
     pub stuck_status: bool,
@@ -17,7 +17,7 @@ pub struct Defects {
     pub watchdog_off: bool,
 }
 
-/// How often each has had an effect so far.
+/// Number of times that each has had an effect so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DefectCounts {
     /// Bytes not heard, packets not sent.

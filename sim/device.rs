@@ -1,10 +1,10 @@
-//! What a device is to everybody else: a row of a table, and a trait.
+//! Devices as everybody else sees them: a row of a table, and a trait.
 //!
 //! [`DeviceSpec`] describes a device: its links, settings, events, names for conditions, commands
 //! and replies for scripted clients, what can go wrong with it and what people do to it, and how it
-//! is built. [`Device`] is one that was built: firmware and hardware, tied together. Nothing outside
-//! of a device's own folder knows which devices there are, but the table ([`Devices`]), which the
-//! program hands in.
+//! is built. [`Device`] is one that was built: firmware and hardware, tied together. Nothing
+//! outside of a device's own folder knows which devices there are, but the table ([`Devices`]),
+//! which the program hands in.
 
 mod action;
 mod framing;
@@ -43,7 +43,7 @@ pub struct DeviceSpec {
     pub id: &'static str,
     /// It in a sentence, with its article: `an R150`.
     pub title: &'static str,
-    /// What it is, for help.
+    /// Description in a sentence, for help.
     pub about: &'static str,
     /// Its serial links. The first one is always there.
     pub links: &'static [LinkSpec],
@@ -55,25 +55,26 @@ pub struct DeviceSpec {
     pub build: fn(&Setup<'_>, &mut World) -> Box<dyn Device>,
     /// The names of its own events.
     pub codes: &'static [Code],
-    /// What conditions can say of it.
+    /// Names of conditions about it.
     pub names: &'static [&'static [NameInfo]],
     /// Takes note of its events for those names.
     pub observer: fn() -> Box<dyn Observer>,
-    /// How scripted clients speak with it.
+    /// Language in which scripted clients speak with it.
     pub host: HostSpec,
-    /// What people can do to it, beside what they can do to any.
+    /// Deeds of people that it alone knows, beside those that any vehicle knows.
     pub operator: Option<Actions>,
-    /// What can be changed around it, beside what can be changed in any world.
+    /// Changes around it that it alone knows, beside those of any world.
     pub surroundings: Option<Actions>,
     /// The faults of its own that it can have, by their ids; those that every device can have are
     /// not among them.
     pub faults: &'static [&'static str],
-    /// Whether it can have this fault with these parameters; says in a sentence why not.
+    /// Refuses a fault that it cannot have, or not with these parameters, in a sentence that says
+    /// why.
     pub check_fault: fn(&Fault) -> Result<(), String>,
 }
 
 impl DeviceSpec {
-    /// What conditions call by this name, if it has such.
+    /// Finds a name of conditions that stands in no list, such as one with a number in it.
     pub fn find_name(&self, name: &str) -> Option<&'static NameInfo> {
         self.all_names().find(|info| info.name == name)
     }
@@ -83,7 +84,7 @@ impl DeviceSpec {
         self.names.iter().copied().flatten()
     }
 
-    /// Whether it can have this fault, with these parameters.
+    /// Checks that it can have this fault, with these parameters.
     ///
     /// # Errors
     /// Says in a sentence why not.
@@ -110,7 +111,7 @@ impl DeviceSpec {
         self.links.iter().position(|link| link.id == id)
     }
 
-    /// Whether it can have this fault at all.
+    /// Tells whether it can have this fault at all.
     #[must_use]
     pub fn has_fault(&self, info: &FaultInfo) -> bool {
         info.everywhere || self.faults.contains(&info.id)
@@ -134,11 +135,11 @@ impl fmt::Debug for DeviceSpec {
 /// A serial link of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LinkSpec {
-    /// What scenario files call it.
+    /// Word for it in scenario files.
     pub id: &'static str,
-    /// What people call it.
+    /// Name for people.
     pub name: &'static str,
-    /// If it is there only when it is asked for: what it costs, for help.
+    /// Cost, for help, of a link that is there only when it is asked for.
     pub optional: Option<&'static str>,
 }
 
@@ -159,7 +160,7 @@ impl LinkSpec {
 pub struct StartSpec {
     /// The word in files and flags.
     pub id: &'static str,
-    /// What it means, for help.
+    /// Meaning, for help.
     pub about: &'static str,
 }
 
@@ -172,9 +173,9 @@ pub struct Setup<'a> {
     pub settings: &'a dyn DeviceSettings,
     /// Index of the state in which it begins.
     pub start: usize,
-    /// How many of its links are there, from the first one on.
+    /// Number of its links that are there, from the first one on.
     pub links: usize,
-    /// Where it stands.
+    /// Place and heading at the start.
     pub pose: Pose,
     /// From which every stream of chance of the run is derived.
     pub seed: u64,
@@ -188,10 +189,10 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// How a vehicle really stands and moves.
+/// True pose and motion of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Where it is.
+    /// Place and heading.
     pub pose: Pose,
     /// m/s, negative backward.
     pub forward_speed: f64,
@@ -235,8 +236,8 @@ pub trait Device: Any + Send + Sync {
     /// When the firmware next does something by itself.
     fn next_deadline(&self) -> Option<SimTime>;
 
-    /// Whether output or events wait to be taken. Whatever bytes do to a device is told by one, but
-    /// for the place within a frame that they bring it to.
+    /// Tells whether output or events wait to be taken. Whatever bytes do to a device is told by
+    /// one, but for the place within a frame that they bring it to.
     fn has_news(&self) -> bool;
 
     /// Passes pins and measurements between firmware and hardware until neither changes.
@@ -263,14 +264,14 @@ pub trait Device: Any + Send + Sync {
         Drawing::default()
     }
 
-    /// Whether nothing of it moves and nothing drives it.
+    /// Tells whether nothing of it moves and nothing drives it.
     fn at_rest(&self) -> bool;
 
     /// Looks again whether it can stand, after something around it has changed.
     fn wake(&mut self);
 
-    /// Lets time pass for its slow states up to `now`, while nothing in the world moves. Of no concern
-    /// to a device without any.
+    /// Lets time pass for its slow states up to `now`, while nothing in the world moves. Of no
+    /// concern to a device without any.
     fn rest_until(&mut self, _now: SimTime) {}
 
     /// Applies its forces for a step.
@@ -288,8 +289,8 @@ pub trait Device: Any + Send + Sync {
     /// Lifts the vehicle and sets it down elsewhere, standing.
     fn place(&mut self, world: &mut World, pose: Pose);
 
-    /// Replaces all that is wrong with the firmware. This and what follows is only called if the row
-    /// has faults of the firmware.
+    /// Replaces all that is wrong with the firmware. This and what follows is only called if the
+    /// row has faults of the firmware.
     fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
 
     /// How often what is wrong with the firmware has shown.
@@ -297,7 +298,7 @@ pub trait Device: Any + Send + Sync {
         DefectCounts::default()
     }
 
-    /// Whether the firmware has a watchdog that could fail; says in a sentence why not.
+    /// Tells whether the firmware has a watchdog that could fail; says in a sentence why not.
     fn check_watchdog(&self) -> Result<(), String> {
         Ok(())
     }
@@ -326,7 +327,7 @@ pub trait Device: Any + Send + Sync {
     /// on.
     fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(FaultHandle, String)) {}
 
-    /// Whether such a fault has an effect now.
+    /// Tells whether such a fault has an effect now.
     fn acts(&self, _handle: FaultHandle) -> bool {
         false
     }

@@ -1,4 +1,4 @@
-//! What is told to whoever watches: the log, the client report, scenarios.
+//! Events, told to the log, the client report and scenarios.
 
 pub mod code;
 
@@ -11,7 +11,7 @@ use sim_settings::SimTime;
 
 pub use code::{Blame, Code};
 
-/// How much an event matters to somebody who writes a client.
+/// Importance of an event to somebody who writes a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// Ordinary requests and replies; shown when asked for.
@@ -37,11 +37,11 @@ impl Level {
 /// Something that happened, when and where.
 #[derive(Debug, Clone)]
 pub struct Event {
-    /// When.
+    /// Time of it.
     pub at: SimTime,
     /// Index of the device in the rig.
     pub device: usize,
-    /// What.
+    /// Kind and details.
     pub kind: Arc<dyn EventKind>,
 }
 
@@ -51,7 +51,7 @@ impl PartialEq for Event {
     }
 }
 
-/// What happened on a line, with a fault, or in a device.
+/// Event on a line, with a fault, or in a device.
 ///
 /// [`fmt::Display`] puts it into words.
 pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
@@ -75,7 +75,8 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
         0
     }
 
-    /// Whether it is something that the client did and the protocol forbids, or that is risky.
+    /// Tells whether it is something that the client did and the protocol forbids, or that is
+    /// risky.
     fn blames_client(&self) -> bool {
         self.code().may_blame_client()
     }
@@ -91,7 +92,7 @@ impl dyn EventKind {
 
 /// Comparison of events of any type; whatever can be compared with its own type has it.
 pub trait Same: Any {
-    /// Whether both are of the same type, and equal.
+    /// Tells whether both are of the same type, and equal.
     fn is_same(&self, other: &dyn Any) -> bool;
 }
 
@@ -101,7 +102,7 @@ impl<T: PartialEq + Any> Same for T {
     }
 }
 
-/// What an event is to whoever counts.
+/// Part of an event in the counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// A client came.
@@ -114,6 +115,8 @@ pub enum Role {
     Reply,
     /// A client was silent for too long.
     HeartbeatLost,
+    /// Something broke, or came close to it, that the firmware does not know of.
+    Damage,
     /// Anything else.
     Other,
 }
@@ -121,9 +124,9 @@ pub enum Role {
 /// An event that needs no type of its own.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Told {
-    /// What it is called.
+    /// Code by which it is known.
     pub code: Code,
-    /// What it is to whoever counts.
+    /// Part in the counts.
     pub role: Role,
     /// It in words.
     pub text: String,

@@ -1,4 +1,4 @@
-//! What goes wrong, on purpose: bytes on the wire, frames, firmware, hardware, operators, sensors.
+//! Faults, on purpose: bytes on the wire, frames, firmware, hardware, operators, sensors.
 //!
 //! A fault acts at its own level only. Electrical, mechanical, operator and sensor faults change
 //! the hardware or work its buttons, and reach the client through what the firmware then measures;
@@ -39,7 +39,7 @@ pub enum FaultLevel {
     Mechanical,
     /// People.
     Operator,
-    /// What the device looks at the world with.
+    /// Sensors of the world.
     Sensor,
 }
 
@@ -81,17 +81,17 @@ impl fmt::Display for FaultLevel {
 pub struct FaultInfo {
     /// Its `kind` in files.
     pub id: &'static str,
-    /// Where it acts.
+    /// Level at which it acts.
     pub level: FaultLevel,
-    /// Whether every device can have it, since it is none of the device's own.
+    /// Set if every device can have it, since it is none of the device's own.
     pub everywhere: bool,
-    /// What it takes.
+    /// Parameters that it takes.
     pub parameters: &'static [ParameterInfo],
-    /// What a client notices of it.
+    /// Effect that a client notices.
     pub client_sees: &'static str,
-    /// What counts as a trigger.
+    /// Effect that counts as a trigger.
     pub counts: &'static str,
-    /// What goes wrong.
+    /// Summary in a sentence.
     pub summary: &'static str,
 }
 
@@ -100,9 +100,9 @@ pub struct FaultInfo {
 pub struct ParameterInfo {
     /// Its key in files.
     pub name: &'static str,
-    /// What it means, and what it is unless given.
+    /// Meaning, and the value unless given.
     pub description: &'static str,
-    /// Whether it must be given.
+    /// Set if it must be given.
     pub required: bool,
 }
 
@@ -135,7 +135,7 @@ impl Fault {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct FaultHandle(pub(crate) usize);
 
-/// Why a fault was not armed.
+/// Refusal to arm a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {
     /// There is no such device in the rig.
@@ -154,7 +154,7 @@ pub(crate) const MOST_ARMED: usize = 256;
 /// Most faults armed in a run.
 pub(crate) const MOST_EVER: usize = 1_000_000;
 
-/// What becomes of a fault.
+/// Stage in the life of a fault.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum FaultPhase {
     /// It may act from now on.
@@ -171,11 +171,11 @@ pub enum FaultPhase {
 /// Something became of a fault.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FaultEvent {
-    /// What whoever armed it calls it.
+    /// Name from whoever armed it.
     pub name: String,
     /// Its id in the catalogue.
     pub id: &'static str,
-    /// What became of it.
+    /// Stage that it has reached.
     pub phase: FaultPhase,
 }
 

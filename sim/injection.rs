@@ -36,9 +36,9 @@ struct Armed {
 enum Work {
     Wire(WireFault),
     Frames(FrameFault),
-    /// How often the defect had shown when last looked at.
+    /// Number of times that the defect had shown when last looked at.
     Firmware(u64),
-    /// Whether it had an effect when last looked at; the device keeps the rest.
+    /// Effect when last looked at; the device keeps the rest.
     Device(bool),
 }
 
@@ -49,7 +49,7 @@ pub(crate) struct Injection {
     stages: Vec<[Stage; 2]>,
     /// By time and order, with the link.
     late: BTreeMap<(SimTime, u64), (usize, Vec<u8>)>,
-    /// How many frames have been put off so far.
+    /// Number of frames that have been put off so far.
     order: u64,
     ticked: SimTime,
     defects: Defects,
@@ -75,7 +75,7 @@ impl Injection {
         self.armed.iter().any(|armed| armed.handle == handle)
     }
 
-    /// Whether nothing is armed nor held back any more.
+    /// Tells whether nothing is armed nor held back any more.
     pub(crate) fn is_spent(&self) -> bool {
         self.armed.is_empty()
             && self.late.is_empty()

@@ -15,10 +15,10 @@ pub use event::{LineEvent, OnLine};
 use direction::{Direction, Ends, matches};
 
 choices! {
-    /// Whether bytes take time on the line.
+    /// Pace of bytes on the line.
     pub enum Wire {
-        /// Each byte takes its ten bits, or eleven with two stop bits, at the sender's baud rate, as
-        /// on a cable.
+        /// Each byte takes its ten bits, or eleven with two stop bits, at the sender's baud rate,
+        /// as on a cable.
         Paced = "paced",
         /// Bytes arrive the moment they are sent.
         Instant = "instant",
@@ -35,27 +35,27 @@ impl Wire {
     }
 }
 
-/// Most bytes under way in one direction. A client that sends more without asking for the room loses
-/// the rest; the device's further replies are dropped whole.
+/// Most bytes under way in one direction. A client that sends more without asking for the room
+/// loses the rest; the device's further replies are dropped whole.
 pub const MOST_IN_FLIGHT: usize = 4096;
 
-/// What the transmitter of a client's UART holds beside the byte that is going out, as the common
-/// 16550A does. A port is read no further ahead than that, and this is what still goes out when a
-/// client leaves.
+/// Bytes that the transmitter of a client's UART holds beside the one that is going out, as the
+/// common 16550A does. A port is read no further ahead than that, and this is what still goes out
+/// when a client leaves.
 pub const UART_FIFO: usize = 16;
 
-/// How a client has set its end of the line.
+/// Settings of a client's end of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ClientLine {
     /// Bits per second; with 0 the port has hung up, and nothing passes.
     pub baud: u32,
     /// Stop bits, 1 or 2.
     pub stop_bits: u8,
-    /// Whether its port passes bytes on untouched, without echo, editing or translation.
+    /// Set if its port passes bytes on untouched, without echo, editing or translation.
     pub raw: bool,
-    /// Whether it asks for a parity bit. It has no effect but to be told.
+    /// Set if it asks for a parity bit. It has no effect but to be told.
     pub parity: bool,
-    /// Whether it waits for the line CTS before it sends. Likewise.
+    /// Set if it waits for the line CTS before it sends. Likewise.
     pub rts_cts: bool,
 }
 
@@ -78,8 +78,8 @@ impl ClientLine {
 /// Whoever drives it passes the time in, and it never goes back. Bytes are taken off it one by one
 /// at their arrival times, so that a device sees each at the nanosecond at which its stop bit ends.
 ///
-/// It is a cable: bytes that a client has handed over reach the device whoever is there by then, and
-/// what the device says reaches whoever has the port open when it arrives.
+/// It is a cable: bytes that a client has handed over reach the device whoever is there by then,
+/// and what the device says reaches whoever has the port open when it arrives.
 #[derive(Debug, Clone)]
 pub struct SerialLine {
     device_baud: u32,
@@ -91,7 +91,7 @@ pub struct SerialLine {
     to_device: Direction,
     to_client: Direction,
     attached: bool,
-    /// What has been told of this client's settings.
+    /// Settings of this client of which was told.
     told: Vec<Discriminant<LineEvent>>,
 }
 
@@ -128,7 +128,8 @@ impl SerialLine {
         self.told.retain(|told| *told == mismatch());
     }
 
-    /// The client is gone. What its UART holds still goes out, the rest of what it has sent does not.
+    /// The client is gone. What its UART holds still goes out, the rest of what it has sent does
+    /// not.
     pub fn detach(&mut self, now: SimTime) {
         self.settle(now);
         self.attached = false;
@@ -136,13 +137,13 @@ impl SerialLine {
         self.to_device.discard_beyond(UART_FIFO);
     }
 
-    /// Whether a client has the port open.
+    /// Tells whether a client has the port open.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         self.attached
     }
 
-    /// How many bytes the client's UART takes now.
+    /// Number of bytes that the client's UART takes now.
     #[must_use]
     pub fn room(&self) -> usize {
         let most = match self.wire {
@@ -152,14 +153,14 @@ impl SerialLine {
         most.saturating_sub(self.to_device.kept())
     }
 
-    /// How many bytes the line keeps for a client whose driver has no buffer of its own.
+    /// Number of bytes that the line keeps for a client whose driver has no buffer of its own.
     #[must_use]
     pub fn space(&self) -> usize {
         MOST_IN_FLIGHT.saturating_sub(self.to_device.kept())
     }
 
-    /// The client has set its end of the line. What is wrong with that is told when bytes pass, since
-    /// many a client opens its port first and sets it then; that it hangs up is told at once.
+    /// The client has set its end of the line. What is wrong with that is told when bytes pass,
+    /// since many a client opens its port first and sets it then; that it hangs up is told at once.
     pub fn set_client_line(&mut self, now: SimTime, line: ClientLine) -> Option<LineEvent> {
         if line == self.client {
             return None;
@@ -235,7 +236,7 @@ impl SerialLine {
         self.faulty_baud = baud;
     }
 
-    /// Whether bytes arrive wrong because the speeds of both ends differ.
+    /// Tells whether bytes arrive wrong because the speeds of both ends differ.
     #[must_use]
     pub fn is_garbled(&self) -> bool {
         !matches(self.client.baud, self.device_end())
@@ -284,13 +285,14 @@ impl SerialLine {
         bytes.extend(std::iter::from_fn(|| self.to_client.take(now)));
     }
 
-    /// When the next byte arrives at the device; at another speed it may turn out to be none.
+    /// Time at which the next byte arrives at the device; at another speed it may turn out to be
+    /// none.
     #[must_use]
     pub fn next_for_device(&self) -> Option<SimTime> {
         self.to_device.next()
     }
 
-    /// When the next byte arrives at a client that is there.
+    /// Time at which the next byte arrives at a client that is there.
     #[must_use]
     pub fn next_for_client(&self) -> Option<SimTime> {
         self.to_client.next().filter(|_| self.attached)

@@ -112,7 +112,7 @@ pub struct Mecanum {
     faults: faults::Faults,
     /// Up to when the plant has advanced.
     plant_at: SimTime,
-    /// When the next pulse of a wheel comes.
+    /// Time at which the next pulse of a wheel comes.
     pulse_due: Option<SimTime>,
 }
 
@@ -156,7 +156,7 @@ impl Mecanum {
         &self.device
     }
 
-    /// How things really are.
+    /// Returns the true state of the car.
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
         self.plant.truth()

@@ -80,7 +80,7 @@ impl Link {
     }
 }
 
-/// What an operator can do with the remote control.
+/// Deed of an operator with the remote control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// A key goes down; the car moves so while it is held, in remote-control mode.
@@ -111,7 +111,7 @@ pub struct MecanumDevice {
     report_due: Option<SimTime>,
     /// Number of the next status packet.
     seq: u8,
-    /// When the client last gave a sign of life.
+    /// Time of the client's last sign of life.
     heard: SimTime,
     /// Number of the client's last packet.
     heard_seq: u8,
@@ -123,7 +123,7 @@ pub struct MecanumDevice {
     defect_counts: DefectCounts,
     /// The motor state that is reported in place of the present one.
     stuck_status: Option<u8>,
-    /// When the firmware is up, while it is not.
+    /// Time at which the firmware is up, while it is not.
     boot_due: Option<SimTime>,
     /// The latest time that it was told of: what turns out to have been due before that, as when it
     /// hung, is done then.
@@ -249,7 +249,7 @@ impl MecanumDevice {
         }
     }
 
-    /// When something next happens by itself.
+    /// Time at which something next happens by itself.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
         if self.boot_due.is_some() {
@@ -271,7 +271,7 @@ impl MecanumDevice {
         .min()
     }
 
-    /// Whether output or events wait to be taken.
+    /// Tells whether output or events wait to be taken.
     #[must_use]
     pub fn has_news(&self) -> bool {
         !self.output.is_empty() || !self.events.is_empty()
@@ -297,7 +297,7 @@ impl MecanumDevice {
         }
     }
 
-    /// Whether the remote control drives.
+    /// Tells whether the remote control drives.
     #[must_use]
     pub fn is_remote(&self) -> bool {
         self.drive.is_remote()
@@ -309,13 +309,14 @@ impl MecanumDevice {
         self.drive.motions().running()
     }
 
-    /// How many motions wait.
+    /// Number of motions that wait.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.drive.motions().waiting()
     }
 
-    /// How the firmware drives each wheel, LF, RF, LR, RR: 1 forward, −1 backward, 0 not at all.
+    /// Direction in which the firmware drives each wheel, LF, RF, LR, RR: 1 forward, −1 backward, 0
+    /// not at all.
     #[must_use]
     pub fn rotations(&self) -> [i8; WHEELS] {
         self.drive.rotations()

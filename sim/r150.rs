@@ -184,7 +184,7 @@ impl R150 {
         &self.device
     }
 
-    /// How things really are.
+    /// Returns the true state of the vehicle.
     #[must_use]
     pub fn truth(&self) -> R150Truth {
         self.plant.truth()

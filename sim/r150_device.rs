@@ -80,7 +80,7 @@ pub struct R150Device {
     defect_counts: DefectCounts,
     /// The status that is reported in place of the present one.
     stuck_status: Option<SystemInfo>,
-    /// When the firmware is up, while it is not.
+    /// Time at which the firmware is up, while it is not.
     boot_due: Option<SimTime>,
     /// The latest time that it was told of: what turns out to have been due before that, as when it
     /// hung, is done then.
@@ -199,7 +199,7 @@ impl R150Device {
         }
     }
 
-    /// When something next happens by itself.
+    /// Time at which something next happens by itself.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
         if self.defects.hung || self.boot_due.is_some() {
@@ -213,7 +213,7 @@ impl R150Device {
         earlier(next, self.replies.front().map(|(due, _)| *due))
     }
 
-    /// Whether output or events wait to be taken.
+    /// Tells whether output or events wait to be taken.
     #[must_use]
     pub fn has_news(&self) -> bool {
         !self.output.is_empty() || !self.events.is_empty()
@@ -261,7 +261,7 @@ impl R150Device {
         &self.vehicle
     }
 
-    /// Who controls the outputs, and their set-points.
+    /// Returns who controls the outputs, and their set-points.
     #[must_use]
     pub fn control(&self) -> &Control {
         &self.control
@@ -285,7 +285,7 @@ impl R150Device {
         self.motors.set_point()
     }
 
-    /// Whether the module had a supply when it was last measured.
+    /// Tells whether the module had a supply when it was last measured.
     #[must_use]
     pub(crate) fn has_supply(&self) -> bool {
         self.measured.module_powered

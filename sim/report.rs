@@ -1,4 +1,4 @@
-//! What happened in a run, counted: the summary, and the client report.
+//! Counts of what happened in a run: the summary, and the client report.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -10,9 +10,9 @@ use crate::event::{Event, Role};
 /// Events of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tally {
-    /// How many there were.
+    /// Number of them.
     pub count: u64,
-    /// When the first was.
+    /// Time of the first.
     pub first_at: SimTime,
     /// The first in words.
     pub first: String,
@@ -20,8 +20,10 @@ pub struct Tally {
     pub bytes: Option<Vec<u8>>,
     /// Bytes that were lost in all of them.
     pub lost_bytes: u64,
-    /// How many of them were the client's doing: forbidden by the protocol, or risky.
+    /// Number of them that were the client's doing: forbidden by the protocol, or risky.
     pub held_against_client: u64,
+    /// Set if they tell of [damage](Role::Damage).
+    pub is_damage: bool,
 }
 
 /// Counts of one device.
@@ -46,7 +48,7 @@ impl Report {
             Role::Reply => return self.replies += 1,
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
-            Role::HeartbeatLost | Role::Other => {}
+            Role::HeartbeatLost | Role::Damage | Role::Other => {}
         }
         let tally = self
             .events
@@ -58,6 +60,7 @@ impl Report {
                 bytes: kind.bytes().map(Cow::into_owned),
                 lost_bytes: 0,
                 held_against_client: 0,
+                is_damage: kind.role() == Role::Damage,
             });
         tally.count += 1;
         tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes());
@@ -66,11 +69,18 @@ impl Report {
         tally.held_against_client += u64::from(kind.blames_client() && !left);
     }
 
-    /// What the client did that the protocol forbids or that is risky.
+    /// Lists what the client did that the protocol forbids or that is risky.
     pub fn held_against_client(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
-        self.events
-            .iter()
-            .filter(|(_, tally)| tally.held_against_client > 0)
-            .map(|(code, tally)| (*code, tally))
+        self.of(|tally| tally.held_against_client > 0)
+    }
+
+    /// Lists what broke, or came close to it.
+    pub fn damage(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
+        self.of(|tally| tally.is_damage)
+    }
+
+    fn of(&self, is: fn(&Tally) -> bool) -> impl Iterator<Item = (&'static str, &Tally)> {
+        let events = self.events.iter().filter(move |(_, tally)| is(tally));
+        events.map(|(code, tally)| (*code, tally))
     }
 }

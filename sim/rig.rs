@@ -31,7 +31,7 @@ const REST_TICK: Duration = Duration::from_millis(100);
 /// each byte that arrives in it.
 const MOST_ROUNDS: u32 = 100_000;
 
-/// Why a rig cannot go on.
+/// Reason for which a rig cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RigError {
     /// A body's position or velocity is not a number.
@@ -42,19 +42,19 @@ pub enum RigError {
     Stuck {
         /// Index of the device.
         device: usize,
-        /// When.
+        /// Time of it.
         at: SimTime,
     },
 }
 
-/// What all devices of a run share.
+/// Settings that all devices of a run share.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSettings {
     /// The plane that they stand on.
     pub world: WorldSettings,
-    /// What stands and lies on it.
+    /// Things that stand and lie on it.
     pub map: WorldMap,
-    /// Whether bytes take time on the lines.
+    /// Pace of bytes on the lines.
     pub wire: Wire,
     /// From which every random stream of the run is derived.
     pub seed: u64,
@@ -65,7 +65,7 @@ struct Slot {
     spec: &'static DeviceSpec,
     device: Box<dyn Device>,
     lines: Vec<SerialLine>,
-    /// What goes wrong with it, if anything does.
+    /// Faults armed in it, if any.
     faults: Option<Box<Injection>>,
 }
 
@@ -74,16 +74,16 @@ pub struct Rig {
     settings: RigSettings,
     world: World,
     slots: Vec<Slot>,
-    /// When anything next happens to each device by itself.
+    /// Times at which something next happens to each device by itself.
     deadlines: Deadlines,
     now: SimTime,
-    /// When the physics next takes a step or, at rest, a tick.
+    /// Time at which the physics next takes a step or, at rest, a tick.
     physics_due: SimTime,
     resting: bool,
     events: Events,
-    /// How often each fault has acted, by handle.
+    /// Number of times that each fault has acted, by handle.
     fault_hits: Vec<u64>,
-    /// How often faults have been armed under each name.
+    /// Number of times that faults have been armed under each name.
     fault_names: BTreeMap<String, u32>,
 }
 
@@ -152,13 +152,13 @@ impl Rig {
         outcome
     }
 
-    /// How many devices there are.
+    /// Number of devices.
     #[must_use]
     pub fn devices(&self) -> usize {
         self.slots.len()
     }
 
-    /// What this device is; `None` if there is no such device.
+    /// Returns the table row of this device; `None` if there is no such device.
     #[must_use]
     pub fn spec(&self, device: usize) -> Option<&'static DeviceSpec> {
         self.slots.get(device).map(|slot| slot.spec)
@@ -176,13 +176,13 @@ impl Rig {
         self.any_device(device)?.get()
     }
 
-    /// How a device really stands and moves; `None` if there is no such device.
+    /// Returns the true pose and motion of a device; `None` if there is no such device.
     #[must_use]
     pub fn motion(&self, device: usize) -> Option<Motion> {
         self.any_device(device).map(Device::motion)
     }
 
-    /// How far a device has driven, m; 0 if there is no such device.
+    /// Returns the distance that a device has driven, m; 0 if there is no such device.
     #[must_use]
     pub fn distance_m(&self, device: usize) -> f64 {
         self.motion(device).map_or(0.0, |motion| motion.distance)
@@ -262,8 +262,8 @@ impl Rig {
         Ok(!self.events.is_empty())
     }
 
-    /// Advances to `to` and stops before anything happens there, so that what is done to the rig next
-    /// comes first at that instant. Earlier than the present does nothing.
+    /// Advances to `to` and stops before anything happens there, so that what is done to the rig
+    /// next comes first at that instant. Earlier than the present does nothing.
     ///
     /// # Errors
     /// As [`Rig::advance`].
@@ -276,7 +276,8 @@ impl Rig {
         Ok(())
     }
 
-    /// When something next happens by itself; `None` never comes as long as there is a device.
+    /// Time at which something next happens by itself; `None` never comes as long as there is a
+    /// device.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
         let slots = self.slots.iter();
@@ -295,7 +296,7 @@ impl Rig {
         self.events.take()
     }
 
-    /// How many events were lost because nobody took them.
+    /// Number of events that were lost because nobody took them.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
         self.events.lost()

@@ -1,4 +1,4 @@
-//! What a UART makes of bytes that were sent at another speed than it listens at.
+//! Reading of a UART of bytes that were sent at another speed than it listens at.
 //!
 //! A byte goes over the line as a start bit (low), eight data bits, least significant first, and a
 //! stop bit (high). The receiver waits for a falling edge and looks at the line in the middle of
@@ -13,7 +13,8 @@ use std::time::Duration;
 pub const BITS_PER_BYTE: u64 = 10;
 const BITS: u128 = BITS_PER_BYTE as u128;
 
-/// Time that one byte of eight bits takes at `baud` with so many stop bits, to the nearest nanosecond.
+/// Time that one byte of eight bits takes at `baud` with so many stop bits, to the nearest
+/// nanosecond.
 #[must_use]
 pub fn byte_time(baud: u32, stop_bits: u8) -> Duration {
     let baud = u64::from(baud.max(1));
@@ -26,12 +27,12 @@ pub fn byte_time(baud: u32, stop_bits: u8) -> Duration {
 pub struct Received {
     /// Its value.
     pub byte: u8,
-    /// When the receiver had it, from the beginning of the burst.
+    /// Time at which the receiver had it, from the beginning of the burst.
     pub after: Duration,
 }
 
-/// What a receiver at `to_baud` finds in `bytes` sent back to back at `from_baud`; the line is
-/// idle before and after.
+/// Returns the bytes that a receiver at `to_baud` finds in `bytes` sent back to back at
+/// `from_baud`; the line is idle before and after.
 #[must_use]
 pub fn resample(bytes: &[u8], from_baud: u32, to_baud: u32) -> Vec<Received> {
     let mut receiver = Receiver::new(from_baud, to_baud);
@@ -50,10 +51,10 @@ pub struct Receiver {
     sent_bit: u128,
     read_bit: u128,
     second: u128,
-    /// What was sent, as far as it still matters, and how many bytes came before that.
+    /// Bytes that were sent, as far as they still matter, and the number of those before.
     sent: VecDeque<u8>,
     forgotten: u128,
-    /// Where the receiver is, and whether the line was high just before.
+    /// Place of the receiver, and the level of the line just before.
     time: u128,
     was_high: bool,
 }
@@ -79,7 +80,7 @@ impl Receiver {
         self.sent.extend(bytes);
     }
 
-    /// How many bytes it keeps because they still matter.
+    /// Number of bytes that it keeps because they still matter.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.sent.len()
@@ -143,7 +144,7 @@ impl Receiver {
         None
     }
 
-    /// Whether the line is high at a time that is not forgotten.
+    /// Tells whether the line is high at a time that is not forgotten.
     fn level(&self, time: u128) -> bool {
         let index = time / self.sent_bit;
         let at = (index / BITS).checked_sub(self.forgotten);

@@ -71,7 +71,7 @@ impl FaultChoice {
         Self { kind, ..*self }
     }
 
-    /// Whether a device of this kind has it.
+    /// Tells whether a device of this kind has it.
     #[must_use]
     pub fn is_for(&self, device: &DeviceSpec) -> bool {
         device.has_fault(self.info().0)

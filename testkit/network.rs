@@ -1,4 +1,4 @@
-//! What a client on the network may send.
+//! Input of a client on the network.
 
 use std::collections::VecDeque;
 
@@ -18,9 +18,9 @@ struct Made {
 /// Plays any bytes, of which the first says in which pieces they come.
 ///
 /// # Promises
-/// All is taken as long as output is; what waits is bounded; how the stream is split changes neither
-/// bytes nor answers nor settings, as long as nothing waits; without a protocol all bytes pass as they
-/// are, and with it none of the device's is lost on its way.
+/// All is taken as long as output is; what waits is bounded; how the stream is split changes
+/// neither bytes nor answers nor settings, as long as nothing waits; without a protocol all bytes
+/// pass as they are, and with it none of the device's is lost on its way.
 pub fn play(data: &[u8]) {
     let Some((first, stream)) = data.split_first() else {
         return;

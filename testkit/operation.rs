@@ -24,7 +24,7 @@ pub enum Operation {
     Send {
         /// On which port.
         port: u8,
-        /// What.
+        /// Message.
         message: Message,
     },
     /// Time passes.
@@ -40,12 +40,12 @@ pub enum Operation {
     },
     /// A client opens a port.
     Attach {
-        /// Which.
+        /// Index of the port.
         port: u8,
     },
     /// A client closes a port or dies.
     Detach {
-        /// Which.
+        /// Index of the port.
         port: u8,
     },
     /// A client sets its end of the line.
@@ -66,34 +66,34 @@ pub enum Operation {
         device: u8,
         /// Under which of a few names.
         name: u8,
-        /// What.
+        /// Fault.
         fault: FaultChoice,
     },
     /// Something is mended.
     #[cfg_attr(feature = "proptest", proptest(weight = 2))]
     Clear {
-        /// Which of those that were injected, mended already or not.
+        /// Index among those that were injected, mended already or not.
         which: u8,
     },
     /// An operator works a button.
     Operate {
         /// On which device.
         device: u8,
-        /// Which.
+        /// Index of the button.
         button: u8,
     },
     /// Somebody lays hands on a vehicle.
     Handle {
-        /// Which.
+        /// Index of the device.
         device: u8,
-        /// How.
+        /// Deed.
         how: Hands,
     },
     /// An obstacle appears.
     Obstacle {
-        /// Where, dm; vehicles may be there.
+        /// Place, dm; vehicles may be there.
         at: [i8; 2],
-        /// How large, cm.
+        /// Size, cm.
         size: u8,
     },
     /// The ground becomes slippery, or less so, in percent.
@@ -102,12 +102,12 @@ pub enum Operation {
     Late {
         /// By how much, ms.
         by: u8,
-        /// How much longer commands may come too soon by that, ms.
+        /// Time by which commands may come too soon by that, ms.
         rest: u8,
     },
 }
 
-/// How much time passes.
+/// Time that passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Wait {
@@ -124,7 +124,7 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// How long, when something is due in `due`.
+    /// Length, when something is due in `due`.
     #[must_use]
     pub fn span(self, due: Duration) -> Duration {
         match self {
@@ -140,7 +140,7 @@ impl Wait {
     }
 }
 
-/// What a client sends.
+/// Message of a client.
 #[derive(Debug, Clone, PartialEq, Eq, arbitrary::Arbitrary)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Message {
@@ -157,7 +157,7 @@ pub enum Message {
     /// A whole frame of an R150, of any command.
     #[cfg_attr(feature = "proptest", proptest(weight = 2))]
     Frame {
-        /// Which of the commands, or none of them.
+        /// Command, or none of them.
         command: u8,
         /// Their lengths are right or wrong.
         parameters: Vec<u8>,
@@ -188,7 +188,7 @@ pub enum Message {
     },
     /// The beginning of something else that is sent.
     Torn {
-        /// How much of it.
+        /// Length of it.
         length: u8,
         /// Of a frame, a packet or a line.
         of: u8,
@@ -197,7 +197,7 @@ pub enum Message {
     Bytes(Vec<u8>),
     /// One byte over and over, up to what the line holds and more.
     Flood {
-        /// Which.
+        /// Index of the byte.
         byte: u8,
         /// Times 20.
         count: u8,
@@ -269,7 +269,7 @@ impl Message {
     }
 }
 
-/// What somebody does to a vehicle. The numbers stay in the ranges of scenario files.
+/// Deed of somebody's hands to a vehicle. The numbers stay in the ranges of scenario files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Hands {
@@ -281,9 +281,9 @@ pub enum Hands {
     Place([i16; 3]),
     /// Wires a load to one of an R150's rails, W.
     Load {
-        /// Which.
+        /// Index of the rail.
         rail: u8,
-        /// How much.
+        /// Power.
         watts: u16,
     },
 }

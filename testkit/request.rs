@@ -1,4 +1,4 @@
-//! What a client of the control socket may send.
+//! Input of a client of the control socket.
 
 use sim_control::http::{self, Head, MOST_BODY, MOST_HEAD};
 
@@ -8,10 +8,10 @@ const MOST_WORDS: usize = 300;
 /// Plays any bytes as the beginning of a connection.
 ///
 /// # Promises
-/// Any bytes are a request, the beginning of one, or refused with a status of the client's fault, in few
-/// words. However they are split, the same comes of them: what is a request as soon as its head is
-/// complete stays the same whatever follows, and what is refused is never a request later. Nothing waits
-/// for more than the longest head, and no body is longer than the longest.
+/// Any bytes are a request, the beginning of one, or refused with a status of the client's fault,
+/// in few words. However they are split, the same comes of them: what is a request as soon as its
+/// head is complete stays the same whatever follows, and what is refused is never a request later.
+/// Nothing waits for more than the longest head, and no body is longer than the longest.
 pub fn play(bytes: &[u8]) {
     let mut complete: Option<(Head, usize)> = None;
     let mut is_refused = false;

@@ -41,7 +41,7 @@ const MOST_OBSTACLES: usize = 20;
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct Session {
-    /// What is there.
+    /// Setup at the start.
     pub setup: Setup,
     /// Settings that are not as they are by default, maybe.
     #[cfg_attr(
@@ -51,7 +51,7 @@ pub struct Session {
         )
     )]
     pub settings: Vec<SettingChoice>,
-    /// What is done.
+    /// Operations, in order.
     #[cfg_attr(
         feature = "proptest",
         proptest(
@@ -106,7 +106,7 @@ struct Player {
 struct Injected {
     handle: FaultHandle,
     device: usize,
-    /// Whether it acts on what the client gets, and not only on what is told to it.
+    /// Set if it acts on what the client gets, and not only on what is told to it.
     disturbs: bool,
     armed: bool,
 }

@@ -35,21 +35,22 @@ pub use reading::{frames_cover, sends_well};
 /// A stream that is cut into pieces, with a pause after each.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Stream<'b> {
-    /// Which rules the decoder goes by, a bit for each, in the order of [`r150`], [`mecanum`] and
+    /// Rules by which the decoder goes, a bit for each, in the order of [`r150`], [`mecanum`] and
     /// [`ascii()`].
     pub rules: u8,
     /// The firmware gets it too; the decoder alone is played ten times as fast.
     pub firmware: bool,
-    /// What is sent.
+    /// Bytes that are sent.
     pub bytes: &'b [u8],
-    /// Where it is cut, ascending, and whether the pause there is longer than the timeout.
+    /// Places where they are cut, ascending, each with whether the pause there is longer than the
+    /// timeout.
     pub cuts: Vec<(usize, bool)>,
 }
 
 impl<'b> Stream<'b> {
     /// Reads a stream out of a fuzzer's bytes, any of which are one: a byte with the number of cuts
-    /// (its low three bits), a rule, whether the firmware gets it, and three more rules; two bytes for
-    /// each cut; then the stream.
+    /// (its low three bits), a rule, whether the firmware gets it, and three more rules; two bytes
+    /// for each cut; then the stream.
     #[must_use]
     pub fn read(data: &'b [u8]) -> Self {
         let (first, rest) = data.split_first().unwrap_or((&0, &[]));
@@ -108,7 +109,8 @@ impl<'b> Stream<'b> {
     }
 }
 
-/// Plays a stream to the R150's decoder and firmware. Rule 0: after a bad frame it goes on behind it.
+/// Plays a stream to the R150's decoder and firmware. Rule 0: after a bad frame it goes on behind
+/// it.
 pub fn r150(stream: &Stream<'_>) {
     static DEVICE: LazyLock<R150Device> = LazyLock::new(|| {
         let mut world = World::new(&WorldSettings::default());
@@ -176,8 +178,8 @@ fn have_words(mut events: impl Iterator<Item = String>) {
 }
 
 /// Plays a stream to the decoder of a direction of the main link, and to the firmware. Rule 0: to a
-/// client's decoder instead of the board's; 1: packets are known by their length; 2: what was torn is
-/// dropped; 3: the high byte is first.
+/// client's decoder instead of the board's; 1: packets are known by their length; 2: what was torn
+/// is dropped; 3: the high byte is first.
 pub fn mecanum(stream: &Stream<'_>) {
     let rules = Rules {
         inter_byte_timeout: TIMEOUT,
@@ -243,9 +245,9 @@ fn split_mecanum(stream: &Stream<'_>, link: Link) {
     });
 }
 
-/// Plays a stream to the decoder of the ROS link's lines, and to the firmware. Rule 0: small letters
-/// are commands too; 1: numbers are read as `atoi` does; 2: spaces are skipped only at the end, and a
-/// blank line is bad; 3: what is beyond the range is cut to it.
+/// Plays a stream to the decoder of the ROS link's lines, and to the firmware. Rule 0: small
+/// letters are commands too; 1: numbers are read as `atoi` does; 2: spaces are skipped only at the
+/// end, and a blank line is bad; 3: what is beyond the range is cut to it.
 pub fn ascii(stream: &Stream<'_>) {
     let syntax = Syntax {
         lower_case: stream.rule(0, false, true),

@@ -54,7 +54,7 @@ pub struct Recording {
     pub instant: bool,
     /// Of everything random.
     pub seed: u64,
-    /// What the clients do.
+    /// Operations of the clients.
     #[cfg_attr(
         feature = "proptest",
         proptest(
@@ -146,7 +146,7 @@ impl Recording {
     }
 }
 
-/// What happens to a trace on its way. Places are taken modulo what there is.
+/// Damage to a trace on its way. Places are taken modulo what there is.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Damage {
@@ -160,23 +160,23 @@ pub enum Damage {
     Cut(u32),
     /// A number is another one.
     Number {
-        /// Which of the numbers.
+        /// Index of the number.
         at: u32,
-        /// Which of some.
+        /// Index among some.
         other: u8,
     },
     /// A byte is another one.
     Byte {
-        /// Which.
+        /// Index of the byte.
         at: u32,
-        /// What it is then.
+        /// Value that it then has.
         byte: u8,
     },
     /// A line that no recording has.
     Strange {
         /// Before which.
         at: u16,
-        /// Which of some.
+        /// Index of the line.
         line: u8,
     },
 }
@@ -306,7 +306,7 @@ pub fn play(text: &str) {
     }
 }
 
-/// Whether more vehicles are asked for than are driven here.
+/// Tells whether more vehicles are asked for than are driven here.
 fn is_large(header: &str) -> bool {
     let Ok(Record::Header(header)) = serde_json::from_str(header) else {
         return false;

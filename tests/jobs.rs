@@ -323,6 +323,8 @@ fn settings_and_a_world_go_under_whatever_is_played() {
 #[test]
 fn a_scripted_vehicle_drives_beside_a_live_one() {
     let two = JOB
+        .replace("limit = \"10 s\"", "limit = \"6 s\"")
+        .replace("at = \"9 s\"", "at = \"5 s\"")
         .replace("[[device]]\nkind = \"r150\"\n", "[[device]]\nkind = \"r150\"\nname = \"mine\"\n[[device]]\nkind = \"r150\"\nname = \"other\"\npose = { y = \"3 m\" }\nclient = \"script\"\n")
         .replace("host = {", "device = \"other\"\nhost = {")
         .replace("truth.", "other.truth.");
@@ -330,16 +332,17 @@ fn a_scripted_vehicle_drives_beside_a_live_one() {
     let folder = folder(&[("two.toml", &format!("{two}{nobody}"))]);
     // The client opens its port and does nothing; the names without a device are of its vehicle.
     let client = "test -z \"$SIM_OTHER_PORT\" && exec 3<>\"$SIM_MINE_PORT\" && sleep 30";
-    let args = [
-        "run", "--output", "out", "two.toml", "--", "sh", "-c", client,
-    ];
-    prints(&folder, &args, 0, &["1 passed"]);
-    prints(
-        &folder,
-        &["replay", "out/two.trace.jsonl"],
-        0,
-        &["to the last byte"],
-    );
+    let real = ["--time", "real", "--max-hold-up", "1h"];
+    for (time, word) in [
+        (["--time", "lockstep"].as_slice(), "lockstep"),
+        (&real, "real"),
+    ] {
+        let args = ["run", "--output", "out"].as_slice();
+        let args = [args, time, &["two.toml", "--", "sh", "-c", client]].concat();
+        prints(&folder, &args, 0, &[&format!("{word} time)"), "1 passed"]);
+        let replay = ["replay", "out/two.trace.jsonl"];
+        prints(&folder, &replay, 0, &["to the last byte"]);
+    }
     prints(&folder, &["run", "two.toml"], 0, &["1 passed"]);
     let both = two.replace("client = \"script\"\n", "");
     fs::write(folder.path().join("two.toml"), &both).unwrap();

@@ -251,6 +251,28 @@ fn a_scenario_is_played_against_whatever_client_comes() {
 }
 
 #[test]
+fn what_breaks_is_a_line_of_the_summary_and_of_the_verdict() {
+    let fuse = "{ kind = \"fuse-blown\", fuse = \"motor-right\" }";
+    let folder = Folder::with(&[("fuse.toml", &drive_with(fuse, "500 ms"))]);
+    let line = "damage: r150: fuse_blown 1x, first at 0.500000 s: the fuse of the right motor blew";
+    let played = folder.sim(&["run", "fuse.toml"]).expect_clean().out;
+    assert!(played.contains(line), "{played}");
+    // The client has not driven by then, so the fault hits nothing.
+    let port = folder.file("r150");
+    let port = port.to_str().unwrap();
+    let sim = folder.start(&["--pty", port, "--scenario", "fuse.toml"]);
+    sim.wait_ready();
+    let client = Client::open(port.as_ref());
+    let ended = sim.wait();
+    drop(client);
+    assert!(
+        ended.out.contains(&line.replace("r150: ", "")),
+        "{}",
+        ended.out
+    );
+}
+
+#[test]
 fn a_scenario_that_is_broken_off_has_not_passed() {
     let folder = Folder::with(&[("drive.toml", DRIVE)]);
     let sim = folder.start(&["--scenario", "drive.toml"]);

@@ -14,24 +14,8 @@ use std::process::Command;
 use std::time::Instant;
 
 use harness::live::{DRIVE, Folder, is_running};
-use harness::{Finished, until};
+use harness::{Finished, python, until};
 use rustix::process::Signal;
-
-/// A Python with pyserial, or a word that there is none.
-fn python() -> Option<&'static str> {
-    let found = Command::new("python3")
-        .args(["-c", "import serial"])
-        .output();
-    if found.is_ok_and(|found| found.status.success()) {
-        return Some("python3");
-    }
-    assert!(
-        std::env::var_os("SIM_TEST_PYTHON").is_none(),
-        "SIM_TEST_PYTHON is set, and there is no Python with pyserial"
-    );
-    eprintln!("skipped: there is no Python with pyserial");
-    None
-}
 
 fn example(name: &str) -> String {
     format!("{}/docs/examples/{name}.py", env!("CARGO_MANIFEST_DIR"))
@@ -185,6 +169,75 @@ fn nobody_outlives_a_simulator_that_is_killed() {
             !pids.iter().any(|pid| is_running(*pid))
         });
     }
+}
+
+/// Two devices, each for a client of its own.
+const BOTH: &str = r#"
+schema = 1
+title = "Two clients drive at a time"
+good_client = "Two clients: one drives the R150 ahead, the other the car around a rectangle."
+limit = "40 s"
+
+[[device]]
+kind = "r150"
+
+[[device]]
+kind = "mecanum"
+name = "car"
+ros = true
+pose = { x = "0 m", y = "5 m", heading = "0 deg" }
+
+[[step]]
+name = "both are on their way"
+at = "0 s"
+expect = { that = "r150.truth.speed_mps > 0.3 && car.truth.speed_mps > 0.1", within = "10 s" }
+
+[[step]]
+name = "both arrive"
+after = "both are on their way"
+expect = { that = "r150.truth.distance_m > 2.4 && r150.truth.at_rest && car.count.motion_done == 4", within = "30 s" }
+"#;
+
+/// In processes of their own, which have one parent.
+#[test]
+fn several_clients_drive_at_a_time() {
+    let Some(python) = python() else { return };
+    let clients = ["careful_client", "careful_car_client"].map(example);
+    let [drives, goes_round] = &clients;
+    let shell = "\"$1\" \"$2\" & one=$!; \"$1\" \"$3\" & wait $! && wait $one";
+    let parent = "import subprocess, sys; children = [subprocess.Popen([sys.executable, client]) \
+                  for client in sys.argv[1:]]; sys.exit(max(child.wait(100) for child in children))";
+    let starters: [&[&str]; 2] = [
+        &["sh", "-c", shell, "sh", python, drives, goes_round],
+        &[python, "-c", parent, drives, goes_round],
+    ];
+    for starter in starters {
+        let folder = Folder::with(&[("both.toml", BOTH)]);
+        run(&folder, &["--twice", "--seed", "5", "both.toml"], starter).expect_clean();
+    }
+}
+
+/// Each run writes down what the simulator holds then, and as much output as is ever shown.
+#[test]
+fn nothing_piles_up_over_many_runs() {
+    let client = format!(
+        "{OPEN} sim=/proc/$PPID; set -- $sim/fd/*; \
+         echo $# $(cat $sim/task/*/children | wc -w) $(grep VmRSS $sim/status | tr -dc 0-9) >>levels; \
+         head -c 65536 /dev/zero | tr '\\0' x"
+    );
+    let folder = folder();
+    let args = ["-j", "1", "--repeat", "200", "drive.toml"];
+    run(&folder, &args, &["sh", "-c", &client]).expect_clean();
+    let levels = folder.read("levels");
+    let levels: Vec<Vec<u64>> = levels
+        .lines()
+        .map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect())
+        .collect();
+    assert_eq!(levels.len(), 200);
+    let (early, late) = (&levels[20], &levels[199]);
+    assert_eq!(early[..2], late[..2], "descriptors and processes");
+    // The outputs alone would be 12 MB; much less may be the allocator's.
+    assert!(late[2] < early[2] + 4000, "memory: {early:?}, {late:?} kB");
 }
 
 /// A program in C that runs another for which a call fails as it does where it is forbidden.

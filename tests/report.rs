@@ -127,6 +127,7 @@ fn foreign_text_is_no_markup_and_nothing_is_fetched() {
         "{page}"
     );
     assert!(page.contains("default-src 'none'"));
+    assert!(page.contains("The client had real time."));
     // The only addresses are places on the page and the names of languages.
     let addresses = page.split("://").count() - 1;
     assert_eq!(

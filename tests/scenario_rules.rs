@@ -283,6 +283,18 @@ fn what_a_line_holds_back_is_no_fault_of_the_client() {
 }
 
 #[test]
+fn a_port_whose_cable_is_out_is_opened_by_who_tries_again() {
+    let pulled = "[[step]]\nat = \"1 s\"\nfor = \"1 s\"\nfault = { kind = \"cable-pulled\" }\n\
+                  [[step]]\nat = \"3.5 s\"\nexpect = { that = \"client.attached\" }\n\
+                  [[step]]\nat = \"1.5 s\"\nhost = { port = \"open\" }\n";
+    fails(
+        pulled,
+        &["1.500000 s", "cannot be opened while its cable is out"],
+    );
+    passes(&format!("{pulled}every = \"1 s\"\ncount = 2\n"));
+}
+
+#[test]
 fn an_output_has_the_same_name_everywhere() {
     for name in ["12v-a", "v12a"] {
         passes(&format!(

@@ -1,4 +1,4 @@
-//! What is asked, in the words of files.
+//! Requests in the words of files.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -13,7 +13,7 @@ use sim_settings::Span;
 /// Slowest and fastest.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// Why a step is not added.
+/// Reason for which a step is not added.
 pub(super) enum Trouble {
     /// It is of no use.
     Refused(Refusal),
@@ -21,7 +21,7 @@ pub(super) enum Trouble {
     Broken(RunError),
 }
 
-/// How simulated time passes from now on.
+/// Change of how simulated time passes.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum TimeChange {
@@ -110,7 +110,7 @@ pub(super) fn time(
     Ok(matches!(read, TimeChange::Step(_)))
 }
 
-/// What an event is in a log, for its colour.
+/// Part of an event in a log, for its colour.
 pub(super) fn role(event: &Event) -> &'static str {
     match (event.kind.level(), event.kind.role()) {
         (Level::Warning, _) => "warning",

@@ -1,4 +1,4 @@
-//! Whoever is told what happens, and when next.
+//! Listeners, and what each is to be told next.
 
 use std::time::{Duration, Instant};
 
@@ -53,7 +53,8 @@ impl Traffic {
     }
 }
 
-/// Whether something is due by now, which then is due again later; what was missed is left out.
+/// Tells whether something is due by now, which then is due again later; what was missed is left
+/// out.
 pub(super) fn is_due(next: &mut Option<Instant>, every: Duration, now: Instant) -> bool {
     match next {
         Some(at) if *at <= now => {

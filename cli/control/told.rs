@@ -1,4 +1,4 @@
-//! What is told of a run, as JSON. Numbers without end are `null`.
+//! State of a run as JSON. Numbers without end are `null`.
 
 use serde_json::{Map, Value, json};
 use sim_control::{Refusal, Reply};
@@ -18,14 +18,14 @@ use super::ask::TimeChange;
 /// Corners of what is round.
 const CORNERS: u32 = 24;
 
-/// How far a step is.
+/// Progress of a step.
 pub(super) fn step(run: &Run, index: usize) -> Reply {
     run.step_report(index)
         .map(|report| step_json(&report))
         .ok_or_else(|| Refusal::new(404, "that step is no more"))
 }
 
-/// How far all steps are.
+/// Progress of all steps.
 pub(super) fn steps(run: &Run) -> Vec<Value> {
     run.steps().map(|report| step_json(&report)).collect()
 }
@@ -50,7 +50,7 @@ pub(super) fn step_json(step: &StepReport<'_>) -> Value {
     })
 }
 
-/// How time passes; without a clock it is the client's.
+/// Passing of time; without a clock it is the client's.
 pub(super) fn time(run: &Run, clock: Option<&Clock>) -> Value {
     json!({
         "t": run.rig().now().as_secs_f64(),
@@ -60,7 +60,7 @@ pub(super) fn time(run: &Run, clock: Option<&Clock>) -> Value {
     })
 }
 
-/// What there is.
+/// Things that there are.
 pub(super) fn state(run: &Run, clock: Option<&Clock>, ports: &[ShownPort]) -> Value {
     let scenario = run.scenario();
     let mut state = time(run, clock);
@@ -186,7 +186,7 @@ fn outline(shape: &FeatureShape) -> Vec<[f64; 2]> {
     }
 }
 
-/// Where everything is now.
+/// Places of everything now.
 pub(super) fn picture(run: &Run) -> Value {
     let rig = run.rig();
     let devices = (0..rig.devices()).map(|index| {

@@ -9,7 +9,7 @@ use sim_runner::RigPlan;
 
 use crate::visible;
 
-/// What a device and its links are called.
+/// Names of a device and its links.
 #[derive(Debug, Clone)]
 pub(crate) struct DeviceName {
     pub(crate) name: String,

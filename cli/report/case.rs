@@ -1,4 +1,4 @@
-//! What a report says of one case.
+//! One case in a report.
 
 use maud::{Markup, html};
 use sim_core::SimTime;
@@ -9,7 +9,7 @@ use super::film::{Film, Wanted};
 use super::{map, plots};
 use crate::exit::Failure;
 use crate::recording;
-use crate::run::{Job, PlayedCase, client_report};
+use crate::run::{Case, PlayedCase, client_report};
 use crate::visible::lines as readable;
 
 /// How many looks make the way of a case that passed.
@@ -19,7 +19,7 @@ const MANY: u32 = 480;
 /// Most lines that are shown of what the client wrote.
 const MOST_OUTPUT: usize = 200;
 
-/// How much is shown of a case.
+/// Detail in which a case is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Detail {
     /// The verdict alone.
@@ -30,22 +30,23 @@ pub(super) enum Detail {
     Full,
 }
 
-/// What is shown of a case.
-pub(super) fn case(
+/// Shows a case.
+pub(super) fn shown(
     devices: Devices,
-    job: &Job<'_>,
+    case: &Case<'_>,
     played: &PlayedCase,
     detail: Detail,
 ) -> Result<Markup, Failure> {
     let outcome = &played.outcome;
     let film = match detail {
         Detail::Words => None,
-        Detail::Map => Some(film(devices, job, outcome, false)?),
-        Detail::Full => Some(film(devices, job, outcome, true)?),
+        Detail::Map => Some(film(devices, case, outcome, false)?),
+        Detail::Full => Some(film(devices, case, outcome, true)?),
     };
     let title = readable(&outcome.title);
     let inside = html! {
-        p.about { code { (readable(&job.command())) } }
+        p.about { code { (readable(&case.command())) } }
+        @if case.is_live() { p.about { "The client had " (case.time_word()) " time." } }
         @if !outcome.failures.is_empty() { (failures(outcome)) }
         @if let Some(Ok(film)) = &film {
             figure.world {
@@ -73,7 +74,7 @@ pub(super) fn case(
 /// The run again, as far as it is shown; or why it could not be played again.
 fn film(
     devices: Devices,
-    job: &Job<'_>,
+    case: &Case<'_>,
     outcome: &Outcome,
     full: bool,
 ) -> Result<Result<Film, String>, Failure> {
@@ -83,7 +84,7 @@ fn film(
         looks: if full { MANY } else { FEW },
         values: full,
     };
-    let Some(trace) = job.recording() else {
+    let Some(trace) = case.recording() else {
         return Ok(Err("there is none".to_owned()));
     };
     match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {

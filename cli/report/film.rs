@@ -1,4 +1,4 @@
-//! What a report shows of a run, gathered while its recording is played again.
+//! Content of a report about a run, gathered while its recording is played again.
 
 use std::time::Duration;
 
@@ -29,33 +29,33 @@ const MOST_FEATURES: usize = 2000;
 /// Names of where a vehicle is.
 const PLACE: [&str; 3] = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
 
-/// How much of a run is wanted.
+/// Parts of a run that are wanted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wanted {
-    /// How long it took.
+    /// Time that it took.
     pub(super) ended_at: SimTime,
-    /// When it failed first, if it did.
+    /// Time at which it failed first, if it did.
     pub(super) failed_at: Option<SimTime>,
-    /// How often to look.
+    /// Number of looks.
     pub(super) looks: u32,
-    /// Whether values are wanted, or only ways.
+    /// Set if values are wanted, and not only ways.
     pub(super) values: bool,
 }
 
-/// What happened, as far as it is shown.
+/// Events and values of a run, as far as they are shown.
 pub(super) struct Film {
     wanted: Wanted,
     every: Duration,
     next: SimTime,
     words: Words,
-    /// When it was looked.
+    /// Times of the looks.
     pub(super) times: Vec<f64>,
     pub(super) ways: Vec<Way>,
     pub(super) series: Vec<Series>,
     pub(super) spans: Vec<Span>,
-    /// What stood and lay there at the end.
+    /// Things that stood and lay there at the end.
     pub(super) features: Vec<Feature>,
-    /// What stood there only for a time.
+    /// Things that stood there only for a time.
     pub(super) passing: Vec<Feature>,
     changes: Option<u64>,
     /// Traffic and events around the failure.
@@ -140,12 +140,12 @@ impl Film {
         }
     }
 
-    /// When it ended, s.
+    /// Time at which it ended, s.
     pub(super) fn length(&self) -> f64 {
         self.wanted.ended_at.as_secs_f64()
     }
 
-    /// When it failed first, s.
+    /// Time at which it failed first, s.
     pub(super) fn failed_at(&self) -> Option<f64> {
         self.wanted.failed_at.map(SimTime::as_secs_f64)
     }
@@ -203,7 +203,8 @@ impl Film {
     }
 }
 
-/// Whether it makes a plot: places are on the map, and ages and counts tell nothing that others do not.
+/// Tells whether it makes a plot: places are on the map, and ages and counts tell nothing that
+/// others do not.
 fn is_shown(name: &str, unit: &str) -> bool {
     let counted = unit.is_empty() || unit == "s";
     !counted && !PLACE.iter().any(|end| name.ends_with(end))

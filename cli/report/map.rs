@@ -97,7 +97,7 @@ pub(super) fn map(film: &Film, label: &str) -> Markup {
     }
 }
 
-/// What the colours mean.
+/// Explains the colours.
 pub(super) fn legend(film: &Film) -> Markup {
     let view = View::of(film);
     let seen = film.features.iter().filter(|one| is_near(&view, one));
@@ -150,7 +150,7 @@ fn class(kind: FeatureKind) -> &'static str {
     }
 }
 
-/// Whether any of it can be seen.
+/// Tells whether any of it can be seen.
 fn is_near(view: &View, feature: &Feature) -> bool {
     let (points, reach) = match &feature.shape {
         FeatureShape::Rectangle(rectangle) => (rectangle.corners().to_vec(), 0.0),

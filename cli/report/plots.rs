@@ -14,8 +14,9 @@ const MOST_LINES: usize = 6;
 /// Most plots of a case.
 const MOST_PLOTS: usize = 40;
 
-/// The colours of lines, which the style sheet changes on dark ground. They can be told apart by people
-/// who see some colours alike (Okabe and Ito, "Color Universal Design", 2008), and are dark enough.
+/// The colours of lines, which the style sheet changes on dark ground. They can be told apart by
+/// people who see some colours alike (Okabe and Ito, "Color Universal Design", 2008), and are dark
+/// enough.
 const LINES: [RGBColor; MOST_LINES] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -70,7 +71,7 @@ pub(super) fn plots(film: &Film) -> anyhow::Result<Markup> {
     Ok(html! { div.plots { @for figure in drawn { (figure) } } })
 }
 
-/// Whether it shows anything.
+/// Tells whether it shows anything.
 fn changes(series: &Series) -> bool {
     let mut finite = series.values.iter().filter(|value| value.is_finite());
     let first = finite.next();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use rustix::fs::FlockOperation;
 
-use super::job::Job;
+use super::case::Case;
 
 /// How many runs of the same may go on at the same time.
 const MOST: u32 = 1000;
@@ -23,18 +23,18 @@ pub(crate) struct Folder {
 }
 
 impl Folder {
-    /// The folder for the ports of a job.
-    pub(crate) fn take(job: &Job<'_>) -> anyhow::Result<Self> {
+    /// The folder for the ports of a case.
+    pub(crate) fn take(case: &Case<'_>) -> anyhow::Result<Self> {
         let user = rustix::process::geteuid().as_raw();
         let all = std::env::temp_dir().join(format!("sim-{user}"));
         make(&all, user)
             .with_context(|| format!("cannot make the folder {} for the ports", all.display()))?;
         let mut name = std::hash::DefaultHasher::new();
-        name.write(job.name().as_bytes());
-        name.write_u64(job.seed);
+        name.write(case.name().as_bytes());
+        name.write_u64(case.seed);
         let name = format!(
             "{}-{:08x}",
-            job.loaded.stem().to_string_lossy(),
+            case.loaded.stem().to_string_lossy(),
             name.finish() & 0xFFFF_FFFF
         );
         for number in 1..=MOST {
@@ -48,7 +48,7 @@ impl Folder {
                 return Ok(folder);
             }
         }
-        anyhow::bail!("{MOST} runs of {} go on already", job.name())
+        anyhow::bail!("{MOST} runs of {} go on already", case.name())
     }
 
     /// That folder, unless another run has it.

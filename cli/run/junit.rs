@@ -15,22 +15,22 @@ use quick_junit::{NonSuccessKind, Property, Report, TestCase, TestCaseStatus, Te
 use crate::exit::Failure;
 use crate::{visible, whole_file};
 
-use super::job::{Job, JobResult, Played, Verdict};
+use super::case::{Case, CaseResult, Played, Verdict};
 use super::tell;
 
-/// How many times as long as the last writing took to play on before the next: with thousands of results
-/// the file is not written for each.
+/// How many times as long as the last writing took to play on before the next: with thousands of
+/// results the file is not written for each.
 const RARELY: u32 = 20;
 /// How much of a file that is there is looked at for results.
 const GLANCE: u64 = 4096;
 
-/// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a whole
-/// document.
+/// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a
+/// whole document.
 pub(crate) struct Junit {
     path: PathBuf,
     to: To,
     report: Report,
-    /// When it was written, and how long that took.
+    /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
     /// Something is known that is not written.
     is_behind: bool,
@@ -44,16 +44,16 @@ enum To {
 }
 
 impl Junit {
-    /// A file in which nothing is known of the jobs.
+    /// A file in which nothing is known of the cases.
     ///
     /// # Errors
     /// When it cannot be written, or something else is there that is no file of results.
-    pub(crate) fn begin(path: &Path, jobs: &[Job<'_>]) -> Result<Self, Failure> {
+    pub(crate) fn begin(path: &Path, cases: &[Case<'_>]) -> Result<Self, Failure> {
         let to = target(path)
             .with_context(|| format!("cannot write results to {}", visible::name(path)))
             .map_err(Failure::usage)?;
         let mut report = Report::new("sim");
-        report.test_suites = jobs.iter().map(|job| suite(job, None)).collect();
+        report.test_suites = cases.iter().map(|case| suite(case, None)).collect();
         let mut junit = Self {
             path: path.to_owned(),
             to,
@@ -67,14 +67,14 @@ impl Junit {
         Ok(junit)
     }
 
-    /// A job has a result.
+    /// A case has a result.
     pub(crate) fn known(
         &mut self,
         index: usize,
-        job: &Job<'_>,
-        result: &JobResult,
+        case: &Case<'_>,
+        result: &CaseResult,
     ) -> Result<(), Failure> {
-        self.report.test_suites[index] = suite(job, Some(result));
+        self.report.test_suites[index] = suite(case, Some(result));
         self.is_behind = true;
         self.catch_up()
     }
@@ -178,25 +178,25 @@ fn without_skipped_total(text: &str) -> String {
     }
 }
 
-/// Text as it may go into the document: shown as on a terminal, so that the library finds nothing to
-/// take out and XML nothing that it forbids.
+/// Text as it may go into the document: shown as on a terminal, so that the library finds nothing
+/// to take out and XML nothing that it forbids.
 fn text(text: &str) -> String {
     visible::lines(text).into_owned()
 }
 
-fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
-    let mut suite = TestSuite::new(job.name());
+fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
+    let mut suite = TestSuite::new(case.name());
     let mut properties = vec![
         ("sim.version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("sim.scenario", job.loaded.name()),
-        ("sim.seed", job.seed.to_string()),
-        ("sim.time", job.time_word().to_owned()),
-        ("sim.command", job.command()),
+        ("sim.scenario", case.loaded.name()),
+        ("sim.seed", case.seed.to_string()),
+        ("sim.time", case.time_word().to_owned()),
+        ("sim.command", case.command()),
     ];
-    if let Some(trace) = job.file("trace.jsonl") {
+    if let Some(trace) = case.file("trace.jsonl") {
         properties.push(("sim.trace", visible::name(&trace)));
     }
-    if let Some(JobResult::Played(played)) = result {
+    if let Some(CaseResult::Played(played)) = result {
         for what in played.client.iter().flat_map(|client| &client.outside) {
             properties.push(("sim.not_repeatable", what.clone()));
         }
@@ -212,44 +212,44 @@ fn suite(job: &Job<'_>, result: Option<&JobResult>) -> TestSuite {
     for (name, value) in properties {
         suite.add_property(Property::new(name, text(&value)));
     }
-    let case = case(job, result);
-    suite.set_time(case.time.unwrap_or_default());
-    suite.add_test_case(case);
+    let test = test_case(case, result);
+    suite.set_time(test.time.unwrap_or_default());
+    suite.add_test_case(test);
     suite
 }
 
-fn case(job: &Job<'_>, result: Option<&JobResult>) -> TestCase {
-    let title = visible::line(&job.loaded.scenario.title);
-    let mut case = TestCase::new(title, status(result));
+fn test_case(case: &Case<'_>, result: Option<&CaseResult>) -> TestCase {
+    let title = visible::line(&case.loaded.scenario.title);
+    let mut test = TestCase::new(title, status(result));
     // Shown as a tree by its dots.
-    let stem = visible::name(&job.loaded.stem());
-    case.set_classname(format!("sim.{}", stem.replace('.', "_")));
-    case.set_time(Duration::ZERO);
-    if let Some(JobResult::Played(played)) = result {
-        case.set_time(played.took);
+    let stem = visible::name(&case.loaded.stem());
+    test.set_classname(format!("sim.{}", stem.replace('.', "_")));
+    test.set_time(Duration::ZERO);
+    if let Some(CaseResult::Played(played)) = result {
+        test.set_time(played.took);
         if let Some(client) = &played.client {
-            case.set_system_out(text(&client.output));
+            test.set_system_out(text(&client.output));
         }
         if !played.outcome.passed {
-            case.set_system_err(text(&played.outcome.traffic.join("\n")));
+            test.set_system_err(text(&played.outcome.traffic.join("\n")));
         }
     }
-    case
+    test
 }
 
-fn status(result: Option<&JobResult>) -> TestCaseStatus {
+fn status(result: Option<&CaseResult>) -> TestCaseStatus {
     match result {
-        Some(JobResult::Played(played)) => match played.verdict() {
+        Some(CaseResult::Played(played)) => match played.verdict() {
             Verdict::Passed => TestCaseStatus::success(),
             Verdict::Failed => failed(played, NonSuccessKind::Failure, "scenario"),
             Verdict::Spoilt => failed(played, NonSuccessKind::Error, "machine"),
         },
-        Some(JobResult::Broken(why)) => {
+        Some(CaseResult::Broken(why)) => {
             let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
             status.set_message(text(why)).set_type("simulator");
             status
         }
-        Some(JobResult::BrokenOff) => {
+        Some(CaseResult::BrokenOff) => {
             let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
             let why = "a signal ended the run while this was being played";
             status.set_message(why).set_type("broken off");

@@ -23,7 +23,7 @@ use sim_embed::ports::{Elsewhere, ShownPort, open_all, variable};
 use sim_embed::serve::{Attendant, Begin, Ended, Server};
 use sim_pty::PtySetup;
 
-use super::job::{Job, JobResult, Played, PlayedClient};
+use super::case::{Case, CaseResult, Played, PlayedClient};
 use super::trace_file::TraceFile;
 
 /// Simulated time between looks at the ports, once the client has ended.
@@ -43,15 +43,15 @@ pub(crate) fn over_time(allowed: Duration) -> String {
 }
 
 /// Plays it. The client ends before this returns, whatever happens.
-pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     let begun = Instant::now();
     // Before anything is opened, so that a signal at any time leaves nothing behind.
     let mut waiter = Waiter::new().map_err(Failure::system)?;
     waiter.catch_signals().map_err(Failure::system)?;
     if stop.load(Ordering::Relaxed) {
-        return Ok(JobResult::BrokenOff);
+        return Ok(CaseResult::BrokenOff);
     }
-    let (run, trace) = job.begin()?;
+    let (run, trace) = case.begin()?;
     let links = tempfile::Builder::new()
         .prefix("sim-")
         .tempdir()
@@ -59,22 +59,22 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         .map_err(Failure::system)?;
     let elsewhere = Elsewhere::In(links.path());
     let ports = open_all(
-        &job.loaded.scenario,
-        &job.loaded.folder(),
+        &case.loaded.scenario,
+        &case.loaded.folder(),
         None,
         &elsewhere,
         PtySetup::raw(0),
     )
     .map_err(Failure::system)?;
     let paths = ports.iter().map(|served| (served.id, served.path.clone()));
-    let mut environment = environment(job, paths)?;
+    let mut environment = environment(case, paths)?;
     let shown = || {
         ports
             .iter()
-            .map(|port| ShownPort::new(port, &job.loaded.scenario.rig))
+            .map(|port| ShownPort::new(port, &case.loaded.scenario.rig))
     };
-    let desk = job.desk(&run, || shown().collect(), &mut environment)?;
-    let log = job.file("client.log").map(|path| {
+    let desk = case.desk(&run, || shown().collect(), &mut environment)?;
+    let log = case.file("client.log").map(|path| {
         File::create(&path).with_context(|| {
             format!(
                 "cannot write the client's output to {}",
@@ -83,15 +83,15 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         })
     });
     let log = log.transpose().map_err(Failure::system)?;
-    let when = (Begin::WithClient, job.speed);
+    let when = (Begin::WithClient, case.speed);
     let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
     let client =
-        Client::start(job.client, &environment, links.path(), log).map_err(Failure::system)?;
+        Client::start(case.client, &environment, links.path(), log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
     if let Some(desk) = &desk {
         server.wake_from(desk.wakes()).map_err(Failure::system)?;
     }
-    server.stop_after(job.allowed);
+    server.stop_after(case.allowed);
     let mut play = LivePlay {
         server,
         client,
@@ -99,11 +99,11 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         desk,
         begun,
     };
-    let played = play.play(job, stop).map_err(Failure::system)?;
+    let played = play.play(case, stop).map_err(Failure::system)?;
     if let Some(client) = &played
         && let ClientEnd::NotStarted(why) = &client.end
     {
-        let shown = visible::name(&job.client[0]);
+        let shown = visible::name(&case.client[0]);
         return Err(Failure::usage(anyhow!(
             "cannot start the client {shown}: {why}"
         )));
@@ -115,32 +115,32 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     let passed = outcome.passed;
     let held_up = play.server.held_up();
     Ok(match played {
-        None => JobResult::BrokenOff,
-        Some(client) => JobResult::Played(Box::new(Played {
+        None => CaseResult::BrokenOff,
+        Some(client) => CaseResult::Played(Box::new(Played {
             outcome,
             client: Some(client),
             took: begun.elapsed(),
             held_up: Some(held_up),
-            is_spoilt: !passed && held_up.total > job.most_held_up,
+            is_spoilt: !passed && held_up.total > case.most_held_up,
         })),
     })
 }
 
 /// The reason of a scenario whose client has opened no port.
-pub(crate) fn no_port_opened(job: &Job<'_>) -> String {
-    let variables = super::tell::variables(&job.loaded.scenario).join(", ");
+pub(crate) fn no_port_opened(case: &Case<'_>) -> String {
+    let variables = super::tell::variables(&case.loaded.scenario).join(", ");
     format!(
         "the client ended without having opened a port; it finds the paths of all in its environment: \
          {variables}"
     )
 }
 
-/// What the client finds in its environment.
+/// Environment of the client.
 pub(crate) fn environment(
-    job: &Job<'_>,
+    case: &Case<'_>,
     ports: impl Iterator<Item = (PortId, PathBuf)>,
 ) -> Result<Vec<(String, OsString)>, Failure> {
-    let plan = &job.loaded.scenario.rig;
+    let plan = &case.loaded.scenario.rig;
     let mut environment: Vec<(String, OsString)> = Vec::new();
     for (id, path) in ports {
         let device = &plan.devices[id.device];
@@ -151,15 +151,15 @@ pub(crate) fn environment(
             return Err(Failure::usage(anyhow!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
                  differ in more than -, _ and the case of letters",
-                visible::name(&job.loaded.path)
+                visible::name(&case.loaded.path)
             )));
         }
         environment.push((variable, absolute(&path)?.into()));
     }
-    environment.push(("SIM_SEED".to_owned(), job.seed.to_string().into()));
+    environment.push(("SIM_SEED".to_owned(), case.seed.to_string().into()));
     environment.push((
         "SIM_SCENARIO".to_owned(),
-        absolute(&job.loaded.path)?.into(),
+        absolute(&case.loaded.path)?.into(),
     ));
     Ok(environment)
 }
@@ -175,7 +175,7 @@ struct LivePlay {
 impl LivePlay {
     /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
     /// ended then.
-    fn play(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
+    fn play(&mut self, case: &Case<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
         let ended = self.server.attended(&mut Looking {
             trace: &mut self.trace,
             desk: self.desk.as_mut(),
@@ -191,16 +191,16 @@ impl LivePlay {
         match ended {
             Ended::Signal => return Ok(self.broken_off()),
             Ended::Over => {}
-            Ended::Timeout => self.fail(over_time(job.allowed)),
+            Ended::Timeout => self.fail(over_time(case.allowed)),
             Ended::Watched if end != ClientEnd::Exited(0) => {
                 self.server.take_the_rest()?;
                 self.fail(format!("the client {end}"));
             }
             Ended::Watched if !self.server.has_begun() => {
-                self.fail(no_port_opened(job));
+                self.fail(no_port_opened(case));
             }
             Ended::Watched => {
-                if !self.play_the_rest(job, stop)? {
+                if !self.play_the_rest(case, stop)? {
                     return Ok(self.broken_off());
                 }
             }
@@ -216,7 +216,7 @@ impl LivePlay {
 
     /// The client has done its work and left. What it had still sent is on its way, and the rest of
     /// the scenario shows what becomes of the vehicle. `false` if a signal came first.
-    fn play_the_rest(&mut self, job: &Job<'_>, stop: &AtomicBool) -> anyhow::Result<bool> {
+    fn play_the_rest(&mut self, case: &Case<'_>, stop: &AtomicBool) -> anyhow::Result<bool> {
         let mut gone = false;
         while self.server.run().finished().is_none() {
             gone = gone || self.server.take_the_rest()?;
@@ -225,8 +225,8 @@ impl LivePlay {
                 if stop.load(Ordering::Relaxed) {
                     return Ok(false);
                 }
-                if self.begun.elapsed() > job.allowed {
-                    self.fail(over_time(job.allowed));
+                if self.begun.elapsed() > case.allowed {
+                    self.fail(over_time(case.allowed));
                     return Ok(true);
                 }
                 let run = self.server.run_mut();

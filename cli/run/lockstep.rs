@@ -24,8 +24,8 @@ use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::visible;
 
+use super::case::{Case, CaseResult, Played, PlayedClient};
 use super::folder::Folder;
-use super::job::{Job, JobResult, Played, PlayedClient};
 use super::live::{no_port_opened, over_time, take};
 use super::trace_file::TraceFile;
 
@@ -39,37 +39,37 @@ const MOST_FILED: u64 = 1 << 26;
 const SLICE: Duration = Duration::from_millis(500);
 
 /// Plays it. The client ends before this returns, whatever happens.
-pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     let begun = Instant::now();
     if stop.load(Ordering::Relaxed) {
-        return Ok(JobResult::BrokenOff);
+        return Ok(CaseResult::BrokenOff);
     }
-    let (mut run, trace) = job.begin()?;
+    let (mut run, trace) = case.begin()?;
     run.follow_bytes();
-    let folder = Folder::take(job).map_err(Failure::system)?;
-    let (ids, mut ports) = open_ports(job, &folder)?;
+    let folder = Folder::take(case).map_err(Failure::system)?;
+    let (ids, mut ports) = open_ports(case, &folder)?;
     let paths = ids.iter().zip(&ports);
     let paths = paths.map(|(id, port)| (*id, port.path().to_owned()));
-    let mut environment = super::live::environment(job, paths)?;
-    let plan = &job.loaded.scenario.rig;
+    let mut environment = super::live::environment(case, paths)?;
+    let plan = &case.loaded.scenario.rig;
     let shown = || {
         let ports = ids.iter().zip(&ports);
         ports.map(|(id, port)| ShownPort::at(*id, port.path(), plan))
     };
-    let desk = job.desk(&run, || shown().collect(), &mut environment)?;
-    let mut output = open_output(job).map_err(Failure::system)?;
+    let desk = case.desk(&run, || shown().collect(), &mut environment)?;
+    let mut output = open_output(case).map_err(Failure::system)?;
     let program = Program {
-        words: job.client,
+        words: case.client,
         environment: &environment,
         output: output
             .try_clone()
             .context("cannot share the client's output")
             .map_err(Failure::system)?,
     };
-    let until = begun.checked_add(job.allowed);
+    let until = begun.checked_add(case.allowed);
     let options = Options {
-        seed: job.random_from_seed.then_some(job.seed),
-        date: job.date,
+        seed: case.random_from_seed.then_some(case.seed),
+        date: case.date,
         until,
         stop,
     };
@@ -80,22 +80,22 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
         ids,
         begun_at: None,
         wants_room: false,
-        patience: nanoseconds(job.allowed),
+        patience: nanoseconds(case.allowed),
         output: output.try_clone().ok(),
     };
     let ending = sim_lockstep::run(program, &options, &mut ports, &mut stage);
-    let ending = ending.map_err(|error| failure(job, error))?;
+    let ending = ending.map_err(|error| failure(case, error))?;
     // Nobody is left to be answered.
     stage.desk = None;
-    let broken_off = !stage.conclude(job, &ending, begun, stop)?;
+    let broken_off = !stage.conclude(case, &ending, begun, stop)?;
     // The trace has its end in any case, so that it can be played again.
     let outcome = stage.run.end().clone();
     take(&mut stage.run, &mut stage.trace);
     stage.trace.map_or(Ok(()), TraceFile::finish)?;
     if broken_off {
-        return Ok(JobResult::BrokenOff);
+        return Ok(CaseResult::BrokenOff);
     }
-    Ok(JobResult::Played(Box::new(Played {
+    Ok(CaseResult::Played(Box::new(Played {
         outcome,
         client: Some(PlayedClient {
             end: client_end(ending.end),
@@ -118,8 +118,8 @@ fn client_end(end: End) -> ClientEnd {
     }
 }
 
-fn failure(job: &Job<'_>, error: Error) -> Failure {
-    let client = job.client.first().map(|name| name.display().to_string());
+fn failure(case: &Case<'_>, error: Error) -> Failure {
+    let client = case.client.first().map(|name| name.display().to_string());
     let client = client.unwrap_or_default();
     match error {
         Error::NotStarted(why) => {
@@ -136,10 +136,10 @@ fn failure(job: &Job<'_>, error: Error) -> Failure {
 }
 
 /// A port for each link of each device, in the folder or where the rig has it.
-fn open_ports(job: &Job<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>), Failure> {
+fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>), Failure> {
     let mut ids = Vec::new();
     let mut ports = Vec::new();
-    let scenario = &job.loaded.scenario;
+    let scenario = &case.loaded.scenario;
     let devices = scenario.rig.devices.iter().enumerate();
     for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
         for link in planned.links() {
@@ -151,7 +151,7 @@ fn open_ports(job: &Job<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>)
                         visible::name(path)
                     )));
                 }
-                Some(path) => job.loaded.folder().join(path),
+                Some(path) => case.loaded.folder().join(path),
                 None => folder
                     .path()
                     .join(link_name(&planned.name, link.index, link.name)),
@@ -177,8 +177,8 @@ fn link_name(device: &str, index: usize, link: &str) -> PathBuf {
 
 /// Where the client writes: a file, which takes everything at once. A reader of a pipe would be one
 /// more whose pace shows.
-fn open_output(job: &Job<'_>) -> anyhow::Result<File> {
-    let Some(path) = job.file("client.log") else {
+fn open_output(case: &Case<'_>) -> anyhow::Result<File> {
+    let Some(path) = case.file("client.log") else {
         return tempfile::tempfile().context("cannot make a file for the client's output");
     };
     File::create(&path)
@@ -293,7 +293,7 @@ impl Stage {
     /// came first.
     fn conclude(
         &mut self,
-        job: &Job<'_>,
+        case: &Case<'_>,
         ending: &Ending,
         begun: Instant,
         stop: &AtomicBool,
@@ -305,12 +305,12 @@ impl Stage {
             }
             Reason::Over => {}
             Reason::OutOfTime(doing) => {
-                let why = over_time(job.allowed);
+                let why = over_time(case.allowed);
                 self.run.fail(format!("{why}; {doing}"));
             }
             Reason::Deadlock(waits) if self.begun_at.is_none() => self.run.fail(format!(
                 "the client has opened no port within {} of its own time: {waits}",
-                show_duration(job.allowed)
+                show_duration(case.allowed)
             )),
             Reason::Deadlock(waits) => self
                 .run
@@ -320,9 +320,9 @@ impl Stage {
                     .fail(format!("the client {}", client_end(ending.end)));
             }
             Reason::Itself if self.begun_at.is_none() => {
-                self.run.fail(no_port_opened(job));
+                self.run.fail(no_port_opened(case));
             }
-            Reason::Itself => return self.play_the_rest(job, begun, stop),
+            Reason::Itself => return self.play_the_rest(case, begun, stop),
         }
         Ok(true)
     }
@@ -331,7 +331,7 @@ impl Stage {
     /// vehicle.
     fn play_the_rest(
         &mut self,
-        job: &Job<'_>,
+        case: &Case<'_>,
         begun: Instant,
         stop: &AtomicBool,
     ) -> Result<bool, Failure> {
@@ -342,8 +342,8 @@ impl Stage {
                     self.run.fail("a signal ended it".to_owned());
                     return Ok(false);
                 }
-                if begun.elapsed() > job.allowed {
-                    self.run.fail(over_time(job.allowed));
+                if begun.elapsed() > case.allowed {
+                    self.run.fail(over_time(case.allowed));
                     return Ok(true);
                 }
                 let more = self.run.step(to).map_err(Failure::system)?;

@@ -1,6 +1,7 @@
 //! Playing several scenarios at a time.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -14,7 +15,7 @@ use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::complain;
 
-use super::job::{Job, JobResult, Verdict};
+use super::case::{Case, CaseResult, Verdict};
 use super::{live, lockstep, report, scripted, twice};
 
 /// How long everything may take to end after a second signal.
@@ -25,26 +26,27 @@ const GLANCE: Duration = Duration::from_millis(50);
 
 /// Whoever wants to know of results. An error of theirs ends nothing; the first is told at the end.
 pub(crate) trait Audience {
-    /// A job has a result; they come as they come.
-    fn known(&mut self, index: usize, result: &JobResult) -> Result<(), Failure>;
-    /// The same in the order of the jobs.
-    fn told(&mut self, index: usize, result: &JobResult) -> Result<(), Failure>;
+    /// A case has a result; they come as they come.
+    fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure>;
+    /// The same in the order of the cases.
+    fn told(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure>;
     /// Nothing has come for a moment.
     fn idle(&mut self) -> Result<(), Failure>;
 }
 
-/// Plays all. What was not played, since another failed or a signal came, has no result. An error that
-/// concerns all comes beside.
+/// Plays all, and keeps nothing of what has been told. What was not played, since another failed or a
+/// signal came, has no result. An error that concerns all is returned.
 pub(crate) fn play_all(
     args: &RunArgs,
-    jobs: &[Job<'_>],
+    cases: &[Case<'_>],
     audience: &mut dyn Audience,
-) -> Result<(Vec<Option<JobResult>>, Option<Failure>), Failure> {
+) -> Result<Option<Failure>, Failure> {
     let stop = broken_off_by_signals()?;
     let next = AtomicUsize::new(0);
     let enough = AtomicBool::new(false);
     let (sender, receiver) = crossbeam_channel::unbounded();
-    let mut results: Vec<Option<JobResult>> = jobs.iter().map(|_| None).collect();
+    // Those that wait to be told until the ones before them have been.
+    let mut early = BTreeMap::new();
     let mut wrong = None;
     std::thread::scope(|scope| {
         let work = || {
@@ -52,10 +54,10 @@ pub(crate) fn play_all(
             move || {
                 while !enough.load(Ordering::Relaxed) && !stop.load(Ordering::Relaxed) {
                     let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(job) = jobs.get(index) else { return };
-                    let result = play(job, stop);
+                    let Some(case) = cases.get(index) else { return };
+                    let result = play(case, stop);
                     let is_usage = matches!(&result, Err(failure) if failure.exit == Exit::Usage);
-                    let passed = result.as_ref().is_ok_and(JobResult::passed);
+                    let passed = result.as_ref().is_ok_and(CaseResult::passed);
                     if is_usage || args.fail_fast && !passed {
                         enough.store(true, Ordering::Relaxed);
                     }
@@ -65,7 +67,7 @@ pub(crate) fn play_all(
                 }
             }
         };
-        let wanted = threads(args, jobs.len());
+        let wanted = threads(args, cases.len());
         for started in 0..wanted {
             let thread = std::thread::Builder::new().name(format!("player {started}"));
             if let Err(error) = thread.spawn_scoped(scope, work()) {
@@ -104,35 +106,33 @@ pub(crate) fn play_all(
                 if failure.exit == Exit::Usage {
                     note(Err(failure));
                 }
-                JobResult::Broken(why)
+                CaseResult::Broken(why)
             });
             note(audience.known(index, &result));
-            results[index] = Some(result);
-            while let Some(Some(result)) = results.get(told) {
-                note(audience.told(told, result));
+            early.insert(index, result);
+            while let Some(result) = early.remove(&told) {
+                note(audience.told(told, &result));
                 told += 1;
             }
         }
         // After a gap that was never played.
-        for (index, result) in results.iter().enumerate().skip(told) {
-            if let Some(result) = result {
-                note(audience.told(index, result));
-            }
+        for (index, result) in early {
+            note(audience.told(index, &result));
         }
     });
-    Ok((results, wrong))
+    Ok(wrong)
 }
 
 /// How many to play at a time.
-fn threads(args: &RunArgs, jobs: usize) -> usize {
-    let asked = args.jobs.and_then(|jobs| usize::try_from(jobs).ok());
+fn threads(args: &RunArgs, cases: usize) -> usize {
+    let asked = args.jobs.and_then(|most| usize::try_from(most).ok());
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     // In real time one client must not make another late.
     let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
     // So is a port that all of them would have to have at the same time.
     let shares = args.control.is_some_and(|listen| listen.is_fixed());
     let usual = if is_real || shares { 1 } else { cores() };
-    asked.unwrap_or(usual).min(jobs)
+    asked.unwrap_or(usual).min(cases)
 }
 
 /// Becomes true when a signal asks for the end.
@@ -160,33 +160,33 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
 
 /// Plays one, and writes its report. Whatever goes wrong is its own failure, a panic included; the
 /// others go on.
-fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     catch_unwind(AssertUnwindSafe(|| {
-        let mut result = play_once(job, stop)?;
-        if matches!(&result, JobResult::Played(played) if played.verdict() == Verdict::Spoilt) {
-            result = play_once(job, stop)?;
+        let mut result = play_once(case, stop)?;
+        if matches!(&result, CaseResult::Played(played) if played.verdict() == Verdict::Spoilt) {
+            result = play_once(case, stop)?;
         }
-        if let JobResult::Played(played) = &result {
-            report::write(job, played)?;
-            job.show(played)?;
+        if let CaseResult::Played(played) = &result {
+            report::write(case, played)?;
+            case.show(played)?;
         }
         Ok(result)
     }))
     .unwrap_or_else(|panic| {
         let why = format!("the simulator panicked: {}", text(&*panic));
-        Ok(JobResult::Broken(why))
+        Ok(CaseResult::Broken(why))
     })
 }
 
-fn play_once(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
-    if job.twice {
-        twice::play(job, stop)
-    } else if job.is_lockstep() {
-        lockstep::play(job, stop)
-    } else if job.is_live() {
-        live::play(job, stop)
+fn play_once(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
+    if case.twice {
+        twice::play(case, stop)
+    } else if case.is_lockstep() {
+        lockstep::play(case, stop)
+    } else if case.is_live() {
+        live::play(case, stop)
     } else {
-        scripted::play(job, stop)
+        scripted::play(case, stop)
     }
 }
 

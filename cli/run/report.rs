@@ -7,29 +7,29 @@ use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::{visible, whole_file};
 
-use super::job::{Job, Played};
+use super::case::{Case, Played};
 use super::tell::{machines_part_json, outcome_json};
 
 /// Writes it beside the trace, if anything is to be written.
-pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
-    let Some(path) = job.file("report.json") else {
+pub(crate) fn write(case: &Case<'_>, played: &Played) -> Result<(), Failure> {
+    let Some(path) = case.file("report.json") else {
         return Ok(());
     };
     let mut report = outcome_json(&played.outcome);
-    report["scenario"] = json!(visible::path_value(&job.loaded.path));
-    let case = job.loaded.case.iter();
-    report["parameters"] = case
+    report["scenario"] = json!(visible::path_value(&case.loaded.path));
+    let given = case.loaded.parameters.iter();
+    report["parameters"] = given
         .map(|(name, value)| (name.clone(), json!(value)))
         .collect();
     report["version"] = json!(env!("CARGO_PKG_VERSION"));
     report["took_s"] = json!(played.took.as_secs_f64());
-    report["time"] = json!(job.time_word());
-    report["command"] = json!(job.command());
+    report["time"] = json!(case.time_word());
+    report["command"] = json!(case.command());
     report["trace"] = json!(
-        job.file("trace.jsonl")
+        case.file("trace.jsonl")
             .map(|path| visible::path_value(&path))
     );
-    report["client"] = client(job, played);
+    report["client"] = client(case, played);
     report["held_up"] = machines_part_json(played.held_up);
     report["spoilt"] = json!(played.is_spoilt);
     let devices: Vec<Value> = played
@@ -52,7 +52,7 @@ pub(crate) fn write(job: &Job<'_>, played: &Played) -> Result<(), Failure> {
         .map_err(Failure::system)
 }
 
-fn client(job: &Job<'_>, played: &Played) -> Value {
+fn client(case: &Case<'_>, played: &Played) -> Value {
     let Some(client) = &played.client else {
         return Value::Null;
     };
@@ -65,7 +65,7 @@ fn client(job: &Job<'_>, played: &Played) -> Value {
         "exit_code": exit_code,
         "signal": signal,
         "stopped": client.stopped,
-        "output": job.file("client.log").map(|path| visible::path_value(&path)),
+        "output": case.file("client.log").map(|path| visible::path_value(&path)),
         "outside": client.outside,
         "refused": client.refused,
     })

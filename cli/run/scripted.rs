@@ -7,12 +7,12 @@ use sim_core::SimTime;
 
 use crate::exit::Failure;
 
-use super::job::{Job, JobResult, Played};
+use super::case::{Case, CaseResult, Played};
 
 /// Plays it as fast as the machine goes.
-pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     let begun = Instant::now();
-    let (mut run, mut trace) = job.begin()?;
+    let (mut run, mut trace) = case.begin()?;
     let mut broken_off = false;
     while run.finished().is_none() {
         broken_off = stop.load(Ordering::Relaxed);
@@ -20,8 +20,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
             run.fail("a signal ended it".to_owned());
             break;
         }
-        if begun.elapsed() > job.allowed {
-            run.fail(super::live::over_time(job.allowed));
+        if begun.elapsed() > case.allowed {
+            run.fail(super::live::over_time(case.allowed));
             break;
         }
         // One instant at a time, since a file may have any number of them.
@@ -32,9 +32,9 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     super::live::take(&mut run, &mut trace);
     trace.map_or(Ok(()), super::trace_file::TraceFile::finish)?;
     if broken_off {
-        return Ok(JobResult::BrokenOff);
+        return Ok(CaseResult::BrokenOff);
     }
-    Ok(JobResult::Played(Box::new(Played {
+    Ok(CaseResult::Played(Box::new(Played {
         outcome,
         client: None,
         took: begun.elapsed(),

@@ -13,7 +13,7 @@ use crate::scenario_files::Loaded;
 use crate::visible;
 use sim_embed::ports;
 
-use super::job::{Job, JobResult, Played, Verdict};
+use super::case::{Case, CaseResult, Played, Verdict};
 
 /// How many of the last lines of traffic are shown of a scenario that failed.
 const TRAFFIC: usize = 12;
@@ -33,26 +33,26 @@ pub(crate) fn listed(loaded: &Loaded) -> String {
 }
 
 /// What would be played.
-pub(crate) fn planned(job: &Job<'_>) -> String {
-    let scenario = &job.loaded.scenario;
+pub(crate) fn planned(case: &Case<'_>) -> String {
+    let scenario = &case.loaded.scenario;
     let mut text = format!(
         "{}: {}\n  seed {}, {} simulated, {} time",
-        job.name(),
+        case.name(),
         visible::line(&scenario.title),
-        job.seed,
+        case.seed,
         show_duration(scenario.limit),
-        job.time_word()
+        case.time_word()
     );
     for (index, device) in scenario.rig.devices.iter().enumerate() {
         let _ = write!(text, "\n  device {} ({})", device.name, device.device.id);
         if scenario.is_scripted(index) {
             text += ", scripted";
-        } else if job.is_live() {
+        } else if case.is_live() {
             let variables = variables_of(device);
             let _ = write!(text, ", served at ${}", variables.join(" and $"));
         }
     }
-    let _ = write!(text, "\n  {}", job.command());
+    let _ = write!(text, "\n  {}", case.command());
     text
 }
 
@@ -70,17 +70,17 @@ pub(crate) fn variables(scenario: &Scenario) -> Vec<String> {
     live.flat_map(|(_, device)| variables_of(device)).collect()
 }
 
-/// What came of a job, in full if it failed.
-pub(crate) fn told(args: &RunArgs, job: &Job<'_>, result: &JobResult) -> String {
-    let name = job.name();
+/// What came of a case, in full if it failed.
+pub(crate) fn told(args: &RunArgs, case: &Case<'_>, result: &CaseResult) -> String {
+    let name = case.name();
     match result {
-        JobResult::Played(played) => told_played(args, job, played),
-        JobResult::BrokenOff => format!("broken off  {name}"),
-        JobResult::Broken(why) => format!("BROKEN  {name}: {}", visible::line(why)),
+        CaseResult::Played(played) => told_played(args, case, played),
+        CaseResult::BrokenOff => format!("broken off  {name}"),
+        CaseResult::Broken(why) => format!("BROKEN  {name}: {}", visible::line(why)),
     }
 }
 
-fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
+fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
     let outcome = &played.outcome;
     let word = match played.verdict() {
         Verdict::Passed => "ok    ",
@@ -89,16 +89,16 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
     };
     let mut text = format!(
         "{word}  {}: {} ({:.1} s simulated",
-        job.name(),
+        case.name(),
         visible::line(&outcome.title),
         outcome.ended_at.as_secs_f64()
     );
-    if job.is_live() {
+    if case.is_live() {
         let _ = write!(
             text,
             " in {:.1} s, {} time",
             played.took.as_secs_f64(),
-            job.time_word()
+            case.time_word()
         );
     }
     text += ")";
@@ -114,8 +114,17 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
     for what in played.client.iter().flat_map(|client| &client.refused) {
         let _ = write!(text, "\n  refused: {what}");
     }
+    for device in &outcome.devices {
+        for (code, tally) in device.report.damage() {
+            let _ = write!(
+                text,
+                "\n  damage: {}: {code} {}x, first at {} s: {}",
+                device.name, tally.count, tally.first_at, tally.first
+            );
+        }
+    }
     // What a scripted client does wrong, it was told to do.
-    if job.is_live() || !outcome.passed {
+    if case.is_live() || !outcome.passed {
         for line in client_report(outcome) {
             let _ = write!(text, "\n  client report: {}", visible::line(&line));
         }
@@ -151,10 +160,10 @@ fn told_played(args: &RunArgs, job: &Job<'_>, played: &Played) -> String {
             let _ = write!(text, "\n    {line}");
         }
     }
-    if let Some(trace) = job.file("trace.jsonl") {
+    if let Some(trace) = case.file("trace.jsonl") {
         let _ = write!(text, "\n  trace: {}", visible::name(&trace));
     }
-    let _ = write!(text, "\n  again: {}", job.command());
+    let _ = write!(text, "\n  again: {}", case.command());
     text
 }
 

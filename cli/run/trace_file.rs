@@ -1,4 +1,4 @@
-//! Where a trace is written.
+//! Place of a trace.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};

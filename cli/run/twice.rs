@@ -8,39 +8,39 @@ use anyhow::Context as _;
 
 use crate::exit::Failure;
 
-use super::job::{Job, JobResult};
+use super::case::{Case, CaseResult};
 use super::{lockstep, tell};
 
 /// What is compared: the ends of the files' names, and what is in them.
 const COMPARED: [(&str, &str); 2] = [("trace.jsonl", "trace"), ("client.log", "client's output")];
 
 /// Plays it two times; a difference fails it. The files that stay are those of the second.
-pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failure> {
+pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     let scratch = tempfile::tempdir()
         .context("cannot make a folder for the traces")
         .map_err(Failure::system)?;
-    let asked = job;
-    let mut job = asked.clone();
-    if job.output.is_none() {
-        job.output = Some(scratch.path());
+    let asked = case;
+    let mut case = asked.clone();
+    if case.output.is_none() {
+        case.output = Some(scratch.path());
     }
-    let first = lockstep::play(&job, stop)?;
-    if !matches!(first, JobResult::Played(_)) {
+    let first = lockstep::play(&case, stop)?;
+    if !matches!(first, CaseResult::Played(_)) {
         return Ok(first);
     }
-    let before = COMPARED.map(|(end, _)| contents(&job, end));
-    let mut second = lockstep::play(&job, stop)?;
-    let JobResult::Played(played) = &mut second else {
+    let before = COMPARED.map(|(end, _)| contents(&case, end));
+    let mut second = lockstep::play(&case, stop)?;
+    let CaseResult::Played(played) = &mut second else {
         return Ok(second);
     };
-    if let (Some(from), Some(to)) = (job.recording(), asked.recording())
+    if let (Some(from), Some(to)) = (case.recording(), asked.recording())
         && from != to
     {
         let copied = fs::copy(&from, &to).context("cannot keep the trace");
         copied.map_err(Failure::system)?;
     }
     for ((end, what), before) in COMPARED.into_iter().zip(before) {
-        let (before, after) = (before?, contents(&job, end)?);
+        let (before, after) = (before?, contents(&case, end)?);
         if let Some(difference) = difference(what, &before, &after) {
             played.outcome.fail(difference);
             break;
@@ -49,8 +49,8 @@ pub(crate) fn play(job: &Job<'_>, stop: &AtomicBool) -> Result<JobResult, Failur
     Ok(second)
 }
 
-fn contents(job: &Job<'_>, end: &str) -> Result<Vec<u8>, Failure> {
-    let path = job.file(end).unwrap_or_default();
+fn contents(case: &Case<'_>, end: &str) -> Result<Vec<u8>, Failure> {
+    let path = case.file(end).unwrap_or_default();
     read(&path).map_err(Failure::system)
 }
 

@@ -1,4 +1,4 @@
-//! Where two recordings part.
+//! Place where two recordings part.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};

@@ -23,7 +23,7 @@ pub(super) struct Printer {
     format: LogFormat,
     out: BufWriter<anstream::Stdout>,
     written: io::Result<()>,
-    /// What the recording tells of times to which the second run has not come.
+    /// Events of the recording at times to which the second run has not come.
     told: VecDeque<(SimTime, String)>,
     now: SimTime,
 }

@@ -139,6 +139,8 @@ def prepare(link):
 class Drive:
     """What is known while driving."""
 
+    right = left = DUTY
+
     def __init__(self, link):
         self.link = link
         self.resume()
@@ -153,7 +155,7 @@ class Drive:
     def tick(self):
         """Drives for a tenth of a second, by the clock and not by the replies."""
         begun = time.monotonic()
-        self.link.send(SET_MOTORS, struct.pack("<hh", DUTY, DUTY))
+        self.link.send(SET_MOTORS, struct.pack("<hh", self.right, self.left))
         if begun - self.informed > 0.3:
             self.link.send(SYSTEM_INFO)
         for command, reply in self.link.frames(begun + TICK_S):
@@ -167,13 +169,21 @@ class Drive:
         self.driven += TICK_S
 
     def look_at_motors(self, right, left, charge):
-        now, wanted = time.monotonic(), DUTY * RPM_PER_DUTY
+        now = time.monotonic()
+        self.moved(right, left)
         if charge < 100:
             raise Trouble(f"the charge is down to {charge / 10} %")
-        if all(abs(rpm - wanted) < 0.4 * wanted for rpm in (right, left)):
+        wanted = [duty * RPM_PER_DUTY for duty in (self.right, self.left)]
+        if all(abs(rpm - own) < 0.4 * abs(own) for rpm, own in zip((right, left), wanted)):
             self.speeds_right = max(self.speeds_right, now)
         elif now - self.speeds_right > 1.0:
-            raise Trouble(f"asked for {wanted:.0f} rpm, got right {right}, left {left}")
+            raise Trouble(f"asked for {wanted} rpm, got right {right}, left {left}")
+
+    def moved(self, right, left):
+        """For whoever counts how far it has come."""
+
+    def is_done(self):
+        return self.driven >= DRIVE_S
 
     def is_deaf(self):
         now = time.monotonic()
@@ -184,19 +194,22 @@ class Drive:
         for _ in range(50):
             self.link.send(SET_MOTORS, struct.pack("<hh", 0, 0))
             for command, reply in self.link.frames(time.monotonic() + TICK_S):
-                if command == SET_MOTORS and struct.unpack_from("<hh", reply) == (0, 0):
-                    return
+                if command == SET_MOTORS:
+                    speeds = struct.unpack_from("<hh", reply)
+                    self.moved(*speeds)
+                    if speeds == (0, 0):
+                        return
         print("the vehicle does not say that it stands")
 
 
-def main():
+def main(kind=Drive):
     path = sys.argv[1] if len(sys.argv) > 1 else os.environ["SIM_R150_PORT"]
     link = Link(path)
-    drive = Drive(link)
+    drive = kind(link)
     try:
         prepare(link)
         drive.resume()
-        while drive.driven < DRIVE_S:
+        while not drive.is_done():
             drive.tick()
             if drive.is_deaf():
                 print("nothing to be heard: stop, and look how things stand")
@@ -213,4 +226,5 @@ def main():
     drive.stop()
 
 
-main()
+if __name__ == "__main__":
+    main()

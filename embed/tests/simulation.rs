@@ -136,6 +136,56 @@ fn a_scenario_judges_a_client_in_simulated_time() {
 }
 
 #[test]
+fn a_scenario_is_read_with_its_base_parameters_and_job() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    write(
+        "jobs/wall.toml",
+        "schema = 1\n[[box]]\nat_m = [2, 0]\nlength = \"0.2 m\"\nwidth = \"2 m\"\n",
+    );
+    let job = |limit: &str| {
+        format!(
+            "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"{limit}\"\nworld = \"wall.toml\"\n\
+             device = [{{ kind = \"r150\" }}]\n[parameters]\nmost = 3\n\
+             [[always]]\nthat = \"truth.x_m < param.most\"\n"
+        )
+    };
+    write("jobs/short.toml", &job("2 s"));
+    let long = write("jobs/long.toml", &job("6 s"));
+    let fault = write(
+        "faults/noise.toml",
+        "schema = 1\ntitle = \"n\"\nbase = \"../jobs/short.toml\"\n\
+         [[step]]\nat = \"50 %\"\nfault = { kind = \"bad-crc\" }\nmay_not_trigger = true\n",
+    );
+    let play = |builder: sim_embed::Builder| {
+        let sim = builder.build().unwrap();
+        let mut port = sim.device("r150").unwrap().open().unwrap();
+        for _ in 0..100 {
+            port.write_all(&forward(500)).unwrap();
+            sim.advance(Duration::from_millis(60)).unwrap();
+        }
+        drop(port);
+        let ran_into_wall = sim.number("truth.collisions").unwrap() > 0.0;
+        (sim.finish().unwrap(), ran_into_wall)
+    };
+    let file = || Simulation::builder().scenario_file(&fault);
+    let (outcome, ran_into_wall) = play(file());
+    assert!(outcome.passed && !ran_into_wall, "{outcome:#?}");
+    assert_eq!(outcome.faults.len(), 1);
+    // Within the longer job it comes to the wall that stands beside the job.
+    let (outcome, ran_into_wall) = play(file().job(&long));
+    assert!(outcome.passed && ran_into_wall, "{outcome:#?}");
+    assert!(!play(file().job(&long).parameter("most", 0.5)).0.passed);
+    let missing = file().job("nowhere.toml").build().err().unwrap();
+    assert!(missing.to_string().contains("cannot read nowhere.toml"));
+}
+
+#[test]
 fn a_client_that_opens_a_path_is_served_until_the_end() {
     let served = Simulation::builder().device("r150").spawn().unwrap();
     let path = served.path().to_owned();

@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::time::Duration;
+
 use common::{Device, Stage, play_on, python, python_on};
 use sim_lockstep::{End, Reason};
 
@@ -108,6 +110,32 @@ os.write(fd, b"two\n"); print(os.read(fd, 10), at())
         "{:?}",
         played.ending
     );
+}
+
+/// A process that somebody else starts has it open, too, until it has become another program.
+#[test]
+fn a_client_sees_a_pulled_cable_at_its_time_although_the_system_is_late_with_it() {
+    let code = r#"
+import os, select, time
+start = time.monotonic()
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+poll = select.poll(); poll.register(fd, select.POLLIN)
+while not poll.poll(10): pass
+print(round(time.monotonic() - start, 3), os.read(fd, 10))
+"#;
+    let stage = Stage {
+        device: Device {
+            cable: Some((3_000_000_000, 4_900_000_000)),
+            // Much longer than a client needs that is not told.
+            kept: Some(Duration::from_secs(1)),
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let Some(played) = python_on(stage, code) else {
+        return;
+    };
+    assert_eq!(played.output, "3.0 b''\n", "{:?}", played.ending);
 }
 
 #[test]

@@ -236,6 +236,60 @@ int main(void) {
 }
 
 #[test]
+fn wrong_numbers_and_addresses_are_the_clients_affair() {
+    let played = c_played(
+        r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/futex.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/epoll.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <sys/select.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/timerfd.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+#define FAILS(call) printf("%d ", (call) == -1 ? errno : 0)
+int main(void) {
+  char b[8]; struct iovec v = {b, 8}; struct itimerspec t = {{0, 0}, {1, 0}}; struct epoll_event e;
+  void *nowhere = (void *)8; int numbers[] = {-1, -2, -7, -100, -2147483647 - 1, 77, 2147483647};
+  for (int i = 0; i < 7; i++) {
+    int fd = numbers[i];
+    FAILS(read(fd, b, 8)); FAILS(write(fd, b, 8)); FAILS(readv(fd, &v, 1)); FAILS(writev(fd, &v, 1));
+    FAILS(recv(fd, b, 8, 0)); FAILS(send(fd, b, 8, 0)); FAILS(accept(fd, 0, 0)); FAILS(ioctl(fd, TIOCMGET, b));
+    FAILS(epoll_wait(fd, &e, 1, 5)); FAILS(flock(fd, LOCK_EX)); FAILS(timerfd_settime(fd, 0, &t, 0));
+    FAILS(splice(fd, 0, fd, 0, 8, 0)); puts("");
+  }
+  int p[2]; pipe(p); fcntl(p[1], F_SETFL, O_NONBLOCK); write(p[1], "x", 1);
+  FAILS(read(p[0], nowhere, 1)); FAILS(poll(nowhere, 1, 5)); FAILS(select(1, nowhere, 0, 0, 0));
+  FAILS(nanosleep(nowhere, 0)); FAILS(syscall(SYS_clock_gettime, 0, nowhere));
+  FAILS(syscall(SYS_futex, nowhere, FUTEX_WAIT, 0, 0)); FAILS(syscall(SYS_getrandom, nowhere, 8, 0));
+  FAILS(write(p[1], nowhere, 8)); FAILS(kill(-2147483647 - 1, 0)); FAILS(wait4(-7, 0, 0, 0)); puts("");
+}
+"#,
+    );
+    let Some(played) = played else { return };
+    assert_eq!(played.ending.end, End::Exited(0), "{:?}", played.ending);
+    let lines: Vec<&str> = played.output.lines().map(str::trim).collect();
+    for line in &lines[..7] {
+        assert_eq!(*line, ["9"; 12].join(" "), "{}", played.output);
+    }
+    assert_eq!(
+        lines[7], "14 14 14 14 14 14 14 14 3 10",
+        "{}",
+        played.output
+    );
+}
+
+#[test]
 fn a_32_bit_program_is_refused() {
     let Some(cc) = program("cc") else { return };
     let folder = tempfile::tempdir().expect("a folder");

@@ -71,7 +71,7 @@ pub(crate) enum Call {
     Refused,
 }
 
-/// What the filter does with a call.
+/// Action of the filter on a call.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Rule {
     /// The tracer sees it.

@@ -10,9 +10,9 @@ const NANOSECONDS: u64 = 1_000_000_000;
 /// Simulated time, as programs ask for it.
 #[derive(Debug)]
 pub(crate) struct Clocks {
-    /// What the real-time clock shows at the beginning.
+    /// Date that the real-time clock shows at the beginning.
     date: u64,
-    /// What programs have set it forward by, wrapping.
+    /// Time by which programs have set it forward, wrapping.
     shift: u64,
 }
 
@@ -24,7 +24,7 @@ impl Clocks {
         }
     }
 
-    /// What monotonic clocks show.
+    /// Time that monotonic clocks show.
     pub(crate) fn monotonic(&self, now: u64) -> u64 {
         MONOTONIC_START.saturating_add(now)
     }
@@ -34,7 +34,7 @@ impl Clocks {
         self.date.saturating_add(now).wrapping_add(self.shift)
     }
 
-    /// What a clock shows; `None` for one that is not of simulated time.
+    /// Time that a clock shows; `None` for one that is not of simulated time.
     pub(crate) fn show(&self, clock: i32, now: u64) -> Option<u64> {
         match clock {
             libc::CLOCK_REALTIME
@@ -50,7 +50,7 @@ impl Clocks {
         }
     }
 
-    /// When a clock shows that, or now if it has.
+    /// Time at which a clock shows that, or now if it has.
     pub(crate) fn when(&self, clock: i32, shown: u64, now: u64) -> Option<u64> {
         let shows = self.show(clock, now)?;
         Some(now.saturating_add(shown.saturating_sub(shows)))

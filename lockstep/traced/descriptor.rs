@@ -12,18 +12,18 @@ use rustix::process::PidfdGetfdFlags;
 
 use crate::traced::sys::Tid;
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{Thread, path_of};
+use crate::traced::tree::{Process, Thread, path_of};
 use crate::traced::wait::Wait;
 
 /// A descriptor that leads outside, and is waited for.
 pub(crate) struct Outside {
     file: OwnedFd,
     flags: PollFlags,
-    /// What it is, for people.
+    /// Name of it, for people.
     pub(crate) name: String,
 }
 
-/// What a descriptor leads to.
+/// File that a descriptor leads to.
 pub(crate) struct Descriptor {
     /// Our own descriptor of the same file.
     pub(crate) file: OwnedFd,
@@ -49,6 +49,11 @@ impl Descriptor {
             && matches!(rustix::fs::minor(device), 8 | 9)
     }
 
+    /// Its device and inode, which nothing else has.
+    pub(crate) fn inode(&self) -> (u64, u64) {
+        (self.stat.st_dev, self.stat.st_ino)
+    }
+
     pub(crate) fn is_pipe(&self) -> bool {
         FileType::from_raw_mode(self.stat.st_mode).is_fifo()
     }
@@ -67,7 +72,7 @@ impl Descriptor {
         rustix::fs::fcntl_getfl(&self.file).is_ok_and(|flags| flags.contains(OFlags::NONBLOCK))
     }
 
-    /// Whether one of these is said of it, or an error.
+    /// Tells whether one of these is said of it, or an error.
     pub(crate) fn is_ready(&self, flags: PollFlags) -> bool {
         is_any_ready(&mut [PollFd::new(&self.file, flags)])
     }
@@ -107,10 +112,9 @@ pub(crate) fn wait(all: &[Outside], most: Duration) -> io::Result<bool> {
 }
 
 impl Tracer<'_> {
-    /// What a descriptor of a process leads to; `None` if there is none.
+    /// Finds what a descriptor of a process leads to; `None` if there is none.
     pub(crate) fn descriptor(&self, process: Tid, fd: i32) -> Option<Descriptor> {
-        let handle = &self.processes.get(&process)?.handle;
-        let file = rustix::process::pidfd_getfd(handle, fd, PidfdGetfdFlags::empty()).ok()?;
+        let file = duplicate(self.processes.get(&process)?, fd)?;
         let stat = rustix::fs::fstat(&file).ok()?;
         Some(Descriptor { file, stat })
     }
@@ -124,18 +128,17 @@ impl Tracer<'_> {
         self.ports.iter().position(|port| port.is_device(device))
     }
 
-    /// Whether one of these descriptors is ready, or none at all.
+    /// Tells whether one of these descriptors is ready, or none at all.
     pub(crate) fn is_one_ready(&self, process: Tid, set: &[(i32, PollFlags)]) -> bool {
         let Some(owner) = self.processes.get(&process) else {
             return true;
         };
         let mut files = Vec::with_capacity(set.len());
         for (fd, flags) in set {
-            let empty = PidfdGetfdFlags::empty();
-            match rustix::process::pidfd_getfd(&owner.handle, *fd, empty) {
-                Ok(file) => files.push((file, *flags)),
+            match duplicate(owner, *fd) {
+                Some(file) => files.push((file, *flags)),
                 // The system says what is wrong with it.
-                Err(_) => return true,
+                None => return true,
             }
         }
         let polls = files.iter().map(|(file, flags)| PollFd::new(file, *flags));
@@ -143,7 +146,7 @@ impl Tracer<'_> {
         is_any_ready(&mut polls)
     }
 
-    /// Whether a process of the run has a port open.
+    /// Tells whether a process of the run has a port open.
     pub(crate) fn holds_port(&self, index: usize) -> bool {
         let Some(port) = self.ports.get(index) else {
             return false;
@@ -154,7 +157,7 @@ impl Tracer<'_> {
         })
     }
 
-    /// What is waited for that nobody of the run can bring about.
+    /// Lists what is waited for that nobody of the run can bring about.
     pub(crate) fn outside_waits(&self) -> Vec<Outside> {
         let mut all = Vec::new();
         for thread in self.threads.values() {
@@ -218,7 +221,7 @@ impl Tracer<'_> {
         (is_other_device && !is_gone).then(|| path.into_owned())
     }
 
-    /// Who is at the other end of a socket, if that is nobody of the run.
+    /// Finds who is at the other end of a socket, if that is nobody of the run.
     pub(crate) fn peer(&self, process: Tid, fd: i32) -> Option<String> {
         let descriptor = self.descriptor(process, fd)?;
         let file = &descriptor.file;
@@ -248,7 +251,8 @@ impl Tracer<'_> {
         }
     }
 
-    /// Whether a socket of the run, or of this program, has this address and this peer, or listens there.
+    /// Tells whether a socket of the run, or of this program, has this address and this peer, or
+    /// listens there.
     fn is_of_run(&self, is_stream: bool, address: SocketAddr, peer: SocketAddr) -> bool {
         let kind = if is_stream { "tcp" } else { "udp" };
         let tables = [kind.to_owned(), format!("{kind}6")];
@@ -282,6 +286,14 @@ impl Tracer<'_> {
             })
         })
     }
+}
+
+/// Our own descriptor of what one of a process leads to. Programs may name any number.
+fn duplicate(process: &Process, fd: i32) -> Option<OwnedFd> {
+    if fd < 0 {
+        return None;
+    }
+    rustix::process::pidfd_getfd(&process.handle, fd, PidfdGetfdFlags::empty()).ok()
 }
 
 fn own_pid() -> i32 {

@@ -13,7 +13,7 @@ const GRACE: u64 = 2_000_000_000;
 const KILL_PATIENCE: Duration = Duration::from_secs(10);
 
 impl Tracer<'_> {
-    /// Whether the real time allowed is over, or somebody asks for the end; notes which.
+    /// Tells whether the real time allowed is over, or somebody asks for the end; notes which.
     pub(crate) fn is_over_time(&mut self) -> bool {
         let stop = self.options.stop.load(std::sync::atomic::Ordering::Relaxed);
         let late = self

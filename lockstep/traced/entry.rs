@@ -1,4 +1,4 @@
-//! What becomes of each call at which a thread is stopped, and of those whose end is looked at.
+//! Handling of each call at which a thread is stopped, and of those whose end is looked at.
 
 use crate::traced::arch::{self, Registers};
 use crate::traced::call::Call;

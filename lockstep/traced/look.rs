@@ -105,7 +105,7 @@ impl Tracer<'_> {
         Ok(true)
     }
 
-    /// Whether what is waited for is there.
+    /// Tells whether what is waited for is there.
     fn look(&mut self, process: Tid, wait: &mut Wait, is_late: bool) -> Result<Look, Halt> {
         Ok(match wait {
             Wait::Poll { set, .. } => {

@@ -93,7 +93,7 @@ impl Words {
         }
     }
 
-    /// Where the next one lies.
+    /// Address of the next one.
     pub(crate) fn address(&self) -> u64 {
         self.address
     }

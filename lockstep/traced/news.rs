@@ -1,4 +1,4 @@
-//! What becomes of threads while one of them runs.
+//! News of threads while one of them runs.
 
 use std::io;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use crate::traced::tree::{OwnClocks, Process, Resume, State, Thread, kernel_stat
 use crate::traced::wait::Wait;
 use crate::{End, Error, Reason};
 
-/// How often a wait for a thread is interrupted to look at the real clock.
+/// Interval at which a wait for a thread is interrupted to look at the real clock.
 pub(crate) const TICK: Duration = Duration::from_millis(20);
 
 /// Ticks in a row at which a thread sleeps in the kernel before it is taken to wait there.

@@ -1,5 +1,5 @@
-//! The processor of a run: the tracer and its program never run at the same time and wake each other
-//! up at each call, which takes several times as long from one processor to another.
+//! The processor of a run: the tracer and its program never run at the same time and wake each
+//! other up at each call, which takes several times as long from one processor to another.
 
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
@@ -10,11 +10,11 @@ use crate::traced::tracer::Tracer;
 /// After so many turns the system may choose another processor.
 const TURNS: u32 = 1000;
 
-/// Where the tracer and its program are. What the system refuses here costs time alone.
+/// Processor of the tracer and its program. What the system refuses here costs time alone.
 pub(crate) struct Processor {
-    /// Where this thread might run before; `None` if there is no choice.
+    /// Processors on which this thread might run before; `None` if there is no choice.
     all: Option<CpuSet>,
-    /// Where all of them are; `None` while they may be anywhere.
+    /// Processor that all of them share; `None` while they may be anywhere.
     shared: Option<usize>,
     turns: u32,
 }
@@ -39,8 +39,8 @@ impl Drop for Processor {
 }
 
 impl Tracer<'_> {
-    /// Somebody is about to run: on the processor of the tracer. Now and then that is where the system
-    /// wakes it up when it is free to choose.
+    /// Somebody is about to run: on the processor of the tracer. Now and then that is where the
+    /// system wakes it up when it is free to choose.
     pub(crate) fn share_processor(&mut self) {
         let Some(all) = &self.processor.all else {
             return;

@@ -20,7 +20,7 @@ pub(crate) struct Starting {
 }
 
 impl Starting {
-    /// Why the program did not begin, if it did not; it has, or has ended.
+    /// Reason for which the program did not begin, if it did not; it has, or has ended.
     pub(crate) fn failure(&mut self) -> Option<Error> {
         let mut number = [0; 4];
         self.line.read_exact(&mut number).ok()?;

@@ -87,7 +87,7 @@ pub(crate) fn set_registers(tid: Tid, registers: &libc::user_regs_struct) -> io:
     check(unsafe { libc::ptrace(libc::PTRACE_SETREGS, tid, 0, ptr::from_ref(registers)) }).map(drop)
 }
 
-/// What goes with the event that a thread has stopped for.
+/// Message of the event that a thread has stopped for.
 pub(crate) fn event_message(tid: Tid) -> io::Result<Tid> {
     let mut message: libc::c_ulong = 0;
     // SAFETY: the request writes one number to where it is told, which outlives the call.
@@ -102,7 +102,7 @@ pub(crate) fn event_message(tid: Tid) -> io::Result<Tid> {
     Tid::try_from(message).map_err(io::Error::other)
 }
 
-/// What may be waited for.
+/// Threads that may be waited for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Whom {
     /// Whatever this thread traces.

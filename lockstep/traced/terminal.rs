@@ -114,7 +114,7 @@ impl Tracer<'_> {
         Ok(self.world.sent(index, line, self.now, bytes)?)
     }
 
-    /// What a terminal that echoes has sent back by itself goes to the world as well.
+    /// Sends to the world what a terminal that echoes has sent back by itself.
     pub(crate) fn send_echoes(&mut self) -> Result<(), Halt> {
         for index in 0..self.ports.len() {
             let Some(port) = self.ports.get(index).filter(|port| port.is_open()) else {

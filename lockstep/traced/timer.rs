@@ -27,9 +27,9 @@ pub(crate) struct Timers {
 struct Timer {
     process: Tid,
     kind: Kind,
-    /// When it next runs out.
+    /// Time at which it next runs out.
     next: Option<u64>,
-    /// How long after that again; 0 for never.
+    /// Interval after that; 0 for never again.
     interval: u64,
 }
 
@@ -43,13 +43,13 @@ enum Kind {
         event: TimerEvent,
         clock: i32,
     },
-    /// A timer descriptor: the mark by which its file is known again, one of the descriptors, and how
-    /// often it has run out since it was read.
+    /// A timer descriptor: the mark by which its file is known again, one of the descriptors, and
+    /// how often it has run out since it was read.
     Descriptor { mark: i64, fd: i32, count: u64 },
 }
 
 impl Timers {
-    /// When the first runs out.
+    /// Time at which the first runs out.
     pub(crate) fn next(&self) -> Option<u64> {
         self.all.iter().filter_map(|timer| timer.next).min()
     }

@@ -11,6 +11,7 @@ use crate::port::Port;
 use crate::traced::arch::Registers;
 use crate::traced::clock::Clocks;
 use crate::traced::news::TICK;
+use crate::traced::process_calls::lists_of_processors;
 use crate::traced::processor::Processor;
 use crate::traced::spawn::{self, Starting};
 use crate::traced::sys::{Ticks, Tid};
@@ -33,7 +34,7 @@ pub(crate) struct Tracer<'a> {
     pub(crate) main: Tid,
     pub(crate) end: Option<End>,
     pub(crate) reason: Option<Reason>,
-    /// When those who were asked to end are killed.
+    /// Time at which those who were asked to end are killed.
     pub(crate) killed_at: Option<u64>,
     pub(crate) current: Option<Tid>,
     /// Threads that have stopped for the first time before their parent has told of them.
@@ -52,6 +53,8 @@ pub(crate) struct Tracer<'a> {
     pub(crate) refused: BTreeSet<String>,
     pub(crate) sleepy: u32,
     pub(crate) processor: Processor,
+    /// Files that list processors, by their devices and inodes.
+    pub(crate) processors: Vec<(u64, u64)>,
     pub(crate) calls: u64,
     /// Since when somebody waits for the world outside, in real and in simulated time.
     pub(crate) paced: Option<(Instant, u64)>,
@@ -88,7 +91,7 @@ impl From<Broken> for Halt {
     }
 }
 
-/// What becomes of a call.
+/// Handling of a call.
 #[expect(
     clippy::large_enum_variant,
     reason = "it is looked at once, where it is made"
@@ -169,6 +172,7 @@ impl<'a> Tracer<'a> {
             refused: BTreeSet::new(),
             sleepy: 0,
             processor: Processor::new(),
+            processors: lists_of_processors(),
             calls: 0,
             paced: None,
         };

@@ -1,7 +1,7 @@
 //! Reads, writes and the like, of ports and of everything else; and random bytes.
 
 use rustix::event::PollFlags;
-use rustix::net::sockopt::{Timeout, socket_timeout};
+use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
 use crate::traced::arch::Registers;
 use crate::traced::call::Call;
@@ -9,6 +9,7 @@ use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{failure, int};
 use crate::traced::memory::Memory;
+use crate::traced::process_calls::read_processors;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Action, Halt, Tracer};
 use crate::traced::tree::AtEnd;
@@ -54,6 +55,9 @@ impl Tracer<'_> {
         }
         if call == Call::Read && descriptor.is_random() {
             return self.random_bytes(tid, a[1], a[2]);
+        }
+        if call == Call::Read && self.processors.contains(&descriptor.inode()) {
+            return read_processors(tid, &descriptor, (a[1], a[2]));
         }
         if call == Call::Read
             && descriptor.is_anonymous()
@@ -149,7 +153,12 @@ impl Tracer<'_> {
             rule.deadline = time.and_then(|t| self.clocks.when(libc::CLOCK_REALTIME, t, self.now));
         } else if descriptor.is_socket() {
             let which = match flags {
-                PollFlags::OUT => Timeout::Send,
+                PollFlags::OUT => {
+                    // Else the system keeps back small messages, by its own clock. What is not TCP
+                    // refuses this.
+                    let _ = set_tcp_nodelay(&descriptor.file, true);
+                    Timeout::Send
+                }
                 _ => Timeout::Recv,
             };
             let patience = socket_timeout(&descriptor.file, which).ok().flatten();

@@ -10,7 +10,7 @@ use crate::traced::wait::Hold;
 
 /// A process.
 pub(crate) struct Process {
-    /// Which memory it has: a child of `vfork` has its parent's.
+    /// Memory that it has: a child of `vfork` has its parent's.
     pub(crate) memory: u64,
     pub(crate) handle: OwnedFd,
     /// It is on its way out, and nobody else runs until it has gone.
@@ -23,11 +23,11 @@ pub(crate) struct Process {
 #[derive(Clone, Copy)]
 pub(crate) struct OwnClocks {
     pub(crate) page: u64,
-    /// What has been written there last.
+    /// Clocks that were last written there.
     pub(crate) shown: Option<Shown>,
 }
 
-/// What such clocks show, and how often they may be read without a call.
+/// Time that such clocks show, and number of times that they may be read without a call.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Shown {
     pub(crate) real: u64,
@@ -41,7 +41,7 @@ pub(crate) struct Thread {
     pub(crate) number: u64,
     pub(crate) process: Tid,
     pub(crate) state: State,
-    /// Who gives way is behind the others.
+    /// Turn: who gives way is behind the others.
     pub(crate) turn: u64,
     /// Calls in a row that only asked, and waited for nothing.
     pub(crate) asks: u32,
@@ -49,11 +49,11 @@ pub(crate) struct Thread {
     pub(crate) retries: bool,
     /// The deadline of a wait that is a call made again.
     pub(crate) again_until: Option<u64>,
-    /// What to look at when the call that it is in comes to its end.
+    /// Thing to look at when the call that it is in comes to its end.
     pub(crate) at_end: Option<AtEnd>,
 }
 
-/// What a thread is at.
+/// State of a thread.
 pub(crate) enum State {
     /// It runs.
     Running,
@@ -67,7 +67,7 @@ pub(crate) enum State {
     Blocked,
 }
 
-/// How a thread goes on.
+/// Way in which a thread goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Resume {
     /// With this signal, or none.
@@ -76,12 +76,12 @@ pub(crate) enum Resume {
     Call { crept: bool },
 }
 
-/// What is done at the end of a call.
+/// Thing to do at the end of a call.
 pub(crate) enum AtEnd {
     /// A wait for a child, made without waiting; as its registers were.
     Child(Registers),
-    /// Some other call, made without waiting, which says with one of these that it would have to; and
-    /// memory to put back.
+    /// Some other call, made without waiting, which says with one of these that it would have to;
+    /// and memory to put back.
     Again {
         before: Registers,
         would_wait: &'static [i32],
@@ -103,7 +103,7 @@ pub(crate) enum AtEnd {
     Kill { target: Tid, signal: i32 },
 }
 
-/// How a POSIX timer tells that it is time.
+/// Signal of a POSIX timer whose time has come.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TimerEvent {
     pub(crate) signal: Option<i32>,
@@ -158,7 +158,7 @@ pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
     stat.rsplit_once(')')?.1.trim_start().chars().next()
 }
 
-/// Which file a descriptor of a process leads to.
+/// File that a descriptor of a process leads to.
 pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
     std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()
 }

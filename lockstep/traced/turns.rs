@@ -1,4 +1,4 @@
-//! Who runs: one thread at a time, until it waits.
+//! Turns: one thread runs at a time, until it waits.
 
 use crate::traced::arch::{self, Registers};
 use crate::traced::memory::Memory;
@@ -14,7 +14,7 @@ const CREEP: u64 = 20_000;
 const FREE_ASKS: u32 = 1000;
 
 impl Tracer<'_> {
-    /// Who is to go on: whoever ran last, or the first of those that can.
+    /// Thread to go on: the one that ran last, or the first of those that can.
     pub(crate) fn next(&self) -> Option<Tid> {
         if let Some(tid) = self.current
             && self.threads.get(&tid).is_some_and(Thread::is_ready)

@@ -1,4 +1,4 @@
-//! What a thread may wait for.
+//! Waits of a thread.
 
 use rustix::event::PollFlags;
 
@@ -10,7 +10,7 @@ pub(crate) struct Hold {
     /// As they were at the call.
     pub(crate) registers: Registers,
     pub(crate) wait: Wait,
-    /// When it ends in any case.
+    /// Time at which it ends in any case.
     pub(crate) deadline: Option<u64>,
     /// The order in which waits began.
     pub(crate) since: u64,
@@ -18,7 +18,7 @@ pub(crate) struct Hold {
     pub(crate) looked_at: u64,
 }
 
-/// What ends a wait, beside its deadline and signals.
+/// Event that ends a wait, beside its deadline and signals.
 pub(crate) enum Wait {
     /// Nothing else. Where the rest of the time goes if it is interrupted.
     Sleep { rest: Option<u64> },
@@ -47,7 +47,7 @@ pub(crate) enum Wait {
         seen: usize,
         count: usize,
         rule: ReadRule,
-        /// Where they go, if they go to one place.
+        /// Place where they go, if they go to one.
         into: Option<u64>,
     },
     /// Room on the line for the rest of what a client sends.
@@ -56,7 +56,7 @@ pub(crate) enum Wait {
         device: u64,
         bytes: Vec<u8>,
         sent: usize,
-        /// What the call returns when all have been sent.
+        /// Value that the call returns when all have been sent.
         count: usize,
     },
     /// Somebody who wakes those who wait there.
@@ -78,7 +78,7 @@ pub(crate) enum Wait {
     Forever,
 }
 
-/// What is written when the time of a poll is over.
+/// Result that is written when the time of a poll is over.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Late {
     /// `revents` of so many descriptors there.
@@ -94,7 +94,7 @@ pub(crate) enum Late {
     Nothing,
 }
 
-/// What identifies a futex.
+/// Identity of a futex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FutexKey {
     /// An address in a memory.

@@ -1,4 +1,4 @@
-//! What programs do and wait for, in words.
+//! Words for what programs do and wait for.
 
 use std::io;
 
@@ -9,7 +9,7 @@ use crate::traced::tree::{State, name_of, path_of};
 use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
-    /// What the programs are doing, for people.
+    /// Says what the programs are doing, for people.
     pub(crate) fn doing(&self) -> String {
         let running = self.current.and_then(|tid| {
             let thread = self.threads.get(&tid)?;
@@ -26,7 +26,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// What everybody waits for, for people.
+    /// Says what everybody waits for, for people.
     pub(crate) fn waits_text(&self) -> String {
         let mut waits: Vec<String> = Vec::new();
         for (tid, thread) in &self.threads {
@@ -76,7 +76,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// What a thread does that sleeps in a call that nobody looks at.
+    /// Says what a thread does that sleeps in a call that nobody looks at.
     pub(crate) fn what_kernel_waits_for(&self, process: Tid, tid: Tid) -> String {
         let call = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/syscall"));
         let call = call.unwrap_or_default();

@@ -56,7 +56,7 @@ impl Registers {
         self.0.rax = result.cast_unsigned();
     }
 
-    /// What the call returned, at its end.
+    /// Result of the call, at its end.
     pub(crate) fn result(&self) -> i64 {
         self.0.rax.cast_signed()
     }
@@ -79,12 +79,12 @@ impl Registers {
         self.0.rsp
     }
 
-    /// Where the program is.
+    /// Place of the program.
     pub(crate) fn place(&self) -> u64 {
         self.0.rip
     }
 
-    /// Whether the program is of this architecture.
+    /// Tells whether the program is of this architecture.
     pub(crate) fn is_native(&self) -> bool {
         // The code segment of 64-bit programs; that of 32-bit ones is 0x23.
         self.0.cs == 0x33
@@ -149,8 +149,8 @@ pub(crate) fn prepare_image(
     }
 }
 
-/// Whether a call that has made another thread made one of the same process, and one with the same
-/// memory.
+/// Tells whether a call that has made another thread made one of the same process, and one with the
+/// same memory.
 pub(crate) fn clones(registers: &Registers) -> (bool, bool) {
     let flags = registers.arguments()[0];
     let has = |flag: i32| flags & u64::from(flag.cast_unsigned()) != 0;

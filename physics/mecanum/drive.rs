@@ -16,19 +16,19 @@ pub(super) struct Drive {
     pub(super) traction: Traction<WHEELS, WHEELS, Slanted>,
     motors: [Motor; WHEELS],
     pulses: [PulseWire; WHEELS],
-    /// How much faster each wheel turns than it should.
+    /// Factor by which each wheel turns faster than it should.
     speed_factors: [f64; WHEELS],
-    /// How much more the rollers of each wheel drag than they should.
+    /// Factor by which the rollers of each wheel drag more than they should.
     roller_factors: [f64; WHEELS],
-    /// How much of the step that comes has passed, s, and what the pulses were told by then that
+    /// Part of the step that comes that has passed, s, and what the pulses were told by then that
     /// the wheels turn in it, rad.
     passed: f64,
     turned: [f64; WHEELS],
     /// rad/s
     pub(super) wheel_speed: [f64; WHEELS],
-    /// What each wheel has turned, rad.
+    /// Angle that each wheel has turned, rad.
     pub(super) wheel_angle: [f64; WHEELS],
-    /// What each motor gave in the last step, N·m.
+    /// Torque of each motor in the last step, N·m.
     pub(super) motor_torque: [f64; WHEELS],
     pub(super) mass: f64,
     pub(super) inertia: f64,
@@ -147,7 +147,7 @@ impl Drive {
         }
     }
 
-    /// How much of the step that comes has passed when a wheel gives its next pulse, s.
+    /// Part of the step that comes after which a wheel gives its next pulse, s.
     pub(super) fn next_pulse(&self) -> Option<f64> {
         let wheels = self.pulses.iter().zip(self.wheel_speed);
         let next = wheels.filter_map(|(pulses, speed)| pulses.next_in(speed));
@@ -189,8 +189,8 @@ impl Drive {
 }
 
 impl MecanumPlant {
-    /// Lets the orders as they are act up to `passed` seconds into the step that comes, and gives the
-    /// pulses of the wheels until then, which turn on as they did.
+    /// Lets the orders as they are act up to `passed` seconds into the step that comes, and gives
+    /// the pulses of the wheels until then, which turn on as they did.
     pub(super) fn drive_to(&mut self, passed: f64) {
         let seconds = passed - self.drive.passed;
         if seconds <= 0.0 {
@@ -211,7 +211,7 @@ impl MecanumPlant {
         }
     }
 
-    /// What a wheel's motor is asked to do.
+    /// Returns what a wheel's motor is asked to do.
     pub(super) fn order(&self, wheel: Wheel) -> Order {
         let faults = &self.wheel_faults[wheel.index()];
         if faults.brake_stuck_on {

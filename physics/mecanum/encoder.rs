@@ -1,6 +1,6 @@
 //! The pulses that a motor gives as its wheel turns.
 
-/// What a wheel's encoder does.
+/// State of a wheel's encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Encoder {
     /// It gives a pulse for each step of the wheel, whichever way that turns.
@@ -21,11 +21,11 @@ pub(super) struct PulseWire {
     /// The wheel's angle in pulses, and the last one given.
     angle: f64,
     edge: f64,
-    /// Whether the counter counts down when the wheel turns back.
+    /// Set if the counter counts down when the wheel turns back.
     directed: bool,
-    /// What the counter shows.
+    /// Count that shows.
     count: u32,
-    /// What a stuck counter keeps back.
+    /// Count that a stuck counter keeps back.
     held_back: u32,
 }
 

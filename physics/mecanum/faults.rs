@@ -1,4 +1,4 @@
-//! What an operator, a scenario or bad luck does to the car.
+//! Deeds of an operator, a scenario or bad luck to the car.
 
 use super::encoder::Encoder;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
@@ -7,7 +7,7 @@ use crate::pose::Pose;
 use crate::vehicle_body::{number, within};
 use crate::world::World;
 
-/// What is wrong with one wheel.
+/// Faults of one wheel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WheelFaults {
     /// It cannot turn at all. Its rollers still can.
@@ -26,7 +26,7 @@ pub struct WheelFaults {
     pub encoder: Encoder,
 }
 
-/// What an ultrasonic sensor does.
+/// State of an ultrasonic sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Ultrasonic {
     /// It measures.
@@ -40,13 +40,13 @@ pub enum Ultrasonic {
     Ghost(f64),
 }
 
-/// What is wrong with the car as a whole. It lies over what was set otherwise, so that taking it
+/// Faults of the car as a whole. They lie over what was set otherwise, so that taking them
 /// away leaves no trace but in how the car has moved meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MecanumFaults {
     /// Board and motors have no supply.
     pub unsupplied: bool,
-    /// Which plugs have changed places.
+    /// Plugs that have changed places.
     pub swaps: PlugSwaps,
     /// Most friction that the ground under the wheels gives.
     pub friction: Option<f64>,
@@ -56,16 +56,16 @@ pub struct MecanumFaults {
     pub push: [f64; 3],
     /// The ultrasonic sensors, in the order of [`MecanumMeasurements::echoes`].
     pub ultrasonic: [Ultrasonic; ECHOES],
-    /// What the reader takes any tag for.
+    /// Number that the reader takes any tag for.
     pub tag_reads_as: Option<u32>,
     /// The magnetic bar does not feel a strip.
     pub strip_lost: bool,
-    /// What the infrared sensor gives, whatever there is.
+    /// Reading of the infrared sensor, whatever there is.
     pub infrared_stuck: Option<bool>,
 }
 
 impl MecanumFaults {
-    /// What the sensors make of what they should see.
+    /// Spoils what the sensors should see.
     pub fn spoil(&self, measured: &mut MecanumMeasurements) {
         for (echo, sensor) in measured.echoes.iter_mut().zip(self.ultrasonic) {
             *echo = match sensor {
@@ -120,7 +120,7 @@ impl MecanumPlant {
         self.wake();
     }
 
-    /// What is wrong with the car as a whole.
+    /// Returns the faults of the car as a whole.
     #[must_use]
     pub fn faults(&self) -> &MecanumFaults {
         &self.faults
@@ -144,7 +144,7 @@ impl MecanumPlant {
         self.wake();
     }
 
-    /// What is wrong with a wheel.
+    /// Returns the faults of a wheel.
     #[must_use]
     pub fn wheel_faults(&self, wheel: Wheel) -> WheelFaults {
         self.wheel_faults[wheel.index()]
@@ -162,8 +162,8 @@ impl MecanumPlant {
         world.set_mass(self.body.id(), self.drive.mass, self.drive.inertia);
     }
 
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is
-    /// held within ±10 kN.
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
+    /// is held within ±10 kN.
     pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
         self.body.set_push([ahead, left, turn]);
     }

@@ -2,7 +2,7 @@
 
 use super::settings::{CarMotorSettings, ZeroSpeed};
 
-/// What the pins ask of a motor.
+/// Order of the pins to a motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Order {
     /// Nothing: it turns freely.
@@ -16,18 +16,19 @@ pub(super) enum Order {
 /// The controller of one motor. Speeds and torques are those of the wheel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Motor {
-    /// Where the ramp stands, rad/s.
+    /// Speed at which the ramp stands, rad/s.
     reference: f64,
-    /// Where it stood when the motor was last asked to turn.
+    /// Speed of it when the motor was last asked to turn.
     aim: f64,
-    /// How far BK has come on, 0–1.
+    /// Part to which BK has come on, 0–1.
     brake: f64,
-    /// For how much of the step the motor has been asked to turn, and has held with all its torque, s.
+    /// For how much of the step the motor has been asked to turn, and has held with all its torque,
+    /// s.
     turned: f64,
     held: f64,
 }
 
-/// How a motor works on its wheel over one step: a torque of `gain · (speed − speed of the wheel)`.
+/// Effect of a motor on its wheel over one step: a torque of `gain · (speed − speed of the wheel)`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Grip {
     /// N·m·s/rad
@@ -45,7 +46,7 @@ pub(super) struct MotorLaw {
     full_speed: f64,
     /// rad/s²
     ramp: f64,
-    /// How fast BK comes on, 1/s, and what it does to a wheel that is off the ground, rad/s².
+    /// Rate at which BK comes on, 1/s, and its effect on a wheel that is off the ground, rad/s².
     brake_rate: f64,
     brake_deceleration: f64,
     gain: f64,
@@ -92,7 +93,7 @@ impl Motor {
         }
     }
 
-    /// What came of the orders of a step of `dt` seconds, of which there are no more.
+    /// Returns the effect of the orders of a step of `dt` seconds, of which there are no more.
     pub(super) fn grip(&mut self, speed: f64, law: &MotorLaw, dt: f64) -> Grip {
         let behind = (self.aim - speed).abs();
         // Less gain where the full one would ask for more torque than there is. The wheel then
@@ -131,7 +132,7 @@ impl MotorLaw {
         }
     }
 
-    /// What a motor without its brake makes of the speed voltage and its direction.
+    /// Order to a motor without its brake from the speed voltage and its direction.
     pub(super) fn order(&self, speed_voltage: f64, reverse: bool) -> Order {
         if speed_voltage <= 0.0 && self.coasts_at_zero {
             return Order::Coast;

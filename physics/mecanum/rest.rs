@@ -25,7 +25,7 @@ impl MecanumPlant {
         std::array::from_fn(|part| push[part] + self.faults.push[part])
     }
 
-    /// Whether something is trying to move the car.
+    /// Tells whether something is trying to move the car.
     fn is_driven(&self) -> bool {
         let turns = |wheel| matches!(self.order(wheel), Order::Turn(speed) if speed != 0.0);
         self.total_push() != [0.0; 3] || Wheel::ALL.into_iter().any(turns)

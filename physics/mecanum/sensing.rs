@@ -1,10 +1,10 @@
-//! What can be read off the plant.
+//! Measurements on the plant.
 
 use super::MecanumPlant;
 use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel};
 use crate::pose::Pose;
 
-/// How things really are, for verdicts and summaries. No firmware sees this. Arrays are by
+/// True state, for verdicts and summaries. No firmware sees this. Arrays are by
 /// [`Wheel::index`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MecanumTruth {
@@ -20,18 +20,18 @@ pub struct MecanumTruth {
     pub distance: f64,
     /// Speed of each wheel, rad/s, forward positive.
     pub wheel_speed: [f64; WHEELS],
-    /// What each wheel has turned so far, rad, forward positive.
+    /// Angle that each wheel has turned so far, rad, forward positive.
     pub wheel_angle: [f64; WHEELS],
     /// Torque of each motor at its wheel, N·m; brakes not included.
     pub motor_torque: [f64; WHEELS],
     /// Mass with payload, kg.
     pub mass: f64,
-    /// Whether the plant rests.
+    /// Set while the plant rests.
     pub at_rest: bool,
 }
 
 impl MecanumPlant {
-    /// What the board's inputs read now.
+    /// Reads the board's inputs now.
     #[must_use]
     pub fn measurements(&self) -> MecanumMeasurements {
         let mut measured = self.unspoilt();
@@ -39,7 +39,7 @@ impl MecanumPlant {
         measured
     }
 
-    /// What the board's inputs would read now if the sensors were whole.
+    /// Reads the board's inputs as they would be if the sensors were whole.
     #[must_use]
     pub fn unspoilt(&self) -> MecanumMeasurements {
         let mut pulses = self.raw_pulses();
@@ -57,7 +57,7 @@ impl MecanumPlant {
         }
     }
 
-    /// Whether board and motors have a supply.
+    /// Tells whether board and motors have a supply.
     pub(super) fn is_supplied(&self) -> bool {
         !self.faults.unsupplied
     }
@@ -78,7 +78,7 @@ impl MecanumPlant {
         pulses
     }
 
-    /// How things really are.
+    /// Returns the true state.
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
         let [forward_speed, leftward_speed, yaw_rate] = self.body.motion().body_velocity();

@@ -8,7 +8,7 @@ use crate::noise::Noise;
 use crate::pose::BodyMotion;
 use crate::world::{BodyId, Cone, World};
 
-/// What the sensors saw when they last looked.
+/// Readings of the sensors when they last looked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Seen {
     /// m

@@ -1,4 +1,4 @@
-//! What may be chosen about the mecanum car outside its firmware.
+//! Settings of the mecanum car outside its firmware.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;
 
 choices! {
-    /// What a motor does at no speed voltage while its brake is not asked for.
+    /// State of a motor at no speed voltage while its brake is not asked for.
     pub enum ZeroSpeed {
         /// It lets the wheel turn freely.
         Coast = "coast",
@@ -25,7 +25,7 @@ choices! {
 settings! {
     /// The car around the board.
     pub struct MecanumPlantSettings {
-        /// How the motors of LF, RF, LR, RR are really plugged in, whatever the firmware expects.
+        /// Plugs that the motors of LF, RF, LR, RR are really in, whatever the firmware expects.
         plugs: Plugs = Plugs::AsExpected,
             assumed "a car that is wired as its firmware expects";
     }
@@ -36,7 +36,7 @@ settings! {
         wheel: MecanumWheelSettings,
         /// Motors, gears and brakes.
         motor: CarMotorSettings,
-        /// How far its parts are from one another.
+        /// Spread of its parts.
         tolerance: ToleranceSettings,
         /// Encoders.
         encoder: EncoderSettings,
@@ -48,7 +48,7 @@ settings! {
         rfid: ReaderSettings,
         /// The magnetic bar.
         magnetic_bar: BarSettings,
-        /// When a car counts as standing.
+        /// Limits below which a car counts as standing.
         rest: RestSettings,
     }
 }
@@ -143,7 +143,7 @@ settings! {
         /// Time in which BK comes on.
         brake_time: Duration = MS(20), range MS(1)..=S(10),
             assumed "a wheel that is stopped at once would jerk its gear";
-        /// What a motor does at no speed voltage while BK is not asked for.
+        /// State of a motor at no speed voltage while BK is not asked for.
         at_zero_speed: ZeroSpeed = ZeroSpeed::Coast,
             assumed "most controllers switch their bridge off";
     }
@@ -165,13 +165,13 @@ settings! {
     /// Ultrasonic sensors; lists are four in front from left to right, then four in the rear from
     /// left to right, where left is the car's left.
     pub struct UltrasonicSettings {
-        /// Where they sit, ahead of the car's middle.
+        /// Places ahead of the car's middle.
         x: [f64; 8] = [0.17, 0.17, 0.17, 0.17, -0.17, -0.17, -0.17, -0.17],
             unit "m", range -5.0..=5.0, assumed "on the front and rear edge";
-        /// Where they sit, left of the car's middle.
+        /// Places left of the car's middle.
         y: [f64; 8] = [0.12, 0.04, -0.04, -0.12, 0.12, 0.04, -0.04, -0.12],
             unit "m", range -5.0..=5.0, assumed "evenly spread over the width";
-        /// Where they look, counter-clockwise from straight ahead.
+        /// Directions, counter-clockwise from straight ahead.
         angle: [f64; 8] = [20.0, 0.0, 0.0, -20.0, 160.0, 180.0, 180.0, -160.0],
             unit "deg", range -360.0..=360.0, assumed "the outer ones look a little aside";
         /// Half the opening of a cone.
@@ -182,10 +182,11 @@ settings! {
         /// Random error of a distance, one standard deviation.
         noise: f64 = 0.001, unit "m", range 0.0..=1.0,
             assumed "the data sheet of the HC-SR04 promises 3 mm";
-        /// How often a sensor hears the echo of its neighbour's ping, if that is the nearer one.
+        /// Probability that a sensor hears the echo of its neighbour's ping, if that is the nearer
+        /// one.
         crosstalk: f64 = 0.5, unit "%", range 0.0..=100.0,
             assumed "sensors that ping in turn seldom hear one another";
-        /// How far they see.
+        /// Range of the sensors.
         range: f64 = 4.5, unit "m", range 0.01..=100.0, assumed "common sensors, 4500 mm";
         /// Time between two pings of a sensor.
         period: Duration = MS(60), range MS(1)..=S(10),
@@ -196,13 +197,13 @@ settings! {
 settings! {
     /// The infrared sensor.
     pub struct BeamSettings {
-        /// Where it sits, ahead of the car's middle.
+        /// Place ahead of the car's middle.
         x: f64 = 0.17, unit "m", range -5.0..=5.0, assumed "on the front edge";
-        /// Where it sits, left of the car's middle.
+        /// Place left of the car's middle.
         y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
-        /// Where it looks, counter-clockwise from straight ahead.
+        /// Direction, counter-clockwise from straight ahead.
         angle: f64 = 0.0, unit "deg", range -360.0..=360.0, assumed "straight ahead";
-        /// How far it sees.
+        /// Range of it.
         range: f64 = 0.3, unit "m", range 0.001..=10.0, assumed "a reflective switch set to 300 mm";
         /// Time between two looks.
         period: Duration = MS(20), range MS(1)..=S(10), assumed "quick beside the status packet";
@@ -212,11 +213,11 @@ settings! {
 settings! {
     /// The RFID reader under the car.
     pub struct ReaderSettings {
-        /// Where it sits, ahead of the car's middle.
+        /// Place ahead of the car's middle.
         x: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
-        /// Where it sits, left of the car's middle.
+        /// Place left of the car's middle.
         y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
-        /// How far from it a tag may lie.
+        /// Distance from it at which a tag may lie.
         radius: f64 = 0.04, unit "m", range 0.001..=5.0, assumed "a small coil just above the ground";
         /// Time between two readings.
         period: Duration = MS(50), range MS(1)..=S(10), assumed "common readers, 20 tags a second";
@@ -226,13 +227,13 @@ settings! {
 settings! {
     /// The bar of 16 magnetic sensors across the car.
     pub struct BarSettings {
-        /// Where its middle sits, ahead of the car's middle.
+        /// Place of its middle ahead of the car's middle.
         x: f64 = 0.15, unit "m", range -5.0..=5.0, assumed "near the front edge";
-        /// Where its middle sits, left of the car's middle.
+        /// Place of its middle left of the car's middle.
         y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
         /// Distance between two channels.
         spacing: f64 = 0.01, unit "m", range 0.0005..=0.5, assumed "common bars, 16 channels on 160 mm";
-        /// How far from the middle line of a strip a channel sees it.
+        /// Distance from the middle line of a strip at which a channel sees it.
         strip_half_width: f64 = 0.025, unit "m", range 0.001..=1.0, assumed "tape of 50 mm";
         /// Time between two readings.
         period: Duration = MS(10), range MS(1)..=S(10), assumed "common bars, 100 readings a second";
@@ -251,8 +252,8 @@ impl MecanumPlantSettings {
 }
 
 impl MecanumWheelSettings {
-    /// The axle of the roller that a wheel stands on, radians counter-clockwise from straight ahead.
-    /// Seen from above it is the mirror image of the upper rollers.
+    /// The axle of the roller that a wheel stands on, radians counter-clockwise from straight
+    /// ahead. Seen from above it is the mirror image of the upper rollers.
     pub(super) fn axle_on_ground(&self, wheel: Wheel) -> f64 {
         let from_ahead = (90.0 - self.roller_angle).to_radians();
         match wheel {

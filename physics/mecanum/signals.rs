@@ -1,4 +1,4 @@
-//! What passes between the mecanum board's pins and the car around it.
+//! Signals between the mecanum board's pins and the car around it.
 //!
 //! The board drives motor *ports*; which wheel turns is a matter of how the motors are plugged in.
 //! [`Wiring`] says that, once for what the firmware expects and once for what is really so.
@@ -7,11 +7,11 @@ mod wiring;
 
 pub use wiring::{PlugSwaps, Plugs, Wiring};
 
-/// How many motor ports the board has.
+/// Number of motor ports of the board.
 pub const PORTS: usize = 5;
-/// How many wheels the car has.
+/// Number of wheels of the car.
 pub const WHEELS: usize = 4;
-/// How many ultrasonic sensors the car has.
+/// Number of ultrasonic sensors of the car.
 pub const ECHOES: usize = 8;
 
 /// A motor port of the board.
@@ -80,7 +80,7 @@ impl Wheel {
         self as usize
     }
 
-    /// Whether it is on the left side.
+    /// Tells whether it is on the left side.
     #[must_use]
     pub const fn is_left(self) -> bool {
         matches!(self, Self::LeftFront | Self::LeftRear)
@@ -126,10 +126,10 @@ pub struct MecanumCommands {
     pub speed_voltage: f64,
 }
 
-/// What the board's inputs read.
+/// Readings of the board's inputs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MecanumMeasurements {
-    /// Whether the board has a supply. If not, everything else means nothing.
+    /// Set if the board has a supply. If not, everything else means nothing.
     pub board_powered: bool,
     /// PG: pulses since the car was built, by [`Port::index`], wrapping. The one wire carries no
     /// direction: a wheel that is rolled back counts up too, but for
@@ -138,7 +138,7 @@ pub struct MecanumMeasurements {
     /// Distance of the nearest echo in each ultrasonic cone, m: four in front from left to right,
     /// then four in the rear from left to right. `None` without an echo.
     pub echoes: [Option<f64>; ECHOES],
-    /// Whether the infrared sensor sees something ahead.
+    /// Set if the infrared sensor sees something ahead.
     pub obstacle_ahead: bool,
     /// Number of the RFID tag under the reader, 0 when there is none.
     pub tag: u32,

@@ -62,7 +62,7 @@ impl Battery {
         (self.soc - self.missing).max(0.0)
     }
 
-    /// Whether it takes no more charge.
+    /// Tells whether it takes no more charge.
     pub(super) fn is_full(&self) -> bool {
         self.full
     }

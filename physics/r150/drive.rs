@@ -20,7 +20,7 @@ pub(super) struct Drive {
     /// Of the wheels of each side, rad/s.
     pub(super) wheel_speed: [f64; 2],
     pub(super) drivers: [Driver; 2],
-    /// Whether a wheel would lift off the ground.
+    /// Set if a wheel would lift off the ground.
     pub(super) tipping: bool,
     pub(super) mass: f64,
     pub(super) inertia: f64,

@@ -1,4 +1,4 @@
-//! What the motor drivers allow: ramps of the duty, limits of the current, shutting off when hot.
+//! Limits of the motor drivers: ramps of the duty, limits of the current, shutting off when hot.
 
 use super::network::MotorPort;
 use super::settings::{MotorSettings, MotorThermalSettings};
@@ -9,11 +9,11 @@ const COOLED: f64 = 10.0;
 /// One driver.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Driver {
-    /// What its bridge does, behind the ramp, −1 to 1.
+    /// Duty of its bridge, behind the ramp, −1 to 1.
     pub(super) duty: f64,
     /// Most current, A.
     limit: Option<f64>,
-    /// Whether heat lowers that limit.
+    /// Set if heat lowers that limit.
     pub(super) derated: bool,
     pub(super) shut_off: bool,
 }
@@ -26,8 +26,8 @@ impl Driver {
         }
     }
 
-    /// Moves the duty towards what is wanted for so many seconds: away from zero by one ramp, towards
-    /// zero by the other.
+    /// Moves the duty towards what is wanted for so many seconds: away from zero by one ramp,
+    /// towards zero by the other.
     pub(super) fn follow(&mut self, wanted: f64, motor: &MotorSettings, seconds: f64) {
         let reach = |ramp: f64| if ramp > 0.0 { seconds / ramp } else { 2.0 };
         let (up, down) = (
@@ -84,9 +84,9 @@ impl Driver {
         };
     }
 
-    /// The bridge as the bus sees it, which has `bus` V: where the whole duty would draw more current
-    /// than is allowed it gives less. A bridge that is off still conducts through its diodes what a
-    /// motor gives that turns faster than the bus allows.
+    /// The bridge as the bus sees it, which has `bus` V: where the whole duty would draw more
+    /// current than is allowed it gives less. A bridge that is off still conducts through its
+    /// diodes what a motor gives that turns faster than the bus allows.
     pub(super) fn port(&self, on: bool, duty: f64, bus: f64, motor: MotorPort) -> MotorPort {
         if !on || self.shut_off {
             return MotorPort {

@@ -1,4 +1,4 @@
-//! What an operator, a scenario or bad luck does to the vehicle.
+//! Deeds of an operator, a scenario or bad luck to the vehicle.
 
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
@@ -7,7 +7,7 @@ use crate::pose::Pose;
 use crate::vehicle_body::{number, within};
 use crate::world::World;
 
-/// What a wheel encoder does.
+/// State of a wheel encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Encoder {
     /// It measures.
@@ -19,7 +19,7 @@ pub enum Encoder {
     Stuck,
 }
 
-/// What is wrong with one side.
+/// Faults of one side.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SideFaults {
     /// The wheels cannot turn at all.
@@ -38,13 +38,13 @@ pub struct SideFaults {
     pub encoder: Encoder,
 }
 
-/// What is wrong with the vehicle as a whole. It lies over what was set otherwise, so that taking
-/// it away leaves no trace but what it did to charge, fuses and motion meanwhile.
+/// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking
+/// them away leaves no trace but what they did to charge, fuses and motion meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct R150Faults {
     /// Loads in place of those that are wired, by [`Rail::index`].
     pub loads: [Option<Load>; RAILS],
-    /// What the battery's voltage lacks, V.
+    /// Voltage that the battery lacks, V.
     pub supply_drop: f64,
     /// Resistance added to the battery, Ω.
     pub supply_resistance: f64,
@@ -103,7 +103,7 @@ impl R150Plant {
         self.wake();
     }
 
-    /// What is wrong with the vehicle as a whole.
+    /// Returns the faults of the vehicle as a whole.
     #[must_use]
     pub fn faults(&self) -> &R150Faults {
         &self.faults
@@ -139,7 +139,7 @@ impl R150Plant {
         self.solve_network();
     }
 
-    /// What hangs on a rail.
+    /// Returns what hangs on a rail.
     #[must_use]
     pub fn load(&self, rail: Rail) -> Load {
         self.loads[rail.index()]
@@ -157,8 +157,8 @@ impl R150Plant {
         world.set_mass(self.body.id(), self.drive.mass, self.drive.inertia);
     }
 
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each is
-    /// held within ±100 kN.
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
+    /// is held within ±100 kN.
     pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
         self.body.set_push([ahead, left, turn]);
     }
@@ -187,13 +187,13 @@ impl R150Plant {
         self.wake();
     }
 
-    /// What is wrong with a side.
+    /// Returns the faults of a side.
     #[must_use]
     pub fn side_faults(&self, side: Side) -> SideFaults {
         self.side_faults[side]
     }
 
-    /// Whether a fuse has blown.
+    /// Tells whether a fuse has blown.
     #[must_use]
     pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
         self.slow.fuses[fuse.index()].is_blown() || self.faults.fuses_out[fuse.index()]

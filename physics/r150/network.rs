@@ -1,8 +1,8 @@
 //! The electrical network: battery, bus, motors, rails.
 //!
-//! Everything hangs on one bus behind the battery's resistance. Motors are a resistance and a source
-//! (the bridge a lossless transformer of ratio `duty`), resistive loads are conductances, converters
-//! and electronic loads take constant power. The bus voltage `V` then obeys
+//! Everything hangs on one bus behind the battery's resistance. Motors are a resistance and a
+//! source (the bridge a lossless transformer of ratio `duty`), resistive loads are conductances,
+//! converters and electronic loads take constant power. The bus voltage `V` then obeys
 //!
 //! ```text
 //! V = U − R (G V − I + P / V)      U, R battery; G, I, P sums over the loads
@@ -24,7 +24,7 @@ pub(super) struct Source {
 /// A motor bridge as the bus sees it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MotorPort {
-    /// Whether current can flow.
+    /// Set if current can flow.
     pub(super) connected: bool,
     pub(super) duty: f64,
     /// V
@@ -33,12 +33,12 @@ pub(super) struct MotorPort {
     pub(super) resistance: f64,
 }
 
-/// What is switched on.
+/// Outputs that are switched on.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Demand {
     pub(super) source: Source,
     pub(super) motors: [MotorPort; 2],
-    /// Whether the tail supply is whole.
+    /// Set if the tail supply is whole.
     pub(super) tail: bool,
     pub(super) rail_on: [bool; RAILS],
     pub(super) loads: [Load; RAILS],

@@ -12,10 +12,10 @@ struct Signal {
     high_voltage: f64,
 }
 
-/// What an input makes of its source; `last` is what it read before.
+/// Reads an input with this source; `last` is what it read before.
 ///
-/// The outputs are open-drain, so the line is high while an output lets go of it. A level that never
-/// changes has no period, and a signal outside the input's limits is not seen at all.
+/// The outputs are open-drain, so the line is high while an output lets go of it. A level that
+/// never changes has no period, and a signal outside the input's limits is not seen at all.
 pub(super) fn read(
     source: PwmSource,
     own_duty: &[f64; 4],

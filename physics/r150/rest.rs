@@ -45,8 +45,8 @@ impl R150Plant {
         self.solve_network();
     }
 
-    /// Whether something is trying to move the vehicle. A motor against a blocked wheel counts: its
-    /// current must go on being integrated.
+    /// Tells whether something is trying to move the vehicle. A motor against a blocked wheel
+    /// counts: its current must go on being integrated.
     fn is_driven(&self) -> bool {
         let motors = Side::BOTH.iter().any(|side| {
             let port = self.motor_port(*side);

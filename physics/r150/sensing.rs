@@ -1,4 +1,4 @@
-//! What can be read off the plant.
+//! Measurements on the plant.
 
 use super::R150Plant;
 use super::faults::Encoder;
@@ -7,7 +7,7 @@ use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
 
 impl R150Plant {
-    /// What the firmware's sensors read now.
+    /// Reads the firmware's sensors now.
     #[must_use]
     pub fn measurements(&self) -> R150Measurements {
         if !self.flow.module_powered {
@@ -29,7 +29,7 @@ impl R150Plant {
         }
     }
 
-    /// How things really are.
+    /// Returns the true state.
     #[must_use]
     pub fn truth(&self) -> R150Truth {
         let [forward_speed, leftward_speed, yaw_rate] = self.body.motion().body_velocity();
@@ -54,7 +54,7 @@ impl R150Plant {
         }
     }
 
-    /// What is broken, too hot or about to tip.
+    /// Lists what is broken, too hot or about to tip.
     #[must_use]
     pub fn health(&self) -> R150Health {
         R150Health {

@@ -1,4 +1,4 @@
-//! What may be chosen about the R150 outside its firmware.
+//! Settings of the R150 outside its firmware.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ sim_settings::settings! {
         motor: MotorSettings,
         /// Warming of the motors and of their drivers.
         motor_thermal: MotorThermalSettings,
-        /// How far its parts are from one another.
+        /// Spread of its parts.
         tolerance: ToleranceSettings,
         /// The two packs.
         battery: BatterySettings,
@@ -30,7 +30,7 @@ sim_settings::settings! {
         thermal: ThermalSettings,
         /// PWM inputs and outputs.
         pwm: PwmSettings,
-        /// When a vehicle counts as standing.
+        /// Limits below which a vehicle counts as standing.
         rest: RestSettings,
     }
 }
@@ -57,16 +57,16 @@ sim_settings::settings! {
         payload: f64 = 0.0, unit "kg", range 0.0..=1000.0, assumed "empty unless chosen";
         /// Height of the payload's centre of mass above the ground.
         payload_height: f64 = 0.7, unit "m", range 0.0..=3.0, assumed "on the deck";
-        /// How far ahead of the middle the payload lies.
+        /// Place of the payload ahead of the middle.
         payload_ahead: f64 = 0.0, unit "m", range -2.5..=2.5, assumed "on the middle of the deck";
-        /// How far to the left of the middle the payload lies.
+        /// Place of the payload to the left of the middle.
         payload_left: f64 = 0.005, unit "m", range -2.5..=2.5,
             assumed "nobody loads a vehicle to the millimetre";
     }
 }
 
 sim_settings::choices! {
-    /// What a motor does at PWM 0.
+    /// State of a motor at PWM 0.
     pub enum AtZeroPwm {
         /// Its bridge shorts it: the vehicle brakes.
         Brake = "brake",
@@ -94,7 +94,7 @@ sim_settings::settings! {
         gear_friction: f64 = 0.15, unit "N*m", range 0.0..=100.0, assumed "2 % of the rated torque";
         /// Share of the motor's torque that is lost in the gear.
         gear_loss: f64 = 0.1, range 0.0..=0.9, assumed "two or three planetary stages";
-        /// What a motor does at PWM 0.
+        /// State of a motor at PWM 0.
         at_zero_pwm: AtZeroPwm = AtZeroPwm::Brake,
             assumed "a bridge at duty 0 that keeps both its lower switches closed";
         /// Most current that a driver lets through a motor; it then gives less voltage.
@@ -195,16 +195,16 @@ sim_settings::settings! {
             assumed "a short then draws many times the limit";
         /// Resistance from the bus to the 48 V output.
         resistance_48v: f64 = 0.01, unit "ohm", range 0.001..=10.0, assumed "a switch and a connector";
-        /// What is left of a short circuit, in its wires.
+        /// Resistance of a short circuit, in its wires.
         short_resistance: f64 = 0.02, unit "ohm", range 0.001..=1.0, assumed "a metre of wire";
         /// Efficiency of the 12 V and 5 V converters.
         converter_efficiency: f64 = 0.92, range 0.1..=1.0, assumed "typical buck converter";
-        /// What the module draws itself.
+        /// Power of the module itself.
         own_power: f64 = 5.0, unit "W", range 0.0..=200.0, assumed "a controller and idle converters";
         /// Bus voltage under which the module and its converters stop.
         minimum_voltage: f64 = 14.0, unit "V", range 1.0..=40.0,
             assumed "12 V converters need a little more than they give";
-        /// What the vehicle's small modules draw behind their own fuse.
+        /// Power of the vehicle's small modules behind their own fuse.
         small_modules_power: f64 = 20.0, unit "W", range 0.0..=500.0,
             assumed "controller, lights and sounder";
     }
@@ -234,7 +234,7 @@ sim_settings::settings! {
     pub struct ThermalSettings {
         /// Temperature around the vehicle.
         ambient: f64 = 25.0, unit "degC", range -60.0..=100.0, assumed "a mild day";
-        /// How much warmer than that they are at the start.
+        /// Temperature by which they are warmer than that at the start.
         initial_rise: f64 = 0.0, unit "K", range 0.0..=500.0, assumed "switched on after a long pause";
         /// Rise of a converter pair at full load.
         full_load_rise: f64 = 45.0, unit "K", range 0.0..=500.0,
@@ -249,17 +249,17 @@ sim_settings::settings! {
 }
 
 sim_settings::choices! {
-    /// What an input reads whose signal it cannot measure.
+    /// Reading of an input whose signal it cannot measure.
     pub enum Unmeasured {
         /// 0 Hz and 0.
         Zero = "zero",
-        /// What it measured last.
+        /// Last measurement.
         Last = "last",
     }
 }
 
 sim_settings::choices! {
-    /// What an input reads while its level never changes.
+    /// Reading of an input while its level never changes.
     pub enum SteadyLevel {
         /// The same as of any signal that it cannot measure.
         Unmeasured = "unmeasured",
@@ -269,7 +269,7 @@ sim_settings::choices! {
 }
 
 sim_settings::choices! {
-    /// What the duty of an open-drain output is the share of.
+    /// Level whose share the duty of an open-drain output is.
     pub enum OutputDuty {
         /// The time in which it lets go of the line, which is then high.
         Released = "released",
@@ -289,14 +289,14 @@ sim_settings::settings! {
         input_frequency_min: f64 = 10.0, unit "Hz", range 0.001..=1000000.0, documented "manual section 4.3.4";
         /// Highest frequency that an input measures.
         input_frequency_max: f64 = 20000.0, unit "Hz", range 1.0..=1000000.0, documented "manual section 4.3.4";
-        /// What an input reads whose signal it cannot measure: none, too low, too high, too slow or
+        /// Reading of an input whose signal it cannot measure: none, too low, too high, too slow or
         /// too fast.
         unmeasured: Unmeasured = Unmeasured::Zero,
             assumed "the manual gives the range that inputs measure, not what they read outside of it";
-        /// What an input reads while its level never changes.
+        /// Reading of an input while its level never changes.
         steady_level: SteadyLevel = SteadyLevel::Unmeasured,
             assumed "a capture unit counts edges, and there are none";
-        /// What the duty of an output is the share of.
+        /// Level whose share the duty of an output is.
         output_duty: OutputDuty = OutputDuty::Released,
             assumed "an input wired to an output then reads the duty that was set";
         /// Frequency of the outputs.

@@ -1,4 +1,4 @@
-//! What passes between the plant and everything around it.
+//! Signals between the plant and everything around it.
 
 use std::ops::{Index, IndexMut};
 
@@ -91,10 +91,10 @@ impl Rail {
     }
 }
 
-/// How many rails there are.
+/// Number of rails.
 pub const RAILS: usize = 6;
 
-/// What hangs on a rail.
+/// Load on a rail.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Load {
     /// Nothing.
@@ -108,7 +108,7 @@ pub enum Load {
     Short,
 }
 
-/// What is wired to a PWM input.
+/// Source at a PWM input.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum PwmSource {
     /// Nothing.
@@ -127,7 +127,7 @@ pub enum PwmSource {
     OwnOutput(usize),
 }
 
-/// What an input capture unit makes of its signal; zeros if it makes nothing of it.
+/// Reading of an input capture unit; zeros if it makes nothing of its signal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PwmReading {
     /// Hz
@@ -141,13 +141,13 @@ pub struct PwmReading {
 pub struct R150Commands {
     /// Duty of the motor bridges, −1 (backward) to 1. Zero shorts the motor.
     pub motor_duty: Sides<f64>,
-    /// Whether the bridges have their supply; the emergency stop cuts it and the motors turn freely.
+    /// Set if the bridges have their supply; the emergency stop cuts it and the motors turn freely.
     pub propulsion_power: bool,
-    /// Whether the parking brake holds.
+    /// Set if the parking brake holds.
     pub parking_brake: bool,
-    /// Whether the tail supply, which feeds the module and its outputs, is connected.
+    /// Set if the tail supply, which feeds the module and its outputs, is connected.
     pub tail_power: bool,
-    /// Which outputs are switched on, by [`Rail::index`].
+    /// Outputs that are switched on, by [`Rail::index`].
     pub rail_on: [bool; RAILS],
     /// Duty of the PWM outputs, 0–1.
     pub pwm_out_duty: [f64; 4],
@@ -167,14 +167,14 @@ impl Default for R150Commands {
     }
 }
 
-/// What the firmware's sensors read.
+/// Readings of the firmware's sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct R150Measurements {
-    /// Whether the module has a supply at all. If not, everything else reads zero.
+    /// Set if the module has a supply at all. If not, everything else reads zero.
     pub module_powered: bool,
     /// Speed of the motor shafts by their encoders, rpm, positive is forward.
     pub motor_rpm: Sides<f64>,
-    /// What the encoders have counted, turns of the motor shafts, positive is forward.
+    /// Count of the encoders, turns of the motor shafts, positive is forward.
     pub motor_turns: Sides<f64>,
     /// State of charge, 0–1.
     pub soc: f64,
@@ -192,24 +192,24 @@ pub struct R150Measurements {
     pub temperature: [f64; 2],
     /// The PWM inputs.
     pub pwm_in: [PwmReading; 4],
-    /// Whether the power module reports a fault of its own.
+    /// Set if the power module reports a fault of its own.
     pub power_module_fault: bool,
 }
 
-/// What is broken, too hot or about to tip.
+/// Things that are broken, too hot or about to tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct R150Health {
-    /// Which fuses have blown, in the order of [`FuseId::ALL`](super::FuseId::ALL).
+    /// Fuses that have blown, in the order of [`FuseId::ALL`](super::FuseId::ALL).
     pub fuse_blown: [bool; 4],
-    /// Whether a wheel would lift off the ground, and the vehicle begin to tip over.
+    /// Set if a wheel would lift off the ground, and the vehicle begin to tip over.
     pub tipping: bool,
-    /// Whether a driver allows less current because of heat.
+    /// Sides of which the driver allows less current because of heat.
     pub derated: Sides<bool>,
-    /// Whether a driver has shut off because of heat.
+    /// Sides of which the driver has shut off because of heat.
     pub shut_off: Sides<bool>,
 }
 
-/// How things really are, for verdicts and summaries. No firmware sees this.
+/// True state, for verdicts and summaries. No firmware sees this.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct R150Truth {
     /// Position and heading in the world.
@@ -238,13 +238,13 @@ pub struct R150Truth {
     pub charge_drawn: f64,
     /// Mass with payload, kg.
     pub mass: f64,
-    /// What is broken, too hot or about to tip.
+    /// Things that are broken, too hot or about to tip.
     pub health: R150Health,
     /// Temperature of the motors, °C.
     pub motor_celsius: Sides<f64>,
     /// Temperature of the motor drivers, °C.
     pub driver_celsius: Sides<f64>,
-    /// Whether the plant rests.
+    /// Set while the plant rests.
     pub at_rest: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What changes over seconds to hours: charge, warmth of converters and fuses.
+//! Changes over seconds to hours: charge, warmth of converters and fuses.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! How the axes of a contact patch lie in the body.
+//! Axes of a contact patch in the body.
 
 use nalgebra::Vector3;
 

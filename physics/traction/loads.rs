@@ -1,6 +1,6 @@
-//! How the weight of a vehicle rests on four wheels.
+//! Weight of a vehicle on four wheels.
 
-/// Where four wheels stand under the centre of mass.
+/// Places of four wheels under the centre of mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stance {
     /// Half the distance between front and rear axle, m.
@@ -9,10 +9,10 @@ pub struct Stance {
     pub half_track: f64,
     /// Height of the centre of mass above the ground, m.
     pub centre_height: f64,
-    /// Where the centre of mass is, ahead and left of the middle, m.
+    /// Place of the centre of mass, ahead and left of the middle, m.
     pub centre: [f64; 2],
-    /// What the tyres hold against by the loads as they are, ahead and left, N; `None` before the
-    /// first step.
+    /// Force that the tyres hold against by the loads as they are, ahead and left, N; `None` before
+    /// the first step.
     pub carried: Option<[f64; 2]>,
 }
 
@@ -20,7 +20,7 @@ pub struct Stance {
 const LEANING: f64 = 0.05;
 
 impl Stance {
-    /// Where the wheels stand, front left, front right, rear left, rear right: metres ahead and left
+    /// Places of the wheels, front left, front right, rear left, rear right: metres ahead and left
     /// of the body's middle.
     #[must_use]
     pub fn places(&self) -> [[f64; 2]; 4] {
@@ -28,13 +28,13 @@ impl Stance {
         [[x, y], [x, -y], [-x, y], [-x, -y]]
     }
 
-    /// How each wheel is pressed down over a step of `dt` seconds, front left, front right, rear left,
-    /// rear right, N, and whether one would lift: its share of the weight, shifted by what the tyres
-    /// do at the ground below the centre of mass. So loads shift backward in acceleration and to the
+    /// Load of each wheel over a step of `dt` seconds, front left, front right, rear left, rear
+    /// right, N, and whether one would lift: its share of the weight, shifted by what the tyres do
+    /// at the ground below the centre of mass. So loads shift backward in acceleration and to the
     /// lower side of a slope; the tyres take a moment to follow.
     ///
-    /// `pull` is the downhill pull ahead and to the left, which the tyres of a vehicle that stands hold;
-    /// `on_tyres` is the force of the tyres on the body in the last step.
+    /// `pull` is the downhill pull ahead and to the left, which the tyres of a vehicle that stands
+    /// hold; `on_tyres` is the force of the tyres on the body in the last step.
     pub fn carry(
         &mut self,
         pull: [f64; 2],
@@ -50,8 +50,8 @@ impl Stance {
         self.loads(carried, weight)
     }
 
-    /// The loads, front left, front right, rear left, rear right, N, and whether a wheel would lift,
-    /// when the tyres hold against a pull ahead and to the left.
+    /// The loads, front left, front right, rear left, rear right, N, and whether a wheel would
+    /// lift, when the tyres hold against a pull ahead and to the left.
     #[must_use]
     pub fn loads(&self, pull: [f64; 2], weight: f64) -> ([f64; 4], bool) {
         let moments: [f64; 2] = std::array::from_fn(|axis| {

@@ -1,4 +1,4 @@
-//! What may be chosen about tyres.
+//! Settings of tyres.
 
 use std::time::Duration;
 

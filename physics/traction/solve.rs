@@ -121,7 +121,7 @@ impl Row {
         ]
     }
 
-    /// Whether an impulse is less than the ground can take.
+    /// Tells whether an impulse is less than the ground can take.
     fn grips(&self, impulse: [f64; 2]) -> bool {
         square(impulse) < self.limit * self.limit * GRIP_MARGIN
     }
@@ -137,7 +137,8 @@ impl Row {
     }
 }
 
-/// An impulse scaled to the limit is a rounding error beside it; this keeps it from counting as grip.
+/// An impulse scaled to the limit is a rounding error beside it; this keeps it from counting as
+/// grip.
 const GRIP_MARGIN: f64 = 1.0 - 1e-12;
 
 fn square([along, across]: [f64; 2]) -> f64 {

@@ -40,7 +40,7 @@ impl Rectangle {
         }
     }
 
-    /// Whether a point lies in it or on its rim.
+    /// Tells whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         let [x, y] = from(self.centre, point);
@@ -63,7 +63,7 @@ impl Rectangle {
 }
 
 impl Disc {
-    /// Whether a point lies in it or on its rim.
+    /// Tells whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         square(from(self.centre, point)) <= self.radius * self.radius
@@ -71,7 +71,7 @@ impl Disc {
 }
 
 impl Band {
-    /// Whether a point lies in it or on its rim.
+    /// Tells whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         self.square_distance(point) <= self.radius * self.radius

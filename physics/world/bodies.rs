@@ -36,7 +36,7 @@ impl World {
         BodyId(self.bodies.len() - 1)
     }
 
-    /// Where a body is and how it moves.
+    /// Returns the pose and motion of a body.
     #[must_use]
     pub fn motion(&self, id: BodyId) -> BodyMotion {
         let body = self.rigid_body(id);
@@ -53,18 +53,18 @@ impl World {
         }
     }
 
-    /// Whether nothing of a body moves; cheaper than [`World::motion`].
+    /// Tells whether nothing of a body moves; cheaper than [`World::motion`].
     #[must_use]
     pub fn is_still(&self, id: BodyId) -> bool {
         !self.rigid_body(id).is_moving()
     }
 
-    /// Whether a body that rested still does, looked at after a step; `speed` is that under which a
-    /// body may rest, m/s.
+    /// Tells whether a body that rested still does, looked at after a step; `speed` is that under
+    /// which a body may rest, m/s.
     ///
     /// One that is only eased out of what it touches, or pushed by what strain is left in another's
-    /// wheels, is stopped again and goes on resting; otherwise vehicles that lean on a wall or on one
-    /// another would keep waking for ever.
+    /// wheels, is stopped again and goes on resting; otherwise vehicles that lean on a wall or on
+    /// one another would keep waking for ever.
     pub fn rests_on(&mut self, id: BodyId, speed: f64) -> bool {
         if self.is_still(id) {
             return true;
@@ -108,13 +108,13 @@ impl World {
             .set_additional_mass_properties(mass_properties(mass, inertia), true);
     }
 
-    /// Whether a body touched anything at the end of the last step.
+    /// Tells whether a body touched anything at the end of the last step.
     #[must_use]
     pub fn is_touching(&self, id: BodyId) -> bool {
         self.bodies[id.0].touching
     }
 
-    /// How often a body came to touch something after touching nothing.
+    /// Number of times that a body came to touch something after touching nothing.
     #[must_use]
     pub fn collisions(&self, id: BodyId) -> u64 {
         self.bodies[id.0].collisions

@@ -14,13 +14,13 @@ const TAG_RADIUS: f64 = 0.05;
 /// Something that lies or stands in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feature {
-    /// What it is.
+    /// Kind of it.
     pub kind: FeatureKind,
-    /// Where it is.
+    /// Place of it.
     pub shape: FeatureShape,
 }
 
-/// What a feature is.
+/// Kind of a feature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FeatureKind {
     /// Ground that slopes.

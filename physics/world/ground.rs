@@ -1,4 +1,4 @@
-//! What the wheels stand on.
+//! Ground under the wheels.
 
 /// The ground under one point.
 ///

@@ -1,4 +1,4 @@
-//! What lies and stands on the plane.
+//! Things that lie and stand on the plane.
 
 use super::area::{Disc, Rectangle};
 use super::obstacle::{ObstacleError, Obstacles};
@@ -12,9 +12,9 @@ use super::{World, WorldSettings};
 pub struct WorldMap {
     /// Walls, boxes and posts.
     pub obstacles: Obstacles,
-    /// Where the ground slopes; of several at one place the last counts.
+    /// Slopes of the ground; of several at one place the last counts.
     pub slopes: Vec<Slope>,
-    /// Where the ground has another friction; of several at one place the last counts.
+    /// Places where the ground has another friction; of several at one place the last counts.
     pub frictions: Vec<FrictionPatch>,
     /// RFID tags on the ground.
     pub tags: Vec<Tag>,
@@ -34,9 +34,9 @@ pub enum Area {
 /// Sloping ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slope {
-    /// Where.
+    /// Place of it.
     pub area: Area,
-    /// How steep.
+    /// Steepness of it.
     pub slope: f64,
     /// Direction in which it rises.
     pub uphill: f64,
@@ -45,7 +45,7 @@ pub struct Slope {
 /// Ground of another friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPatch {
-    /// Where.
+    /// Place of it.
     pub area: Area,
     /// Coefficient of friction between wheel and ground.
     pub friction: f64,
@@ -56,14 +56,14 @@ pub struct FrictionPatch {
 pub struct Strip {
     /// Its middle line, from point to point.
     pub points: Vec<[f64; 2]>,
-    /// Whether it comes back to its first point.
+    /// Set if it comes back to its first point.
     pub closed: bool,
     /// Radius with which it goes around its points; where it does not fit, as much as does.
     pub corner_radius: f64,
 }
 
 impl Area {
-    /// Whether a point lies in it or on its rim.
+    /// Tells whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         match self {
@@ -73,12 +73,13 @@ impl Area {
     }
 }
 
-/// Most parts of a world: boxes, posts, areas, tags, and the pieces of walls and strips. With so many
-/// at one place a step of the physics takes a tenth of a second, and that grows with their square.
+/// Most parts of a world: boxes, posts, areas, tags, and the pieces of walls and strips. With so
+/// many at one place a step of the physics takes a tenth of a second, and that grows with their
+/// square.
 pub const MOST_PARTS: usize = 4000;
 
 impl WorldMap {
-    /// How many parts it has; there may be [`MOST_PARTS`].
+    /// Number of its parts; there may be [`MOST_PARTS`].
     #[must_use]
     pub fn parts(&self) -> usize {
         let obstacles = self.obstacles.iter().map(|one| one.solids().len());
@@ -100,8 +101,8 @@ impl World {
     /// Puts contents into the world, beside those that it has.
     ///
     /// # Errors
-    /// When the name of an obstacle is taken, or there would be more than [`MOST_PARTS`]; nothing has
-    /// changed then.
+    /// When the name of an obstacle is taken, or there would be more than [`MOST_PARTS`]; nothing
+    /// has changed then.
     pub fn add_map(&mut self, map: &WorldMap) -> Result<(), ObstacleError> {
         let parts = self.solids().count() + self.areas.len() + self.tags.len() + self.strips.len();
         if parts + map.parts() > MOST_PARTS {

@@ -1,4 +1,4 @@
-//! What stands on the plane and is no vehicle: walls, boxes, posts.
+//! Things that stand on the plane and are no vehicles: walls, boxes, posts.
 
 use super::area::{Band, Disc, Rectangle, from};
 use super::map::MOST_PARTS;
@@ -23,7 +23,7 @@ pub enum ObstacleShape {
     Wall {
         /// Its middle line, from point to point.
         points: Vec<[f64; 2]>,
-        /// Whether it comes back to its first point.
+        /// Set if it comes back to its first point.
         closed: bool,
         /// From side to side.
         thickness: f64,
@@ -34,7 +34,7 @@ pub enum ObstacleShape {
     Circle(Disc),
 }
 
-/// Why an obstacle was not added, moved or removed. Nothing has changed then.
+/// Reason for which an obstacle was not added, moved or removed. Nothing has changed then.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ObstacleError {
     /// Names are given once.
@@ -113,9 +113,8 @@ impl Obstacle {
         &self.shape
     }
 
-    /// Where it stands and where it points: the middle and the direction of the length of a box, the
-    /// middle of a post, whose heading is 0; the first point of a wall and the direction of its first
-    /// piece.
+    /// Place and direction: the middle and the direction of the length of a box, the middle of a
+    /// post, whose heading is 0; the first point of a wall and the direction of its first piece.
     #[must_use]
     pub fn pose(&self) -> Pose {
         let (place, direction) = match &self.shape {
@@ -207,20 +206,20 @@ impl Obstacles {
         self.0.iter()
     }
 
-    /// How many there are.
+    /// Number of them.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Tells whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
-/// Whether a name is free among these.
+/// Tells whether a name is free among these.
 pub(super) fn free<'o>(
     name: Option<&str>,
     mut others: impl Iterator<Item = &'o Obstacle>,

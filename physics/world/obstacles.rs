@@ -17,8 +17,8 @@ pub(super) struct Standing {
 }
 
 impl World {
-    /// Adds an obstacle. Vehicles that rest must be woken by their owner, here and when one is moved
-    /// or removed; a vehicle where an obstacle comes to stand is pushed out of it.
+    /// Adds an obstacle. Vehicles that rest must be woken by their owner, here and when one is
+    /// moved or removed; a vehicle where an obstacle comes to stand is pushed out of it.
     ///
     /// # Errors
     /// When its name is taken.
@@ -90,7 +90,7 @@ impl World {
         self.standing.push(standing);
     }
 
-    /// What stands around, as sensors see it.
+    /// Lists what stands around, as sensors see it.
     pub(super) fn solids(&self) -> impl Iterator<Item = &Solid> {
         self.standing.iter().flat_map(|standing| &standing.solids)
     }

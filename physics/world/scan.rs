@@ -1,8 +1,8 @@
-//! What sensors find in the world: echoes, tags, magnetic strips.
+//! Findings of sensors in the world: echoes, tags, magnetic strips.
 //!
-//! Distances are exact for the shapes: an echo comes from the nearest point of an obstacle that lies
-//! within the cone and faces the sensor well enough; ends and corners face every way. Nothing is too
-//! thin to be seen.
+//! Distances are exact for the shapes: an echo comes from the nearest point of an obstacle that
+//! lies within the cone and faces the sensor well enough; ends and corners face every way. Nothing
+//! is too thin to be seen.
 
 use super::area::{Band, Disc, Rectangle, dot, from, square};
 use super::{BodyId, World};
@@ -10,15 +10,15 @@ use super::{BodyId, World};
 /// The cone of an ultrasonic sensor, or with no width the beam of an infrared one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cone {
-    /// Where the sensor is, m.
+    /// Place of the sensor, m.
     pub origin: [f64; 2],
-    /// Where it looks: a unit vector.
+    /// Direction in which it looks: a unit vector.
     pub direction: [f64; 2],
     /// Cosine and sine of half its opening, under 90°.
     pub half_opening: [f64; 2],
     /// Cosine of the greatest angle from its normal at which a surface sends an echo back.
     pub grazing: f64,
-    /// How far it sees, m.
+    /// Range, m.
     pub range: f64,
 }
 
@@ -33,9 +33,9 @@ pub(super) enum Solid {
 /// An RFID tag on the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tag {
-    /// Where it lies, m.
+    /// Place of it, m.
     pub at: [f64; 2],
-    /// What a reader reads, not 0, which means none.
+    /// Number that a reader reads, not 0, which means none.
     pub number: u32,
 }
 
@@ -75,7 +75,7 @@ impl World {
         nearest.map(|(_, tag)| tag)
     }
 
-    /// Which points have the middle line of a magnetic strip within `reach` metres, the first as
+    /// Points that have the middle line of a magnetic strip within `reach` metres, the first as
     /// bit 0.
     #[must_use]
     pub fn strips_under(&self, points: &[[f64; 2]; 16], reach: f64) -> u16 {

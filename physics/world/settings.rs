@@ -1,4 +1,4 @@
-//! What may be chosen about the world.
+//! Settings of the world.
 
 use std::time::Duration;
 

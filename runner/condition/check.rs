@@ -1,4 +1,4 @@
-//! Whether an expression makes sense, before it is ever evaluated.
+//! Checks of expressions, before they are ever evaluated.
 
 use std::collections::BTreeMap;
 
@@ -29,14 +29,14 @@ impl Type {
 /// The functions: name and how many numbers each takes.
 const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
 
-/// What names mean.
+/// Names and their meanings.
 #[derive(Debug, Clone, Copy)]
 pub struct Scope<'a> {
     /// The devices.
     pub devices: &'a Devices<'a>,
     /// The device whose name may be left out.
     pub usual: Option<usize>,
-    /// What steps remember.
+    /// Values that steps remember.
     pub saved: &'a [Saved],
     /// The parameters that are no texts.
     pub parameters: &'a BTreeMap<String, Value>,
@@ -44,8 +44,8 @@ pub struct Scope<'a> {
 
 static NONE: BTreeMap<String, Value> = BTreeMap::new();
 
-/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean; says
-/// whether it is true or false.
+/// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean;
+/// says whether it is true or false.
 pub(super) type Check =
     fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<bool, String>;
 

@@ -1,4 +1,4 @@
-//! How near a condition that does not hold is to holding.
+//! Distance of a condition that does not hold from holding.
 
 use cel::common::ast::{CallExpr, Expr, operators};
 use cel::parser::Expression;
@@ -9,9 +9,9 @@ use super::{Condition, Situation, Value};
 const FAR: f64 = 1.0;
 
 impl Condition {
-    /// How near it is to holding, 0 at most; larger is nearer. Numbers that are compared count by how
-    /// far they are apart, as a part of the larger one; of what must hold together, all that does not
-    /// counts.
+    /// Distance from holding, 0 at most; larger is nearer. Numbers that are compared count by how
+    /// far they are apart, as a part of the larger one; of what must hold together, all that does
+    /// not counts.
     #[must_use]
     pub fn nearness(&self, situation: Situation<'_>) -> f64 {
         self.margin(&self.expression, situation).min(0.0)

@@ -12,7 +12,7 @@ use crate::run::Run;
 pub struct Probe {
     /// As conditions write it.
     pub name: String,
-    /// What it gives.
+    /// Unit of its value.
     pub unit: Unit,
     /// Index of the device; `None` for the time.
     pub device: Option<usize>,

@@ -1,4 +1,4 @@
-//! What is planned, and when.
+//! Plan of what happens when.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::effects::Undo;
 pub(super) enum Item {
     /// A step happens, for the first time or again.
     Occur(usize),
-    /// What a step did ends.
+    /// End of what a step did.
     End(usize, Undo),
     /// A step is ended before its time.
     Clear(usize),

@@ -1,4 +1,4 @@
-//! What a real client does.
+//! Deeds of a real client.
 
 use std::time::Duration;
 
@@ -61,8 +61,8 @@ impl Run {
         self.instant(at, |rig| rig.client_puts(port, bytes))
     }
 
-    /// The client has set its end of the line, at the present time; after the end of the run that is
-    /// no part of it.
+    /// The client has set its end of the line, at the present time; after the end of the run that
+    /// is no part of it.
     pub fn set_line(&mut self, port: PortId, line: ClientLine) {
         if self.outcome.is_some() || self.lines.insert(port, line) == Some(line) {
             return;
@@ -86,7 +86,8 @@ impl Run {
         self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
     }
 
-    /// Has [`step`](Self::step) stop at every byte that arrives, for a client that is to have it then.
+    /// Has [`step`](Self::step) stop at every byte that arrives, for a client that is to have it
+    /// then.
     pub fn follow_bytes(&mut self) {
         self.follows_bytes = true;
     }
@@ -104,7 +105,7 @@ impl Run {
         self.rig.space(port)
     }
 
-    /// How many bytes the client's UART takes now.
+    /// Number of bytes that the client's UART takes now.
     #[must_use]
     pub fn room(&self, port: PortId) -> usize {
         self.rig.room(port)
@@ -115,15 +116,16 @@ impl Run {
         self.rig.tell(port, LineEvent::Overrun { bytes });
     }
 
-    /// The machine was late to run the simulator by so much simulated time, little as it may be: what
-    /// clients send next may come closer together by as much, which does not count as too soon.
+    /// The machine was late to run the simulator by so much simulated time, little as it may be:
+    /// what clients send next may come closer together by as much, which does not count as too
+    /// soon.
     pub fn late(&mut self, by: Duration) {
         self.expect_burst(by, burst_end(self.rig.now(), by));
     }
 
-    /// The machine held the simulator up for so long that simulated time stood still: for `real`, in
-    /// which `by` of simulated time would have passed. What that may look like is not held against the
-    /// clients.
+    /// The machine held the simulator up for so long that simulated time stood still: for `real`,
+    /// in which `by` of simulated time would have passed. What that may look like is not held
+    /// against the clients.
     pub fn held_up(&mut self, real: Duration, by: Duration) {
         self.lateness.note(self.rig.now(), by);
         self.rig.tell_all(LineEvent::SimulatorLate { by: real });
@@ -135,8 +137,8 @@ impl Run {
         self.rig.tell_all(LineEvent::SimulatorTooSlow);
     }
 
-    /// Up to and including `until`, what clients send may come up to `by` closer together than they sent
-    /// it; after the end of the run that is no part of it.
+    /// Up to and including `until`, what clients send may come up to `by` closer together than they
+    /// sent it; after the end of the run that is no part of it.
     pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
         if self.outcome.is_some() {
             return;

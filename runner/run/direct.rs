@@ -1,4 +1,4 @@
-//! What whoever drives a run asks it, and has happen beside the steps of its file.
+//! Requests of whoever drives a run, beside the steps of its file.
 
 use std::sync::Arc;
 
@@ -14,26 +14,26 @@ use crate::scenario::{MOST_STEPS, Trigger};
 /// Name of steps that come from no file, as errors call it.
 const FILE: &str = "step";
 
-/// How far a step is.
+/// Progress of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StepReport<'a> {
     /// Its name.
     pub name: &'a str,
-    /// Whether it was added, and is none of the file's.
+    /// Set if it was added, and is none of the file's.
     pub added: bool,
-    /// When it began.
+    /// Time at which it began.
     pub begun: Option<SimTime>,
-    /// When it was done, with all its repetitions and what they last.
+    /// Time at which it was done, with all its repetitions and what they last.
     pub done: Option<SimTime>,
-    /// What first went wrong with it.
+    /// First thing that went wrong with it.
     pub failure: Option<&'a str>,
-    /// Whether there is anything left to be ended or undone.
+    /// Set if there is anything left to be ended or undone.
     pub lasting: bool,
-    /// How often its faults have hit something.
+    /// Number of times that its faults have hit something.
     pub hits: u64,
 }
 
-/// Why a step cannot be added.
+/// Reason for which a step cannot be added.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StepError {
     /// The text is wrong.
@@ -87,9 +87,10 @@ impl Run {
         parse(text, &scope)
     }
 
-    /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`. Its
-    /// `at` is counted from now, and if it does not say when, it begins before this returns, at an
-    /// instant of its own. Gives its index, which is another's that is over when there are too many.
+    /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`.
+    /// Its `at` is counted from now, and if it does not say when, it begins before this returns, at
+    /// an instant of its own. Gives its index, which is another's that is over when there are too
+    /// many.
     ///
     /// A run does not fail because such a step never begins, or because its fault hits nothing.
     ///
@@ -153,8 +154,8 @@ impl Run {
         over.min().map(|(_, index)| index)
     }
 
-    /// Ends a step before its time: what it has brought is mended, and what it would still do is not
-    /// done. Without effect on one that is over.
+    /// Ends a step before its time: what it has brought is mended, and what it would still do is
+    /// not done. Without effect on one that is over.
     ///
     /// # Errors
     /// When the run cannot go on.
@@ -187,14 +188,14 @@ impl Run {
         steps.position(|step| step.name == name)
     }
 
-    /// How far every step is that is played in this run, in their order.
+    /// Reports of all steps that are played in this run, in their order.
     pub fn steps(&self) -> impl Iterator<Item = StepReport<'_>> {
         let steps = self.scenario.steps.iter().enumerate();
         let played = steps.filter(|(_, step)| self.is_played(step));
         played.filter_map(|(index, _)| self.step_report(index))
     }
 
-    /// How far a step is.
+    /// Report of a step.
     #[must_use]
     pub fn step_report(&self, index: usize) -> Option<StepReport<'_>> {
         let (step, state) = (self.scenario.steps.get(index)?, self.steps.get(index)?);
@@ -209,7 +210,7 @@ impl Run {
         })
     }
 
-    /// How often the faults of a step have hit something.
+    /// Number of times that the faults of a step have hit something.
     #[must_use]
     pub fn step_hits(&self, step: usize) -> u64 {
         let state = self.steps.get(step);

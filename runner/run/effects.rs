@@ -1,4 +1,4 @@
-//! What steps do to vehicles and to the world around them, and how that ends.
+//! Effects of steps on vehicles and on the world around them, and their end.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use sim_physics::{Ground, Pose, World};
 use super::Run;
 use crate::scenario::WorldAction;
 
-/// What ends the effect of a step.
+/// End of the effect of a step.
 pub(super) enum Undo {
     /// Nothing is left to be undone: a repetition's time is over.
     Nothing,

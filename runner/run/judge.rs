@@ -17,7 +17,7 @@ use crate::scenario::{Action, Rule, Scenario, Trigger};
 const MOST_FAILURES: usize = 50;
 /// How often it is looked at how near something has come.
 const NEARNESS_EVERY: Duration = Duration::from_millis(20);
-/// How long after a fault of the line its traces may still come.
+/// Time after a fault of the line in which its traces may still come.
 pub(super) const EXCUSED_AFTER: Duration = Duration::from_millis(200);
 
 /// A condition that a step waits for.
@@ -27,7 +27,7 @@ pub(super) struct Expected {
     pub due: SimTime,
 }
 
-/// How near something that is waited for has come to holding.
+/// Nearest that something that is waited for has come to holding.
 #[derive(Debug)]
 pub(super) struct Nearest {
     by: f64,
@@ -36,14 +36,14 @@ pub(super) struct Nearest {
     found: String,
 }
 
-/// What surrounds a failure.
+/// Surroundings of a failure.
 #[derive(Debug)]
 pub(super) struct Context {
     traffic: Vec<String>,
     armed: Vec<String>,
 }
 
-/// How far a condition over time has come.
+/// Progress of a condition over time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RuleState {
     from: Option<SimTime>,
@@ -83,7 +83,7 @@ impl Run {
         }
     }
 
-    /// Whether any condition is to be looked at now and then.
+    /// Tells whether any condition is to be looked at now and then.
     pub(super) fn is_watched(&self) -> bool {
         let now = self.rig.now();
         !self.expected.is_empty()
@@ -238,7 +238,7 @@ impl Run {
         }
     }
 
-    /// Whether a condition holds, unless it speaks of what no step has remembered yet.
+    /// Tells whether a condition holds, unless it speaks of what no step has remembered yet.
     pub(super) fn look(&self, condition: &Condition) -> Result<Option<bool>, String> {
         let situation = self.situation();
         if !condition.is_known(situation) {
@@ -255,7 +255,7 @@ impl Run {
         }
     }
 
-    /// Whether a condition holds now.
+    /// Tells whether a condition holds now.
     ///
     /// # Errors
     /// As [`Condition::holds`].
@@ -275,7 +275,7 @@ impl Run {
         with_message(message, &text)
     }
 
-    /// Whether what happened is not the client's fault.
+    /// Tells whether what happened is not the client's fault.
     pub(super) fn is_excused(&mut self, event: &Event) -> bool {
         let blame = event.kind.code().blame();
         let disturbed = self

@@ -1,4 +1,4 @@
-//! What is not held against a client because the machine was busy.
+//! Excuses for a client while the machine was busy.
 
 use std::time::Duration;
 
@@ -8,13 +8,13 @@ use sim_core::event::Event;
 /// Whoever sends at a steady rate is back in its rhythm after two rounds at the R150's 20 Hz.
 const RHYTHM: Duration = Duration::from_millis(100);
 
-/// Until when what clients send may come in a burst, after the simulator was late at `now` by so much
-/// simulated time.
+/// Until when what clients send may come in a burst, after the simulator was late at `now` by so
+/// much simulated time.
 pub(super) fn burst_end(now: SimTime, by: Duration) -> SimTime {
     now + by + RHYTHM
 }
 
-/// When the simulator was held up, and what was excused for it.
+/// Times at which the simulator was held up, and what was excused for it.
 #[derive(Debug, Default)]
 pub(super) struct Lateness {
     excused_until: Option<SimTime>,
@@ -22,13 +22,14 @@ pub(super) struct Lateness {
 }
 
 impl Lateness {
-    /// The simulator was held up at `now` for so much simulated time. What the clients sent meanwhile
-    /// arrives in one burst now, which takes less time than the sending did.
+    /// The simulator was held up at `now` for so much simulated time. What the clients sent
+    /// meanwhile arrives in one burst now, which takes less time than the sending did.
     pub(super) fn note(&mut self, now: SimTime, by: Duration) {
         self.excused_until = self.excused_until.max(Some(burst_end(now, by)));
     }
 
-    /// Whether an event looks like the client's fault but may well be the machine's; counts those.
+    /// Tells whether an event looks like the client's fault but may well be the machine's; counts
+    /// those.
     pub(super) fn excuses(&mut self, event: &Event) -> bool {
         let excused = self.excused_until.is_some_and(|until| event.at <= until)
             && event.kind.blames_client()
@@ -37,7 +38,7 @@ impl Lateness {
         excused
     }
 
-    /// How many events were excused.
+    /// Number of events that were excused.
     pub(super) fn excused(&self) -> u64 {
         self.excused
     }

@@ -1,28 +1,28 @@
-//! What came of a run.
+//! Outcome of a run.
 
 use std::fmt;
 
 use sim_core::SimTime;
 use sim_core::report::Report;
 
-/// What came of a run.
+/// Outcome of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcome {
-    /// Whether everything was as the file says.
+    /// Set if everything was as the file says.
     pub passed: bool,
     /// The scenario's title.
     pub title: String,
     /// From which everything random was derived.
     pub seed: u64,
-    /// When it ended.
+    /// Time at which it ended.
     pub ended_at: SimTime,
-    /// What was not as the file says, in the order in which it was found.
+    /// Failures, in the order in which they were found.
     pub failures: Vec<Failure>,
-    /// How many more failures there were.
+    /// Number of further failures.
     pub more_failures: u64,
     /// The faults of the file that were injected.
     pub faults: Vec<FaultRecord>,
-    /// What happened at each device, counted; the client report is in it.
+    /// Counts of what happened at each device; the client report is in it.
     pub devices: Vec<DeviceReport>,
     /// The last events before the first failure, or before the end without one, in words.
     pub traffic: Vec<String>,
@@ -33,11 +33,11 @@ pub struct Outcome {
 /// Something that was not as the file says.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
-    /// When it was found.
+    /// Time at which it was found.
     pub at: SimTime,
     /// The step that it is about, if it is about one.
     pub step: Option<String>,
-    /// What was wrong, and the values that it was found by.
+    /// Description, and the values that it was found by.
     pub what: String,
 }
 
@@ -58,24 +58,24 @@ impl Outcome {
 pub struct FaultRecord {
     /// The step that injected it.
     pub step: String,
-    /// Which.
+    /// Code of the fault.
     pub id: &'static str,
-    /// How often it was injected.
+    /// Number of times that it was injected.
     pub armed: u64,
-    /// How many of these times it hit anything.
+    /// Number of these times at which it hit anything.
     pub hit: u64,
-    /// How often it hit something, all times together.
+    /// Number of hits, all times together.
     pub hits: u64,
 }
 
-/// What happened at a device.
+/// Counts of what happened at a device.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceReport {
     /// The device.
     pub name: String,
-    /// What happened, counted.
+    /// Counts of events.
     pub report: Report,
-    /// How far it has driven.
+    /// Distance that it has driven, m.
     pub distance_m: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What has to come each time that something happens.
+//! Responses that have to come each time that something happens.
 
 use std::sync::Arc;
 
@@ -14,10 +14,10 @@ use crate::scenario::{Cause, Response};
 /// How many responses to one cause are waited for at a time; further ones are not judged.
 const MOST_PENDING: usize = 1000;
 
-/// What is known of a response.
+/// State of a response.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ResponseState {
-    /// Whether its cause holds.
+    /// Set while its cause holds.
     caused: bool,
     pending: Vec<Pending>,
 }
@@ -31,7 +31,7 @@ struct Pending {
 }
 
 impl Run {
-    /// Whether any condition is to be looked at for a response.
+    /// Tells whether any condition is to be looked at for a response.
     pub(super) fn awaits_responses(&self) -> bool {
         let all = self.scenario.responses.iter().zip(&self.responses);
         all.into_iter().any(|(response, state)| {

@@ -14,48 +14,48 @@ use super::judge::{Expected, Nearest};
 use super::{MOST_ROUNDS, Run};
 use crate::scenario::{Action, Only, Overlap, Scenario, Step, Times, Trigger};
 
-/// How far a step has come.
+/// Progress of a step.
 #[derive(Debug)]
 pub(super) struct StepState {
-    /// Whether its condition is still waited for.
+    /// Set while its condition is still waited for.
     pub(super) watching: bool,
-    /// When it is to begin, if a time says so.
+    /// Time at which it is to begin, if a time says so.
     pub(super) planned: Option<SimTime>,
     pub(super) begun: Option<SimTime>,
     pub(super) done: Option<SimTime>,
     times: u32,
-    /// When its repetitions end, if they have such an end.
+    /// Time at which its repetitions end, if they have such an end.
     ends: Option<SimTime>,
-    /// How many of its effects there are that will be undone.
+    /// Number of its effects that will be undone.
     effects: u32,
     /// A repetition waits until the last one's effect is over.
     put_off: bool,
     all_begun: bool,
-    /// How many of its times go on.
+    /// Number of its times that go on.
     pending: u32,
-    /// Whether it is none of the file's.
+    /// Set if it is none of the file's.
     pub(super) added: bool,
-    /// What first went wrong with it.
+    /// First thing that went wrong with it.
     pub(super) failure: Option<String>,
-    /// What would end the last of its effects that have no end of their own.
+    /// End of the last of its effects that have no end of their own.
     standing: Option<Undo>,
     chance: Noise,
     /// From which times are drawn.
     times_drawn: Noise,
-    /// How near what it waits for has come to holding so far.
+    /// Nearest that what it waits for has come to holding so far.
     pub(super) nearest: Option<Nearest>,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
     counts: FaultCounts,
 }
 
-/// How often a step has brought its fault.
+/// Number of times that a step has brought its fault.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct FaultCounts {
     pub(super) armed: u64,
-    /// How many of these times it hit anything.
+    /// Number of these times at which it hit anything.
     pub(super) hit: u64,
-    /// How often it hit something, all times together.
+    /// Number of hits, all times together.
     pub(super) hits: u64,
 }
 
@@ -88,7 +88,7 @@ impl StepState {
         }
     }
 
-    /// Whether nothing of it goes on or is still to come.
+    /// Tells whether nothing of it goes on or is still to come.
     pub(super) fn is_over(&self) -> bool {
         self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
     }
@@ -98,18 +98,18 @@ impl StepState {
         times.draw(&mut self.times_drawn)
     }
 
-    /// Whether its end by a condition is waited for.
+    /// Tells whether its end by a condition is waited for.
     pub(super) fn may_end(&self) -> bool {
         self.begun.is_some() && self.done.is_none()
     }
 
-    /// How often its faults have hit something until now.
+    /// Number of times that its faults have hit something until now.
     pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
         let active = self.faults.values();
         self.counts.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
     }
 
-    /// Whether one of its faults goes on.
+    /// Tells whether one of its faults goes on.
     pub(super) fn has_faults(&self) -> bool {
         !self.faults.is_empty()
     }
@@ -135,19 +135,19 @@ impl Run {
         self.agenda.plan(SimTime::ZERO, Item::Look);
     }
 
-    /// Whether a step is played in this kind of run.
+    /// Tells whether a step is played in this kind of run.
     pub(super) fn is_played(&self, step: &Step) -> bool {
         let host = matches!(step.action, Action::Host(_));
         let replaced = host && !self.has_script(step.device);
         self.is_judged(step.only, step.mission) && !replaced
     }
 
-    /// Whether the script is the client of a device.
+    /// Tells whether the script is the client of a device.
     pub(super) fn has_script(&self, device: usize) -> bool {
         !self.options.live || self.scenario.is_scripted(device)
     }
 
-    /// Whether a verdict counts in this kind of run.
+    /// Tells whether a verdict counts in this kind of run.
     pub(super) fn is_judged(&self, only: Option<Only>, mission: bool) -> bool {
         self.counts(only) && !(mission && self.scenario.mission_may_fail)
     }

@@ -1,4 +1,4 @@
-//! What operators do and what changes around a vehicle.
+//! Deeds of operators, and changes around a vehicle.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::schema;
 use crate::suggest::or_allowed;
 use crate::tables;
 
-/// What changes around a vehicle.
+/// Change around a vehicle.
 #[derive(Debug, Clone)]
 pub(crate) enum WorldAction {
     Add(Box<WorldMap>),
@@ -23,7 +23,7 @@ pub(crate) enum WorldAction {
     },
     Remove(String),
     Friction(f64),
-    /// What hangs on the device.
+    /// Change of something that hangs on the device.
     Device(Arc<dyn Action>),
 }
 
@@ -90,7 +90,7 @@ impl WorldAction {
         }
     }
 
-    /// Whether it can be undone after a time.
+    /// Tells whether it can be undone after a time.
     pub(crate) fn can_end(&self) -> bool {
         let map = match self {
             Self::Add(map) => map,

@@ -1,7 +1,6 @@
 //! One scenario from several files: what a file takes over from another one, and parameters.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
 
 use sim_settings::Source;
 use toml::Spanned;
@@ -20,42 +19,6 @@ pub struct Texts<'t> {
     pub parameters: &'t [(String, String)],
     /// Settings as `key=value`, which win over those in the files.
     pub set: &'t [String],
-}
-
-/// What is to be known of a file before it is read with those that it is based on. Of what is no TOML
-/// nothing is known; that is told when it is read.
-#[derive(Debug, Default)]
-pub struct Glance {
-    /// The keys of the file.
-    pub keys: BTreeSet<String>,
-    /// The file that it is based on, relative to it.
-    pub base: Option<PathBuf>,
-    /// Its world, relative to it.
-    pub world: Option<PathBuf>,
-    /// The names of its parameters.
-    pub parameters: BTreeSet<String>,
-}
-
-impl Glance {
-    /// Glances at the text of a file.
-    #[must_use]
-    pub fn at(text: &str) -> Self {
-        let table: toml::Table = text.parse().unwrap_or_default();
-        let path = |key: &str| {
-            table
-                .get(key)
-                .and_then(toml::Value::as_str)
-                .map(PathBuf::from)
-        };
-        let parameters = table.get("parameters").and_then(toml::Value::as_table);
-        let parameters = parameters.into_iter().flatten();
-        Self {
-            base: path("base"),
-            world: path("world"),
-            parameters: parameters.map(|(name, _)| name.clone()).collect(),
-            keys: table.into_iter().map(|(key, _)| key).collect(),
-        }
-    }
 }
 
 /// Lists whose elements have names, and change those of the same name in what a file is based on.
@@ -203,7 +166,7 @@ impl<'t> Parameters<'t> {
         Self(all)
     }
 
-    /// What conditions have behind `param.`; texts are for values alone.
+    /// Values that conditions have behind `param.`; texts are for values alone.
     pub(super) fn values(&self) -> BTreeMap<String, Value> {
         let value = |value: &DeValue<'_>| match value {
             DeValue::Boolean(flag) => Some(Value::Flag(*flag)),

@@ -25,20 +25,20 @@ pub(crate) struct Document {
     /// Version of the form of this file.
     #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
     pub schema: Spanned<u32>,
-    /// The file that this one is based on: everything in that one holds here, unless it is given here.
-    /// Devices, steps and rules of the same name are changed by what is given of them here.
+    /// The file that this one is based on: everything in that one holds here, unless it is given
+    /// here. Devices, steps and rules of the same name are changed by what is given of them here.
     #[serde(default, rename = "base")]
     pub _base: Option<PathBuf>,
-    /// Values for this file by name, as they are unless `--param` gives others: `"${pwm}"` stands for one
-    /// in texts, `param.pwm` in conditions.
+    /// Values for this file by name, as they are unless `--param` gives others: `"${pwm}"` stands
+    /// for one in texts, `param.pwm` in conditions.
     #[serde(default, rename = "parameters")]
     #[schemars(with = "std::collections::BTreeMap<String, ParameterText>")]
     pub _parameters: toml::Table,
-    /// What is tried, in a few words.
+    /// Title: what is tried, in a few words.
     pub title: String,
-    /// What happens, for readers.
+    /// Description of what happens, for readers.
     pub description: Option<String>,
-    /// What a good client does.
+    /// Behaviour of a good client.
     pub good_client: String,
     /// Words by which runs select scenarios, as in `["drive"]`: lower-case letters, digits and `-`.
     #[serde(default)]
@@ -48,16 +48,16 @@ pub(crate) struct Document {
     pub world: Option<PathBuf>,
     /// Seed of everything random; the caller's if not given.
     pub seed: Option<u64>,
-    /// How long the run takes, in simulated time.
+    /// Length of the run, in simulated time.
     #[schemars(with = "Span")]
     pub limit: Spanned<Span>,
-    /// How long it takes a good client, of which `at = "40 %"` is a share; the limit unless given.
+    /// Time that it takes a good client, of which `at = "40 %"` is a share; the limit unless given.
     #[schemars(with = "Option<Span>")]
     pub takes: Option<Spanned<Span>>,
-    /// What is wrong may cost the mission: verdicts with `mission = true` do not count.
+    /// Says that what is wrong may cost the mission: verdicts with `mission = true` do not count.
     #[serde(default)]
     pub mission_may_fail: bool,
-    /// How long it may take in real time with a client; no longer than simulated time needs, and a
+    /// Time that it may take in real time with a client; no longer than simulated time needs, and a
     /// little more, unless given.
     pub wall_limit: Option<Span>,
     /// Settings of all devices and of the world; `sim config` lists them.
@@ -68,7 +68,7 @@ pub(crate) struct Document {
     #[serde(default)]
     #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1))]
     pub device: Vec<Spanned<toml::Table>>,
-    /// What happens.
+    /// Steps: what happens.
     #[serde(default)]
     #[schemars(with = "Vec<StepText>")]
     pub step: Vec<Spanned<StepText>>,
@@ -80,11 +80,11 @@ pub(crate) struct Document {
     #[serde(default)]
     #[schemars(with = "Vec<RuleText>")]
     pub never: Vec<Spanned<RuleText>>,
-    /// What has to come each time that something happens.
+    /// Responses that have to come each time that something happens.
     #[serde(default)]
     #[schemars(with = "Vec<ResponseText>")]
     pub response: Vec<Spanned<ResponseText>>,
-    /// What the client report may have in it; anything unless given.
+    /// Content that the client report may have; anything unless given.
     #[schemars(with = "Option<DemandText>")]
     pub client_report: Option<Spanned<DemandText>>,
 }
@@ -99,9 +99,9 @@ fn needs_less_with_a_base(schema: &mut Schema) {
 }
 
 /// One thing that happens: one of `at`, `when` and `after` says when, and one of `host`, `fault`,
-/// `clear`, `operator`, `world` and `expect` says what. A step that only remembers, or that others wait
-/// for, needs none of these. Times may be ranges, `{ min = "1 s", max = "5 s" }`, from which one is drawn
-/// each time.
+/// `clear`, `operator`, `world` and `expect` says what. A step that only remembers, or that others
+/// wait for, needs none of these. Times may be ranges, `{ min = "1 s", max = "5 s" }`, from which
+/// one is drawn each time.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StepText {
@@ -120,8 +120,8 @@ pub(crate) struct StepText {
     /// So long after `when` or `after` says.
     #[schemars(with = "Option<TimeText>")]
     pub delay: Option<Spanned<TimeText>>,
-    /// How long it lasts: the fault is cleared then, the key released, the load taken off. With a
-    /// host's step, how long it is repeated.
+    /// Time for which it lasts: the fault is cleared then, the key released, the load taken off.
+    /// With a host's step, how long it is repeated.
     #[serde(rename = "for")]
     #[schemars(with = "Option<TimeText>")]
     pub lasts: Option<Spanned<TimeText>>,
@@ -131,13 +131,13 @@ pub(crate) struct StepText {
     /// Once more each time that so much time has passed.
     #[schemars(with = "Option<TimeText>")]
     pub every: Option<Spanned<TimeText>>,
-    /// What becomes of a repetition that falls into the last one's time; it waits unless given.
+    /// Fate of a repetition that falls into the last one's time; it waits unless given.
     #[serde(default)]
     pub overlap: Overlap,
-    /// How often altogether; without end unless given.
+    /// Number of times altogether; without end unless given.
     #[schemars(with = "Option<u32>", extend("minimum" = 1))]
     pub count: Option<Spanned<u32>>,
-    /// How likely each time is, 0 to 1; certain unless given.
+    /// Probability of each time, 0 to 1; certain unless given.
     #[schemars(with = "Option<f64>", extend("minimum" = 0, "maximum" = 1))]
     pub probability: Option<Spanned<f64>>,
     /// Nothing is wrong if this step never begins, or its fault never hits anything.
@@ -148,12 +148,12 @@ pub(crate) struct StepText {
     /// It is a verdict of the mission, which does not count where that may fail.
     #[serde(default)]
     pub mission: bool,
-    /// Values of expressions at this time, for conditions from then on: `{ x0 = "truth.x_m" }` gives
-    /// `saved.x0`.
+    /// Values of expressions at this time, for conditions from then on: `{ x0 = "truth.x_m" }`
+    /// gives `saved.x0`.
     #[serde(default)]
     #[schemars(with = "std::collections::BTreeMap<String, String>")]
     pub remember: std::collections::BTreeMap<Spanned<String>, Spanned<String>>,
-    /// Which device it is about; may be left out when there is one.
+    /// Device that it is about; may be left out when there is one.
     #[schemars(with = "Option<String>")]
     pub device: Option<Spanned<String>>,
     /// The scripted client does something. Where a real client is tested, these steps are left out:
@@ -213,7 +213,7 @@ pub(crate) enum ParameterText {
     Flag(bool),
 }
 
-/// Who is a device's client where there is a real one.
+/// Client of a device where there is a real one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum ClientText {
@@ -264,7 +264,7 @@ impl<'de> Deserialize<'de> for TimeText {
     }
 }
 
-/// What becomes of a repetition that falls into the last one's time.
+/// Fate of a repetition that falls into the last one's time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Overlap {
@@ -285,7 +285,7 @@ pub enum Only {
     Live,
 }
 
-/// What the scripted client does: one of `send`, `bytes`, `port` and `baud`, and what it expects.
+/// Deed of the scripted client: one of `send`, `bytes`, `port` and `baud`, and what it expects.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct HostText {
@@ -303,11 +303,11 @@ pub(crate) struct HostText {
     pub port: Option<PortText>,
     /// Sets the port's speed.
     pub baud: Option<u32>,
-    /// What has to come back.
+    /// Reply that has to come back.
     pub expect: Option<ReplyText>,
 }
 
-/// What to do with the port.
+/// Deed at the port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum PortText {
@@ -321,8 +321,8 @@ pub(crate) enum PortText {
 #[derive(JsonSchema)]
 pub(crate) struct CommandText {}
 
-/// What has to come back: any answer unless one of `reply`, `bytes` and `silence` says more. An
-/// R150's next reply to the command has to match; of a mecanum car's packets, one has to.
+/// Reply that has to come back: any answer unless one of `reply`, `bytes` and `silence` says more.
+/// An R150's next reply to the command has to match; of a mecanum car's packets, one has to.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ReplyText {
@@ -341,7 +341,7 @@ pub(crate) struct ReplyText {
     pub silence: bool,
 }
 
-/// What an operator, the app or a passer-by does. Each device has its own beside those of all.
+/// Deed of an operator, the app or a passer-by. Each device has its own beside those of all.
 #[derive(JsonSchema)]
 pub(crate) struct OperatorText {}
 
@@ -367,7 +367,7 @@ pub(crate) enum AnyWorldText {
     Friction(f64),
 }
 
-/// Where an obstacle is to stand: the middle of a box or post, the first point of a wall.
+/// Place for an obstacle: the middle of a box or post, the first point of a wall.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MoveText {
@@ -390,7 +390,7 @@ pub(crate) struct ExpectText {
     pub that: Spanned<String>,
     /// By when; at once unless given.
     pub within: Option<Span>,
-    /// What to say if it does not.
+    /// Words for it if it does not.
     pub message: Option<String>,
 }
 
@@ -403,7 +403,7 @@ pub(crate) struct RuleText {
     /// The condition.
     #[schemars(with = "String")]
     pub that: Spanned<String>,
-    /// What to say if it is violated.
+    /// Words for it if it is violated.
     pub message: Option<String>,
     /// It is violated when that has gone on for longer than this; at once unless given.
     pub longer_than: Option<Span>,
@@ -422,7 +422,7 @@ pub(crate) struct RuleText {
     pub mission: bool,
 }
 
-/// What has to come each time that something happens: `whenever` or `step` says what.
+/// Response that has to come each time that something happens: `whenever` or `step` says what.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ResponseText {
@@ -442,7 +442,7 @@ pub(crate) struct ResponseText {
     /// It has to hold on until so long after that; for a moment unless given.
     #[schemars(with = "Option<Span>")]
     pub until: Option<Spanned<Span>>,
-    /// What to say if it does not.
+    /// Words for it if it does not.
     pub message: Option<String>,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
@@ -451,7 +451,7 @@ pub(crate) struct ResponseText {
     pub mission: bool,
 }
 
-/// What the client report may have in it: "empty" for nothing at all, or by kind.
+/// Content that the client report may have: "empty" for nothing at all, or by kind.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(
     untagged,

@@ -23,7 +23,8 @@ pub(super) struct Read {
     pub broken: BTreeSet<usize>,
 }
 
-/// Reads a document. What cannot be read is told and left out; without what must be there it is none.
+/// Reads a document. What cannot be read is told and left out; without what must be there it is
+/// none.
 pub(super) fn read(root: &mut DeTable<'_>, problems: &mut Problems<'_>) -> Option<Read> {
     let mut broken = BTreeSet::new();
     let mut told = BTreeSet::new();
@@ -66,8 +67,8 @@ fn key_of(table: &DeTable<'_>, at: usize) -> Option<String> {
     found.map(|(key, _)| key.get_ref().to_string())
 }
 
-/// Whether something is anywhere in a value. A table that is written in parts has no place that has
-/// all of it.
+/// Tells whether something is anywhere in a value. A table that is written in parts has no place
+/// that has all of it.
 fn has(value: &Spanned<DeValue<'_>>, at: usize) -> bool {
     let inside = match value.get_ref() {
         DeValue::Table(table) => key_of(table, at).is_some(),

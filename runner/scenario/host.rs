@@ -1,4 +1,4 @@
-//! What the scripted client does and expects.
+//! Deeds and expectations of the scripted client.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::suggest::or_allowed;
 /// Most bytes that a step sends or expects.
 const MOST_BYTES: usize = 1024;
 
-/// What the scripted client does at a port.
+/// Deed of the scripted client at a port.
 #[derive(Debug, Clone)]
 pub(crate) struct HostAction {
     pub port: PortId,
@@ -33,7 +33,7 @@ pub(crate) enum HostDoes {
     Nothing,
 }
 
-/// What has to come back, and by when.
+/// Reply that has to come back, and by when.
 #[derive(Debug, Clone)]
 pub(crate) struct ReplyWanted {
     pub within: Duration,
@@ -51,14 +51,14 @@ pub(crate) enum Wanted {
     Silence,
 }
 
-/// What a field has to be.
+/// Value that a field has to have.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum FieldWanted {
     Exactly(Field),
     Between(f64, f64),
 }
 
-/// Whether a reply is as wanted; if not, which field is not.
+/// Tells whether a reply is as wanted; if not, which field is not.
 pub(crate) fn matches_fields(
     fields: &Fields,
     wanted: &[(String, FieldWanted)],

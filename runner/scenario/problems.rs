@@ -8,7 +8,7 @@ use crate::sources::Sources;
 /// The most errors that one file reports.
 pub(super) const MOST_ERRORS: usize = 20;
 
-/// What is wrong so far.
+/// Problems found so far.
 pub(super) struct Problems<'t> {
     sources: Sources<'t>,
     lines: Vec<String>,
@@ -33,7 +33,7 @@ impl<'t> Problems<'t> {
         self.lines.extend(lines.into_iter().take(left));
     }
 
-    /// Where something is said, as errors begin.
+    /// Place at which something is said, as errors begin.
     pub(super) fn place(&self, at: Range<usize>) -> String {
         self.sources.place(at.start).to_string()
     }
@@ -43,8 +43,8 @@ impl<'t> Problems<'t> {
         result.map_err(|why| self.add(at, &why)).ok()
     }
 
-    /// The value, or `None` and one problem more, at the place that the reader's error names or else
-    /// here.
+    /// The value, or `None` and one problem more, at the place that the reader's error names or
+    /// else here.
     pub(super) fn read<T>(
         &mut self,
         at: Range<usize>,

@@ -28,7 +28,7 @@ fn a_full_scenario_is_read() {
     let scenario = parse(&text).unwrap();
     assert_eq!(scenario.rig.seed, Some(3));
     assert_eq!(scenario.tags, ["drive", "48v"]);
-    assert_eq!(scenario.world(), Some(Path::new("yard.toml")));
+    assert_eq!(scenario.rig.world.as_deref(), Some(Path::new("yard.toml")));
     assert_eq!(scenario.wall_limit, Some(Duration::from_secs(60)));
     let timeout = scenario.rig.devices[0]
         .settings
@@ -335,6 +335,10 @@ fn what_the_whole_file_lacks_is_told() {
         (
             format!("{HEAD}tags = [\"Drive\"]\n{CAR}"),
             "a tag is made of lower-case letters",
+        ),
+        (
+            format!("{HEAD}step = []\n{CAR}[[step]]\nat = \"1s\"\nname = \"x\"\n"),
+            "a list is written either `name = [{ … }, { … }]` or with `[[name]]`",
         ),
         (
             format!("{HEAD}client_report = {{ only = \"live\" }}\n{CAR}"),

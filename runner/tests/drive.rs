@@ -1,6 +1,6 @@
 //! The scenarios with the tag `drive` judge clients that do one job, ahead with an R150 and around a
 //! rectangle with a mecanum car: one that hopes for the best fails many of them, one that takes care
-//! passes them all.
+//! passes them all. The others are for their scripts, and judge of a client what holds for any.
 //!
 //! Both clients run in simulated time. Each is a thread that does one thing after another, as any
 //! client does; whatever it asks of its ports is done before the thread goes on, so a run is always
@@ -22,7 +22,7 @@ use sim_core::rig::PortId;
 use sim_runner::{Outcome, Run, RunOptions};
 
 use common::Loaded;
-use drive_clients::{Client, car, r150};
+use drive_clients::{Client, car, idle, r150};
 
 /// How often a client that waits looks at its port.
 const TICK: Duration = Duration::from_micros(500);
@@ -175,6 +175,34 @@ fn a_careful_client_passes_every_drive_of_the_car() {
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
+#[test]
+fn a_client_that_stops_by_falling_silent_passes_every_drive_of_the_r150() {
+    let failed = failed("r150", r150::silent);
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+/// What a file says of the script's way is not said of other clients: of one that only stands there it may
+/// find that nothing happened, and no more.
+#[test]
+fn a_client_that_only_stands_there_breaks_no_rule() {
+    let nothing = ["it never began: ", " and never hit anything; "];
+    let mut judged = 0;
+    for file in common::files() {
+        let loaded = Loaded::read(&file).unwrap();
+        if loaded.scenario.tags.iter().any(|tag| tag == "drive") {
+            continue;
+        }
+        judged += 1;
+        let outcome = play(loaded.run(live(1)), idle);
+        for failure in outcome.failures {
+            let name = common::name(&file);
+            let known = nothing.iter().any(|known| failure.what.contains(known));
+            assert!(known, "{name}: {failure}");
+        }
+    }
+    assert!(judged > 40, "{judged}");
+}
+
 /// Whatever chance brings, a scenario judges the client by what it does: each is played with the scripted
 /// client and, if it is a drive, with the careful one. `SIM_SEEDS` is the first seed and how many of them;
 /// `SIM_SEEDS_OF` is a part of the names of the files.
@@ -233,6 +261,7 @@ fn a_naive_client_of_the_r150_fails_where_it_should() {
         "r150/faults/line-mute",
         "r150/faults/remote-control-takes-over",
         "r150/faults/replies-missing",
+        "r150/faults/vehicle-deaf",
         "r150/faults/wheel-blocked",
     ];
     naive_fails("r150", r150::naive, "r150/jobs/camera-drive", &failing);

@@ -8,8 +8,8 @@ use crate::run::Run;
 
 /// Looks on while a recording is played again ([`super::Replay::watched`]).
 ///
-/// Events come in the order of time, each before the first look at or behind its time. Records come as
-/// they stand in the recording, which is before the second run goes past their times.
+/// Events come in the order of time, each before the first look at or behind its time. Records come
+/// as they stand in the recording, which is before the second run goes past their times.
 pub trait Onlooker {
     /// A line of the recording, the header aside.
     fn record(&mut self, record: &Record);
@@ -23,7 +23,7 @@ pub trait Onlooker {
     /// The second run has come to that time.
     fn look(&mut self, run: &Run);
 
-    /// Whether the rest is of no use.
+    /// Tells whether the rest is of no use.
     fn has_enough(&self) -> bool {
         false
     }

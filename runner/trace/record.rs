@@ -103,7 +103,7 @@ pub enum Record {
     },
 }
 
-/// Whether a setting is as it nearly always is, and not written.
+/// Tells whether a setting is as it nearly always is, and not written.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "serde passes a reference"
@@ -121,16 +121,16 @@ pub struct Header {
     pub program: String,
     /// From which everything random was derived.
     pub seed: u64,
-    /// Whether bytes took time on the lines.
+    /// Set if bytes took time on the lines.
     pub paced: bool,
-    /// Whether a real client was there.
+    /// Set if a real client was there.
     pub live: bool,
-    /// Whether devices were only served, and `scenario` is a rig file.
+    /// Set if devices were only served, and `scenario` is a rig file.
     #[serde(default, skip_serializing_if = "is_unset")]
     pub serving: bool,
     /// Name of the scenario file.
     pub file: String,
-    /// What was in it, or the rig that was served.
+    /// Text of it, or of the rig that was served.
     pub scenario: String,
     /// The files that it is based on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -152,7 +152,7 @@ pub struct Header {
 pub struct TextRecord {
     /// Its name.
     pub file: String,
-    /// What was in it.
+    /// Text of it.
     pub text: String,
 }
 

@@ -19,8 +19,8 @@ use crate::rig_file::RigPlan;
 use crate::run::{Run, RunError, RunOptions, StepError};
 use crate::scenario::{Scenario, Texts};
 
-/// Most bytes of a port by which the recording and the second run may be apart, since of one instant
-/// there is never more. So neither of them fills the memory when the other has nothing.
+/// Most bytes of a port by which the recording and the second run may be apart, since of one
+/// instant there is never more. So neither of them fills the memory when the other has nothing.
 const MOST_APART: usize = 1 << 16;
 /// How much simulated time is played before what came is compared.
 const SLICE: Duration = Duration::from_millis(500);
@@ -33,10 +33,11 @@ const NANOSECOND: Duration = Duration::from_nanos(1);
 pub struct Replay<'o> {
     run: Run,
     onlooker: Option<&'o mut dyn Onlooker>,
-    /// What was recorded and what came now, of each port, as far as they are not yet compared.
+    /// Bytes that were recorded and that came now, of each port, as far as they are not yet
+    /// compared.
     streams: BTreeMap<PortId, Stream>,
     line: usize,
-    /// When the client last did something.
+    /// Time at which the client last did something.
     acted: u64,
     ended: bool,
 }
@@ -60,16 +61,16 @@ impl Stream {
     }
 }
 
-/// Where a second run first differs.
+/// First difference of a second run.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "device {} link {}: byte {offset} differs: {} recorded, {} in the second run",
     port.device, port.link, shown(*recorded), shown(*found)
 )]
 pub struct Difference {
-    /// Where.
+    /// Port of it.
     pub port: PortId,
-    /// Which byte of those that the device sent there, from 0.
+    /// Index of the byte among those that the device sent there, from 0.
     pub offset: u64,
     /// Time and byte of the recording; `None` if it has none.
     pub recorded: Option<(SimTime, u8)>,
@@ -84,7 +85,7 @@ fn shown(byte: Option<(SimTime, u8)>) -> String {
     )
 }
 
-/// Why a trace is not repeated.
+/// Reason for which a trace is not repeated.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ReplayError {
     /// The second run is another one.
@@ -93,9 +94,9 @@ pub enum ReplayError {
     /// The trace cannot be read.
     #[error("line {line} of the trace: {why}")]
     Malformed {
-        /// Which, from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// Reason.
         why: String,
     },
     /// The second run cannot go on.
@@ -157,7 +158,7 @@ impl<'o> Replay<'o> {
         &self.run
     }
 
-    /// Whether the onlooker wants no more of it.
+    /// Tells whether the onlooker wants no more of it.
     #[must_use]
     pub fn is_enough(&self) -> bool {
         let onlooker = self.onlooker.as_ref();

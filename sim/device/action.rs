@@ -1,4 +1,4 @@
-//! What people do to a device, and what changes around it.
+//! Deeds of people to a device, and changes around it.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use toml::de::ValueDeserializer;
 
 use super::Device;
 
-/// What ends the effect of something that was done.
+/// End of the effect of something that was done.
 pub type Undo = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send>;
 
 /// Something that was done, and what ends it if it can be ended.
@@ -21,11 +21,11 @@ pub trait Action: fmt::Debug + Send + Sync {
     /// Does it.
     fn perform(&self, device: &mut dyn Device, world: &mut World, now: SimTime) -> Performed;
 
-    /// Whether it can be undone after a time.
+    /// Tells whether it can be undone after a time.
     fn can_end(&self) -> bool;
 }
 
-/// What can be done to a device, as files have it.
+/// Things that can be done to a device, as files have them.
 #[derive(Clone, Copy)]
 pub struct Actions {
     /// Reads one.
@@ -47,10 +47,10 @@ where
     }
 }
 
-/// What people can do to any vehicle.
+/// Deeds of hands that any vehicle knows.
 pub static HANDS: Actions = actions::<Hands>();
 
-/// What somebody does to a vehicle with their hands.
+/// Deeds of somebody's hands to a vehicle.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Hands {

@@ -1,10 +1,10 @@
-//! What links carry, as far as faults of the protocol spoil it.
+//! Frames of a link, as far as faults of the protocol spoil them.
 
 use crate::fault::resized;
 
-/// What a link carries, as far as faults of the protocol spoil it.
+/// Frames of a link, as far as faults of the protocol spoil them.
 pub trait Framing: Sync {
-    /// Whether a frame is one of this command or type.
+    /// Tells whether a frame is one of this command or type.
     fn is_command(&self, frame: &[u8], command: u8) -> bool;
 
     /// A frame in words, for events.

@@ -1,4 +1,4 @@
-//! How a scripted client speaks with a device: commands by name, replies by their fields.
+//! Speech of a scripted client with a device: commands by name, replies by their fields.
 
 use schemars::{Schema, SchemaGenerator};
 use sim_settings::SimTime;
@@ -6,7 +6,7 @@ use toml::de::ValueDeserializer;
 
 use super::DeviceSettings;
 
-/// How scripted clients speak with a device.
+/// Commands and replies of a device, for scripted clients.
 #[derive(Clone, Copy)]
 pub struct HostSpec {
     /// Reads a command as a file has it.
@@ -22,7 +22,7 @@ pub struct HostSpec {
     pub chatters: bool,
 }
 
-/// What a scripted client sends.
+/// Message of a scripted client.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
     /// On which link, where the file does not say.
@@ -44,7 +44,7 @@ pub trait ReplyReader: Send {
 pub struct Reply {
     /// The command that it answers, if it says so.
     pub command: Option<u8>,
-    /// What is in it.
+    /// Fields by name.
     pub fields: Fields,
 }
 

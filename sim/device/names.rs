@@ -1,4 +1,4 @@
-//! What conditions can say of a device.
+//! Names of conditions about a device.
 
 use std::fmt;
 use std::time::Duration;
@@ -8,19 +8,19 @@ use sim_settings::SimTime;
 
 use super::{Device, Motion, Observed};
 
-/// What a name stands for.
+/// Meaning, unit and source of a name.
 #[derive(Debug, Clone, Copy)]
 pub struct NameInfo {
     /// The name, to be written after the device's.
     pub name: &'static str,
     /// Its unit.
     pub unit: Unit,
-    /// What it means.
+    /// Meaning in a sentence.
     pub meaning: &'static str,
     getter: Getter,
 }
 
-/// What a name gives.
+/// Unit of a name's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     /// A number with a unit; pure numbers and counts have none.
@@ -43,16 +43,16 @@ impl fmt::Display for Unit {
 pub struct View<'a> {
     /// The present.
     pub now: SimTime,
-    /// What it stands in.
+    /// World around it.
     pub world: &'a World,
     /// The device itself.
     pub device: &'a dyn Device,
-    /// What has been observed of it.
+    /// Observations of it.
     pub observed: &'a Observed,
 }
 
 impl<'a> View<'a> {
-    /// What the device's own observer has noted, if it is of this type.
+    /// Returns the notes of the device's own observer, if it is of this type.
     #[must_use]
     pub fn noted<T: super::Observer>(&self) -> Option<&'a T> {
         (self.observed.own() as &dyn std::any::Any).downcast_ref()
@@ -86,7 +86,7 @@ pub fn as_number(count: u64) -> f64 {
     count as f64
 }
 
-/// How every vehicle really stands and moves.
+/// Names for the true pose and motion of every vehicle.
 #[rustfmt::skip] // One line a name: a table to read.
 pub static MOTION: &[NameInfo] = &[
     NameInfo::number("truth.x_m", "m", "true position, east of the origin", |v| v.motion().pose.x),
@@ -133,14 +133,14 @@ impl fmt::Display for Reading {
     }
 }
 
-/// How the value of a name is found.
+/// Way to the value of a name.
 #[derive(Debug, Clone, Copy)]
 pub enum Getter {
     /// A number.
     Number(fn(&View<'_>) -> f64),
     /// True or false.
     Flag(fn(&View<'_>) -> bool),
-    /// How many events of a code there were.
+    /// Number of events of a code.
     Count(&'static str),
 }
 
@@ -188,7 +188,7 @@ impl NameInfo {
         }
     }
 
-    /// How many events of a code there were; `name` is `count.` and the code, or near it.
+    /// Describes the number of events of a code; `name` is `count.` and the code, or near it.
     #[must_use]
     pub const fn count(name: &'static str, code: &'static str, meaning: &'static str) -> Self {
         Self {
@@ -199,7 +199,7 @@ impl NameInfo {
         }
     }
 
-    /// How its value is found.
+    /// Returns the way to its value.
     #[must_use]
     pub fn getter(&self) -> Getter {
         self.getter

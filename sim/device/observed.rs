@@ -1,4 +1,4 @@
-//! What has been observed of a device: the events, as far as conditions ask for them.
+//! Observations of a device: its events, as far as conditions ask for them.
 
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -22,18 +22,18 @@ impl Observer for () {
     }
 }
 
-/// What has been observed of one device since the start.
+/// Observations of one device since the start.
 pub struct Observed {
     report: Report,
     /// Events by their codes, also those that are held against nobody.
     counts: BTreeMap<&'static str, u64>,
-    /// How many of its ports are open.
+    /// Number of its ports that are open.
     pub attached: u64,
-    /// When the last valid request came.
+    /// Time of the last valid request.
     pub last_request: Option<SimTime>,
-    /// When motion was last asked for, and how far the device had driven then.
+    /// Time of the last request for motion, and the distance driven until then.
     pub last_motion: Option<(SimTime, f64)>,
-    /// How often motion was asked for.
+    /// Number of requests for motion.
     pub motion_requests: u64,
     own: Box<dyn Observer>,
 }
@@ -60,7 +60,7 @@ impl Observed {
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
             Role::Request => self.last_request = Some(event.at),
-            Role::Reply | Role::HeartbeatLost | Role::Other => {}
+            Role::Reply | Role::HeartbeatLost | Role::Damage | Role::Other => {}
         }
         if self.own.note(event.at, &*event.kind) {
             self.last_motion = Some((event.at, distance_m));
@@ -72,19 +72,19 @@ impl Observed {
         }
     }
 
-    /// What happened, counted.
+    /// Counts of its events.
     #[must_use]
     pub fn report(&self) -> &Report {
         &self.report
     }
 
-    /// How many events of a code there were.
+    /// Counts the events of a code.
     #[must_use]
     pub fn count(&self, code: &str) -> f64 {
         names::as_number(self.counts.get(code).copied().unwrap_or(0))
     }
 
-    /// What the device's own observer has noted.
+    /// Notes of the device's own observer.
     #[must_use]
     pub fn own(&self) -> &dyn Observer {
         &*self.own

@@ -1,4 +1,4 @@
-//! What events are called, and whom they are held against.
+//! Codes of events, and whom they are held against.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,18 +12,18 @@ pub enum Blame {
     Client,
     /// The client, unless something disturbed its line: then it may be what that looks like.
     ClientUnlessDisturbed,
-    /// The client, unless the simulator was late: what a client does in steady time can look like this
-    /// when a busy machine delivers it at once.
+    /// The client, unless the simulator was late: what a client does in steady time can look like
+    /// this when a busy machine delivers it at once.
     ClientUnlessLate,
     /// The client, unless either was so.
     ClientUnlessDisturbedOrLate,
-    /// The client, unless something disturbed its line in the second before: what it sends at a steady
-    /// rate may come in a burst then.
+    /// The client, unless something disturbed its line in the second before: what it sends at a
+    /// steady rate may come in a burst then.
     ClientUnlessHeldBack,
 }
 
 impl Blame {
-    /// Whether nobody is to blame while something disturbs the line.
+    /// Tells whether nobody is to blame while something disturbs the line.
     #[must_use]
     pub const fn spares_disturbed(self) -> bool {
         matches!(
@@ -43,7 +43,7 @@ impl Blame {
         }
     }
 
-    /// Whether nobody is to blame when the simulator was late.
+    /// Tells whether nobody is to blame when the simulator was late.
     #[must_use]
     pub const fn spares_late(self) -> bool {
         matches!(
@@ -79,7 +79,7 @@ impl Code {
         self.blame
     }
 
-    /// Whether such events may be held against a client at all.
+    /// Tells whether such events may be held against a client at all.
     #[must_use]
     pub fn may_blame_client(self) -> bool {
         self.blame != Blame::Nobody

@@ -1,7 +1,7 @@
 //! Every fault with its parameters: one table, from which types, schema and documentation come.
 //!
-//! The table lies in one file for each level. Each is a macro that hands its part on to the next one
-//! in the row, and the last one declares them all.
+//! The table lies in one file for each level. Each is a macro that hands its part on to the next
+//! one in the row, and the last one declares them all.
 
 #[macro_use]
 mod wire;
@@ -94,7 +94,7 @@ macro_rules! faults {
         )+ }
 
         impl Fault {
-            /// What the catalogue says of it.
+            /// Returns the row of the catalogue.
             #[must_use]
             pub fn info(&self) -> &'static FaultInfo {
                 let mut place = 0;
@@ -116,7 +116,7 @@ macro_rules! faults {
                 }
             }
 
-            /// How likely it is each time; without fail if that is not said.
+            /// Returns the probability of each time; 1 if that is not said.
             #[must_use]
             pub fn probability(&self) -> Probability {
                 match self {
@@ -125,7 +125,7 @@ macro_rules! faults {
                 }
             }
 
-            /// How often it acts at most.
+            /// Returns the number of times that it acts at most.
             #[must_use]
             pub fn most(&self) -> Option<u64> {
                 match self {
@@ -134,7 +134,7 @@ macro_rules! faults {
                 }
             }
 
-            /// Which way it acts; both if that is not said.
+            /// Returns the direction in which it acts; both if that is not said.
             #[must_use]
             pub fn direction(&self) -> Direction {
                 match self {

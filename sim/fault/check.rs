@@ -1,4 +1,4 @@
-//! What a fault is about.
+//! Targets of faults, and parameters that make no sense.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use super::parameters::{Direction, LinkName, Motors};
 use super::{Fault, FaultLevel};
 
 impl Fault {
-    /// Whether its parameters make sense on any device.
+    /// Checks that its parameters make sense on any device.
     ///
     /// # Errors
     /// Says in a sentence why not.
@@ -19,7 +19,7 @@ impl Fault {
         }
     }
 
-    /// What it acts on, in words.
+    /// Names its target in words.
     #[must_use]
     pub fn in_words(&self) -> String {
         match (self, self.motors()) {
@@ -68,8 +68,8 @@ impl Fault {
         }
     }
 
-    /// Whether a device may get other bytes than its client has sent, or miss some. What that looks
-    /// like is not held against the client.
+    /// Tells whether a device may get other bytes than its client has sent, or miss some. What that
+    /// looks like is not held against the client.
     #[must_use]
     pub fn disturbs_requests(&self) -> bool {
         match self.level() {

@@ -1,4 +1,4 @@
-//! What parameters are unless given; the catalogue says the same in words.
+//! Defaults of parameters; the catalogue says the same in words.
 
 use std::time::Duration;
 

@@ -144,7 +144,7 @@ macro_rules! words {
 }
 
 words! {
-    /// Which way bytes travel.
+    /// Direction in which bytes travel.
     Direction default Both {
         /// From the client to the device.
         ToDevice = "to-device",
@@ -153,7 +153,7 @@ words! {
         /// Either way.
         Both = "both",
     }
-    /// What of a frame's length is wrong.
+    /// Part of a frame that is wrong about its length.
     WrongLength default Parameters {
         /// Parameters are missing or added, and the rest of the frame fits them.
         Parameters = "parameters",
@@ -298,7 +298,7 @@ impl JsonSchema for LinkName {
 }
 
 impl Motors {
-    /// Whether it is one wheel of a car.
+    /// Tells whether it is one wheel of a car.
     #[must_use]
     pub fn is_wheel(self) -> bool {
         !matches!(self, Self::Left | Self::Right | Self::All)
@@ -306,7 +306,7 @@ impl Motors {
 }
 
 impl EchoSensor {
-    /// Whether a sensor is meant, by its place among the eight.
+    /// Tells whether a sensor is meant, by its place among the eight.
     #[must_use]
     pub fn has(self, index: usize) -> bool {
         match self {

@@ -15,7 +15,7 @@ pub(super) fn add(defects: &mut Defects, fault: &Fault) {
     }
 }
 
-/// How often a fault has shown, and what in words.
+/// Counts how often a fault has shown, and says in words what did.
 pub(super) fn count(counts: &DefectCounts, fault: &Fault) -> Option<(u64, &'static str)> {
     Some(match fault {
         Fault::Hang {} => (counts.hung, "a byte not heard, or a packet not sent"),

@@ -134,7 +134,7 @@ impl FrameFault {
         }
     }
 
-    /// When it next sends something by itself.
+    /// Time at which it next sends something by itself.
     pub(super) fn due(&self) -> Option<SimTime> {
         match self.effect {
             Effect::Unsolicited { due, .. } => due,
@@ -142,7 +142,7 @@ impl FrameFault {
         }
     }
 
-    /// What it sends by itself at `now`, if anything.
+    /// Returns the frame that it sends by itself at `now`, if any.
     pub(super) fn send(&mut self, now: SimTime, tally: &mut Tally) -> Option<Vec<u8>> {
         let Effect::Unsolicited { bytes, every, due } = &mut self.effect else {
             return None;

@@ -24,7 +24,7 @@ impl Stage {
         }
     }
 
-    /// How many more bytes it can hold.
+    /// Number of bytes for which it has room.
     pub(super) fn room(&self) -> usize {
         MOST_HELD - self.held.len()
     }

@@ -1,6 +1,6 @@
 //! Counting what faults do.
 
-/// How often a fault has acted, and on what first.
+/// Number of times that a fault has acted, and the first thing it acted on.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     pub(super) hits: u64,

@@ -1,4 +1,4 @@
-//! What passes between a device and its clients while faults are armed: bytes off the line, frames
+//! Traffic between a device and its clients while faults are armed: bytes off the line, frames
 //! on their way to it.
 
 use sim_settings::SimTime;
@@ -47,7 +47,7 @@ impl Injection {
         }
     }
 
-    /// Whether all that a line carries can wait for the client of a link, who does not read.
+    /// Tells whether all that a line carries can wait for the client of a link, who does not read.
     pub(crate) fn has_room(&self, link: usize) -> bool {
         let stages = self.stages.get(link);
         stages.is_none_or(|own| own[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
@@ -103,7 +103,7 @@ impl Injection {
         }
     }
 
-    /// What a frame that the firmware sends at `now` becomes; what is put off is kept.
+    /// Spoils a frame that the firmware sends at `now`, and keeps what is put off.
     pub(crate) fn send(&mut self, now: SimTime, link: usize, frame: Vec<u8>) -> Vec<Vec<u8>> {
         let mut frames = vec![(now, frame)];
         for armed in &mut self.armed {
@@ -142,7 +142,7 @@ impl Injection {
             })
     }
 
-    /// Whether bytes must be looked at when they arrive.
+    /// Tells whether bytes must be looked at when they arrive.
     pub(crate) fn act_on_wire(&self) -> bool {
         self.wires().next().is_some()
     }
@@ -169,7 +169,7 @@ impl Injection {
         own.filter_map(WireFault::baud).last()
     }
 
-    /// When something here next happens, besides bytes that arrive at the device.
+    /// Time of the next thing that happens here, besides bytes that arrive at the device.
     pub(crate) fn next(&self) -> Option<SimTime> {
         let to_device = self
             .stages
@@ -184,7 +184,7 @@ impl Injection {
         to_device.chain(own).chain(late).min()
     }
 
-    /// When the next byte arrives at a client.
+    /// Time at which the next byte arrives at a client.
     pub(crate) fn next_for_client(&self) -> Option<SimTime> {
         self.stages
             .iter()

@@ -44,18 +44,18 @@ pub(super) struct WireFault {
     pub(super) ways: [OneWay; 2],
 }
 
-/// What it keeps for one way.
+/// State of one direction.
 #[derive(Debug)]
 pub(super) struct OneWay {
     pub(super) noise: Noise,
     /// Bytes of a burst that are still to come, or of a piece that have passed.
     pub(super) counted: u16,
-    /// When the last byte passed.
+    /// Time of the last byte.
     pub(super) last: SimTime,
     pub(super) noise_due: Option<SimTime>,
 }
 
-/// What a fault does to bytes.
+/// Effect of a fault on bytes.
 #[derive(Debug)]
 pub(super) enum Effect {
     Flip(f64),
@@ -276,7 +276,7 @@ impl WireFault {
         }
     }
 
-    /// When a byte next comes out of nothing.
+    /// Time at which a byte next comes out of nothing.
     pub(super) fn noise_due(&self) -> Option<SimTime> {
         self.ways.iter().filter_map(|own| own.noise_due).min()
     }

@@ -10,7 +10,7 @@ use crate::uart::Receiver;
 /// Relative difference of the speeds beyond which bytes arrive wrong.
 const TOLERANCE: f64 = 0.035;
 
-/// How both ends of a direction are set at the moment.
+/// Settings of both ends of a direction at the moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ends {
     pub(super) from_baud: u32,
@@ -19,7 +19,7 @@ pub(super) struct Ends {
     pub(super) wire: Wire,
 }
 
-/// What one end has handed over and the other has not taken yet.
+/// Bytes that one end has handed over and the other has not taken yet.
 ///
 /// The sender's shift register holds one byte at a time. A byte goes at the speeds that both ends
 /// have while it is under way, so whoever changes one has to [`settle`](Self::settle) first.
@@ -27,9 +27,9 @@ pub(super) struct Ends {
 pub(super) struct Direction {
     /// The first of them is in the shift register.
     waiting: VecDeque<u8>,
-    /// When that one has gone.
+    /// Time at which that one has gone.
     shifting: Option<SimTime>,
-    /// When the shift register was last empty.
+    /// Time at which the shift register was last empty.
     free_at: SimTime,
     /// The receiver that listens at another speed, and both speeds.
     garbled: Option<(Receiver, [u32; 2])>,
@@ -37,12 +37,12 @@ pub(super) struct Direction {
 }
 
 impl Direction {
-    /// How many bytes have been handed over and have not arrived.
+    /// Number of bytes that have been handed over and have not arrived.
     pub(super) fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// How many bytes it keeps.
+    /// Number of bytes that it keeps.
     pub(super) fn kept(&self) -> usize {
         self.waiting.len() + self.arrived.len()
     }
@@ -129,7 +129,7 @@ impl Direction {
         first.map(|(_, byte)| byte)
     }
 
-    /// When something next arrives, or has arrived and was not taken.
+    /// Time at which something next arrives, or has arrived and was not taken.
     pub(super) fn next(&self) -> Option<SimTime> {
         let arrived = self.arrived.front().map(|(at, _)| *at);
         arrived.or(self.shifting)

@@ -1,4 +1,4 @@
-//! What is told of a line.
+//! Events of a line.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -50,7 +50,7 @@ pub enum LineEvent {
     HungUp,
     /// The client sent more than the line holds, and the rest was lost.
     SentTooMuch {
-        /// How many bytes were lost.
+        /// Number of lost bytes.
         bytes: usize,
     },
     /// The system did not run the simulator for a while, during which simulated time stood still.
@@ -62,7 +62,7 @@ pub enum LineEvent {
     SimulatorTooSlow,
     /// The client does not read; bytes for it were lost.
     Overrun {
-        /// How many.
+        /// Number of bytes.
         bytes: u64,
     },
     /// The line was too full for a reply of the device.
@@ -77,7 +77,7 @@ pub enum LineEvent {
 pub struct OnLine {
     /// Index of the link on the device.
     pub link: usize,
-    /// What happened.
+    /// Details.
     pub event: LineEvent,
 }
 

@@ -1,4 +1,4 @@
-//! What people do to a mecanum car.
+//! Deeds of people to a mecanum car.
 
 use schemars::JsonSchema;
 use serde::Deserialize;

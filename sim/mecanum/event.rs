@@ -46,7 +46,7 @@ crate::codes! {
     LINK_TIMEOUT = "link_timeout", ClientUnlessDisturbedOrLate;
     /// Motions were discarded.
     MOTIONS_DISCARDED = "motions_discarded", Nobody;
-    /// Who drives has changed.
+    /// Change of who drives.
     CONTROL_MODE = "control_mode", Nobody;
     /// A key that does nothing now.
     KEY_IGNORED = "key_ignored", Nobody;

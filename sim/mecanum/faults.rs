@@ -15,7 +15,7 @@ const USUAL_DRAG: f64 = 0.5;
 /// Slower than this a wheel stands, rad/s.
 const STANDING: f64 = 0.01;
 
-/// Whether a car can have a fault with these parameters.
+/// Checks that a car can have a fault with these parameters.
 pub(super) fn check(fault: &Fault) -> Result<(), String> {
     let cannot = |why: &str| Err(format!("a mecanum car cannot have `{}`: {why}", fault.id()));
     match fault {
@@ -147,7 +147,7 @@ fn port_of(name: PortName) -> Port {
 /// What the ultrasonic sensors gave when a fault began.
 type Echoes = [Option<f64>; ECHOES];
 
-/// What all armed faults do to one car.
+/// Sum of the effects of all armed faults on one car.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Layer {
     wheels: [WheelFaults; 4],
@@ -238,7 +238,7 @@ fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
     }
 }
 
-/// Whether a fault of the hardware has an effect now.
+/// Tells whether a fault of the hardware has an effect now.
 fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
     let plant = car.plant();
     let truth = plant.truth();

@@ -1,4 +1,4 @@
-//! How scripted clients speak with a mecanum car.
+//! Commands and replies of a mecanum car, for scripted clients.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What conditions can say of a mecanum car.
+//! Names of conditions about a mecanum car.
 
 use sim_physics::mecanum::{MecanumMeasurements, MecanumTruth, Wheel};
 use sim_settings::SimTime;
@@ -10,7 +10,7 @@ use crate::event::EventKind;
 use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::{MecanumEvent, ascii};
 
-/// What has been noted of a car's events.
+/// Notes of a car's events.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Noted {
     /// Speed and distance of the motion that the client last asked for, 1/10 r/min and rev.

@@ -53,9 +53,9 @@ impl Letter {
 /// A command: a letter and a number in [`LOWEST`]`..=`[`HIGHEST`], 1/10 revolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Command {
-    /// Which motion.
+    /// Motion.
     pub letter: Letter,
-    /// How far, and which way.
+    /// Distance, and its sign.
     pub tenths: i32,
 }
 
@@ -73,7 +73,7 @@ impl fmt::Display for Command {
     }
 }
 
-/// What the board reports.
+/// Report of the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Report {
     /// Speed, 1/100 revolution a second, negative while a motion goes backward.
@@ -107,7 +107,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// Why a line is no command.
+/// Reason for which a line is no command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LineError {
     /// Neither a letter of a command nor a number after it.
@@ -120,20 +120,20 @@ pub enum LineError {
     Blank,
 }
 
-/// What is a command and what is not.
+/// Rules of what is a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Syntax {
     /// Small letters are commands too.
     pub lower_case: bool,
-    /// How a number is read.
+    /// Reading of a number.
     pub numbers: AsciiNumbers,
-    /// Where spaces and carriage returns are skipped.
+    /// Places where spaces and carriage returns are skipped.
     pub spaces: AsciiSpaces,
     /// A line with nothing on it is told of.
     pub blank_is_bad: bool,
     /// The longest line, without its `\n`.
     pub longest: usize,
-    /// What a number beyond its range is.
+    /// Reading of a number beyond its range.
     pub out_of_range: AsciiOutOfRange,
 }
 
@@ -158,14 +158,14 @@ impl Default for Syntax {
     }
 }
 
-/// What a line was.
+/// Meaning of a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Line {
     /// A command.
     Command(Command),
     /// None, or not a good one.
     Bad {
-        /// What is wrong with it.
+        /// Error of it.
         error: LineError,
         /// The line without its `\n`.
         bytes: Vec<u8>,

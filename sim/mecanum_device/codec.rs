@@ -17,7 +17,7 @@ use super::settings::{ByteOrder, Framing, PartialPacket};
 /// Noise is reported in runs of at most this many bytes.
 const NOISE_RUN: usize = 64;
 
-/// What travels in one direction of the link.
+/// Packet that travels in one direction of the link.
 pub trait Packet: Sized {
     /// Type and length of every packet of this direction; lengths are at least 3.
     const HEADERS: &'static [[u8; 2]];
@@ -45,14 +45,14 @@ pub trait Packet: Sized {
     }
 }
 
-/// How the stream is read.
+/// Rules by which the stream is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rules {
     /// A packet that was begun is given up after so much silence.
     pub inter_byte_timeout: Duration,
-    /// What tells the beginning of a packet.
+    /// Mark of a packet's beginning.
     pub framing: Framing,
-    /// What becomes of the bytes of one that was given up.
+    /// Fate of the bytes of a packet that was given up.
     pub partial: PartialPacket,
     /// Order of the bytes in a field.
     pub order: ByteOrder,
@@ -71,7 +71,7 @@ impl Rules {
     }
 }
 
-/// What the decoder found in the stream.
+/// Finding of the decoder in the stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decoded<P> {
     /// A whole packet.
@@ -85,14 +85,14 @@ pub enum Decoded<P> {
 /// Streaming decoder. Any bytes are legal input, and how they are split changes nothing.
 ///
 /// By default a byte that begins no packet is skipped, and after a partial packet older than the
-/// inter-byte timeout it resumes at that packet's second byte, so that a packet behind a torn one is
-/// never lost; the torn one's bytes are not reported again.
+/// inter-byte timeout it resumes at that packet's second byte, so that a packet behind a torn one
+/// is never lost; the torn one's bytes are not reported again.
 #[derive(Debug, Clone)]
 pub struct Decoder<P> {
     rules: Rules,
     /// Bytes from the first that may begin a packet; fewer than a length byte can say.
     buffer: Vec<u8>,
-    /// How many bytes at the front of `buffer` a report has covered already.
+    /// Number of bytes at the front of `buffer` that a report has covered already.
     reported: usize,
     noise: Vec<u8>,
     last_byte: SimTime,
@@ -127,7 +127,7 @@ impl<P: Packet> Decoder<P> {
         self.scan(found);
     }
 
-    /// When the bytes held so far are given up, unless more come.
+    /// Time at which the bytes held so far are given up, unless more come.
     #[must_use]
     pub fn deadline(&self) -> Option<SimTime> {
         (!self.buffer.is_empty() || !self.noise.is_empty())

@@ -25,13 +25,13 @@ impl MecanumDevice {
         self.defects = defects;
     }
 
-    /// How often each defect has had an effect.
+    /// Number of times that each defect has had an effect.
     #[must_use]
     pub fn defect_counts(&self) -> &DefectCounts {
         &self.defect_counts
     }
 
-    /// Whether the settings give it a link timeout, which is its only watchdog.
+    /// Tells whether the settings give it a link timeout, which is its only watchdog.
     #[must_use]
     pub fn has_watchdog(&self) -> bool {
         self.settings.link_timeout.is_some()
@@ -49,7 +49,7 @@ impl MecanumDevice {
         true
     }
 
-    /// Whether the firmware has a supply, is up, and does not hang.
+    /// Tells whether the firmware has a supply, is up, and does not hang.
     pub(super) fn works(&self) -> bool {
         self.measured.board_powered && self.boot_due.is_none() && !self.defects.hung
     }
@@ -62,7 +62,7 @@ impl MecanumDevice {
         }
     }
 
-    /// Whether the firmware takes bytes that have arrived.
+    /// Tells whether the firmware takes bytes that have arrived.
     pub(super) fn hears(&mut self, bytes: usize) -> bool {
         if self.defects.hung && self.measured.board_powered {
             self.defect_counts.hung += bytes as u64;
@@ -98,7 +98,7 @@ impl MecanumDevice {
         seen
     }
 
-    /// What the firmware takes longer until the next packet or line.
+    /// Returns the time by which the next packet or line is late.
     pub(super) fn slowness(&mut self) -> Duration {
         self.defect_counts.slow += u64::from(!self.defects.slow.is_zero());
         self.defects.slow

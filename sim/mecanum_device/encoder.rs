@@ -1,4 +1,4 @@
-//! What the firmware makes of one motor's PG wire: how far and how fast the wheel has turned.
+//! Reading of one motor's PG wire by the firmware: distance and speed of the wheel.
 //!
 //! The wire gives pulses without a direction. The firmware takes them for pulses of the direction
 //! in which it last drove the motor, and after a reversal for those of the old one as long as the
@@ -25,18 +25,18 @@ pub struct SpeedWindow {
 /// The time in which a wheel goes from full speed to a stand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stopping {
-    /// When it is driven the other way.
+    /// Time for which it is driven the other way.
     pub reversed: Duration,
-    /// When it is held.
+    /// Time for which it is held.
     pub held: Duration,
 }
 
-/// How pulses get their direction.
+/// Source of the pulses' direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counting {
     /// The counter counts up only, and pulses count the way in which the motor was last driven.
     Driven {
-        /// How soon a wheel stands.
+        /// Delay after which a wheel stands.
         stopping: Stopping,
     },
     /// The counter counts down when the motor turns back.
@@ -79,7 +79,8 @@ pub struct Encoder {
     backward: bool,
     counted_backward: bool,
     expected: Expected,
-    /// When pulses came, and where the wheel was by then, in pulses from the first of these.
+    /// Times at which pulses came, and the place of the wheel by then, in pulses from the first of
+    /// these.
     edges: VecDeque<(SimTime, i64)>,
 }
 
@@ -117,7 +118,7 @@ impl Encoder {
         }
     }
 
-    /// Whether the motor was last driven backward.
+    /// Tells whether the motor was last driven backward.
     #[must_use]
     pub fn is_backward(&self) -> bool {
         self.backward
@@ -140,7 +141,7 @@ impl Encoder {
         came
     }
 
-    /// How far pulses that were read get on in the direction in which the motor is driven.
+    /// Distance that pulses that were read get on in the direction in which the motor is driven.
     #[must_use]
     pub fn progress(&self, pulses: i64) -> i64 {
         if self.backward { -pulses } else { pulses }
@@ -170,7 +171,7 @@ impl Encoder {
         }
     }
 
-    /// Whether the wheel should turn backward.
+    /// Tells whether the wheel should turn backward.
     fn turns_back(&mut self, now: SimTime, stopping: Stopping) -> bool {
         let share = self.expected.share(now, stopping);
         let backward = if share == 0.0 {

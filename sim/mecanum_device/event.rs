@@ -1,4 +1,4 @@
-//! What happens in the mecanum car that a developer wants to know.
+//! Events in the mecanum car that a developer wants to know of.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ pub enum Field {
     ControlType,
 }
 
-/// What was made of a value that the protocol does not know.
+/// Treatment of a value that the protocol does not know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Handling {
     /// The packet was ignored.
@@ -30,7 +30,7 @@ pub enum Handling {
     TakenFor(u8),
 }
 
-/// Why motions were discarded.
+/// Reason for which motions were discarded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Discard {
     /// Another one preempted them.
@@ -56,7 +56,7 @@ pub enum MecanumEvent {
     BadStream(Decoded<Request>),
     /// A line on the ROS link is no command, or not a good one.
     BadLine {
-        /// What is wrong with it.
+        /// Error of it.
         error: LineError,
         /// The line without its end.
         bytes: Vec<u8>,
@@ -67,16 +67,16 @@ pub enum MecanumEvent {
     SpeedOutOfRange {
         /// As the client sent it, 1/10 r/min.
         v: i16,
-        /// What was made of it.
+        /// Treatment of it.
         handling: OverSpeed,
     },
     /// A field of a request has a value that the protocol does not know.
     BadField {
-        /// Which.
+        /// Field.
         field: Field,
-        /// What it has.
+        /// Value in it.
         value: u8,
-        /// What was made of it.
+        /// Treatment of it.
         handling: Handling,
     },
     /// A motion was lost because too many wait.
@@ -89,9 +89,9 @@ pub enum MecanumEvent {
     Motion(Change),
     /// Motions that ran or waited were discarded.
     Discarded {
-        /// How many.
+        /// Number of motions.
         count: usize,
-        /// Why.
+        /// Reason.
         why: Discard,
     },
     /// The control mode changed.
@@ -107,7 +107,7 @@ pub enum MecanumEvent {
     PowerLost,
     /// The firmware restarts by itself.
     Reset {
-        /// What it takes.
+        /// Time that it takes.
         boot: Duration,
     },
     /// The board has started.

@@ -1,4 +1,4 @@
-//! Which way each wheel rolls for which movement, and back.
+//! Direction of each wheel for each movement, and back.
 //!
 //! Speeds are those of the wheels' contact points; body speeds are ahead, to the left, and turning
 //! counter-clockwise. The relation is that of Taheri, Qiao and Ghaeminezhad, IJCA 113(3), 2015, for
@@ -85,12 +85,12 @@ impl Course {
 pub struct Movement {
     /// The course.
     pub course: Course,
-    /// Whether it goes the course's negative way.
+    /// Tells whether it goes the course's negative way.
     pub negative: bool,
 }
 
 impl Movement {
-    /// How each wheel rolls, LF, RF, LR, RR: 1 forward, −1 backward, 0 not at all.
+    /// Direction in which each wheel rolls, LF, RF, LR, RR: 1 forward, −1 backward, 0 not at all.
     #[must_use]
     pub fn rotations(self) -> [i8; WHEELS] {
         let sign = self.sign();

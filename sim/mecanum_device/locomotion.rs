@@ -28,7 +28,7 @@ pub(super) struct Locomotion {
     odometry: Odometry,
     /// The movement in effect or last in effect; late pulses belong to it.
     last: Option<Movement>,
-    /// How many motions had begun when the last one that was noticed did.
+    /// Number of motions that had begun when the last one that was noticed did.
     started: u64,
 }
 
@@ -117,12 +117,12 @@ impl Locomotion {
         self.follow(now);
     }
 
-    /// When a motion begins by itself.
+    /// Time at which a motion begins by itself.
     pub fn due(&self) -> Option<SimTime> {
         self.motions.due().filter(|_| !self.remote)
     }
 
-    /// Which wheels whoever drives has still to turn.
+    /// Wheels that whoever drives has still to turn.
     pub fn driven(&self) -> [bool; WHEELS] {
         if self.remote {
             self.rotations().map(|rotation| rotation != 0)
@@ -157,7 +157,7 @@ impl Locomotion {
         self.follow(now);
     }
 
-    /// How each wheel is driven: 1 forward, −1 backward, 0 not at all.
+    /// Direction in which each wheel is driven: 1 forward, −1 backward, 0 not at all.
     pub fn rotations(&self) -> [i8; WHEELS] {
         if !self.remote {
             return self.motions.rotations();
@@ -210,7 +210,7 @@ impl Locomotion {
         sum / wheels * f64::from(movement.sign())
     }
 
-    /// Which wheels turn by their pulses.
+    /// Wheels that turn, by their pulses.
     pub fn turning(&self, now: SimTime) -> [bool; WHEELS] {
         self.wheels_rpm(now).map(|rpm| rpm != 0.0)
     }

@@ -13,11 +13,11 @@ use super::settings::{MecanumFirmwareSettings, MotionEnd, Preempt, ZeroDistance,
 /// A movement with its distance and speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Which way.
+    /// Movement.
     pub movement: Movement,
-    /// How far each driven wheel turns, never negative.
+    /// Distance that each driven wheel turns, never negative.
     pub revolutions: f64,
-    /// How fast it turns, r/min, never negative.
+    /// Speed at which it turns, r/min, never negative.
     pub speed_rpm: f64,
 }
 
@@ -45,7 +45,7 @@ struct Running {
 }
 
 impl Running {
-    /// Whether a wheel has still to turn.
+    /// Tells whether a wheel has still to turn.
     fn drives(&self, wheel: usize, end: MotionEnd) -> bool {
         let Some(left) = self.pulses_left else {
             return self.rotations[wheel] != 0;
@@ -60,7 +60,7 @@ impl Running {
     }
 }
 
-/// What happened to a motion.
+/// Change of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Change {
     /// It runs.
@@ -69,22 +69,22 @@ pub enum Change {
     Done(Motion),
 }
 
-/// What the settings say about motions.
+/// Settings of motions.
 #[derive(Debug, Clone)]
 pub struct Rules {
-    /// How many may wait beside the one that runs.
+    /// Number of motions that may wait beside the one that runs.
     pub most_waiting: usize,
-    /// How long the wheels are held between two motions.
+    /// Time for which the wheels are held between two motions.
     pub pause: Duration,
     /// Pulses of a wheel's revolution.
     pub pulses_per_revolution: u32,
-    /// What a motion that preempts discards.
+    /// Motions that a preempting one discards.
     pub preempt: Preempt,
-    /// When the wheels stop.
+    /// Moment at which the wheels stop.
     pub end: MotionEnd,
-    /// What a motion without distance is.
+    /// Meaning of a motion without distance.
     pub zero_distance: ZeroDistance,
-    /// What a motion without speed is.
+    /// Meaning of a motion without speed.
     pub zero_speed: ZeroSpeed,
 }
 
@@ -103,7 +103,7 @@ impl Rules {
         }
     }
 
-    /// Whether a motion ends as it begins.
+    /// Tells whether a motion ends as it begins.
     fn is_nothing(&self, motion: &Motion) -> bool {
         let no_distance = motion.revolutions <= 0.0 && self.zero_distance == ZeroDistance::End;
         no_distance || motion.speed_rpm <= 0.0 && self.zero_speed == ZeroSpeed::End
@@ -127,9 +127,9 @@ pub struct Motions {
     rules: Rules,
     running: Option<Running>,
     waiting: VecDeque<Motion>,
-    /// When the next may begin.
+    /// Earliest time of the next.
     not_before: SimTime,
-    /// How many have begun to run.
+    /// Number that have begun to run.
     started: u64,
 }
 
@@ -209,20 +209,20 @@ impl Motions {
         self.running.as_ref().map(|running| &running.motion)
     }
 
-    /// How many motions wait.
+    /// Number of motions that wait.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// When one that waits begins by itself.
+    /// Time at which one that waits begins by itself.
     #[must_use]
     pub fn due(&self) -> Option<SimTime> {
         let pauses = self.running.is_none() && !self.waiting.is_empty();
         pauses.then_some(self.not_before)
     }
 
-    /// Which wheels have still to turn in the motion that runs, or are to in the next one.
+    /// Wheels that have still to turn in the motion that runs, or are to in the next one.
     #[must_use]
     pub fn driven(&self) -> [bool; WHEELS] {
         let rotations = match (&self.running, self.waiting.front()) {
@@ -232,13 +232,13 @@ impl Motions {
         rotations.map(|rotation| rotation != 0)
     }
 
-    /// How many have begun to run so far.
+    /// Number that have begun to run so far.
     #[must_use]
     pub fn started(&self) -> u64 {
         self.started
     }
 
-    /// How each wheel is driven now; one that has turned far enough has stopped.
+    /// Direction in which each wheel is driven now; one that has turned far enough has stopped.
     #[must_use]
     pub fn rotations(&self) -> [i8; WHEELS] {
         let Some(running) = &self.running else {
@@ -253,8 +253,8 @@ impl Motions {
         })
     }
 
-    /// Starts the next motion if none runs and the pause is over; those with nothing to do end as they
-    /// come.
+    /// Starts the next motion if none runs and the pause is over; those with nothing to do end as
+    /// they come.
     pub fn start(&mut self, now: SimTime, changed: &mut impl FnMut(Change)) {
         while self.running.is_none() && now >= self.not_before {
             let Some(motion) = self.waiting.pop_front() else {

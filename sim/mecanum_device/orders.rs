@@ -1,4 +1,4 @@
-//! What clients order, and what becomes of it.
+//! Orders of clients, and what becomes of them.
 
 use sim_settings::SimTime;
 
@@ -14,7 +14,7 @@ use super::settings::{
 use super::{MAX_SPEED, MOST_EVENTS, MecanumDevice, keep};
 
 impl MecanumDevice {
-    /// What the decoder of the main link has found.
+    /// Handles what the decoder of the main link has found.
     pub(super) fn handle(&mut self, now: SimTime, found: Vec<Decoded<Request>>) {
         for decoded in found {
             match decoded {
@@ -103,7 +103,7 @@ impl MecanumDevice {
         }
     }
 
-    /// What has come on the ROS link.
+    /// Handles what has come on the ROS link.
     pub(super) fn line(&mut self, now: SimTime, line: Line) {
         match line {
             Line::Command(command) => {

@@ -6,7 +6,7 @@
 use super::codec::Packet;
 use super::settings::ByteOrder;
 
-/// What a client sends to the board. Fields are as on the wire; what is out of range is the
+/// Packet of a client to the board. Fields are as on the wire; what is out of range is the
 /// device's business.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
@@ -16,7 +16,8 @@ pub enum Request {
         seq: u8,
         /// Preempt, 是否抢占: 1 discards what runs and waits, 0 appends.
         is_reset: u8,
-        /// 0 forward/backward, 1 rotate, 2 strafe, 3 left-front/right-rear, 4 right-front/left-rear.
+        /// 0 forward/backward, 1 rotate, 2 strafe, 3 left-front/right-rear, 4
+        /// right-front/left-rear.
         moving_idx: u8,
         /// Distance, 1/10 revolution.
         s: u16,
@@ -133,7 +134,7 @@ impl Packet for Request {
     }
 }
 
-/// What the board sends: type 0, state, 状态采集.
+/// Packet of the board: type 0, state, 状态采集.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Status {
     /// Counts these packets, wrapping.

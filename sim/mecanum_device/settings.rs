@@ -21,8 +21,8 @@ settings! {
         /// Speed of the ROS link.
         ros_baud: u32 = 9600, unit "baud", range 300..=4_000_000,
             assumed "as on the same authors' sibling vehicle";
-        /// Stop bits of the main link; it has 8 data bits and no parity, since a pseudo-terminal has
-        /// nothing else.
+        /// Stop bits of the main link; it has 8 data bits and no parity, since a pseudo-terminal
+        /// has nothing else.
         stop_bits: u32 = 1, range 1..=2,
             assumed "the article does not say; 8N1 is what serial ports start with";
         /// Stop bits of the ROS link.
@@ -31,22 +31,22 @@ settings! {
         /// Order of the bytes in a field of the main link, both ways.
         byte_order: ByteOrder = ByteOrder::Little,
             assumed "the article gives none; the board's STM32 keeps numbers so";
-        /// What tells the beginning of a packet on the main link.
+        /// Mark of a packet's beginning on the main link.
         framing: Framing = Framing::TypeAndLength,
             assumed "the packets have no header; a known type with its length is all there is";
         /// A packet on the main link that was begun and then paused for this long is dropped.
         inter_byte_timeout: Duration = MS(50), range MS(1)..=S(60),
             assumed "the packets have no header; the article gives no way to find their beginning";
-        /// What becomes of the bytes of a packet that was dropped so.
+        /// Fate of the bytes of a packet that was dropped so.
         partial_packet: PartialPacket = PartialPacket::Rescan,
             assumed "a packet behind a torn one is then not lost";
-        /// What a valid packet or line is answered by.
+        /// Answer to a valid packet or line.
         acknowledge: Acknowledge = Acknowledge::Nothing,
             assumed "the article gives no answer but the status";
         /// Time between two status packets on the main link.
         status_period: Duration = MS(100), range MS(1)..=S(3600),
             assumed "the article gives no rate";
-        /// What the sequence number of a status packet is.
+        /// Meaning of a status packet's sequence number.
         status_seq: StatusSeq = StatusSeq::Count,
             assumed "the article does not say what it counts";
         /// Time between two lines on the ROS link.
@@ -55,37 +55,37 @@ settings! {
         /// Whose motions count while the ROS link is configured.
         orders_with_ros: OrdersWithRos = OrdersWithRos::BothLinks,
             assumed "the article takes only the magnetic sensor away then";
-        /// What a motion that preempts discards.
+        /// Motions that a preempting one discards.
         preempt: Preempt = Preempt::All,
             assumed "a stop then stops the car, whatever waits";
-        /// How many motions may wait beside the one that runs.
+        /// Number of motions that may wait beside the one that runs.
         queue_length: u32 = 16, range 0..=1024,
             assumed "the article says that motions need not preempt, not how many may wait";
-        /// How long the wheels are held between a motion that has ended and one that waits.
+        /// Time for which the wheels are held between a motion that has ended and one that waits.
         motion_pause: Duration = MS(100), range Duration::ZERO..=S(60),
             assumed "pulses without a sign can only be counted from a stand";
-        /// When the wheels of a motion stop.
+        /// Moment at which the wheels of a motion stop.
         motion_end: MotionEnd = MotionEnd::EachWheel,
             assumed "the same authors' published firmware counts each wheel by itself";
-        /// What a motion without distance is.
+        /// Meaning of a motion without distance.
         zero_distance: ZeroDistance = ZeroDistance::End,
             assumed "it has been driven already";
-        /// What a motion without speed is.
+        /// Meaning of a motion without speed.
         zero_speed: ZeroSpeed = ZeroSpeed::End,
             assumed "a motion that cannot end would block the queue";
-        /// What a speed beyond ±500 is.
+        /// Meaning of a speed beyond ±500.
         over_speed: OverSpeed = OverSpeed::Clamp,
             assumed "the article gives the range, not what happens beyond it";
-        /// Which way a positive speed turns the car.
+        /// Direction in which a positive speed turns the car.
         positive_turn: PositiveTurn = PositiveTurn::Right,
             assumed "the picture of the wheels is taken to hold for packets; their table gives no sign";
-        /// Which way a positive speed strafes.
+        /// Direction in which a positive speed strafes.
         positive_strafe: PositiveStrafe = PositiveStrafe::Left,
             assumed "the picture of the wheels is taken to hold for packets; their table gives no sign";
-        /// Who drives when the board starts.
+        /// Driver when the board starts.
         start_mode: StartMode = StartMode::Board,
             assumed "the first of the two modes";
-        /// What becomes of motions when the control mode changes.
+        /// Fate of motions when the control mode changes.
         mode_change: ModeChange = ModeChange::Discard,
             assumed "whoever drove before stops driving";
         /// Silence of the client after which its motions are discarded; any valid packet or line on
@@ -96,10 +96,10 @@ settings! {
         /// drives it the other way.
         wiring: Wiring = Wiring::X_Y_E0_E1,
             documented "article, wiring table; a later line gives \"x-y-z-e0\"";
-        /// What BK does while no wheel is driven; one that stands while others turn is always held.
+        /// State of BK while no wheel is driven; one that stands while others turn is always held.
         idle_wheels: IdleWheels = IdleWheels::Hold,
             assumed "a car that has arrived should stay";
-        /// How the firmware knows which way a wheel has turned.
+        /// Source of the direction in which a wheel has turned.
         pulse_direction: PulseDirection = PulseDirection::Driven,
             assumed "PG is one wire, and pulses have no sign";
         /// Time in which a wheel at full speed comes to a stand when it is driven the other way, in
@@ -118,34 +118,34 @@ settings! {
         /// Revolutions of a wheel that 1 stands for there.
         ascii_unit: f64 = 0.1, range 0.001..=10.0,
             assumed "the article's example: X10 is one revolution";
-        /// What the letters Y and Z mean there.
+        /// Meaning of the letters Y and Z there.
         ascii_letters: AsciiLetters = AsciiLetters::Table,
             documented "article, table of letters; its picture says otherwise";
-        /// Whether a line there discards the motions that run and wait.
+        /// Lets a line there discard the motions that run and wait.
         ascii_preempt: bool = true,
             assumed "its lines do not say";
-        /// Whether small letters are commands too.
+        /// Takes small letters for commands, too.
         ascii_lower_case: bool = false,
             assumed "the article writes capitals";
-        /// How a number there is read.
+        /// Reading of a number there.
         ascii_numbers: AsciiNumbers = AsciiNumbers::Strict,
             assumed "what is no number is a mistake that should be seen";
-        /// Where spaces and carriage returns are skipped.
+        /// Places where spaces and carriage returns are skipped.
         ascii_spaces: AsciiSpaces = AsciiSpaces::Anywhere,
             assumed "the article's example has a space before the end of the line";
-        /// Whether a line with nothing on it is a bad line.
+        /// Counts a line with nothing on it as a bad line.
         ascii_blank_is_bad: bool = false,
             assumed "\"\\r\\n\\n\" and the like come from many programs";
         /// The longest line there, without its end.
         ascii_line_length: u32 = 32, range 2..=1024,
             assumed "four times the longest command";
-        /// What a number beyond −32768 to 32768 is.
+        /// Meaning of a number beyond −32768 to 32768.
         ascii_out_of_range: AsciiOutOfRange = AsciiOutOfRange::Ignore,
             assumed "the article gives the range, not what happens beyond it";
         /// The sign of V in a report line.
         ascii_speed_sign: AsciiSpeedSign = AsciiSpeedSign::Motion,
             assumed "the article names a speed, and motions have a sign";
-        /// What S in a report line counts.
+        /// Distance that S in a report line counts.
         ascii_mileage: AsciiMileage = AsciiMileage::Total,
             assumed "the article calls it the mileage, as it does the status packet's";
         /// Wheel speed while a key of the remote control is held.
@@ -154,19 +154,19 @@ settings! {
         /// In which axes the status packet gives the velocity.
         velocity_frame: VelocityFrame = VelocityFrame::Odometry,
             assumed "the article names x and y axis, not whose";
-        /// What a velocity, position, heading or mileage beyond its field reads.
+        /// Reading of a velocity, position, heading or mileage beyond its field.
         overflow: Overflow = Overflow::Wrap,
             assumed "as a C assignment to the narrower type does";
-        /// How far the heading of the status packet goes.
+        /// Range of the heading in the status packet.
         heading_range: HeadingRange = HeadingRange::FullTurns,
             assumed "the article gives no range";
-        /// When the status packet calls a side's motors running.
+        /// Time for which the status packet calls a side's motors running.
         moto_state: MotorState = MotorState::Driven,
             assumed "the article says stop and running";
-        /// What the bits of `magn` are.
+        /// Meaning of the bits of `magn`.
         magn_bits: MagnBits = MagnBits::FromLeft,
             assumed "the same authors' published firmware has 16 channels";
-        /// Whether `rfid` keeps the number of a tag that is no longer under the reader.
+        /// Keeps the number of a tag in `rfid` after it has left the reader.
         rfid_hold: bool = false,
             assumed "the article does not say how long it stands";
         /// Time over which the speed of a wheel is measured.
@@ -181,18 +181,18 @@ settings! {
         /// The longest distance that an ultrasonic sensor gives.
         ultrasonic_farthest: f64 = 4.5, unit "m", range 0.0..=65.0,
             assumed "common sensors end at 4500 mm";
-        /// What an ultrasonic sensor without an echo reads.
+        /// Reading of an ultrasonic sensor without an echo.
         ultrasonic_no_echo: NoEcho = NoEcho::Farthest,
             assumed "a client that looks for obstacles then sees none";
     }
     groups {
-        /// What the firmware believes about the wheels; the real ones are the plant's.
+        /// Belief of the firmware about the wheels; the real ones are the plant's.
         odometry: OdometrySettings,
     }
 }
 
 settings! {
-    /// What the firmware believes about the wheels.
+    /// Belief of the firmware about the wheels.
     pub struct OdometrySettings {
         /// Encoder pulses for one revolution of a wheel.
         pulses_per_revolution: u32 = 60, range 1..=100_000,
@@ -206,10 +206,10 @@ settings! {
         /// Half the distance between left and right wheels.
         half_track: f64 = 0.12, unit "m", range 0.001..=5.0,
             assumed "a small car";
-        /// Whether setting the pose sets the mileage to 0.
+        /// Sets the mileage to 0 when the pose is set.
         set_pose_clears_mileage: bool = false,
             assumed "the article calls it the total mileage, and sets coordinates only";
-        /// What the mileage counts.
+        /// Distance that the mileage counts.
         mileage: Mileage = Mileage::Wheels,
             assumed "a motion's distance, which the article names by the same word, counts so";
     }

@@ -1,4 +1,4 @@
-//! What the board tells its clients: the status packet and the report line.
+//! Messages of the board to its clients: the status packet and the report line.
 
 use sim_physics::mecanum::Wheel;
 use sim_settings::SimTime;
@@ -50,7 +50,7 @@ impl MecanumDevice {
         self.event(now, MecanumEvent::Report(report));
     }
 
-    /// What a status packet at `now` would say.
+    /// Returns the status packet of `now`.
     #[must_use]
     pub fn status(&self, now: SimTime) -> Status {
         let measured = &self.measured;
@@ -85,7 +85,7 @@ impl MecanumDevice {
         }
     }
 
-    /// What a report line at `now` would say.
+    /// Returns the report line of `now`.
     #[must_use]
     pub fn report(&self, now: SimTime) -> Report {
         let speed = self.drive.speed_rpm(now) / 60.0;

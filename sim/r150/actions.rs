@@ -1,4 +1,4 @@
-//! What people do to an R150, and what hangs on it.
+//! Deeds of people to an R150, and things that hang on it.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -139,7 +139,7 @@ struct LoadText {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "LoadText")]
 struct LoadKeys {
-    /// Where.
+    /// Output on which it hangs.
     rail: RailName,
     /// A device that draws this at any voltage.
     power: Option<Power>,

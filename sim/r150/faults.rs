@@ -18,7 +18,7 @@ const USUAL_DRAG: f64 = 100.0;
 /// Slower than this wheels stand, rad/s.
 const STANDING: f64 = 0.01;
 
-/// Whether an R150 can have a fault with these parameters.
+/// Checks that an R150 can have a fault with these parameters.
 pub(super) fn check(fault: &Fault) -> Result<(), String> {
     if let Some(command) = fault.command()
         && command::name(command).is_none()
@@ -69,9 +69,9 @@ struct Armed {
     handle: FaultHandle,
     fault: Fault,
     noise: Noise,
-    /// What undoes the operator's deed.
+    /// Actions that undo the operator's deed.
     undo: Vec<Action>,
-    /// What interference adds to the encoders now, rpm.
+    /// Error that interference adds to the encoders now, r/min.
     errors: [f64; 2],
 }
 
@@ -215,7 +215,7 @@ fn nominal_voltage(rail: RailName) -> f64 {
     }
 }
 
-/// What all armed faults do to one vehicle.
+/// Sum of the effects of all armed faults on one vehicle.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Layer {
     sides: Sides<SideFaults>,
@@ -326,7 +326,7 @@ impl Add for R150Faults {
     }
 }
 
-/// Whether a fault of the hardware has an effect now.
+/// Tells whether a fault of the hardware has an effect now.
 fn acts(fault: &Fault, r150: &R150) -> bool {
     let plant = r150.plant();
     let commands = plant.commands();

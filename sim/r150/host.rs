@@ -1,4 +1,4 @@
-//! How scripted clients speak with an R150.
+//! Commands and replies of an R150, for scripted clients.
 
 use std::time::Duration;
 

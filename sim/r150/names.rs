@@ -1,4 +1,4 @@
-//! What conditions can say of an R150.
+//! Names of conditions about an R150.
 
 use sim_physics::r150::{R150Health, R150Measurements, R150Truth, Rail};
 use sim_settings::SimTime;
@@ -12,7 +12,7 @@ use crate::r150_device::reply::{Reply, SystemInfo, sys_status};
 use crate::r150_device::vehicle::Vehicle;
 use crate::r150_device::{R150Device, R150Event};
 
-/// What has been noted of an R150's events.
+/// Notes of an R150's events.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Noted {
     /// As the client last sent them.

@@ -1,4 +1,4 @@
-//! What happens to the hardware of an R150 and its firmware does not know: fuses that blow, motors
+//! Events of an R150's hardware that its firmware does not know of: fuses that blow, motors
 //! that are too hot, wheels that would lift.
 
 use std::borrow::Cow;
@@ -46,7 +46,10 @@ impl EventKind for HardwareEvent {
     }
 
     fn role(&self) -> Role {
-        Role::Other
+        match self {
+            Self::MotorCooled(_) => Role::Other,
+            _ => Role::Damage,
+        }
     }
 
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {

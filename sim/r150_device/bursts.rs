@@ -1,5 +1,5 @@
-//! How much closer together commands may come than they were sent, because the machine that runs the
-//! simulator was late.
+//! Time by which commands may come closer together than they were sent, because the machine that
+//! runs the simulator was late.
 
 use std::time::Duration;
 
@@ -22,7 +22,8 @@ struct Burst {
 }
 
 impl Bursts {
-    /// Up to and including `until`, commands may come up to `by` closer together than they were sent.
+    /// Up to and including `until`, commands may come up to `by` closer together than they were
+    /// sent.
     pub(super) fn expect(&mut self, by: Duration, until: SimTime) {
         if self.kept.iter().any(|b| b.by >= by && b.until >= until) {
             return;

@@ -1,15 +1,15 @@
 //! The CAN from the module to the vehicle's controller, on which the motor set-points go.
 //!
 //! As long as it works it takes no time. When it fails the module knows nothing of it and goes on
-//! answering; the controller goes on with what it heard last, and stops the motors when it has heard
-//! nothing for a while.
+//! answering; the controller goes on with what it heard last, and stops the motors when it has
+//! heard nothing for a while.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use sim_settings::SimTime;
 
-/// How it fails.
+/// Way in which it fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CanFailure {
     /// The controller hears nothing.
@@ -21,12 +21,12 @@ pub enum CanFailure {
 /// Most set-points on their way; the oldest arrive at once where there are more.
 const MOST_UNDER_WAY: usize = 4096;
 
-/// What the vehicle's controller hears of the set-points, right then left.
+/// Set-points that the vehicle's controller hears, right then left.
 #[derive(Debug, Clone)]
 pub struct Can {
     timeout: Duration,
     failure: Option<CanFailure>,
-    /// When the silence began.
+    /// Time at which the silence began.
     silent_since: Option<SimTime>,
     said: [i16; 2],
     heard: [i16; 2],
@@ -83,7 +83,7 @@ impl Can {
         }
     }
 
-    /// When what the controller hears next changes by itself.
+    /// Time at which what the controller hears next changes by itself.
     #[must_use]
     pub fn deadline(&self) -> Option<SimTime> {
         match self.failure? {

@@ -64,7 +64,7 @@ pub struct Frame {
     pub parameters: Vec<u8>,
 }
 
-/// What the decoder found in the stream.
+/// Finding of the decoder in the stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decoded {
     /// A frame with the right CRC.
@@ -89,15 +89,15 @@ pub enum Decoded {
 /// After a frame with a wrong CRC, and after a partial frame older than the inter-byte timeout, it
 /// resumes at that frame's second byte ([`Resync::SecondByte`]), so a valid frame inside what
 /// looked like parameters is never lost. A frame with the right CRC is never looked into. Bytes
-/// that one such report has covered are not reported again, so the reports of a stream are no longer
-/// than the stream.
+/// that one such report has covered are not reported again, so the reports of a stream are no
+/// longer than the stream.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     inter_byte_timeout: Duration,
     resync: Resync,
     /// Bytes from the first that may begin a frame; shorter than [`MAX_FRAME`].
     buffer: Vec<u8>,
-    /// How many bytes at the front of `buffer` a report has covered already.
+    /// Number of bytes at the front of `buffer` that a report has covered already.
     reported: usize,
     noise: Vec<u8>,
     last_byte: SimTime,
@@ -125,7 +125,7 @@ impl Decoder {
         self.scan(found);
     }
 
-    /// When the bytes held so far are given up, unless more come.
+    /// Time at which the bytes held so far are given up, unless more come.
     #[must_use]
     pub fn deadline(&self) -> Option<SimTime> {
         (!self.buffer.is_empty() || !self.noise.is_empty())

@@ -41,7 +41,7 @@ pub fn name(command: u8) -> Option<&'static str> {
     })
 }
 
-/// What a client asks of the module.
+/// Request of a client to the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
     /// 0x02: switch the rails on whose bits are set and the others off; bits 0–3 are 12 V A–D,
@@ -74,7 +74,7 @@ pub enum Request {
     },
 }
 
-/// Why a frame with a right CRC is no request.
+/// Reason for which a frame with a right CRC is no request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refusal {
     /// No command has this byte.

@@ -1,4 +1,5 @@
-//! Who controls power and PWM: the client over RS232, or the app (manual sections 4.3.5, 4.3.6).
+//! Control of power and PWM: by the client over RS232, or by the app (manual sections 4.3.5,
+//! 4.3.6).
 
 use sim_settings::SimTime;
 
@@ -56,7 +57,7 @@ impl Parts {
         pwm: true,
     };
 
-    /// Whether it is at least one of them.
+    /// Tells whether it is at least one of them.
     #[must_use]
     pub fn any(self) -> bool {
         self.power || self.pwm
@@ -70,20 +71,20 @@ impl Parts {
     }
 }
 
-/// Who controls what, and the set-points in effect.
+/// Division of control, and the set-points in effect.
 ///
 /// Unless the settings say otherwise, a client that takes control leaves the outputs as they are:
 /// one that comes back after a lost heartbeat finds what the app has set, not what it set itself.
 #[derive(Debug, Clone)]
 pub struct Control {
     by_client: Parts,
-    /// What the app keeps whatever the client sends.
+    /// Parts that the app keeps whatever the client sends.
     held_by_app: Parts,
-    /// What the app has set.
+    /// Set-points of the app.
     app: Outputs,
-    /// What is in effect.
+    /// Set-points in effect.
     outputs: Outputs,
-    /// What was in effect when the client lost control.
+    /// Set-points that were in effect when the client lost control.
     lost: Outputs,
     heartbeat_due: Option<SimTime>,
 }
@@ -120,13 +121,13 @@ impl Control {
         control
     }
 
-    /// What follows the client.
+    /// Parts that follow the client.
     #[must_use]
     pub fn by_client(&self) -> Parts {
         self.by_client
     }
 
-    /// What the app keeps whatever the client sends.
+    /// Parts that the app keeps whatever the client sends.
     #[must_use]
     pub fn held_by_app(&self) -> Parts {
         self.held_by_app
@@ -185,7 +186,7 @@ impl Control {
         self.heartbeat_due = Some(now + settings.heartbeat_timeout);
     }
 
-    /// When the heartbeat is lost unless another comes.
+    /// Time at which the heartbeat is lost unless another comes.
     #[must_use]
     pub(super) fn deadline(&self) -> Option<SimTime> {
         self.heartbeat_due

@@ -25,7 +25,7 @@ impl R150Device {
         self.defects = defects;
     }
 
-    /// How often each defect has had an effect.
+    /// Number of times that each defect has had an effect.
     #[must_use]
     pub fn defect_counts(&self) -> &DefectCounts {
         &self.defect_counts
@@ -43,7 +43,7 @@ impl R150Device {
         true
     }
 
-    /// Whether the firmware has a supply and is up.
+    /// Tells whether the firmware has a supply and is up.
     pub(super) fn runs(&self) -> bool {
         self.measured.module_powered && self.boot_due.is_none()
     }
@@ -54,7 +54,7 @@ impl R150Device {
         }
     }
 
-    /// Whether the firmware takes bytes that have arrived.
+    /// Tells whether the firmware takes bytes that have arrived.
     pub(super) fn hears(&mut self, bytes: usize) -> bool {
         if self.defects.hung && self.runs() {
             self.defect_counts.hung += bytes as u64;
@@ -62,8 +62,8 @@ impl R150Device {
         self.runs() && !self.defects.hung
     }
 
-    /// Whether the firmware takes no notice of what its sensors read. A supply that comes or goes
-    /// it cannot overlook.
+    /// Tells whether the firmware takes no notice of what its sensors read. A supply that comes or
+    /// goes it cannot overlook.
     pub(super) fn overlooks(&mut self, measured: &R150Measurements) -> bool {
         if self.measured.module_powered != measured.module_powered {
             return false;
@@ -74,7 +74,7 @@ impl R150Device {
         self.defects.frozen_sensors || self.defects.hung
     }
 
-    /// What the firmware takes longer for the next reply.
+    /// Returns the time by which the next reply is late.
     pub(super) fn slowness(&mut self) -> Duration {
         self.defect_counts.slow += u64::from(!self.defects.slow.is_zero());
         self.defects.slow
@@ -98,7 +98,7 @@ impl R150Device {
     }
 }
 
-/// Whether a client could tell two readings apart.
+/// Tells whether a client could tell two readings apart.
 fn differ(one: &R150Measurements, other: &R150Measurements) -> bool {
     let apart = |one: &[f64], other: &[f64], by: f64| {
         let mut pairs = one.iter().zip(other);

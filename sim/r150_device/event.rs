@@ -1,4 +1,4 @@
-//! What happens in the R150 that a developer wants to know.
+//! Events in the R150 that a developer wants to know of.
 
 use std::time::Duration;
 
@@ -15,14 +15,14 @@ use super::vehicle::{Action, Obstacle};
 pub enum R150Event {
     /// A request was understood.
     Request {
-        /// What it asks.
+        /// Request in it.
         request: Request,
         /// As received.
         frame: Vec<u8>,
     },
     /// A reply began its way to the client.
     Reply {
-        /// What it says.
+        /// Reply in it.
         reply: Reply,
         /// As sent.
         frame: Vec<u8>,
@@ -31,21 +31,21 @@ pub enum R150Event {
     BadStream(Decoded),
     /// A frame with the right CRC is no request.
     Refused {
-        /// Why.
+        /// Reason.
         refusal: Refusal,
         /// As received.
         frame: Vec<u8>,
     },
     /// A request has a value that the manual does not allow.
     BadValue {
-        /// Which.
+        /// Error.
         error: ValueError,
         /// As received.
         frame: Vec<u8>,
     },
     /// Motor commands came faster than they can be answered, over a second.
     OverRate {
-        /// How many came within that second.
+        /// Number of commands that came within that second.
         commands: usize,
     },
     /// A power or PWM command was refused because the app holds control.
@@ -58,7 +58,7 @@ pub enum R150Event {
         right: i16,
         /// Set-point it cleared.
         left: i16,
-        /// Whether that set-point was moving the vehicle.
+        /// Set if that set-point was moving the vehicle.
         driving: bool,
     },
     /// The client took control.
@@ -76,7 +76,7 @@ pub enum R150Event {
     PowerModuleFault {
         /// Supply voltage in V.
         supply_v: f64,
-        /// Whether it switched all outputs off.
+        /// Action on the outputs: all off, or none.
         action: ProtectionAction,
     },
     /// That report ended.
@@ -85,7 +85,7 @@ pub enum R150Event {
     PowerLost,
     /// The firmware restarts by itself.
     Reset {
-        /// What it takes.
+        /// Time that it takes.
         boot: Duration,
     },
     /// The module has started.
@@ -113,7 +113,7 @@ pub enum ValueError {
 }
 
 impl ValueError {
-    /// What is wrong with the values of a request, if anything is.
+    /// Finds the error in the values of a request, if there is any.
     #[must_use]
     pub fn of(request: Request) -> Option<Self> {
         match request {

@@ -8,18 +8,18 @@ use sim_settings::SimTime;
 use super::bursts::Bursts;
 use super::settings::{OverRate, R150FirmwareSettings};
 
-/// Whether a motor command is answered.
+/// Answer to a motor command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
     /// At once.
     Now,
-    /// When the reply interval has passed.
+    /// Sent when the reply interval has passed.
     Later,
     /// Not at all.
     Never,
 }
 
-/// What the client wants of the motors, right then left.
+/// Set-points of the client for the motors, right then left.
 #[derive(Debug, Clone, Default)]
 pub struct Motors {
     set_point: [i16; 2],
@@ -28,7 +28,7 @@ pub struct Motors {
     answer_due: Option<SimTime>,
     /// A watchdog that is out of order has missed its time.
     missed: bool,
-    /// When the last commands came; as many as are allowed within [`WINDOW`], and one more.
+    /// Times of the last commands; as many as are allowed within [`WINDOW`], and one more.
     recent: VecDeque<SimTime>,
     bursts: Bursts,
 }
@@ -101,7 +101,8 @@ impl Motors {
         }
     }
 
-    /// How many commands have come within a second, if those are too many. It is told once a second.
+    /// How many commands have come within a second, if those are too many. It is told once a
+    /// second.
     fn over_rate(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> Option<usize> {
         let interval = settings.motor_reply_interval.as_secs_f64();
         let window = WINDOW.max(settings.motor_reply_interval * 2);
@@ -135,13 +136,13 @@ impl Motors {
         };
     }
 
-    /// When the watchdog fires unless a command comes.
+    /// Time at which the watchdog fires unless a command comes.
     #[must_use]
     pub fn watchdog(&self) -> Option<SimTime> {
         self.watchdog_due
     }
 
-    /// When a delayed answer is due.
+    /// Time at which a delayed answer is due.
     #[must_use]
     pub fn answer_due(&self) -> Option<SimTime> {
         self.answer_due

@@ -1,7 +1,7 @@
 //! The module's protections: overcurrent, over-temperature, and too low a supply.
 //!
-//! They see measured currents, temperatures and voltages only, and act by withholding outputs. Where
-//! the settings say so they report only, for as long as what they report lasts.
+//! They see measured currents, temperatures and voltages only, and act by withholding outputs.
+//! Where the settings say so they report only, for as long as what they report lasts.
 
 mod group;
 
@@ -17,7 +17,7 @@ pub use group::{Cause, Group};
 /// A protection that has switched its group off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Latch {
-    /// Whether the overcurrent bit is set.
+    /// State of the overcurrent bit.
     overcurrent: bool,
     since: SimTime,
 }
@@ -52,7 +52,7 @@ pub struct Protection {
     fault: bool,
     /// Since when the supply has been too low, and how low it is.
     low: Option<(SimTime, f64)>,
-    /// What [`Self::deadline`] says. It is asked far more often than anything changes.
+    /// Value of [`Self::deadline`]. It is asked far more often than anything changes.
     deadline: Option<SimTime>,
 }
 
@@ -227,7 +227,7 @@ impl Protection {
         earlier(over, short)
     }
 
-    /// Whether the group is above its threshold, and above the short-circuit multiple.
+    /// Tells whether the group is above its threshold, and above the short-circuit multiple.
     ///
     /// The short-circuit rule looks at current, because a short collapses the voltage and with it
     /// the power.
@@ -284,7 +284,7 @@ impl Protection {
         }
     }
 
-    /// Whether a group stays off whatever is asked for, being as `hot` as it is.
+    /// Tells whether a group stays off whatever is asked for, being as `hot` as it is.
     fn withholds(&self, hot: bool) -> bool {
         let switches_off = |action| action == ProtectionAction::SwitchOff;
         (hot && switches_off(self.settings.on_over_temperature))

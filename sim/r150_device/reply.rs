@@ -1,4 +1,4 @@
-//! What the R150 IO module answers (manual section 4.3) as types.
+//! Replies of the R150 IO module (manual section 4.3) as types.
 
 use super::codec;
 use super::command::{Refusal, code, four_u16};
@@ -89,7 +89,7 @@ impl SystemInfo {
     }
 }
 
-/// What the module answers.
+/// Reply of the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reply {
     /// To 0x02, 0x03 and 0x07: success or failure.

@@ -31,57 +31,57 @@ settings! {
         /// Time from the coming of the module's supply until it answers.
         boot_time: Duration = Duration::ZERO, range Duration::ZERO..=S(3600),
             assumed "the manual gives no start-up time";
-        /// Which command byte a reply carries.
+        /// Command byte of a reply.
         reply_command: ReplyCommand = ReplyCommand::Same,
             assumed "the manual shows no whole reply";
-        /// Where the decoder goes on after a frame with a wrong CRC or a torn one.
+        /// Place at which the decoder goes on after a frame with a wrong CRC or a torn one.
         resync: Resync = Resync::SecondByte,
             assumed "the manual says nothing about errors on the line";
-        /// What a whole frame with a wrong CRC gets.
+        /// Answer to a whole frame with a wrong CRC.
         on_bad_crc: RefusalReply = RefusalReply::Silent,
             assumed "the manual says nothing about errors on the line";
-        /// What a frame with the right CRC and an unknown command gets.
+        /// Answer to a frame with the right CRC and an unknown command.
         on_unknown_command: RefusalReply = RefusalReply::Silent,
             assumed "the manual says nothing about unknown commands";
-        /// What 0x02 and 0x03 with a wrong number of parameter bytes get.
+        /// Answer to 0x02 and 0x03 with a wrong number of parameter bytes.
         on_wrong_length: RefusalReply = RefusalReply::False,
             assumed "their reply is a boolean that means success";
-        /// What happens to a PWM duty above 1000.
+        /// Treatment of a PWM duty above 1000.
         on_duty_out_of_range: OutOfRange = OutOfRange::Refuse,
             assumed "the manual gives the range, not what happens beyond it";
-        /// What happens to a motor PWM beyond -1000 to 1000.
+        /// Treatment of a motor PWM beyond -1000 to 1000.
         on_motors_out_of_range: OutOfRange = OutOfRange::Clamp,
             assumed "the manual gives the range, not what happens beyond it";
-        /// What 0x12 gets with a wrong number of parameter bytes, and with a PWM out of range if
+        /// Answer to 0x12 with a wrong number of parameter bytes, and with a PWM out of range if
         /// that is refused.
         on_motors_refused: MotorsRefusalReply = MotorsRefusalReply::Silent,
             assumed "its reply has no room for a failure";
         /// In which states of the vehicle 0x12 is answered.
         motors_answered: MotorsAnswered = MotorsAnswered::Always,
             assumed "the manual says when it drives, not when it is answered";
-        /// What `voltage12v` in the system info measures.
+        /// Meaning of `voltage12v` in the system info.
         voltage_12v: Voltage12v = Voltage12v::Output,
             assumed "the manual calls it the voltage of the outputs";
-        /// What `voltage48v` in the system info measures.
+        /// Meaning of `voltage48v` in the system info.
         voltage_48v: Voltage48v = Voltage48v::Supply,
             assumed "the manual calls it the voltage of the main supply";
-        /// What `current48v` in the system info measures.
+        /// Meaning of `current48v` in the system info.
         current_48v: Current48v = Current48v::Output,
             assumed "the manual calls it the current of the main supply, beside those of the outputs";
-        /// Whether 0x02 answers `true` when a protection keeps a rail off that it switches on.
+        /// Answers 0x02 with `true` although a protection keeps a rail off that it switches on.
         true_when_tripped: bool = true,
             assumed "the command itself was carried out";
         /// Silence after which the client has lost control of power and PWM.
         heartbeat_timeout: Duration = S(3), range MS(1)..=S(3600),
             documented "manual 4.3.6";
-        /// What counts as a heartbeat.
+        /// Meaning of a heartbeat.
         heartbeat_by: HeartbeatBy = HeartbeatBy::Requests,
             assumed "the manual says that other commands count, not whether wrong ones do";
-        /// Who controls power and PWM until the client takes them; the heartbeat runs from the
+        /// Control of power and PWM until the client takes them; the heartbeat runs from the
         /// client's first.
         control_at_power_on: ControlMode = ControlMode::App,
             assumed "the manual names both modes, not the one it starts in";
-        /// What the client takes control by.
+        /// Request by which the client takes control.
         control_taken_by: ControlTakenBy = ControlTakenBy::OwnCommand,
             assumed "the manual names the modes, not what changes them; a client that only looks \
                      then sees the app's control";
@@ -91,13 +91,13 @@ settings! {
         /// Duty of the PWM outputs A to D that the app has set at the start, 0.1 %.
         app_pwm: [u32; 4] = [0; 4], range 0..=1000,
             assumed "an app that has switched nothing on yet";
-        /// What 0x02 and 0x03 get while the app insists on control of what they set.
+        /// Answer to 0x02 and 0x03 while the app insists on control of what they set.
         on_app_in_control: RefusalReply = RefusalReply::False,
             assumed "their reply is a boolean that means success";
-        /// What the outputs do when the heartbeat is lost.
+        /// State of the outputs when the heartbeat is lost.
         on_heartbeat_loss: OnHeartbeatLoss = OnHeartbeatLoss::App,
             assumed "the manual names the timeout, not its effect";
-        /// What the outputs do when the client takes control.
+        /// State of the outputs when the client takes control.
         on_takeover: OnTakeover = OnTakeover::Keep,
             assumed "a client that comes back does not know what it finds";
         /// Time without a motor command after which the motors stop by themselves.
@@ -106,7 +106,7 @@ settings! {
         /// Shortest time between two replies to motor commands, 50 ms being 20 Hz.
         motor_reply_interval: Duration = MS(50), range Duration::ZERO..=S(60),
             documented "manual 4.3.8: fastest reply rate 20 Hz";
-        /// What happens to a motor command that comes sooner.
+        /// Treatment of a motor command that comes sooner.
         over_rate: OverRate = OverRate::Delay,
             assumed "a limit on replies is no limit on commands";
         /// By how much a client may be faster than that, over a second, before it is blamed.
@@ -121,30 +121,30 @@ settings! {
         /// Order of the bytes of both.
         version_order: VersionOrder = VersionOrder::MajorHigh,
             assumed "the manual lists major, minor, region, build without saying which comes first";
-        /// Whether locking the vehicle also applies the parking brake.
+        /// Applies the parking brake when the vehicle is locked.
         locking_parks: bool = true,
             assumed "the manual says how the brake is released, not how it is applied";
-        /// How long a motion key of the remote control drives.
+        /// Time for which a motion key of the remote control drives.
         remote_key_drives: RemoteKeyDrives = RemoteKeyDrives::WhileHeld,
             assumed "the manual says that a short press drives, not for how long";
         /// PWM of both motors while the remote control's forward or backward key drives, and
         /// of each motor, in opposite directions, while a turn key does.
         remote_pwm: u32 = 500, unit "", range 0..=1000,
             assumed "the manual does not say how fast the remote control drives";
-        /// Whether the emergency stop also applies the parking brake.
+        /// Applies the parking brake at the emergency stop.
         emergency_stop_brakes: bool = true,
             assumed "the manual says only that it cuts propulsion power";
-        /// Whether the emergency stop also locks the vehicle, so that it must be unlocked again.
+        /// Locks the vehicle at the emergency stop, so that it must be unlocked again.
         emergency_stop_locks: bool = false,
             assumed "the manual says only that it cuts propulsion power";
-        /// Whether the emergency stop also cuts the tail supply, on which the module hangs.
+        /// Cuts the tail supply, on which the module hangs, at the emergency stop.
         emergency_stop_cuts_tail: bool = false,
             assumed "the manual's sentence about it is garbled; the module then keeps answering";
-        /// Whether 0x12 drives only while the parking brake is released; else it releases the brake
+        /// Lets 0x12 drive only while the parking brake is released; else it releases the brake
         /// for as long as it drives.
         driving_needs_release: bool = true,
             assumed "the manual mentions the release only for pushing by hand";
-        /// Whether the motors stop when the battery is empty.
+        /// Stops the motors when the battery is empty.
         empty_battery_stops: bool = true,
             assumed "the manual reports the charge and says nothing about its end";
         /// Silence on the CAN after which the vehicle's controller stops the motors.
@@ -171,9 +171,9 @@ settings! {
 }
 
 settings! {
-    /// When the module switches outputs off to protect itself.
+    /// Protections by which the module switches outputs off.
     pub struct ProtectionSettings {
-        /// What a rail does after a protection has switched it off.
+        /// State of a rail after a protection has switched it off.
         overcurrent_recovery: OvercurrentRecovery = OvercurrentRecovery::Latch,
             assumed "the manual does not say how a trip ends";
         /// Time until a tripped rail tries again, when the recovery is "retry".
@@ -194,13 +194,13 @@ settings! {
         /// Part of its limit above which the 48 V output trips.
         threshold_48v: f64 = 125.0, unit "%", range 1.0..=1000.0,
             assumed "the manual says only that it is set fairly high (note b)";
-        /// How long a 12 V pair may stay above its threshold.
+        /// Time for which a 12 V pair may stay above its threshold.
         delay_12v: Duration = MS(200), range Duration::ZERO..=S(60),
             assumed "the manual gives no time";
-        /// How long the 48 V output may stay above its threshold.
+        /// Time for which the 48 V output may stay above its threshold.
         delay_48v: Duration = MS(100), range Duration::ZERO..=S(60),
             assumed "the manual gives no time";
-        /// How long the 5 V outputs may stay above their limit.
+        /// Time for which the 5 V outputs may stay above their limit.
         delay_5v: Duration = MS(100), range Duration::ZERO..=S(60),
             assumed "the manual gives no time";
         /// Voltage by which the limit of a 12 V pair becomes a current.
@@ -213,16 +213,16 @@ settings! {
         /// pulls the voltage down, so power would not tell.
         short_multiple: f64 = 3.0, unit "", range 1.0..=1000.0,
             assumed "the manual promises short-circuit protection without figures";
-        /// How long a rail may stay above that multiple.
+        /// Time for which a rail may stay above that multiple.
         short_delay: Duration = MS(1), range Duration::ZERO..=S(60),
             assumed "the manual promises short-circuit protection without figures";
-        /// What the module does about an overloaded 12 V pair.
+        /// Reaction of the module to an overloaded 12 V pair.
         on_overcurrent_12v: ProtectionAction = ProtectionAction::SwitchOff,
             assumed "the manual names the bit; it promises protection for 48 V and 5 V";
-        /// What the module does about a 12 V pair that is too hot.
+        /// Reaction of the module to a 12 V pair that is too hot.
         on_over_temperature: ProtectionAction = ProtectionAction::SwitchOff,
             assumed "the manual names the bit, not what follows";
-        /// What the module does about a power module fault; it concerns all outputs.
+        /// Reaction of the module to a power module fault; it concerns all outputs.
         on_power_module_fault: ProtectionAction = ProtectionAction::SwitchOff,
             assumed "the manual names the bit, not what follows";
         /// Temperature above which a 12 V pair reports over-temperature.
@@ -234,7 +234,7 @@ settings! {
         /// Supply voltage below which the module reports a power module fault.
         undervoltage: f64 = 39.0, unit "V", range 0.0..=100.0,
             assumed "3 V a cell; the manual names the bit, not its cause";
-        /// How long the supply may stay below that voltage.
+        /// Time for which the supply may stay below that voltage.
         undervoltage_delay: Duration = MS(5), range Duration::ZERO..=S(60),
             assumed "longer than a short circuit takes to trip, which pulls the supply down too";
         /// Supply voltage above which that report ends.

@@ -1,4 +1,5 @@
-//! The speed of a motor as firmware measures it: whole pulses of an encoder over a window, filtered.
+//! The speed of a motor as firmware measures it: whole pulses of an encoder over a window,
+//! filtered.
 
 use std::time::Duration;
 
@@ -6,17 +7,17 @@ use sim_settings::SimTime;
 
 use super::settings::R150FirmwareSettings;
 
-/// What is made of one motor's encoder.
+/// Speed from one motor's encoder.
 #[derive(Debug, Clone)]
 pub struct Speedometer {
     pulses_per_turn: f64,
     window: Duration,
     /// Share of the old speed that stays after a window.
     kept: f64,
-    /// When the window that runs began, and the count then.
+    /// Time at which the window that runs began, and the count then.
     begun: SimTime,
     count: f64,
-    /// When the encoder was last read, and how far it was, turns.
+    /// Time at which the encoder was last read, and its place then, turns.
     read: SimTime,
     turns: f64,
     rpm: f64,

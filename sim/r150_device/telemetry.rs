@@ -17,7 +17,8 @@ impl R150Device {
         }
     }
 
-    /// What the motors' encoders have counted goes into their speeds. Without a supply nothing counts.
+    /// Counts the pulses of the motors' encoders into their speeds. Without a supply nothing
+    /// counts.
     pub(super) fn read_encoders(&mut self, now: SimTime, measured: &R150Measurements) {
         let turns = [measured.motor_turns.right, measured.motor_turns.left];
         for (speed, turns) in self.speeds.iter_mut().zip(turns) {

@@ -19,7 +19,7 @@ pub enum Key {
     Right,
 }
 
-/// What an operator or the app can do.
+/// Deed of an operator or the app.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
     /// Long press of both rear buttons, 解锁.
@@ -76,7 +76,7 @@ impl fmt::Display for Action {
     }
 }
 
-/// Why a motor command does not move the vehicle.
+/// Reason for which a motor command does not move the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Obstacle {
     /// The remote control has locked it.
@@ -134,7 +134,7 @@ struct Rules {
     remote_key_drives: RemoteKeyDrives,
 }
 
-/// What the motor bridges do, right then left.
+/// State of the motor bridges, right then left.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bridges {
     /// They apply a PWM, ±1000; 0 shorts the motor, which brakes.
@@ -207,50 +207,50 @@ impl Vehicle {
         !self.locked && !self.autonomous
     }
 
-    /// Whether the emergency stop is in.
+    /// Tells whether the emergency stop is in.
     #[must_use]
     pub fn emergency_stop(&self) -> bool {
         self.emergency_stop
     }
 
-    /// Whether the parking brake is on.
+    /// Tells whether the parking brake is on.
     #[must_use]
     pub fn parked(&self) -> bool {
         self.parked
     }
 
-    /// Whether it is locked.
+    /// Tells whether it is locked.
     #[must_use]
     pub fn locked(&self) -> bool {
         self.locked
     }
 
-    /// Whether a motion key goes on driving after it is let go.
+    /// Tells whether a motion key goes on driving after it is let go.
     #[must_use]
     pub fn key_outlasts_press(&self) -> bool {
         self.rules.remote_key_drives == RemoteKeyDrives::UntilNextButton
     }
 
-    /// Whether it is in autonomous mode.
+    /// Tells whether it is in autonomous mode.
     #[must_use]
     pub fn autonomous(&self) -> bool {
         self.autonomous
     }
 
-    /// Whether the parking brake holds while the client wants this of the motors.
+    /// Tells whether the parking brake holds while the client wants this of the motors.
     #[must_use]
     pub fn holds(&self, set_point: [i16; 2]) -> bool {
         let drives = !self.locked && !self.brake_hinders() && set_point != [0, 0];
         self.parked && !drives
     }
 
-    /// Whether the parking brake keeps commands from driving.
+    /// Tells whether the parking brake keeps commands from driving.
     fn brake_hinders(&self) -> bool {
         let gives_way = self.autonomous && !self.rules.driving_needs_release;
         self.parked && !gives_way
     }
 
-    /// What keeps a motor command from moving it; empty when nothing does.
+    /// Lists what keeps a motor command from moving it; empty when nothing does.
     #[must_use]
     pub fn obstacles(&self, battery_empty: bool) -> Vec<Obstacle> {
         [
@@ -265,7 +265,7 @@ impl Vehicle {
         .collect()
     }
 
-    /// What the motor bridges do, given what the client wants.
+    /// Returns the state of the motor bridges, given what the client wants.
     #[must_use]
     pub fn drive(&self, set_point: [i16; 2], remote_pwm: i16, battery_empty: bool) -> Bridges {
         if self.emergency_stop {

@@ -1,4 +1,4 @@
-//! When each device next has something to do.
+//! Times at which each device next has something to do.
 
 use sim_settings::SimTime;
 
@@ -35,7 +35,7 @@ impl Deadlines {
         self.devices += 1;
     }
 
-    /// When a device next has something to do; never if there is no such device.
+    /// Time at which a device next has something to do; never if there is no such device.
     pub(super) fn of(&self, device: usize) -> SimTime {
         let time = self.nodes.get(self.leaves() + device);
         time.copied().unwrap_or(SimTime::MAX)

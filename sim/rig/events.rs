@@ -38,12 +38,12 @@ impl Events {
         self.kept.pop_front()
     }
 
-    /// Whether there is none to take.
+    /// Tells whether there is none to take.
     pub(super) fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }
 
-    /// How many were lost because nobody took them.
+    /// Number of events that were lost because nobody took them.
     pub(super) fn lost(&self) -> u64 {
         self.lost
     }

@@ -1,4 +1,4 @@
-//! What goes wrong in a rig, on purpose.
+//! Faults in a rig.
 
 use sim_settings::SimTime;
 
@@ -93,14 +93,14 @@ impl Rig {
         }
     }
 
-    /// How often a fault has acted so far; the catalogue says what counts.
+    /// Number of times that a fault has acted so far; the catalogue says what counts.
     #[must_use]
     pub fn fault_hits(&self, handle: FaultHandle) -> u64 {
         self.fault_hits.get(handle.0).copied().unwrap_or(0)
     }
 
-    /// Whether the cable of a port is out: whoever serves the port to a real client hangs it up as
-    /// long as this holds.
+    /// Tells whether the cable of a port is out: whoever serves the port to a real client hangs it
+    /// up as long as this holds.
     #[must_use]
     pub fn cable_pulled(&self, port: PortId) -> bool {
         let slot = self.slots.get(port.device);
@@ -154,7 +154,7 @@ impl Slot {
     }
 }
 
-/// Whether a device as it is set up can have a fault; gives the link that it is about.
+/// Tells whether a device as it is set up can have a fault; gives the link that it is about.
 fn possible(fault: &Fault, slot: &Slot) -> Result<usize, String> {
     slot.spec.check(fault)?;
     if matches!(fault, Fault::WatchdogOff {}) {

@@ -36,8 +36,8 @@ impl Rig {
         Ok(())
     }
 
-    /// The client closed the port at `now`, to which the rig advances first. What its UART holds still
-    /// goes out.
+    /// The client closed the port at `now`, to which the rig advances first. What its UART holds
+    /// still goes out.
     ///
     /// # Errors
     /// As [`Rig::advance`].
@@ -84,34 +84,34 @@ impl Rig {
         }
     }
 
-    /// Whether the device may have something to say, or to hear, by `now`.
+    /// Tells whether the device may have something to say, or to hear, by `now`.
     #[must_use]
     pub fn is_due(&self, port: PortId, now: SimTime) -> bool {
         let arrival = self.next_for_client(port).unwrap_or(SimTime::MAX);
         self.deadlines.of(port.device).min(arrival) <= now
     }
 
-    /// When something next arrives at whoever has the port open.
+    /// Time at which something next arrives at whoever has the port open.
     #[must_use]
     pub fn next_for_client(&self, port: PortId) -> Option<SimTime> {
         self.line(port).and_then(SerialLine::next_for_client)
     }
 
-    /// How many bytes the line keeps for a client whose driver has no buffer of its own.
+    /// Number of bytes that the line keeps for a client whose driver has no buffer of its own.
     #[must_use]
     pub fn space(&self, port: PortId) -> usize {
         self.line(port).map_or(0, SerialLine::space)
     }
 
-    /// How many bytes the client's UART takes now.
+    /// Number of bytes that the client's UART takes now.
     #[must_use]
     pub fn room(&self, port: PortId) -> usize {
         self.line(port).map_or(0, SerialLine::room)
     }
 
     /// The client sends `bytes` at the present time. Whatever else happens now is left to the next
-    /// advance, so that bytes come before the deadlines of their instant; [`Rig::approach`] goes to just
-    /// before one.
+    /// advance, so that bytes come before the deadlines of their instant; [`Rig::approach`] goes to
+    /// just before one.
     pub fn client_puts(&mut self, port: PortId, bytes: &[u8]) {
         let now = self.now;
         let events = self

@@ -1,5 +1,5 @@
-//! What one device does at one instant: it takes what has arrived, serves its deadlines, and what it
-//! has to say goes onto its lines.
+//! Service of one device at one instant: it takes what has arrived, serves its deadlines, and what
+//! it has to say goes onto its lines.
 
 use sim_settings::SimTime;
 
@@ -10,8 +10,8 @@ use crate::event::Event;
 use crate::injection::Injection;
 use crate::line::{LineEvent, OnLine, SerialLine};
 
-/// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A device
-/// keeps a thousand events, and none of its frames is shorter than two bytes.
+/// After so many bytes of one instant, as on a line without pacing, what they led to is taken. A
+/// device keeps a thousand events, and none of its frames is shorter than two bytes.
 const BYTES_BETWEEN: usize = 64;
 
 impl Rig {

@@ -47,7 +47,7 @@ impl<'b> Choices<'b> {
         self.byte() % times == times - 1
     }
 
-    /// Whether something odd stands in a place.
+    /// Tells whether something odd stands in a place.
     pub(super) fn is_odd(&mut self) -> bool {
         self.odd > 0 && self.below(self.odd) == self.odd - 1
     }

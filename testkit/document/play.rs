@@ -1,5 +1,5 @@
-//! Documents of choices are refused in words, or played to their end: what is simulated is finite, the
-//! run ends with a verdict in its time, the same again is the same, and so is its recording.
+//! Documents of choices are refused in words, or played to their end: what is simulated is finite,
+//! the run ends with a verdict in its time, the same again is the same, and so is its recording.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use sim_settings::Source;
 use crate::session::truth;
 use crate::text;
 
-/// What became of a document.
+/// Fate of a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Became {
     /// It was refused, or could not be played on, and said why.

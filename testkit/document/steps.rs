@@ -1,4 +1,4 @@
-//! What happens in a scenario, and what its schema does not say of it.
+//! Steps of a scenario, and what its schema does not say of them.
 
 use toml::{Table, Value};
 
@@ -15,7 +15,7 @@ const EXCLUSIVE: &[(&str, &[&str])] = &[
 ];
 
 impl Writer<'_> {
-    /// What has a name in the schema.
+    /// Returns what has a name in the schema.
     pub(super) fn defined(&mut self, name: &str, key: &str) -> Value {
         let schema = &self.schema["$defs"][name];
         if name == "Fault" {

@@ -1,4 +1,4 @@
-//! What must hold of a session at any time.
+//! Promises of a session at any time.
 
 use std::hash::Hash as _;
 use std::time::Duration;
@@ -44,7 +44,7 @@ impl Player {
     }
 }
 
-/// What a client can expect of its port.
+/// Expectation of a client of its port.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Says {
     /// An R150 that speaks when it is spoken to.
@@ -64,7 +64,7 @@ pub(super) struct Client {
     pub(super) baud: u32,
     pub(super) attached: bool,
     pub(super) line: ClientLine,
-    /// Whether nothing has disturbed its line since it came.
+    /// Set if nothing has disturbed its line since it came.
     pub(super) undisturbed: bool,
     pub(super) since: SimTime,
     pub(super) sent: usize,
@@ -92,8 +92,8 @@ impl Client {
         }
     }
 
-    /// Opens the port; whether its line is disturbed depends on its speed, too, and on whether it may
-    /// get replies to one who was there before.
+    /// Opens the port; whether its line is disturbed depends on its speed, too, and on whether it
+    /// may get replies to one who was there before.
     pub(super) fn comes(&mut self, now: SimTime, undisturbed: bool) {
         let heir = self.heir || self.sent > 0;
         *self = Self {

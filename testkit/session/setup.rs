@@ -1,4 +1,4 @@
-//! What is there at the start of a session.
+//! Setup at the start of a session.
 
 use std::sync::LazyLock;
 use std::time::Duration;
@@ -15,11 +15,11 @@ use sim_physics::{Pose, WorldMap};
 
 use super::promises::{Client, Says};
 
-/// What is there at the start.
+/// Setup at the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct Setup {
-    /// Which devices.
+    /// Devices.
     pub devices: Devices,
     /// Bytes take no time.
     pub instant: bool,
@@ -33,7 +33,7 @@ pub struct Setup {
     pub seed: u8,
 }
 
-/// Which devices.
+/// Devices of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Devices {

@@ -15,7 +15,7 @@ pub(super) const TIMEOUT: Duration = Duration::from_millis(20);
 /// A pause that is shorter.
 const BREATH: Duration = Duration::from_millis(19);
 
-/// What a report of a decoder covers.
+/// Bytes that a report of a decoder covers.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Found {
     /// A whole frame or packet, as it was sent.

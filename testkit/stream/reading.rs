@@ -1,5 +1,5 @@
-//! Streams read a second time, by other code than the decoders': with all bytes at hand, each format
-//! is a loop over its description.
+//! Streams read a second time, by other code than the decoders': with all bytes at hand, each
+//! format is a loop over its description.
 
 use std::ops::Range;
 
@@ -30,7 +30,7 @@ fn crc(bytes: &[u8]) -> u16 {
     !crc
 }
 
-/// Where the frames of the R150 stand in `bytes`.
+/// Finds the frames of the R150 in `bytes`.
 pub(super) fn frames(bytes: &[u8], resync: Resync) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -56,14 +56,14 @@ pub(super) fn frames(bytes: &[u8], resync: Resync) -> Vec<Range<usize>> {
     found
 }
 
-/// Whether `bytes` are whole frames of the R150, one after the other.
+/// Tells whether `bytes` are whole frames of the R150, one after the other.
 #[must_use]
 pub fn frames_cover(bytes: &[u8]) -> bool {
     let frames = frames(bytes, Resync::SecondByte);
     frames.iter().map(ExactSizeIterator::len).sum::<usize>() == bytes.len()
 }
 
-/// Where packets of one direction stand in `bytes`.
+/// Finds the packets of one direction in `bytes`.
 pub(super) fn packets(bytes: &[u8], headers: &[[u8; 2]], rules: Rules) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -86,7 +86,7 @@ pub(super) fn packets(bytes: &[u8], headers: &[[u8; 2]], rules: Rules) -> Vec<Ra
     found
 }
 
-/// Whether `bytes` are what the board sends on this link, whole.
+/// Tells whether `bytes` are what the board sends on this link, whole.
 #[must_use]
 pub fn sends_well(link: Link, bytes: &[u8]) -> bool {
     match link {
@@ -111,11 +111,11 @@ fn is_report(line: &[u8]) -> bool {
     numbers.is_some_and(|(speed, mileage)| is_number(speed) && is_number(mileage))
 }
 
-/// What is told of a line: the line, if it is a bad one, and the letter and number of a command that
+/// Reading of a line: the line, if it is a bad one, and the letter and number of a command that
 /// comes of it.
 pub(super) type Line<'b> = (Option<&'b [u8]>, Option<(u8, i32)>);
 
-/// What is told of the lines in `bytes`.
+/// Reads the lines in `bytes`.
 pub(super) fn lines(bytes: &[u8], syntax: Syntax) -> Vec<Line<'_>> {
     let mut lines = bytes.split(|byte| *byte == b'\n');
     let last = lines.next_back().unwrap_or_default();

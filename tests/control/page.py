@@ -9,7 +9,9 @@ import json
 import sys
 from pathlib import Path
 
-from browser import YARD, Driver, Simulator, chromium, open_page, wait
+from with_page import YARD, Driver, Simulator, chromium, open_page, wait
+
+from browser import SCHEMES, VIEWS, overflow
 
 HOSTILE = "<img src=x onerror=\"document.title='run'\">"
 
@@ -17,11 +19,8 @@ HOSTILE = "<img src=x onerror=\"document.title='run'\">"
 def looks(browser, simulator, folder):
     """Dark and light, on a desk and on a phone."""
     colours = set()
-    for scheme in ["light", "dark"]:
-        for name, options in {
-            "desk": {"viewport": {"width": 1280, "height": 800}},
-            "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True},
-        }.items():
+    for scheme in SCHEMES:
+        for name, options in VIEWS.items():
             page, wrong = open_page(browser, simulator, color_scheme=scheme, **options)
             # The token is not left where it is seen.
             assert "token" not in page.url, page.url
@@ -29,8 +28,7 @@ def looks(browser, simulator, folder):
             wait("a chart is drawn", lambda page=page: page.evaluate("[...sim.charts.charts.values()][0].points.length > 60"))
             page.screenshot(path=folder / f"page-{name}-{scheme}.png")
             colours.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
-            over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-            assert over <= 0, (name, over)
+            assert overflow(page) <= 0, (name, overflow(page))
             # Something is drawn: more than one colour.
             assert page.evaluate(
                 "(() => { const c = document.getElementById('picture'); const d = c.getContext('2d')"

@@ -238,3 +238,19 @@ pub fn tell_skipped(what: &str, why: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "SKIPPED {what}: {why}");
 }
+
+/// A Python with pyserial, or a word that there is none.
+pub fn python() -> Option<&'static str> {
+    let found = Command::new("python3")
+        .args(["-c", "import serial"])
+        .output();
+    if found.is_ok_and(|found| found.status.success()) {
+        return Some("python3");
+    }
+    assert!(
+        std::env::var_os("SIM_TEST_PYTHON").is_none(),
+        "SIM_TEST_PYTHON is set, and there is no Python with pyserial"
+    );
+    tell_skipped("a client in Python", "no python3 with pyserial");
+    None
+}

@@ -11,12 +11,15 @@ use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::fs;
 use std::io::{Read as _, Seek as _};
+use std::os::fd::OwnedFd;
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use sim_lockstep::{Broken, Ending, Error, LineSettings, Options, Port, Program, Step, World};
+use rustix::process::{PidfdFlags, PidfdGetfdFlags};
+use sim_lockstep::{Broken, End, Ending, Error, LineSettings, Options, Port, Program, Step, World};
 
 /// How long the device takes to answer.
 pub const ANSWER: u64 = 50_000_000;
@@ -32,6 +35,8 @@ pub struct Device {
     pub answers: VecDeque<(u64, Vec<u8>)>,
     /// When the cable is pulled, and when it is back.
     pub cable: Option<(u64, u64)>,
+    /// How long somebody else keeps the other end of the port when the cable is pulled.
+    pub kept: Option<Duration>,
     /// Bytes that there is room for at a time; all of them if that is 0.
     pub room: usize,
     /// Everything that has happened.
@@ -107,6 +112,13 @@ impl World for Device {
         if cable == Some(next) {
             if ports[0].is_plugged() {
                 self.note(next, "cable pulled");
+                if let Some(time) = self.kept {
+                    let other_end = other_end_of(&ports[0]);
+                    std::thread::spawn(move || {
+                        std::thread::sleep(time);
+                        drop(other_end);
+                    });
+                }
                 ports[0].unplug()?;
                 self.answers.clear();
             } else {
@@ -125,6 +137,24 @@ impl World for Device {
         }
         Ok(Step::To(next))
     }
+}
+
+/// A duplicate of this program's end of a port.
+fn other_end_of(port: &Port) -> OwnedFd {
+    let node = fs::read_link(port.path()).expect("its link");
+    let this = rustix::process::getpid();
+    let this = rustix::process::pidfd_open(this, PidfdFlags::empty()).expect("itself");
+    let mut files = fs::read_dir("/proc/self/fd").expect("its files");
+    let other = files.find_map(|file| {
+        let file = file.ok()?.path();
+        let is_master = fs::read_link(&file).ok()?.ends_with("ptmx");
+        let number = file.file_name()?.to_str()?.parse().ok()?;
+        let flags = PidfdGetfdFlags::empty();
+        let end = is_master.then(|| rustix::process::pidfd_getfd(&this, number, flags).ok())??;
+        let name = rustix::pty::ptsname(&end, Vec::new()).ok()?;
+        (name.to_bytes() == node.as_os_str().as_bytes()).then_some(end)
+    });
+    other.expect("this program has it open")
 }
 
 /// What came of a program.
@@ -259,6 +289,30 @@ fn compiled(
 pub fn c_played(code: &str) -> Option<Played> {
     let (_folder, binary) = c(code, &["-lrt"])?;
     Some(play(&[text(&binary)]))
+}
+
+/// Plays a program in Python that prints what is expected.
+#[track_caller]
+pub fn prints(code: &str, expected: &str) {
+    let Some(played) = python(code) else {
+        return;
+    };
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert_eq!(played.ending.end, End::Exited(0));
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    assert!(played.took.as_secs() < 20, "{:?}", played.took);
+}
+
+/// Plays a program in C likewise.
+#[track_caller]
+pub fn c_prints(code: &str, expected: &str) {
+    let Some(played) = c_played(code) else {
+        return;
+    };
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert_eq!(played.ending.end, End::Exited(0));
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    assert!(played.took.as_secs() < 20, "{:?}", played.took);
 }
 
 pub fn text(path: &Path) -> &str {

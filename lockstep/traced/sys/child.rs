@@ -1,4 +1,4 @@
-//! What a child does between fork and exec.
+//! Deeds of a child between fork and exec.
 
 use super::{Tid, check};
 use std::ffi::{CString, c_char};

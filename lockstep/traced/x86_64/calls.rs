@@ -110,7 +110,7 @@ const RULES: &[(i64, Call, Rule)] = &[
     ),
 ];
 
-/// Which call a number is.
+/// Call of a number.
 pub(crate) fn call(number: i64) -> Option<Call> {
     let rule = RULES.iter().find(|rule| rule.0 == number)?;
     Some(rule.1)

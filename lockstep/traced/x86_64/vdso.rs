@@ -1,9 +1,9 @@
 //! Clocks inside of a program, so that asking for the time is no call.
 //!
-//! The vDSO is a small library that the kernel puts into each program and that reads the real clock.
-//! Its functions are replaced by ones that read simulated time from a page of the program's own
-//! memory, which the tracer writes before it lets the program go on when time has. Whatever else it
-//! has is taken out: programs make a call then, as they do where a kernel lacks it.
+//! The vDSO is a small library that the kernel puts into each program and that reads the real
+//! clock. Its functions are replaced by ones that read simulated time from a page of the program's
+//! own memory, which the tracer writes before it lets the program go on when time has. Whatever
+//! else it has is taken out: programs make a call then, as they do where a kernel lacks it.
 #![expect(
     unsafe_code,
     reason = "the address of what the assembler has made has no safe name"
@@ -229,11 +229,11 @@ impl Image {
 
 /// The vDSO of a program that has just been loaded.
 pub(crate) struct Vdso {
-    /// Where the program is told of it.
+    /// Address at which the program is told of it.
     entry: u64,
     base: u64,
     functions: Vec<Function>,
-    /// Where its code begins, all of which is dead once its functions lead elsewhere.
+    /// Address at which its code begins, all of which is dead once its functions lead elsewhere.
     first: usize,
     /// Some instruction `syscall` in it.
     call: u64,
@@ -282,8 +282,8 @@ impl Vdso {
         registers
     }
 
-    /// Replaces the functions, now that the system has given this page; where it is. `None` if there
-    /// is none, and then the program does not find the vDSO.
+    /// Replaces the functions, now that the system has given this page; where it is. `None` if
+    /// there is none, and then the program does not find the vDSO.
     pub(crate) fn replace(&self, tid: Tid, page: i64) -> io::Result<Option<u64>> {
         let page = u64::try_from(page).ok();
         let written = page.filter(|page| self.write(tid, *page).is_ok());

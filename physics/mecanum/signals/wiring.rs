@@ -1,4 +1,4 @@
-//! Which wheel's motor is at which port, as a setting.
+//! Port of each wheel's motor, as a setting.
 //!
 //! The text names the ports of the wheels LF, RF, LR, RR in that order, joined by `-`; a `!` before
 //! a port says that FR turns the motor there the other way round. `"x-y-e0-e1"` is the article's
@@ -47,7 +47,7 @@ impl Wiring {
         self.ports[wheel.index()]
     }
 
-    /// Whether FR low rolls this wheel backward, instead of forward.
+    /// Tells whether FR low rolls this wheel backward, instead of forward.
     #[must_use]
     pub fn is_reversed(&self, wheel: Wheel) -> bool {
         self.reversed[wheel.index()]
@@ -70,7 +70,7 @@ impl Wiring {
             .find(|wheel| self.port(*wheel) == port)
     }
 
-    /// What the pins do to a wheel: `reverse` then says that it is to roll backward.
+    /// Command of the pins to a wheel: `reverse` then says that it is to roll backward.
     #[must_use]
     pub fn command(&self, commands: &MecanumCommands, wheel: Wheel) -> PortCommand {
         let PortCommand { reverse, brake } = commands.ports[self.port(wheel).index()];
@@ -80,7 +80,7 @@ impl Wiring {
         }
     }
 
-    /// Which way the pins roll a wheel: 1 forward, −1 backward, 0 not at all.
+    /// Direction in which the pins roll a wheel: 1 forward, −1 backward, 0 not at all.
     #[must_use]
     pub fn rotation(&self, commands: &MecanumCommands, wheel: Wheel) -> i8 {
         match self.command(commands, wheel) {
@@ -107,7 +107,7 @@ impl PlugSwaps {
         }))
     }
 
-    /// Where the plug of this port is now.
+    /// Place where the plug of this port is now.
     #[must_use]
     pub fn now_in(self, port: Port) -> Port {
         self.0[port.index()]
@@ -181,7 +181,7 @@ impl SettingValue for Wiring {
     }
 }
 
-/// How the motors are really plugged in.
+/// Wiring of the motors as it really is.
 ///
 /// It is not the wiring that the firmware expects, so that a miswired car can be had; but where
 /// nobody says otherwise it follows that, so that either documented wiring is one setting.

@@ -3,8 +3,8 @@
 use super::super::{Chassis, Contact, PatchState, Traction, Wheel};
 use super::Row;
 
-/// Rounds of the iteration at most. The default vehicle needs one to seven; the bound makes the cost
-/// of a step bounded for any settings.
+/// Rounds of the iteration at most. The default vehicle needs one to seven; the bound makes the
+/// cost of a step bounded for any settings.
 const MAX_ROUNDS: usize = 24;
 
 /// The iteration ends when no impulse changes by more than this share of the weight's impulse. What
@@ -12,7 +12,7 @@ const MAX_ROUNDS: usize = 24;
 /// add up, since the next step starts from it and goes on.
 const TOLERANCE: f64 = 2e-6;
 
-/// What impulses do to the body.
+/// Effect of impulses on the body.
 #[derive(Clone, Copy)]
 pub(super) struct Mobility {
     /// 1/kg

@@ -19,7 +19,7 @@ pub(super) struct Document {
     /// Version of the form of this file.
     #[expect(dead_code, reason = "reading it checks it")]
     schema: Version,
-    /// What this world is for; free text.
+    /// Purpose of this world; free text.
     #[expect(dead_code, reason = "for readers of the file")]
     description: Option<String>,
     /// Walls.
@@ -31,10 +31,10 @@ pub(super) struct Document {
     /// Posts that nothing moves.
     #[serde(default)]
     circle: Vec<Post>,
-    /// Where the ground slopes. Of several at one place the last counts.
+    /// Slopes of the ground. Of several at one place the last counts.
     #[serde(default)]
     slope: Vec<Slope>,
-    /// Where the ground has another friction. Of several at one place the last counts.
+    /// Places where the ground has another friction. Of several at one place the last counts.
     #[serde(default)]
     friction: Vec<FrictionPatch>,
     /// RFID tags on the ground.
@@ -54,7 +54,7 @@ struct Wall {
     name: Option<Spanned<Name>>,
     /// Its middle line: points in metres.
     points_m: Line,
-    /// Whether it comes back to its first point.
+    /// Set if it comes back to its first point.
     #[serde(default)]
     closed: bool,
     /// From side to side.
@@ -130,9 +130,9 @@ enum Area {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Slope {
-    /// Where.
+    /// Place of it.
     area: Area,
-    /// How steep it is.
+    /// Steepness of it.
     slope: Steepness,
     /// Direction in which it rises.
     uphill: Direction,
@@ -142,7 +142,7 @@ struct Slope {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FrictionPatch {
-    /// Where.
+    /// Place of it.
     area: Area,
     /// Coefficient of friction between wheel and ground.
     friction: Friction,
@@ -152,9 +152,9 @@ struct FrictionPatch {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Tag {
-    /// Where it lies, in metres.
+    /// Place of it, in metres.
     at_m: Point,
-    /// What a reader reads.
+    /// Number that a reader reads.
     number: TagNumber,
 }
 
@@ -164,7 +164,7 @@ struct Tag {
 struct Strip {
     /// Its middle line: points in metres.
     points_m: Line,
-    /// Whether it comes back to its first point.
+    /// Set if it comes back to its first point.
     #[serde(default)]
     closed: bool,
     /// With what radius it goes around its points; sharp unless given.

@@ -1,4 +1,4 @@
-//! What to tell a user whose world file was refused.
+//! Errors of world files.
 
 use sim_settings::{Origin, Source, shorten};
 
@@ -10,7 +10,7 @@ pub struct WorldFileError {
     pub origin: Origin,
     /// The key with the tables around it; `None` where the file is not TOML at all.
     pub key: Option<String>,
-    /// What is wrong, and what is allowed.
+    /// Reason, and what is allowed.
     pub why: String,
 }
 

@@ -12,7 +12,7 @@ quantities! {
     pub(super) Radius in "m", 0.0..=EDGE, example "300 mm";
     /// A direction, counter-clockwise from the x axis.
     pub(super) Direction in "deg", -360.0..=360.0, example "90 deg";
-    /// How steep the ground is.
+    /// Steepness of the ground.
     pub(super) Steepness in "deg", -45.0..=45.0, example "12 deg";
 }
 

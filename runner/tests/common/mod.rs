@@ -5,12 +5,13 @@
     reason = "each test program uses the part of this that it needs"
 )]
 
+use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sim_core::settings::SimSettings;
-use sim_runner::scenario::{Glance, Texts, is_scenario_file};
+use sim_runner::scenario::{NamedText, ScenarioFiles, is_scenario_file};
 use sim_runner::{Run, RunOptions, Scenario};
 use sim_settings::Source;
 
@@ -51,31 +52,17 @@ pub fn name(file: &Path) -> String {
 
 impl Loaded {
     pub fn read(path: &Path) -> Result<Self, String> {
-        let mut chain = Vec::new();
-        let mut world = None;
-        let mut next = Some(path.to_owned());
-        while let Some(path) = next {
-            let text = fs::read_to_string(&path).map_err(|error| error.to_string())?;
-            let glance = Glance::at(&text);
-            let beside = |name: PathBuf| path.with_file_name("").join(name);
-            world = world.or(glance.world.map(beside));
-            next = glance.base.map(beside);
-            chain.push((path.display().to_string(), text));
-        }
-        let files: Vec<Source<'_>> = chain
-            .iter()
-            .map(|(file, text)| Source { file, text })
-            .collect();
-        let texts = Texts {
-            files: &files,
-            parameters: &[],
-            set: &[],
+        let mut read = |path: &Path| -> Result<NamedText, Box<dyn Error>> {
+            Ok((path.display().to_string(), fs::read_to_string(path)?))
         };
-        let scenario = Scenario::compose(texts, &SimSettings::new(sim_core::SHIPPED))
+        let files =
+            ScenarioFiles::read(path, None, &mut read).map_err(|error| error.to_string())?;
+        let scenario = files
+            .compose(&[], &[], &SimSettings::new(sim_core::SHIPPED))
             .map_err(|errors| errors.to_string())?;
-        let world = match world {
+        let world = match files.world() {
             Some(world) => {
-                let text = fs::read_to_string(&world)
+                let text = fs::read_to_string(world)
                     .map_err(|error| format!("{}: {error}", world.display()))?;
                 Some((world.display().to_string(), text))
             }

@@ -47,3 +47,9 @@ impl Client {
             .map(|(_, bytes)| bytes)
     }
 }
+
+/// Opens the port and does nothing more.
+pub(crate) fn idle(client: &Client) -> Option<()> {
+    client.ask(Ask::Open(0))?;
+    client.read(0, usize::MAX).map(drop)
+}

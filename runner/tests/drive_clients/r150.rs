@@ -114,14 +114,22 @@ impl<'c> Link<'c> {
 /// Waits for nothing without end, believes only what has the right CRC and fits what it asked,
 /// watches what the module says of itself, and stops when in doubt.
 pub(crate) fn careful(client: &Client) -> Option<()> {
+    carefully(client, halt)
+}
+
+/// As careful, and stops by saying nothing more: the watchdog stops the vehicle.
+pub(crate) fn silent(client: &Client) -> Option<()> {
+    carefully(client, |_| Some(()))
+}
+
+fn carefully(client: &Client, stop: fn(&mut Link<'_>) -> Option<()>) -> Option<()> {
     client.sleep(millis(200))?;
     let mut link = Link::open(client)?;
-    if mission(&mut link).is_none() {
+    if mission(&mut link).and_then(|()| stop(&mut link)).is_none() {
         // The port has hung up: first of all the vehicle is to stand.
         link = Link::open(client)?;
-        halt(&mut link)?;
+        stop(&mut link)?;
     }
-    client.ask(Ask::Close(0))?;
     Some(())
 }
 
@@ -129,10 +137,7 @@ fn mission(link: &mut Link<'_>) -> Option<()> {
     let is_true = |reply: &Reply| matches!(reply, Reply::Bool { success: true, .. });
     let ready = link.insist(Request::Version, Duration::from_secs(15), |_| true)?
         && link.insist(CAMERA_ON, Duration::from_secs(3), is_true)?;
-    if ready {
-        drive(link)?;
-    }
-    halt(link)
+    if ready { drive(link) } else { Some(()) }
 }
 
 fn drive(link: &mut Link<'_>) -> Option<()> {
@@ -167,7 +172,7 @@ fn drive(link: &mut Link<'_>) -> Option<()> {
     Some(())
 }
 
-/// Stops, and makes sure of it.
+/// Stops, makes sure of it, and leaves.
 fn halt(link: &mut Link<'_>) -> Option<()> {
     let stands = |reply: &Reply| {
         matches!(reply, Reply::Motors { right_rpm, left_rpm, .. }
@@ -175,5 +180,5 @@ fn halt(link: &mut Link<'_>) -> Option<()> {
     };
     link.insist(STOP, Duration::from_secs(3), stands)?;
     link.insist(ALL_OFF, Duration::from_secs(1), |_| true)?;
-    Some(())
+    link.client.ask(Ask::Close(0)).map(drop)
 }

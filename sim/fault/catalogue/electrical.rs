@@ -9,15 +9,15 @@ macro_rules! electrical {
     sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
     counts "The output was on.",
     {
-        /// Which output.
+        /// Output.
         rail: RailName,
-        /// What it draws.
+        /// Power that it draws.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         power: Option<Power>,
-        /// What it is.
+        /// Resistance of the load.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         resistance: Option<Resistance>,
-        /// What it draws at the output's nominal voltage; its power stays the same at others.
+        /// Current at the output's nominal voltage; the power stays the same at other voltages.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         current: Option<Current>,
     }
@@ -26,15 +26,15 @@ macro_rules! electrical {
     sees "The output trips within a millisecond and `sysStatus` says so; 0x02 may answer false.",
     counts "The output was on.",
     {
-        /// Which output.
+        /// Output.
         rail: RailName,
     }
-    /// What hangs on an output is off.
+    /// Nothing hangs on an output any more.
     RailOpen = "rail-open", Electrical, false,
     sees "No current from an output that is on.",
     counts "The output was on.",
     {
-        /// Which output.
+        /// Output.
         rail: RailName,
     }
     /// The supply sags.
@@ -54,9 +54,9 @@ macro_rules! electrical {
     sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
     counts "The sensor read more than without the fault.",
     {
-        /// Which pair.
+        /// Pair of outputs.
         pair: PairName,
-        /// How hot at least; 95 °C unless given.
+        /// Temperature at least; 95 °C unless given.
         #[serde(default = "defaults::hot")]
         temperature: Temperature,
     }
@@ -75,7 +75,7 @@ macro_rules! electrical {
     sees "`soc` falls at once, and the voltage with it.",
     counts "The battery had charge.",
     {
-        /// How much less, of the full charge; 50 % unless given.
+        /// Part of the full charge that is lost; 50 % unless given.
         #[serde(default = "defaults::half")]
         by: Percent,
     }
@@ -84,11 +84,11 @@ macro_rules! electrical {
     sees "A side that the other drags along; or, without the tail supply, a module that is silent.",
     counts "Current would have flowed through it.",
     {
-        /// Which fuse.
+        /// Fuse.
         fuse: FuseName,
     }
-    /// The CAN from the module to the vehicle's controller fails, and only the module's client could
-    /// notice.
+    /// The CAN from the module to the vehicle's controller fails, and only the module's client
+    /// could notice.
     CanFailing = "can-failing", Electrical, false,
     sees "Answers as ever, and speeds that do not follow, or follow late; after a while 0.",
     counts "The vehicle had heard another command than the module gave.",

@@ -9,7 +9,7 @@ macro_rules! mechanical {
     sees "No speed from there although driven; an R150's bus voltage falls and fuses may blow; a car's motion does not end.",
     counts "A blocked wheel was driven.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
     }
     /// Something drags on wheels.
@@ -17,9 +17,9 @@ macro_rules! mechanical {
     sees "Less speed, and a vehicle that pulls to one side.",
     counts "A dragged wheel was driven or turned.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
-        /// How much at the wheels of a side, or at one wheel of a car; 100 N*m for an R150 and
+        /// Torque at the wheels of a side, or at one wheel of a car; 100 N*m for an R150 and
         /// 0.5 N*m for a car unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         torque: Option<Torque>,
@@ -29,7 +29,7 @@ macro_rules! mechanical {
     sees "Wheels that turn only as the others drag them, and less speed.",
     counts "A motor without effect was driven.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
     }
     /// The cables of encoders are off.
@@ -37,7 +37,7 @@ macro_rules! mechanical {
     sees "Speed 0 while driving; a car's motion does not end.",
     counts "A wheel turned unseen.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
     }
     /// Encoders repeat what they gave last.
@@ -45,7 +45,7 @@ macro_rules! mechanical {
     sees "A speed that does not change; a car's pulses come all at once at the end.",
     counts "A wheel turned at another speed than the encoder gave.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
     }
     /// Interference spoils encoders.
@@ -53,7 +53,7 @@ macro_rules! mechanical {
     sees "Speeds that jump about; a car that thinks it has gone farther, even standing.",
     counts "A reading was spoilt.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
         /// Spread of an R150's readings, in r/min of the motor; 50 unless given.
         #[serde(default = "defaults::spread")]
@@ -67,7 +67,7 @@ macro_rules! mechanical {
     sees "An R150's speed with the wrong sign; a car that turns away while its packets say all is well.",
     counts "Such a motor was driven.",
     {
-        /// Which.
+        /// Motors, or wheels of a car.
         motors: Motors,
     }
     /// Two motors are plugged into one another's ports.
@@ -99,7 +99,7 @@ macro_rules! mechanical {
     sees "Slower starts and longer stops; more current.",
     counts "The vehicle was driven or moved.",
     {
-        /// How heavy.
+        /// Mass of the payload.
         mass: Mass,
     }
     /// Something pushes the vehicle.
@@ -122,7 +122,7 @@ macro_rules! mechanical {
     sees "Little or no speed although driven.",
     counts "A braked wheel was driven.",
     {
-        /// Which; all unless given.
+        /// Motors, or wheels of a car; all unless given.
         #[serde(default = "defaults::all_motors")]
         motors: Motors,
     }
@@ -131,7 +131,7 @@ macro_rules! mechanical {
     sees "A parked vehicle that rolls on a slope or when pushed.",
     counts "The brake should have held.",
     {
-        /// Which; all unless given.
+        /// Motors, or wheels of a car; all unless given.
         #[serde(default = "defaults::all_motors")]
         motors: Motors,
     }

@@ -1,4 +1,4 @@
-//! What people do at the worst time.
+//! Deeds of people at the worst time.
 
 /// Hands these faults on, behind those that come before them, to the next in the row.
 macro_rules! operator {

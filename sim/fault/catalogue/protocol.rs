@@ -33,7 +33,7 @@ macro_rules! protocol {
         /// By how many bytes; −1 unless given.
         #[serde(default = "defaults::one_less")]
         by: i8,
-        /// Whether `parameters` are missing, or the `field` lies; parameters unless given.
+        /// Place of the error: `parameters` are missing, or the `field` lies; parameters unless given.
         #[serde(default)]
         what: WrongLength,
     }
@@ -95,7 +95,7 @@ macro_rules! protocol {
     sees "A frame without a request: a heartbeat reply, a status packet of zeros, or a line.",
     counts "The frame was sent.",
     {
-        /// What; unless given a well-formed frame of the device.
+        /// Bytes of it; unless given a well-formed frame of the device.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         bytes: Option<HexBytes>,
         /// Again after this; once unless given. At least 1 ms.

@@ -9,7 +9,7 @@ macro_rules! sensor {
     sees "4500 mm, whatever is there.",
     counts "An echo was not heard.",
     {
-        /// Which; all unless given.
+        /// Sensors; all unless given.
         #[serde(default)]
         sensor: EchoSensor,
     }
@@ -18,7 +18,7 @@ macro_rules! sensor {
     sees "A distance that does not change.",
     counts "The true distance was another.",
     {
-        /// Which; all unless given.
+        /// Sensors; all unless given.
         #[serde(default)]
         sensor: EchoSensor,
     }
@@ -27,10 +27,10 @@ macro_rules! sensor {
     sees "An obstacle where there is none.",
     counts "The ghost was nearer than anything real.",
     {
-        /// Which; all unless given.
+        /// Sensors; all unless given.
         #[serde(default)]
         sensor: EchoSensor,
-        /// How far off; 0.3 m unless given.
+        /// Distance of the echo; 0.3 m unless given.
         #[serde(default = "defaults::ghost")]
         distance: Length,
     }
@@ -39,7 +39,7 @@ macro_rules! sensor {
     sees "A wrong number in `rfid`, or none.",
     counts "A tag was misread.",
     {
-        /// What any tag is read as; 0, which is no tag, unless given.
+        /// Number that any tag is read as; 0, which is no tag, unless given.
         #[serde(default)]
         reads_as: u32,
     }
@@ -53,7 +53,7 @@ macro_rules! sensor {
     sees "`infra` that does not change.",
     counts "The truth was another.",
     {
-        /// Whether it sees something; yes unless given.
+        /// Says that it sees something, and not nothing; yes unless given.
         #[serde(default = "defaults::yes")]
         sees: bool,
     }

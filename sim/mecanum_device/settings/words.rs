@@ -13,17 +13,19 @@ choices! {
 }
 
 choices! {
-    /// What tells the beginning of a packet.
+    /// Mark of a packet's beginning.
     pub enum Framing {
-        /// A known type, and after it the length that this type has; any other byte is skipped by itself.
+        /// A known type, and after it the length that this type has; any other byte is skipped by
+        /// itself.
         TypeAndLength = "type-and-length",
-        /// Nothing: the second byte is the length, and a packet that is not known is skipped as a whole.
+        /// Nothing: the second byte is the length, and a packet that is not known is skipped as a
+        /// whole.
         Length = "length",
     }
 }
 
 choices! {
-    /// What becomes of a packet that was begun and not finished in time.
+    /// Fate of a packet that was begun and not finished in time.
     pub enum PartialPacket {
         /// The search for a packet goes on at its second byte.
         Rescan = "rescan",
@@ -33,7 +35,7 @@ choices! {
 }
 
 choices! {
-    /// What a valid packet or line is answered by.
+    /// Answer to a valid packet or line.
     pub enum Acknowledge {
         /// Nothing.
         Nothing = "nothing",
@@ -43,7 +45,7 @@ choices! {
 }
 
 choices! {
-    /// What the sequence number of a status packet is.
+    /// Meaning of a status packet's sequence number.
     pub enum StatusSeq {
         /// It counts the status packets.
         Count = "count",
@@ -63,7 +65,7 @@ choices! {
 }
 
 choices! {
-    /// What a motion that preempts discards.
+    /// Motions that a preempting one discards.
     pub enum Preempt {
         /// The motion that runs and those that wait.
         All = "all",
@@ -73,7 +75,7 @@ choices! {
 }
 
 choices! {
-    /// When the wheels of a motion stop.
+    /// Moment at which the wheels of a motion stop.
     pub enum MotionEnd {
         /// Each by itself, when it has turned far enough.
         EachWheel = "each-wheel",
@@ -83,7 +85,7 @@ choices! {
 }
 
 choices! {
-    /// What a motion without distance is.
+    /// Meaning of a motion without distance.
     pub enum ZeroDistance {
         /// It ends at once.
         End = "end",
@@ -93,7 +95,7 @@ choices! {
 }
 
 choices! {
-    /// What a motion without speed is.
+    /// Meaning of a motion without speed.
     pub enum ZeroSpeed {
         /// It ends at once.
         End = "end",
@@ -103,7 +105,7 @@ choices! {
 }
 
 choices! {
-    /// What a speed beyond its range is.
+    /// Meaning of a speed beyond its range.
     pub enum OverSpeed {
         /// The end of the range.
         Clamp = "clamp",
@@ -115,7 +117,7 @@ choices! {
 }
 
 choices! {
-    /// Which way a positive speed turns the car.
+    /// Direction in which a positive speed turns the car.
     pub enum PositiveTurn {
         /// To the right, clockwise.
         Right = "right",
@@ -125,7 +127,7 @@ choices! {
 }
 
 choices! {
-    /// Which way a positive speed strafes.
+    /// Direction in which a positive speed strafes.
     pub enum PositiveStrafe {
         /// To the left.
         Left = "left",
@@ -135,7 +137,7 @@ choices! {
 }
 
 choices! {
-    /// Who drives when the board starts.
+    /// Driver when the board starts.
     pub enum StartMode {
         /// The board.
         Board = "board",
@@ -145,7 +147,7 @@ choices! {
 }
 
 choices! {
-    /// What becomes of motions when the control mode changes.
+    /// Fate of motions when the control mode changes.
     pub enum ModeChange {
         /// They are discarded.
         Discard = "discard",
@@ -155,7 +157,7 @@ choices! {
 }
 
 choices! {
-    /// What BK does while no wheel is driven.
+    /// State of BK while no wheel is driven.
     pub enum IdleWheels {
         /// It holds the wheels.
         Hold = "hold",
@@ -165,7 +167,7 @@ choices! {
 }
 
 choices! {
-    /// How the firmware knows which way a wheel has turned.
+    /// Source of the direction in which a wheel has turned.
     pub enum PulseDirection {
         /// It takes pulses for those of the direction in which it last drove the wheel.
         Driven = "driven",
@@ -175,7 +177,7 @@ choices! {
 }
 
 choices! {
-    /// What the letters Y and Z of the ROS link mean; the article's table and its picture differ.
+    /// Meaning of the letters Y and Z on the ROS link; the article's table and its picture differ.
     pub enum AsciiLetters {
         /// Y+ strafes left, Z+ turns right.
         Table = "table",
@@ -195,7 +197,7 @@ choices! {
 }
 
 choices! {
-    /// When the status packet calls a side's motors running.
+    /// Time during which the status packet calls a side's motors running.
     pub enum MotorState {
         /// While the firmware drives one of them.
         Driven = "driven",
@@ -205,28 +207,29 @@ choices! {
 }
 
 choices! {
-    /// What the mileage counts.
+    /// Distance that the mileage counts.
     pub enum Mileage {
-        /// How far the driven wheels turn, as the distance of a motion does; turning on the spot
+        /// Turning of the driven wheels, as the distance of a motion does; turning on the spot
         /// counts too.
         Wheels = "wheels",
-        /// How far the middle of the car goes.
+        /// Way of the middle of the car.
         Path = "path",
     }
 }
 
 choices! {
-    /// How a number on the ROS link is read.
+    /// Reading of a number on the ROS link.
     pub enum AsciiNumbers {
         /// Digits, perhaps after a minus, and nothing else.
         Strict = "strict",
-        /// As C's `atoi` does: perhaps a sign, then digits up to whatever else comes; without any it is 0.
+        /// As C's `atoi` does: perhaps a sign, then digits up to whatever else comes; without any
+        /// it is 0.
         Atoi = "atoi",
     }
 }
 
 choices! {
-    /// Where spaces and carriage returns are skipped in a line.
+    /// Places in a line where spaces and carriage returns are skipped.
     pub enum AsciiSpaces {
         /// Anywhere.
         Anywhere = "anywhere",
@@ -236,7 +239,7 @@ choices! {
 }
 
 choices! {
-    /// What a number beyond its range is.
+    /// Meaning of a number beyond its range.
     pub enum AsciiOutOfRange {
         /// Its line is ignored.
         Ignore = "ignore",
@@ -256,19 +259,19 @@ choices! {
 }
 
 choices! {
-    /// What the reported mileage counts.
+    /// Distance that the reported mileage counts.
     pub enum AsciiMileage {
         /// All that was driven, either way.
         Total = "total",
         /// Positive motions up, negative ones down.
         Signed = "signed",
-        /// What the last motion has driven.
+        /// Distance of the last motion.
         Motion = "motion",
     }
 }
 
 choices! {
-    /// What a value beyond its field reads.
+    /// Reading of a value beyond its field.
     pub enum Overflow {
         /// Its low bits.
         Wrap = "wrap",
@@ -278,7 +281,7 @@ choices! {
 }
 
 choices! {
-    /// How far a heading goes.
+    /// Range of a heading.
     pub enum HeadingRange {
         /// Full turns add up.
         FullTurns = "full-turns",
@@ -288,7 +291,7 @@ choices! {
 }
 
 choices! {
-    /// What the bits of `magn` are.
+    /// Meaning of the bits of `magn`.
     pub enum MagnBits {
         /// One for each channel, bit 0 leftmost.
         FromLeft = "from-left",
@@ -300,7 +303,7 @@ choices! {
 }
 
 choices! {
-    /// What an ultrasonic sensor without an echo reads.
+    /// Reading of an ultrasonic sensor without an echo.
     pub enum NoEcho {
         /// Its longest distance.
         Farthest = "farthest",

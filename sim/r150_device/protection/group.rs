@@ -1,4 +1,4 @@
-//! Which outputs are protected together, and why they may be switched off.
+//! Groups of outputs that are protected together, and the reasons to switch them off.
 
 use std::fmt;
 use std::ops::Range;
@@ -82,7 +82,7 @@ impl fmt::Display for Group {
     }
 }
 
-/// Why a group was switched off.
+/// Reason for which a group was switched off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
     /// Too much current or power for too long.

@@ -3,14 +3,14 @@
 use sim_settings::choices;
 
 choices! {
-    /// What happens to a motor command that comes sooner than the reply interval allows.
+    /// Treatment of a motor command that comes sooner than the reply interval allows.
     pub enum OverRate {
         /// It takes effect and gets no reply.
         Silent = "silent",
         /// It takes effect and is answered like any other.
         Answer = "answer",
-        /// It takes effect and is answered when the interval has passed, one at a time and with what
-        /// is measured then.
+        /// It takes effect and is answered when the interval has passed, one at a time and with
+        /// what is measured then.
         Delay = "delay",
         /// It changes nothing and gets no reply.
         Ignore = "ignore",
@@ -18,7 +18,7 @@ choices! {
 }
 
 choices! {
-    /// What the outputs do when the client's heartbeat stops.
+    /// State of the outputs when the client's heartbeat stops.
     pub enum OnHeartbeatLoss {
         /// They follow the app's set-points, which are all off unless the app set them.
         App = "app",
@@ -30,7 +30,7 @@ choices! {
 }
 
 choices! {
-    /// What a rail does after a protection has switched it off.
+    /// State of a rail after a protection has switched it off.
     pub enum OvercurrentRecovery {
         /// It stays off until the client commands it off; the next "on" tries again.
         Latch = "latch",
@@ -40,7 +40,7 @@ choices! {
 }
 
 choices! {
-    /// Which command byte a reply carries.
+    /// Command byte of a reply.
     pub enum ReplyCommand {
         /// That of the request.
         Same = "same",
@@ -50,7 +50,7 @@ choices! {
 }
 
 choices! {
-    /// Where the decoder goes on after a frame that is not valid.
+    /// Place at which the decoder goes on after a frame that is not valid.
     pub enum Resync {
         /// At that frame's second byte, so that a valid frame inside it is found.
         SecondByte = "second-byte",
@@ -60,7 +60,7 @@ choices! {
 }
 
 choices! {
-    /// What a request that the module does not understand gets.
+    /// Answer to a request that the module does not understand.
     pub enum RefusalReply {
         /// No reply.
         Silent = "silent",
@@ -70,7 +70,7 @@ choices! {
 }
 
 choices! {
-    /// What a motor command gets that is refused.
+    /// Answer to a motor command that is refused.
     pub enum MotorsRefusalReply {
         /// No reply.
         Silent = "silent",
@@ -92,7 +92,7 @@ choices! {
 }
 
 choices! {
-    /// What counts as a heartbeat.
+    /// Meaning of a heartbeat.
     pub enum HeartbeatBy {
         /// Each of the eight requests, if its number of parameter bytes is right.
         Requests = "requests",
@@ -102,7 +102,7 @@ choices! {
 }
 
 choices! {
-    /// What a client takes RS232 control by.
+    /// Request by which a client takes RS232 control.
     pub enum ControlTakenBy {
         /// Any request takes control of power and PWM.
         AnyRequest = "any-request",
@@ -112,7 +112,7 @@ choices! {
 }
 
 choices! {
-    /// Who controls the outputs; the words are the manual's.
+    /// Control of the outputs; the words are the manual's.
     pub enum ControlMode {
         /// The app.
         App = "app",
@@ -122,10 +122,10 @@ choices! {
 }
 
 choices! {
-    /// What happens to a value that is out of its range.
+    /// Treatment of a value that is out of its range.
     pub enum OutOfRange {
-        /// The command changes nothing, feeds no watchdog, and is answered `false` where its reply is
-        /// a boolean.
+        /// The command changes nothing, feeds no watchdog, and is answered `false` where its reply
+        /// is a boolean.
         Refuse = "refuse",
         /// The nearest allowed value is taken.
         Clamp = "clamp",
@@ -143,7 +143,7 @@ choices! {
 }
 
 choices! {
-    /// What `voltage48v` measures.
+    /// Meaning of `voltage48v`.
     pub enum Voltage48v {
         /// The supply bus, whether or not the 48 V output is on.
         Supply = "supply",
@@ -153,7 +153,7 @@ choices! {
 }
 
 choices! {
-    /// What `voltage12v` measures.
+    /// Meaning of `voltage12v`.
     pub enum Voltage12v {
         /// The outputs, 0 where one is off.
         Output = "output",
@@ -163,7 +163,7 @@ choices! {
 }
 
 choices! {
-    /// What `current48v` measures.
+    /// Meaning of `current48v`.
     pub enum Current48v {
         /// The 48 V output's current.
         Output = "output",
@@ -173,7 +173,7 @@ choices! {
 }
 
 choices! {
-    /// What the outputs do when the client takes control.
+    /// State of the outputs when the client takes control.
     pub enum OnTakeover {
         /// They stay as the app had them.
         Keep = "keep",
@@ -183,7 +183,7 @@ choices! {
 }
 
 choices! {
-    /// How long a motion key drives.
+    /// Time for which a motion key drives.
     pub enum RemoteKeyDrives {
         /// As long as it is held.
         WhileHeld = "while-held",
@@ -193,7 +193,7 @@ choices! {
 }
 
 choices! {
-    /// What the module does about a load, a temperature or a supply out of its limits.
+    /// Reaction of the module to a load, a temperature or a supply out of its limits.
     pub enum ProtectionAction {
         /// It sets the status bit and switches the outputs concerned off.
         SwitchOff = "switch-off",

@@ -1,4 +1,4 @@
-//! One scenario to be played, and what came of it.
+//! A case: one scenario to be played, with its parameters and seed, and what came of it.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -28,9 +28,9 @@ const ALLOWANCE: Duration = Duration::from_secs(30);
 /// The date on which clients begin unless another is asked for: 2025-01-01.
 const DATE: Duration = Duration::from_secs(1_735_689_600);
 
-/// A scenario to be played.
+/// A scenario to be played, with its parameters and seed.
 #[derive(Clone)]
-pub(crate) struct Job<'a> {
+pub(crate) struct Case<'a> {
     pub(crate) loaded: &'a Loaded,
     args: &'a RunArgs,
     pub(crate) seed: u64,
@@ -63,7 +63,7 @@ pub(crate) struct Job<'a> {
     pub(crate) report: Option<&'a Report>,
 }
 
-impl<'a> Job<'a> {
+impl<'a> Case<'a> {
     /// The time number `repeat` of a scenario; `base` is the seed if none is given.
     pub(crate) fn new(args: &'a RunArgs, loaded: &'a Loaded, repeat: u32, base: u64) -> Self {
         let scenario = &loaded.scenario;
@@ -96,7 +96,7 @@ impl<'a> Job<'a> {
         !self.client.is_empty()
     }
 
-    /// Whether a real client plays in the simulator's time.
+    /// Tells whether a real client plays in the simulator's time.
     pub(crate) fn is_lockstep(&self) -> bool {
         self.is_live() && self.time == TimeArg::Lockstep
     }
@@ -208,7 +208,7 @@ impl<'a> Job<'a> {
         if let Some(job) = &self.args.given.job {
             flag("--job", job.into());
         }
-        for (name, value) in &self.loaded.case {
+        for (name, value) in &self.loaded.parameters {
             flag("--param", format!("{name}={value}").into());
         }
         if let Some(world) = &self.args.given.world {
@@ -229,8 +229,8 @@ impl<'a> Job<'a> {
     }
 }
 
-/// What came of a job.
-pub(crate) enum JobResult {
+/// What came of a case.
+pub(crate) enum CaseResult {
     /// It was played to an end.
     Played(Box<Played>),
     /// It was being played when a signal asked for the end.
@@ -285,7 +285,7 @@ pub(crate) struct PlayedClient {
     pub(crate) refused: Vec<String>,
 }
 
-impl JobResult {
+impl CaseResult {
     pub(crate) fn passed(&self) -> bool {
         matches!(self, Self::Played(played) if played.outcome.passed)
     }

@@ -10,6 +10,7 @@ import shutil
 import signal
 import struct
 import subprocess
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -18,6 +19,9 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).parent.parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+from browser import launch
+
 # Spent only on failure, since the machine may be busy.
 PATIENCE = 120
 YARD = f"""
@@ -105,9 +109,8 @@ def wait(what, done):
 
 @contextmanager
 def chromium():
-    program = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome"])))
     with sync_playwright() as play:
-        yield play.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield launch(play)
 
 
 def open_page(browser, simulator, **options):

@@ -1,0 +1,164 @@
+//! Flags of `sim run`.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{ArgAction, Args, ValueEnum, value_parser};
+use sim_control::Listen;
+use sim_settings::Span;
+
+use super::{MAX_HOLD_UP, SettingsArgs, some_time, speed};
+use crate::exit::Exit;
+
+const EXAMPLES: &str = "\
+Examples:
+  sim run scenarios
+      Every scenario with its scripted client, as fast as the machine goes.
+  sim run --tag drive scenarios/r150 -- python3 my_client.py
+      Your client instead, in the simulator's time. It opens the port named by $SIM_R150_PORT.
+  sim run --time real scenarios/r150 -- python3 my_client.py
+      The same by the wall clock: 20 simulated seconds take 20 seconds.
+  sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
+      A client that takes the port as an argument.
+  sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
+      For CI: JUnit XML, traces and reports for `sim replay`, four at a time.
+  sim run --report report.html scenarios
+      A page with all verdicts, and pictures of what happened.
+  sim run --job my-job.toml scenarios/r150/faults -- ./client
+      Every fault within a job of your own.
+  sim run --set r150.heartbeat_timeout=2s --param pwm=300,600 my.toml -- ./client
+      Your vehicle's settings, and each value of a parameter of the file as a case of its own.
+  sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
+      Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
+
+/// What to play, and how.
+#[derive(Debug, Args)]
+#[command(after_help = format!("{EXAMPLES}\n\n{}", Exit::HELP))]
+pub(crate) struct RunArgs {
+    /// Scenario files, or folders of them.
+    #[arg(required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// The client to test, with its arguments. It finds the path of each port in its environment,
+    /// in SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
+    #[arg(last = true, value_name = "CLIENT")]
+    pub(crate) client: Vec<OsString>,
+    /// How many scenarios to play at a time [default: one for each core, but 1 with a client in real time].
+    #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
+    pub(crate) jobs: Option<u32>,
+    #[command(flatten)]
+    pub(crate) given: GivenArgs,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Seed of everything random, instead of the file's or a random one.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Play each so many times, each time with the next seed.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = value_parser!(u32).range(1..=100_000))]
+    pub(crate) repeat: u32,
+    /// Only files whose path contains TEXT.
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) filter: Option<String>,
+    /// Only scenarios with this tag in their file; may be repeated, and one of them is enough.
+    #[arg(long, value_name = "TAG", action = ArgAction::Append)]
+    pub(crate) tag: Vec<String>,
+    /// Begin no further scenario after the first that fails.
+    #[arg(long)]
+    pub(crate) fail_fast: bool,
+    /// Write the results as JUnit XML, which CI servers show.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) junit: Option<PathBuf>,
+    /// Write a page to look at: all verdicts; of each the world from above, with the ways of the
+    /// vehicles; and plots and traffic of those that failed. It is one file and needs nothing else.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) report: Option<PathBuf>,
+    /// Write a trace, a report as JSON, and the client's output of each into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// Whose time a client has: the simulator's, in which nothing is ever late and the same seed gives
+    /// the same bytes, or the wall clock's.
+    #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
+    pub(crate) time: TimeArg,
+    /// Where what a client reads as random comes from, with --time lockstep.
+    #[arg(long, value_enum, default_value_t = RandomArg::Seed)]
+    pub(crate) random: RandomArg,
+    /// The date on which a client begins, in UTC, with --time lockstep.
+    #[arg(long, value_name = "DATE", default_value = "2025-01-01 00:00:00", value_parser = date)]
+    pub(crate) date: Duration,
+    /// Play each two times and show the first difference, with --time lockstep.
+    #[arg(long)]
+    pub(crate) twice: bool,
+    /// Simulated seconds for each second of real time, 0.01 to 100; only with --time real
+    /// [default: 1].
+    #[arg(long, value_name = "X", value_parser = speed)]
+    pub(crate) speed: Option<f64>,
+    /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
+    /// twice its `limit` and 30 s].
+    #[arg(long, value_name = "TIME", value_parser = some_time)]
+    pub(crate) timeout: Option<Span>,
+    /// How long a busy machine may hold the simulator up in all, while a client's clock goes on. When
+    /// it is longer and the scenario fails, it is played once more; and if that goes the same way, it is
+    /// an error of the machine and no failure of the client.
+    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
+    pub(crate) max_hold_up: Span,
+    /// Let programs and a page look on and change what happens, as with `sim --control`; each scenario
+    /// with a client has a socket of its own, which the client finds in SIM_CONTROL.
+    #[arg(long, value_name = "ADDRESS", requires = "client")]
+    pub(crate) control: Option<Listen>,
+    /// List the files with their titles and tags, and play nothing.
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Read everything, say what would be played with which seed and ports, and play nothing.
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+/// What scenario files are read with.
+#[derive(Debug, Default, Args)]
+pub(crate) struct GivenArgs {
+    /// Play fault files within this job: a scenario file with devices, a world, a limit and the verdicts
+    /// of its mission. It takes the place of the file with the devices that they are based on.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) job: Option<PathBuf>,
+    /// Give a parameter of the files a value, as in --param pwm=300; with several, as in --param
+    /// pwm=300,600,1000, each is a case of its own, and each with each of another parameter.
+    #[arg(long, value_name = "NAME=VALUE", action = ArgAction::Append)]
+    pub(crate) param: Vec<String>,
+    /// Build the world from this file instead of those that the files name.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) world: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TimeArg {
+    /// Simulated time, which stands still while the client computes and jumps while it waits.
+    Lockstep,
+    /// Real time, by the system's clocks.
+    Real,
+}
+
+impl TimeArg {
+    /// As it is written.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Real => "real",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RandomArg {
+    /// The run's seed.
+    Seed,
+    /// The system.
+    Real,
+}
+
+/// A date, as the time since 1970.
+fn date(text: &str) -> Result<Duration, String> {
+    humantime::parse_rfc3339_weak(text)
+        .ok()
+        .and_then(|date| date.duration_since(std::time::UNIX_EPOCH).ok())
+        .ok_or_else(|| "wanted: a date since 1970, as in \"2025-01-31 12:00:00\"".to_owned())
+}

@@ -1,0 +1,165 @@
+//! The files that make a scenario: the one that is named, and those that it is based on.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use sim_core::settings::SimSettings;
+use sim_settings::Source;
+
+use super::Scenario;
+use super::compose::Texts;
+use crate::rig_file::RigFileError;
+
+/// Most files that are based on one another.
+const MOST_BASES: usize = 8;
+
+/// A file: what it is called in errors, and what is in it.
+pub type NamedText = (String, String);
+
+/// A scenario file with those that it is based on, not yet read as a scenario.
+#[derive(Debug)]
+pub struct ScenarioFiles {
+    files: Vec<NamedText>,
+    parameters: BTreeSet<String>,
+    keys: BTreeSet<String>,
+    world: Option<PathBuf>,
+}
+
+impl ScenarioFiles {
+    /// Reads a file, then what it is based on, and so on. In the place of the file with the devices comes
+    /// the `job`, if there is one.
+    ///
+    /// # Errors
+    /// Those of `read`; and if files are based on one another in a circle, or if there is a job and the
+    /// first file has devices of its own.
+    pub fn read<E: From<RigFileError>>(
+        path: &Path,
+        job: Option<&Path>,
+        read: &mut dyn FnMut(&Path) -> Result<NamedText, E>,
+    ) -> Result<Self, E> {
+        let mut all = Self {
+            files: Vec::new(),
+            parameters: BTreeSet::new(),
+            keys: BTreeSet::new(),
+            world: None,
+        };
+        let mut wanted_job = job;
+        let mut next = Some(path.to_owned());
+        while let Some(path) = next.take() {
+            if all.files.len() >= MOST_BASES {
+                let first = all.files.first().map_or("", |(name, _)| name);
+                let why = format!(
+                    "{first}: more than {MOST_BASES} files are based on one another, perhaps in a circle"
+                );
+                return Err(RigFileError(vec![why]).into());
+            }
+            let (name, text) = read(&path)?;
+            let glance = Glance::at(&text);
+            let has_devices = glance.keys.contains("device");
+            if has_devices && all.files.is_empty() && job.is_some() {
+                let why =
+                    format!("{name} has devices of its own, so it is no fault file for --job");
+                return Err(RigFileError(vec![why]).into());
+            }
+            if let Some(job) = wanted_job.filter(|_| has_devices) {
+                next = Some(job.to_owned());
+                wanted_job = None;
+                continue;
+            }
+            let beside = |other: PathBuf| path.parent().unwrap_or(Path::new("")).join(other);
+            if all.world.is_none() {
+                all.world = glance.world.map(beside);
+            }
+            if all.files.is_empty() {
+                all.keys = glance.keys;
+            }
+            all.parameters.extend(glance.parameters);
+            all.files.push((name, text));
+            // Without a base it has no devices, which the job has.
+            let base = glance.base.map(beside);
+            next = base.or_else(|| wanted_job.take().map(Path::to_owned));
+        }
+        Ok(all)
+    }
+
+    /// The world file that the first of them names.
+    #[must_use]
+    pub fn world(&self) -> Option<&Path> {
+        self.world.as_deref()
+    }
+
+    /// Tells whether any of them has a parameter of this name.
+    #[must_use]
+    pub fn has_parameter(&self, name: &str) -> bool {
+        self.parameters.contains(name)
+    }
+
+    /// The kind of file that the first looks like, if it is no scenario.
+    #[must_use]
+    pub fn other_kind(&self) -> Option<&'static str> {
+        let has = |key: &&str| self.keys.contains(*key);
+        if ["title", "limit", "step", "base"].iter().any(has) {
+            return None;
+        }
+        let things = ["wall", "box", "circle", "slope", "friction", "tag", "strip"];
+        match (things.iter().any(has), has(&"device")) {
+            (true, false) => Some("world"),
+            (false, true) if has(&"schema") && !has(&"good_client") => Some("rig"),
+            _ => None,
+        }
+    }
+
+    /// The scenario that they make with these `parameters` and settings `set`, which win over the files';
+    /// the files' settings change those of `base`.
+    ///
+    /// # Errors
+    /// As [`Scenario::parse`].
+    pub fn compose(
+        &self,
+        parameters: &[(String, String)],
+        set: &[String],
+        base: &SimSettings,
+    ) -> Result<Scenario, RigFileError> {
+        let files = self.files.iter();
+        let files: Vec<Source<'_>> = files.map(|(file, text)| Source { file, text }).collect();
+        let texts = Texts {
+            files: &files,
+            parameters,
+            set,
+        };
+        Scenario::compose(texts, base)
+    }
+}
+
+/// Parts of a file that are read before those that it is based on. Of what is no TOML nothing is
+/// known; that is told when it is read.
+#[derive(Debug, Default)]
+struct Glance {
+    keys: BTreeSet<String>,
+    /// The file that it is based on, relative to it.
+    base: Option<PathBuf>,
+    /// Its world, relative to it.
+    world: Option<PathBuf>,
+    /// The names of its parameters.
+    parameters: BTreeSet<String>,
+}
+
+impl Glance {
+    fn at(text: &str) -> Self {
+        let table: toml::Table = text.parse().unwrap_or_default();
+        let path = |key: &str| {
+            table
+                .get(key)
+                .and_then(toml::Value::as_str)
+                .map(PathBuf::from)
+        };
+        let parameters = table.get("parameters").and_then(toml::Value::as_table);
+        let parameters = parameters.into_iter().flatten();
+        Self {
+            base: path("base"),
+            world: path("world"),
+            parameters: parameters.map(|(name, _)| name.clone()).collect(),
+            keys: table.into_iter().map(|(key, _)| key).collect(),
+        }
+    }
+}
