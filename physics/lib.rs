@@ -43,6 +43,7 @@ pub mod noise;
 mod pose;
 pub mod r150;
 mod rest;
+mod running_gear;
 mod tolerance;
 pub mod traction;
 mod vehicle_body;
@@ -55,4 +56,5 @@ pub use mecanum::{
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
 pub use rest::RestSettings;
+pub use running_gear::Energy;
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

@@ -101,8 +101,8 @@ impl MecanumPlant {
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
-            mass: drive.mass,
-            inertia: drive.inertia,
+            mass: drive.gear.mass,
+            inertia: drive.gear.inertia,
         };
         let body = world.add_body(name, shape, pose);
         let own = &settings.body;

@@ -93,8 +93,8 @@ impl R150Plant {
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
-            mass: drive.mass,
-            inertia: drive.inertia,
+            mass: drive.gear.mass,
+            inertia: drive.gear.inertia,
         };
         let body = world.add_body(name, shape, pose);
         let own = &settings.body;
@@ -170,9 +170,7 @@ impl R150Plant {
         let seconds = world.step_length().as_secs_f64();
         self.passed = 0.0;
         let velocity = self.body.follow(world, seconds);
-        self.drive
-            .traction
-            .follow(velocity, self.drive.wheel_speed, seconds);
+        self.drive.gear.follow(velocity, seconds);
         self.note_encoders();
         self.solve_network();
         self.pass(seconds);

@@ -61,6 +61,17 @@ pub struct Patch {
     pub wheel: usize,
 }
 
+/// What a patch does on the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundForce {
+    /// On the body, along and across, N.
+    pub force: [f64; 2],
+    /// With which it is pressed down, N.
+    pub load: f64,
+    /// The most that friction gives, N.
+    pub most: f64,
+}
+
 /// A wheel, or several geared together, as the drive presents it for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wheel {
@@ -115,7 +126,8 @@ struct PatchState<C> {
     stiffness: [f64; 2],
     /// Part of a deflection that is left after the step's rolling.
     shed: f64,
-    /// Friction limit of the last step, N.
+    /// Load and friction limit of the last step, N.
+    load: f64,
     limit: f64,
 }
 
@@ -151,6 +163,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
                 impulse: [0.0; 2],
                 stiffness: [0.0; 2],
                 shed: 1.0,
+                load: 0.0,
                 limit: 0.0,
             }),
             hold: [0.0; WHEELS],
@@ -171,11 +184,31 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         }
     }
 
-    /// The force of every patch on the body in the last step, along and across, N.
+    /// What every patch did on the ground in the last step.
     #[must_use]
-    pub fn forces(&self, dt: f64) -> [[f64; 2]; PATCHES] {
-        self.patches
-            .map(|patch| patch.impulse.map(|impulse| impulse / dt))
+    pub fn on_ground(&self, dt: f64) -> [GroundForce; PATCHES] {
+        self.patches.map(|patch| GroundForce {
+            force: patch.impulse.map(|impulse| impulse / dt),
+            load: patch.load,
+            most: patch.limit,
+        })
+    }
+
+    /// Impulses of dry friction and brakes on the wheels in the last step, N·m·s.
+    #[must_use]
+    pub fn held(&self) -> [f64; WHEELS] {
+        self.hold
+    }
+
+    /// Energy that the patches took from body and wheels in the last step, J; their speeds are the
+    /// means of its beginning and its end.
+    #[must_use]
+    pub fn lost(&self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS]) -> f64 {
+        let lost = self.patches.iter().map(|patch| {
+            let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);
+            -(patch.impulse[0] * slip[0] + patch.impulse[1] * slip[1])
+        });
+        lost.sum()
     }
 
     /// Makes each patch so much stiffer across than the law says.

@@ -132,11 +132,23 @@ pub struct Told {
     pub text: String,
 }
 
+impl Told {
+    /// A wheel would lift.
+    pub(crate) fn tipping() -> Self {
+        Self {
+            code: code::TIPPING,
+            role: Role::Damage,
+            text: "a wheel would lift: the vehicle would tip over".to_owned(),
+        }
+    }
+}
+
 impl EventKind for Told {
-    /// A warning if it may be held against the client.
+    /// A warning if it may be held against the client, or tells of damage.
     fn level(&self) -> Level {
         match self.role {
             Role::Request | Role::Reply => Level::Traffic,
+            Role::Damage => Level::Warning,
             _ if self.code.may_blame_client() => Level::Warning,
             _ => Level::Notice,
         }

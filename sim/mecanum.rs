@@ -19,7 +19,7 @@ use sim_settings::SimTime;
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::MOTION;
 use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, TextLines};
-use crate::event::EventKind;
+use crate::event::{EventKind, Told};
 use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Action, Link, MecanumDevice};
@@ -114,6 +114,9 @@ pub struct Mecanum {
     plant_at: SimTime,
     /// Time at which the next pulse of a wheel comes.
     pulse_due: Option<SimTime>,
+    /// A wheel would have lifted after the last step, and when that began if it is to be told.
+    tips: bool,
+    tipped_at: Option<SimTime>,
 }
 
 impl Mecanum {
@@ -135,6 +138,8 @@ impl Mecanum {
             faults: faults::Faults::default(),
             plant_at: SimTime::ZERO,
             pulse_due: None,
+            tips: false,
+            tipped_at: None,
         };
         car.settle(SimTime::ZERO);
         car
@@ -193,7 +198,7 @@ impl Device for Mecanum {
     }
 
     fn has_news(&self) -> bool {
-        self.device.has_news()
+        self.device.has_news() || self.tipped_at.is_some()
     }
 
     fn settle(&mut self, now: SimTime) {
@@ -220,8 +225,11 @@ impl Device for Mecanum {
     }
 
     fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
-        let (at, event) = self.device.poll_event()?;
-        Some((at, Arc::new(event)))
+        if let Some((at, event)) = self.device.poll_event() {
+            return Some((at, Arc::new(event)));
+        }
+        let at = self.tipped_at.take()?;
+        Some((at, Arc::new(Told::tipping())))
     }
 
     fn body(&self) -> BodyId {
@@ -266,6 +274,11 @@ impl Device for Mecanum {
     fn after_step(&mut self, now: SimTime, world: &mut World) {
         self.plant.after_step(world);
         self.plant_at = now;
+        let tips = self.plant.is_tipping();
+        if tips && !self.tips {
+            self.tipped_at = Some(now);
+        }
+        self.tips = tips;
     }
 
     fn set_push(&mut self, [ahead, left, turn]: [f64; 3]) {

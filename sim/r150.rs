@@ -264,8 +264,7 @@ impl Device for R150 {
         if let Some((at, event)) = self.device.poll_event() {
             return Some((at, Arc::new(event)));
         }
-        let (at, event) = self.watch.poll()?;
-        Some((at, Arc::new(event)))
+        self.watch.poll()
     }
 
     fn body(&self) -> BodyId {

@@ -3,17 +3,18 @@
 use super::MecanumPlant;
 use super::encoder::PulseWire;
 use super::faults::WheelFaults;
-use super::motor::{Grip, Motor, MotorLaw, Order};
+use super::motor::{Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
+use crate::running_gear::{Mass, RunningGear, WheelDrive};
 use crate::tolerance::Draw;
-use crate::traction::{Chassis, Patch, Slanted, Stance, Traction, Wheel as DrivenWheel};
+use crate::traction::Slanted;
 use crate::world::World;
 
 /// The moving parts; arrays are by [`Wheel::index`].
 #[derive(Debug, Clone)]
 pub(super) struct Drive {
-    pub(super) traction: Traction<WHEELS, WHEELS, Slanted>,
+    pub(super) gear: RunningGear<WHEELS, Slanted>,
     motors: [Motor; WHEELS],
     pulses: [PulseWire; WHEELS],
     /// Factor by which each wheel turns faster than it should.
@@ -24,19 +25,11 @@ pub(super) struct Drive {
     /// the wheels turn in it, rad.
     passed: f64,
     turned: [f64; WHEELS],
-    /// rad/s
-    pub(super) wheel_speed: [f64; WHEELS],
     /// Angle that each wheel has turned, rad.
     pub(super) wheel_angle: [f64; WHEELS],
     /// Torque of each motor in the last step, N·m.
     pub(super) motor_torque: [f64; WHEELS],
-    pub(super) mass: f64,
-    pub(super) inertia: f64,
-    stance: Stance,
     law: MotorLaw,
-    wheel_radius: f64,
-    rolling_resistance: f64,
-    wheel_inertia: f64,
     gear_friction: f64,
     brake_torque: f64,
 }
@@ -48,25 +41,17 @@ impl Drive {
         let motor_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.motor));
         let roller_factors = [(); WHEELS].map(|()| draw.factor(settings.wheel.roller_spread));
         let body = &settings.body;
-        let stance = Stance {
-            half_wheelbase: body.half_wheelbase,
-            half_track: body.half_track,
-            centre_height: 0.0,
-            centre: [0.0; 2],
-            carried: None,
-        };
-        let places = stance.places();
-        let patches = Wheel::ALL.map(|wheel| {
-            let [x, y] = places[wheel.index()];
-            let patch = Patch {
-                x,
-                y,
-                wheel: wheel.index(),
-            };
-            (patch, Slanted::new(settings.wheel.axle_on_ground(wheel)))
+        let contacts = Wheel::ALL.map(|wheel| {
+            let roller = Slanted::new(settings.wheel.axle_on_ground(wheel));
+            (wheel.index(), roller)
         });
         let mut drive = Self {
-            traction: Traction::with_contacts(&settings.wheel.tyre(), patches),
+            gear: RunningGear::new(
+                &settings.wheel.tyre(),
+                [body.half_wheelbase, body.half_track],
+                settings.motor.inertia,
+                contacts,
+            ),
             motors: [Motor::new(); WHEELS],
             // Speeds and angles are those of a wheel of the nominal radius that gets as far.
             pulses: wheel_factors.map(|factor| {
@@ -77,16 +62,9 @@ impl Drive {
             speed_factors: std::array::from_fn(|wheel| wheel_factors[wheel] * motor_factors[wheel]),
             passed: 0.0,
             turned: [0.0; WHEELS],
-            wheel_speed: [0.0; WHEELS],
             wheel_angle: [0.0; WHEELS],
             motor_torque: [0.0; WHEELS],
-            mass: 0.0,
-            inertia: 0.0,
-            stance,
             law: MotorLaw::new(&settings.motor),
-            wheel_radius: settings.wheel.radius,
-            rolling_resistance: settings.wheel.rolling_resistance,
-            wheel_inertia: settings.motor.inertia,
             gear_friction: settings.motor.gear_friction,
             brake_torque: settings.motor.brake_torque,
         };
@@ -98,18 +76,22 @@ impl Drive {
     pub(super) fn set_payload(&mut self, settings: &MecanumPlantSettings, payload: f64) {
         let body = &settings.body;
         let deck = body.length * body.length + body.width * body.width;
-        self.mass = body.mass + payload;
         let grown = 1.0 + settings.wheel.roller_drag_growth * payload / body.mass;
-        self.traction
+        self.gear
             .set_across(self.roller_factors.map(|factor| factor * grown));
-        self.inertia = body.yaw_inertia + payload * deck / 12.0;
-        self.stance.centre_height =
-            (body.mass * body.centre_of_mass_height + payload * body.payload_height) / self.mass;
-    }
-
-    /// Forces a wheel to a stand.
-    pub(super) fn stop(&mut self, wheel: Wheel) {
-        self.wheel_speed[wheel.index()] = 0.0;
+        let own = Mass {
+            mass: body.mass,
+            inertia: body.yaw_inertia,
+            height: body.centre_of_mass_height,
+            place: [0.0; 2],
+        };
+        let carried = Mass {
+            mass: payload,
+            inertia: payload * deck / 12.0,
+            height: body.payload_height,
+            place: [0.0; 2],
+        };
+        self.gear.set_masses(&own, &carried);
     }
 
     pub(super) fn set_directed(&mut self, directed: bool) {
@@ -129,9 +111,9 @@ impl Drive {
         seconds: f64,
         faults: &[WheelFaults; WHEELS],
     ) {
-        self.traction.follow(velocity, self.wheel_speed, seconds);
+        self.gear.follow(velocity, seconds);
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
-            let turned = self.wheel_speed[index] * seconds;
+            let turned = self.gear.wheel_speed[index] * seconds;
             self.wheel_angle[index] += turned;
             pulses.turn(turned - self.turned[index], faults[index].encoder);
         }
@@ -149,42 +131,9 @@ impl Drive {
 
     /// Part of the step that comes after which a wheel gives its next pulse, s.
     pub(super) fn next_pulse(&self) -> Option<f64> {
-        let wheels = self.pulses.iter().zip(self.wheel_speed);
+        let wheels = self.pulses.iter().zip(self.gear.wheel_speed);
         let next = wheels.filter_map(|(pulses, speed)| pulses.next_in(speed));
         next.reduce(f64::min).map(|seconds| self.passed + seconds)
-    }
-
-    /// One wheel over a step, without the ground. The motor answers to the speed at the end of the
-    /// step: its control is quicker than the step.
-    fn wheel(
-        &self,
-        wheel: Wheel,
-        grip: Grip,
-        faults: &WheelFaults,
-        load: f64,
-        dt: f64,
-    ) -> DrivenWheel {
-        let hold_torque = self.gear_friction
-            + self.rolling_resistance * load * self.wheel_radius
-            + self.brake_torque * grip.held
-            + faults.drag_torque;
-        if faults.blocked {
-            return DrivenWheel {
-                speed: 0.0,
-                inertia: self.wheel_inertia,
-                compliance: 0.0,
-                hold_torque,
-            };
-        }
-        let inertia = self.wheel_inertia + dt * grip.gain;
-        let momentum =
-            self.wheel_inertia * self.wheel_speed[wheel.index()] + dt * grip.gain * grip.speed;
-        DrivenWheel {
-            speed: momentum / inertia,
-            inertia,
-            compliance: 1.0 / inertia,
-            hold_torque,
-        }
     }
 }
 
@@ -204,7 +153,7 @@ impl MecanumPlant {
             let order = self.order(wheel);
             let index = wheel.index();
             let drive = &mut self.drive;
-            let speed = drive.wheel_speed[index];
+            let speed = drive.gear.wheel_speed[index];
             drive.motors[index].carry_out(order, speed, &drive.law, seconds);
             drive.turned[index] += speed * seconds;
             drive.pulses[index].turn(speed * seconds, self.wheel_faults[index].encoder);
@@ -233,66 +182,34 @@ impl MecanumPlant {
     }
 }
 
-/// Computes the forces of one step and gives the body the velocity they lead to.
+/// Computes the forces of one step and gives the body the velocity they lead to. The motors answer to
+/// the speeds at the end of the step: their control is quicker than the step.
 pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
-    let motion = world.motion(plant.body.id());
-    let ground = world.ground_at(motion.x, motion.y);
-    let gravity = world.gravity();
-    for wheel in Wheel::ALL {
+    let push = plant.total_push();
+    let grips = Wheel::ALL.map(|wheel| {
         let order = plant.order(wheel);
         let drive = &mut plant.drive;
         let (index, rest) = (wheel.index(), dt - drive.passed);
-        let speed = drive.wheel_speed[index];
+        let speed = drive.gear.wheel_speed[index];
         drive.motors[index].carry_out(order, speed, &drive.law, rest);
-    }
-
-    let push = plant.total_push();
-    let drive = &mut plant.drive;
-    let weight = drive.mass * gravity;
-    let pull = motion
-        .to_body(ground.downhill())
-        .map(|share| share * weight);
-    let (loads, _) = drive.stance.loads(pull, weight * ground.cos_slope());
-    let grips = Wheel::ALL.map(|wheel| {
-        let index = wheel.index();
-        let speed = drive.wheel_speed[index];
         drive.motors[index].grip(speed, &drive.law, dt)
     });
-    let mut wheels = Wheel::ALL.map(|wheel| {
-        let index = wheel.index();
-        drive.wheel(
-            wheel,
-            grips[index],
-            &plant.wheel_faults[index],
-            loads[index],
-            dt,
-        )
+    let drive = &mut plant.drive;
+    let drives = std::array::from_fn(|wheel| {
+        let (grip, faults) = (grips[wheel], &plant.wheel_faults[wheel]);
+        WheelDrive {
+            impulse: dt * grip.gain * grip.speed,
+            opposed: dt * grip.gain,
+            gear: drive.gear_friction,
+            brake: drive.brake_torque * grip.held,
+            drag: faults.drag_torque,
+            blocked: faults.blocked,
+        }
     });
-
-    let [push_ahead, push_left, push_turn] = push;
-    let [ahead, left, yaw_rate] = motion.body_velocity();
-    let mut chassis = Chassis {
-        mass: drive.mass,
-        inertia: drive.inertia,
-        velocity: [
-            ahead + dt * (pull[0] + push_ahead) / drive.mass,
-            left + dt * (pull[1] + push_left) / drive.mass,
-            yaw_rate + dt * push_turn / drive.inertia,
-        ],
-    };
-    let mut friction = world.friction_under(&motion, &drive.stance.places());
-    if let Some(most) = plant.faults.friction {
-        friction = friction.map(|friction| friction.min(most));
-    }
-    let rolling = drive.wheel_speed;
-    drive
-        .traction
-        .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
-    drive.wheel_speed = wheels.map(|wheel| wheel.speed);
+    let (body, most_friction) = (plant.body.id(), plant.faults.friction);
+    drive.gear.step(world, body, &drives, push, most_friction);
     for (index, grip) in grips.iter().enumerate() {
-        drive.motor_torque[index] = grip.gain * (grip.speed - drive.wheel_speed[index]);
+        drive.motor_torque[index] = grip.gain * (grip.speed - drive.gear.wheel_speed[index]);
     }
-    let [ahead, left, yaw_rate] = chassis.velocity;
-    world.set_velocity(plant.body.id(), motion.to_world([ahead, left]), yaw_rate);
 }

@@ -139,7 +139,7 @@ impl MecanumPlant {
             ..faults
         };
         if faults.blocked {
-            self.drive.stop(wheel);
+            self.drive.gear.stop(wheel.index());
         }
         self.wake();
     }
@@ -159,7 +159,11 @@ impl MecanumPlant {
     fn follow_payload(&mut self, world: &mut World) {
         let payload = self.body.payload() + self.faults.payload;
         self.drive.set_payload(&self.settings, payload);
-        world.set_mass(self.body.id(), self.drive.mass, self.drive.inertia);
+        world.set_mass(
+            self.body.id(),
+            self.drive.gear.mass,
+            self.drive.gear.inertia,
+        );
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
@@ -171,10 +175,7 @@ impl MecanumPlant {
     /// Lifts the car and sets it down elsewhere, standing.
     pub fn place(&mut self, world: &mut World, pose: Pose) {
         self.body.place(world, pose);
-        self.drive.traction.relax();
-        for wheel in Wheel::ALL {
-            self.drive.stop(wheel);
-        }
+        self.drive.gear.lift();
         self.sensors.look(world, self.body.id(), self.body.motion());
     }
 }

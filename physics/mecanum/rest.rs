@@ -2,21 +2,19 @@
 
 use super::MecanumPlant;
 use super::motor::Order;
-use super::signals::Wheel;
+use super::signals::{WHEELS, Wheel};
 use crate::world::World;
 
 impl MecanumPlant {
     /// Counts how long the car has been slow enough, and then brings it to a full stop.
     pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
         let radius = self.settings.wheel.radius;
-        let tyre_speeds = self.drive.wheel_speed.map(|speed| speed * radius);
+        let tyre_speeds = self.drive.gear.wheel_speed.map(|speed| speed * radius);
         let could_stand = self.body.is_slow(tyre_speeds) && !self.is_driven();
         if !self.body.settle(world, seconds, could_stand) {
             return;
         }
-        for wheel in Wheel::ALL {
-            self.drive.stop(wheel);
-        }
+        self.drive.gear.wheel_speed = [0.0; WHEELS];
     }
 
     /// Ahead, left, counter-clockwise; N and N·m.

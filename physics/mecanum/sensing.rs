@@ -3,6 +3,9 @@
 use super::MecanumPlant;
 use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel};
 use crate::pose::Pose;
+use crate::running_gear::Energy;
+use crate::traction::GroundForce;
+use crate::world::World;
 
 /// True state, for verdicts and summaries. No firmware sees this. Arrays are by
 /// [`Wheel::index`].
@@ -78,6 +81,25 @@ impl MecanumPlant {
         pulses
     }
 
+    /// Tells whether a wheel would lift off the ground, and the car begin to tip over.
+    #[must_use]
+    pub fn is_tipping(&self) -> bool {
+        self.drive.gear.tipping
+    }
+
+    /// Returns what became of the energy of its motion.
+    #[must_use]
+    pub fn energy(&self) -> Energy {
+        self.drive.gear.energy
+    }
+
+    /// Returns what each wheel did on the ground in the last step of the world, front left, front
+    /// right, rear left, rear right.
+    #[must_use]
+    pub fn on_ground(&self, world: &World) -> [GroundForce; 4] {
+        self.drive.gear.on_ground(world.step_length().as_secs_f64())
+    }
+
     /// Returns the true state.
     #[must_use]
     pub fn truth(&self) -> MecanumTruth {
@@ -88,10 +110,10 @@ impl MecanumPlant {
             leftward_speed,
             yaw_rate,
             distance: self.body.distance(),
-            wheel_speed: self.drive.wheel_speed,
+            wheel_speed: self.drive.gear.wheel_speed,
             wheel_angle: self.drive.wheel_angle,
             motor_torque: self.drive.motor_torque,
-            mass: self.drive.mass,
+            mass: self.drive.gear.mass,
             at_rest: self.body.is_resting(),
         }
     }

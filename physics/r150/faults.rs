@@ -154,7 +154,11 @@ impl R150Plant {
     fn follow_payload(&mut self, world: &mut World) {
         let payload = self.body.payload() + self.faults.payload;
         self.drive.set_payload(&self.settings, payload);
-        world.set_mass(self.body.id(), self.drive.mass, self.drive.inertia);
+        world.set_mass(
+            self.body.id(),
+            self.drive.gear.mass,
+            self.drive.gear.inertia,
+        );
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
@@ -166,11 +170,7 @@ impl R150Plant {
     /// Lifts the vehicle and sets it down elsewhere, standing.
     pub fn place(&mut self, world: &mut World, pose: Pose) {
         self.body.place(world, pose);
-        self.drive.traction.relax();
-        self.drive.forget_leaning();
-        for side in Side::BOTH {
-            self.drive.stop(side);
-        }
+        self.drive.gear.lift();
         self.solve_network();
     }
 
@@ -181,7 +181,7 @@ impl R150Plant {
             ..faults
         };
         if faults.blocked {
-            self.drive.stop(side);
+            self.drive.gear.stop(side.index());
         }
         self.solve_network();
         self.wake();

@@ -35,12 +35,12 @@ impl R150Plant {
     /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
     pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
         let radius = self.settings.tyre.wheel_radius;
-        let tyre_speeds = self.drive.wheel_speed.map(|speed| speed * radius);
+        let tyre_speeds = self.drive.gear.wheel_speed.map(|speed| speed * radius);
         let could_stand = self.body.is_slow(tyre_speeds) && !self.is_driven();
         if !self.body.settle(world, seconds, could_stand) {
             return;
         }
-        self.drive.wheel_speed = [0.0; 2];
+        self.drive.gear.wheel_speed = [0.0; 2];
         self.note_encoders();
         self.solve_network();
     }

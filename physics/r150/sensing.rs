@@ -5,6 +5,9 @@ use super::faults::Encoder;
 use super::fuse::FuseId;
 use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
+use crate::running_gear::Energy;
+use crate::traction::GroundForce;
+use crate::world::World;
 
 impl R150Plant {
     /// Reads the firmware's sensors now.
@@ -29,6 +32,19 @@ impl R150Plant {
         }
     }
 
+    /// Returns what became of the energy of its motion.
+    #[must_use]
+    pub fn energy(&self) -> Energy {
+        self.drive.gear.energy
+    }
+
+    /// Returns what each wheel did on the ground in the last step of the world, front left, front
+    /// right, rear left, rear right.
+    #[must_use]
+    pub fn on_ground(&self, world: &World) -> [GroundForce; 4] {
+        self.drive.gear.on_ground(world.step_length().as_secs_f64())
+    }
+
     /// Returns the true state.
     #[must_use]
     pub fn truth(&self) -> R150Truth {
@@ -39,14 +55,14 @@ impl R150Plant {
             leftward_speed,
             yaw_rate,
             distance: self.body.distance(),
-            wheel_speed: self.drive.wheel_speed.into(),
+            wheel_speed: self.drive.gear.wheel_speed.into(),
             motor_current: self.flow.motor_current.into(),
             motor_supply_current: self.flow.motor_supply.into(),
             battery_voltage: self.flow.bus,
             battery_current: self.flow.battery_current,
             soc: self.slow.battery.soc(),
             charge_drawn: self.slow.battery.drawn(),
-            mass: self.drive.mass,
+            mass: self.drive.gear.mass,
             health: self.health(),
             motor_celsius: self.slow.motors.map(|[motor, _]| motor).into(),
             driver_celsius: self.slow.motors.map(|[_, driver]| driver).into(),
@@ -59,7 +75,7 @@ impl R150Plant {
     pub fn health(&self) -> R150Health {
         R150Health {
             fuse_blown: FuseId::ALL.map(|fuse| self.is_fuse_blown(fuse)),
-            tipping: self.drive.tipping,
+            tipping: self.drive.gear.tipping,
             derated: self.drive.drivers.map(|driver| driver.derated).into(),
             shut_off: self.drive.drivers.map(|driver| driver.shut_off).into(),
         }

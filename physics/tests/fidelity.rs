@@ -225,6 +225,27 @@ fn coasting(sideways: bool) -> f64 {
     0.9 * from / seconds
 }
 
+/// How much of the load of its rear wheels the car loses when it brakes at full speed, %.
+fn lifted_in_braking(payload: f64) -> f64 {
+    let mut settings = MecanumPlantSettings::default();
+    settings.body.payload = payload;
+    let mut car = Car::with(&settings);
+    car.turn([1; 4], 1.0);
+    car.run(1.0);
+    let rear = |car: &Car| {
+        let [.., left, right] = car.plant.on_ground(&car.world);
+        left.load + right.load
+    };
+    let standing = car.plant.truth().mass * 9.81 / 2.0;
+    car.brake();
+    let mut least = standing;
+    for _ in 0..100 {
+        car.step();
+        least = least.min(rear(&car));
+    }
+    100.0 * (1.0 - least / standing)
+}
+
 /// A row of the page: its name, what the model gives, its decimals, and the least and the most that
 /// it may be.
 type Row = (&'static str, f64, usize, f64, f64);
@@ -293,6 +314,20 @@ fn rows() -> Vec<Row> {
             2,
             1.7,
             2.3,
+        ),
+        (
+            "car, load that leaves its rear wheels when it brakes",
+            lifted_in_braking(0.0),
+            0,
+            1.0,
+            54.0,
+        ),
+        (
+            "the same with 8 kg on its deck",
+            lifted_in_braking(8.0),
+            0,
+            1.0,
+            99.0,
         ),
         (
             "energy of the battery that is not accounted for",

@@ -1,10 +1,13 @@
-//! Whatever is done to a vehicle, its numbers stay numbers.
+//! Whatever is done to a vehicle, its numbers stay numbers, and no wheel has more grip than friction
+//! gives.
 
 mod common;
+#[path = "common/ground.rs"]
+mod ground;
 
 use std::time::Duration;
 
-use common::Bench;
+use common::{Bench, FRICTION};
 use proptest::prelude::*;
 use sim_physics::r150::{Encoder, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
 use sim_physics::{Ground, Pose, R150PlantSettings};
@@ -148,6 +151,7 @@ fn apply(bench: &mut Bench, action: &Action) {
             for _ in 0..steps {
                 bench.step();
                 check(bench);
+                ground::check_friction(bench.plant.on_ground(&bench.world));
             }
         }
     }
@@ -233,12 +237,22 @@ proptest! {
             for _ in 0..100 {
                 bench.step();
                 check(&bench);
+                if !bench.plant.at_rest() {
+                    let wheels = bench.plant.on_ground(&bench.world);
+                    ground::check_wheels(wheels, FRICTION, mass * 9.81);
+                }
             }
             // The wheels cannot outrun their motors: no energy comes out of the solver.
             let fastest = 55.0 / settings.motor.back_emf_constant / gear_ratio;
             let truth = bench.plant.truth();
             prop_assert!(truth.wheel_speed.right.abs() < fastest * 1.5 + 1.0, "{truth:?}");
             prop_assert!(truth.forward_speed.abs() < fastest * 0.25 * 1.5 + 1.0, "{truth:?}");
+            let wheel_inertia = rotor * gear_ratio.powi(2) + 2.0 * settings.motor.wheel_inertia;
+            let Sides { right, left } = truth.wheel_speed;
+            let motion = mass * (truth.forward_speed.powi(2) + truth.leftward_speed.powi(2))
+                + inertia * truth.yaw_rate.powi(2)
+                + wheel_inertia * (right.powi(2) + left.powi(2));
+            ground::check_energy(bench.plant.energy(), motion / 2.0);
         }
     }
 }

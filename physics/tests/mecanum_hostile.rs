@@ -1,8 +1,10 @@
-//! Whatever is done to a car, its numbers stay numbers.
+//! Whatever is done to a car, its numbers stay numbers, and no wheel has more grip than friction gives.
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 #[path = "common/car.rs"]
 mod car;
+#[path = "common/ground.rs"]
+mod ground;
 
 use std::time::Duration;
 
@@ -138,6 +140,7 @@ fn apply(car: &mut Car, action: &Action) {
             for _ in 0..steps {
                 car.step();
                 check(car);
+                ground::check_friction(car.plant.on_ground(&car.world));
             }
         }
     }
@@ -217,6 +220,10 @@ proptest! {
             for _ in 0..100 {
                 car.step();
                 check(&car);
+                if !car.plant.at_rest() {
+                    let wheels = car.plant.on_ground(&car.world);
+                    ground::check_wheels(wheels, friction, mass * 9.81);
+                }
             }
             // No energy comes out of the solver.
             let truth = car.plant.truth();
@@ -226,6 +233,11 @@ proptest! {
             }
             prop_assert!(truth.forward_speed.abs() < fastest * 1.5 + 0.1, "{truth:?}");
             prop_assert!(truth.leftward_speed.abs() < fastest * 1.5 + 0.1, "{truth:?}");
+            let turning: f64 = truth.wheel_speed.iter().map(|speed| speed * speed).sum();
+            let motion = mass * (truth.forward_speed.powi(2) + truth.leftward_speed.powi(2))
+                + yaw_inertia * truth.yaw_rate.powi(2)
+                + inertia * turning;
+            ground::check_energy(car.plant.energy(), motion / 2.0);
         }
     }
 

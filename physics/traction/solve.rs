@@ -90,6 +90,7 @@ impl<C> PatchState<C> {
         dt: f64,
     ) -> Row {
         self.shed = shed;
+        self.load = load;
         self.limit = friction * load;
         let mut row = Row {
             limit: self.limit * dt,

@@ -12,6 +12,7 @@
     reason = "a test, and it reads the files for the pure library"
 )]
 
+mod books;
 mod common;
 mod drive_clients;
 
@@ -21,6 +22,7 @@ use sim_core::SimTime;
 use sim_core::rig::PortId;
 use sim_runner::{Outcome, Run, RunOptions};
 
+use books::{Books, STEP};
 use common::Loaded;
 use drive_clients::{Client, car, idle, r150};
 
@@ -46,6 +48,8 @@ struct Ports {
     now: SimTime,
     /// What each link has received; `None` where it is not open.
     links: [Option<Vec<u8>>; 2],
+    /// Kept after each step of the physics, and when the next one is.
+    books: Option<(Books, SimTime)>,
 }
 
 fn port(link: usize) -> PortId {
@@ -55,6 +59,13 @@ fn port(link: usize) -> PortId {
 impl Ports {
     fn pass(&mut self, time: Duration) {
         self.now += time;
+        if let Some((books, next)) = &mut self.books {
+            while *next <= self.now {
+                self.run.advance(*next).unwrap();
+                books.look(&self.run);
+                *next += STEP;
+            }
+        }
         self.run.advance(self.now).unwrap();
         for link in 0..self.links.len() {
             if let Some(received) = &mut self.links[link] {
@@ -116,10 +127,21 @@ fn live(seed: u64) -> RunOptions {
 
 /// Plays a run with a real client in the place of the scripted one, to its end.
 fn play(run: Run, client: fn(&Client) -> Option<()>) -> Outcome {
+    let (run, _) = play_with(run, client, None);
+    run.finished().unwrap().clone()
+}
+
+/// The same with books; gives the run at its end.
+fn play_with(
+    run: Run,
+    client: fn(&Client) -> Option<()>,
+    books: Option<Books>,
+) -> (Run, Option<Books>) {
     let mut ports = Ports {
         run,
         now: SimTime::ZERO,
         links: [None, None],
+        books: books.map(|books| (books, SimTime::ZERO + STEP)),
     };
     let (client_end, asks, answers) = Client::new();
     std::thread::scope(|scope| {
@@ -139,7 +161,11 @@ fn play(run: Run, client: fn(&Client) -> Option<()>) -> Outcome {
     for link in 0..2 {
         ports.close(link);
     }
-    ports.run.play(&mut |_| {}).unwrap().clone()
+    while ports.books.is_some() && ports.run.finished().is_none() {
+        ports.pass(STEP);
+    }
+    ports.run.play(&mut |_| {}).unwrap();
+    (ports.run, ports.books.map(|(books, _)| books))
 }
 
 /// Names of the drives of this kind of device that a client does not pass, with the reasons.
@@ -201,6 +227,26 @@ fn a_client_that_only_stands_there_breaks_no_rule() {
         }
     }
     assert!(judged > 40, "{judged}");
+}
+
+#[test]
+fn energy_and_friction_add_up_in_every_drive() {
+    let mut wrong = Vec::new();
+    for file in common::files() {
+        let loaded = Loaded::read(&file).unwrap();
+        if !loaded.scenario.tags.iter().any(|tag| tag == "drive") {
+            continue;
+        }
+        let client = match loaded.scenario.rig.devices[0].device.id {
+            "r150" => r150::careful,
+            _ => car::careful,
+        };
+        let (run, books) = play_with(loaded.run(live(1)), client, Some(Books::default()));
+        if let Err(why) = books.unwrap().close(&run) {
+            wrong.push(format!("{}: {why}", common::name(&file)));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 /// Whatever chance brings, a scenario judges the client by what it does: each is played with the scripted

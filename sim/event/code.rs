@@ -132,6 +132,8 @@ codes! {
     CLIENT_ATTACHED = "client_attached", Nobody;
     /// A port was closed.
     CLIENT_DETACHED = "client_detached", Nobody;
+    /// A wheel would lift: the vehicle would tip over.
+    TIPPING = "tipping", Nobody;
     /// The client's speed is not the device's.
     BAUD_MISMATCH = "baud_mismatch", Client;
     /// It is again.
@@ -156,7 +158,7 @@ codes! {
     SIMULATOR_TOO_SLOW = "simulator_too_slow", Nobody;
     /// The client does not read.
     OVERRUN = "overrun", ClientUnlessLate;
-    /// The line was too full for a reply.
+    /// The line was too full for all replies.
     LINE_FULL = "line_full", ClientUnlessLate;
     /// Bytes outside of any frame or packet.
     NOISE = "noise", ClientUnlessDisturbed;

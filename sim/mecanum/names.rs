@@ -83,6 +83,7 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("wheel.rf_torque_nm", "N·m", "torque of the right front motor at its wheel", |v| truth(v, |t| t.motor_torque[RF])),
     NameInfo::number("wheel.lr_torque_nm", "N·m", "torque of the left rear motor at its wheel", |v| truth(v, |t| t.motor_torque[LR])),
     NameInfo::number("wheel.rr_torque_nm", "N·m", "torque of the right rear motor at its wheel", |v| truth(v, |t| t.motor_torque[RR])),
+    NameInfo::flag("truth.tipping", "a wheel would lift: the car would tip over", |v| car(v).is_some_and(|c| c.plant().is_tipping())),
     NameInfo::number("sensor.front1_m", "m", "front ultrasonic sensor 1, leftmost; infinite without an echo", echo::<0>),
     NameInfo::number("sensor.front2_m", "m", "front ultrasonic sensor 2", echo::<1>),
     NameInfo::number("sensor.front3_m", "m", "front ultrasonic sensor 3", echo::<2>),
@@ -133,6 +134,7 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::count("count.motion_done", "motion_done", "motions that came to their end"),
     NameInfo::count("count.motions_discarded", "motions_discarded", "times that motions were discarded"),
     NameInfo::count("count.link_timeout", "link_timeout", "times that the link timed out"),
+    NameInfo::count("count.tipping", "tipping", "times that a wheel would have lifted"),
     NameInfo::count("count.power_lost", "power_lost", "times that the board lost its supply"),
     NameInfo::count("count.firmware_reset", "firmware_reset", "times that the firmware restarted by itself"),
 ];

@@ -57,8 +57,6 @@ crate::codes! {
     REPLY_DROPPED = "reply_dropped", Nobody;
     /// A fuse blew.
     FUSE_BLOWN = "fuse_blown", Nobody;
-    /// A wheel would lift: the vehicle would tip over.
-    TIPPING = "tipping", Nobody;
     /// A motor driver allows less current, or none, because of heat.
     MOTOR_HOT = "motor_hot", Nobody;
     /// It allows as much as ever.

@@ -4,12 +4,13 @@
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::fmt;
+use std::sync::Arc;
 
 use sim_physics::r150::{FuseId, R150Health, Side};
 use sim_settings::SimTime;
 
-use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT, TIPPING};
-use crate::event::{Code, EventKind, Level, Role};
+use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
+use crate::event::{Code, EventKind, Level, Role, Told};
 
 /// Something that happened to the hardware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,8 +21,6 @@ pub enum HardwareEvent {
     MotorHot(Side, bool),
     /// It allows as much as ever.
     MotorCooled(Side),
-    /// A wheel would lift.
-    Tipping,
 }
 
 impl EventKind for HardwareEvent {
@@ -37,7 +36,6 @@ impl EventKind for HardwareEvent {
             Self::FuseBlown(_) => FUSE_BLOWN,
             Self::MotorHot(..) => MOTOR_HOT,
             Self::MotorCooled(_) => MOTOR_COOLED,
-            Self::Tipping => TIPPING,
         }
     }
 
@@ -83,7 +81,6 @@ impl fmt::Display for HardwareEvent {
                 write!(f, "the {} motor or its driver is {outcome}", side(motor))
             }
             Self::MotorCooled(motor) => write!(f, "the {} motor has cooled", side(motor)),
-            Self::Tipping => write!(f, "a wheel would lift: the vehicle would tip over"),
         }
     }
 }
@@ -95,7 +92,7 @@ const MOST: usize = 64;
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     last: R150Health,
-    events: VecDeque<(SimTime, HardwareEvent)>,
+    events: VecDeque<(SimTime, Arc<dyn EventKind>)>,
 }
 
 impl Watch {
@@ -123,7 +120,7 @@ impl Watch {
             self.tell(now, event);
         }
         if state.tipping && !last.tipping {
-            self.tell(now, HardwareEvent::Tipping);
+            self.tell(now, Told::tipping());
         }
     }
 
@@ -131,14 +128,14 @@ impl Watch {
         !self.events.is_empty()
     }
 
-    pub(super) fn poll(&mut self) -> Option<(SimTime, HardwareEvent)> {
+    pub(super) fn poll(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)> {
         self.events.pop_front()
     }
 
-    fn tell(&mut self, now: SimTime, event: HardwareEvent) {
+    fn tell(&mut self, now: SimTime, event: impl EventKind) {
         if self.events.len() >= MOST {
             self.events.pop_front();
         }
-        self.events.push_back((now, event));
+        self.events.push_back((now, Arc::new(event)));
     }
 }

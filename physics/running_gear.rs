@@ -1,0 +1,273 @@
+//! Running gear of every vehicle: four wheels under its weight, and what they do in a step.
+
+use crate::traction::{
+    Chassis, Contact, GroundForce, Patch, Stance, Straight, Traction, TyreSettings, Wheel,
+};
+use crate::world::{BodyId, World};
+
+/// Patches of a vehicle on the ground: front left, front right, rear left, rear right.
+pub(crate) const PATCHES: usize = 4;
+
+/// What became of the energy of a vehicle's motion since the start, J.
+///
+/// Motors, gravity, pushes and neighbours give it; it ends as heat or is in the motion:
+/// `motors + outside` is `held + tyres` and what body and wheels have by their speeds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Energy {
+    /// Given to the wheels by the motors, less what these took back.
+    pub motors: f64,
+    /// Given by gravity, by pushes, and by what the body ran into, less what those took.
+    pub outside: f64,
+    /// Heat of gears, bearings, brakes and rolling.
+    pub held: f64,
+    /// Heat of what slips on the ground, with what the rubber holds like a spring.
+    pub tyres: f64,
+}
+
+/// A mass, and where it is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Mass {
+    /// kg
+    pub(crate) mass: f64,
+    /// About the vertical, kg·m².
+    pub(crate) inertia: f64,
+    /// m
+    pub(crate) height: f64,
+    /// Ahead and left of the middle, m.
+    pub(crate) place: [f64; 2],
+}
+
+/// What turns a wheel, and what holds it, over one step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WheelDrive {
+    /// What the motor gives a wheel that stands, N·m·s.
+    pub(crate) impulse: f64,
+    /// By how much less it gives for each rad/s at the end of the step, kg·m².
+    pub(crate) opposed: f64,
+    /// Dry friction of the gear, N·m.
+    pub(crate) gear: f64,
+    /// Torque that the brake holds, N·m.
+    pub(crate) brake: f64,
+    /// Torque of what drags besides, N·m.
+    pub(crate) drag: f64,
+    /// It cannot turn.
+    pub(crate) blocked: bool,
+}
+
+/// The running gear; wheels that are geared together are one.
+#[derive(Debug, Clone)]
+pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
+    traction: Traction<WHEELS, PATCHES, C>,
+    /// rad/s
+    pub(crate) wheel_speed: [f64; WHEELS],
+    /// Set if a wheel would lift off the ground.
+    pub(crate) tipping: bool,
+    /// kg
+    pub(crate) mass: f64,
+    /// kg·m²
+    pub(crate) inertia: f64,
+    pub(crate) energy: Energy,
+    stance: Stance,
+    /// Index of the wheel of each patch.
+    wheel_of: [usize; PATCHES],
+    /// Of a wheel with all that turns with it, kg·m².
+    wheel_inertia: f64,
+    wheel_radius: f64,
+    rolling_resistance: f64,
+    /// Energy of the body that the last step's forces led to, J.
+    led_to: f64,
+}
+
+impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
+    /// Wheels that stand; half the wheelbase and half the track in m, the inertia of a wheel in
+    /// kg·m². `contacts` has the wheel of each patch, and how it touches the ground.
+    pub(crate) fn new(
+        tyre: &TyreSettings,
+        [half_wheelbase, half_track]: [f64; 2],
+        wheel_inertia: f64,
+        contacts: [(usize, C); PATCHES],
+    ) -> Self {
+        let stance = Stance {
+            half_wheelbase,
+            half_track,
+            centre_height: 0.0,
+            centre: [0.0; 2],
+            carried: None,
+        };
+        let places = stance.places();
+        let patches = std::array::from_fn(|at| {
+            let ([x, y], (wheel, contact)) = (places[at], contacts[at]);
+            (Patch { x, y, wheel }, contact)
+        });
+        Self {
+            traction: Traction::with_contacts(tyre, patches),
+            wheel_speed: [0.0; WHEELS],
+            tipping: false,
+            mass: 0.0,
+            inertia: 0.0,
+            energy: Energy::default(),
+            stance,
+            wheel_of: contacts.map(|(wheel, _)| wheel),
+            wheel_inertia,
+            wheel_radius: tyre.wheel_radius,
+            rolling_resistance: tyre.rolling_resistance,
+            led_to: 0.0,
+        }
+    }
+
+    /// The body and what lies on it.
+    pub(crate) fn set_masses(&mut self, body: &Mass, payload: &Mass) {
+        self.mass = body.mass + payload.mass;
+        self.inertia = body.inertia + payload.inertia;
+        self.stance.centre_height =
+            (body.mass * body.height + payload.mass * payload.height) / self.mass;
+        self.stance.centre = payload.place.map(|place| payload.mass * place / self.mass);
+    }
+
+    /// Makes each patch so much stiffer across than the law says.
+    pub(crate) fn set_across(&mut self, factors: [f64; PATCHES]) {
+        self.traction.set_across(factors);
+    }
+
+    /// Forces a wheel to a stand, as one that is blocked.
+    pub(crate) fn stop(&mut self, wheel: usize) {
+        self.energy.held += self.wheel_inertia * square(self.wheel_speed[wheel]) / 2.0;
+        self.wheel_speed[wheel] = 0.0;
+    }
+
+    /// Forgets how it leaned and strained its tyres, as after lifting it off the ground.
+    pub(crate) fn lift(&mut self) {
+        self.traction.relax();
+        self.stance.carried = None;
+        for wheel in 0..WHEELS {
+            self.stop(wheel);
+        }
+    }
+
+    /// What each patch did on the ground in the last step of `dt` seconds.
+    pub(crate) fn on_ground(&self, dt: f64) -> [GroundForce; PATCHES] {
+        self.traction.on_ground(dt)
+    }
+
+    /// Computes the forces of one step and gives the body the velocity they lead to. `push` is a
+    /// force ahead, to the left and counter-clockwise; `friction` is the most that the ground has.
+    pub(crate) fn step(
+        &mut self,
+        world: &mut World,
+        body: BodyId,
+        drives: &[WheelDrive; WHEELS],
+        push: [f64; 3],
+        most_friction: Option<f64>,
+    ) {
+        let dt = world.step_length().as_secs_f64();
+        let motion = world.motion(body);
+        let ground = world.ground_at(motion.x, motion.y);
+        let weight = self.mass * world.gravity();
+        let pull = motion
+            .to_body(ground.downhill())
+            .map(|share| share * weight);
+        let on_tyres = self.traction.force(dt);
+        let pressing = weight * ground.cos_slope();
+        let (loads, lifts) = self.stance.carry(pull, on_tyres, pressing, dt);
+        self.tipping = lifts;
+        let mut friction = world.friction_under(&motion, &self.stance.places());
+        if let Some(most) = most_friction {
+            friction = friction.map(|friction| friction.min(most));
+        }
+
+        let mut wheels = self.wheels(drives, &loads);
+        let before = motion.body_velocity();
+        let [ahead, left, yaw_rate] = before;
+        let mut chassis = Chassis {
+            mass: self.mass,
+            inertia: self.inertia,
+            velocity: [
+                ahead + dt * (pull[0] + push[0]) / self.mass,
+                left + dt * (pull[1] + push[1]) / self.mass,
+                yaw_rate + dt * push[2] / self.inertia,
+            ],
+        };
+        let rolling = self.wheel_speed;
+        self.traction
+            .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
+        self.wheel_speed = wheels.map(|wheel| wheel.speed);
+
+        let mean: [f64; 3] =
+            std::array::from_fn(|axis| (before[axis] + chassis.velocity[axis]) / 2.0);
+        let force = [pull[0] + push[0], pull[1] + push[1], push[2]];
+        let given: f64 = force
+            .iter()
+            .zip(mean)
+            .map(|(force, speed)| force * speed)
+            .sum();
+        self.energy.outside += dt * given;
+        self.account(drives, mean, rolling);
+        let [ahead, left, yaw_rate] = chassis.velocity;
+        self.led_to = self.of_body(chassis.velocity);
+        world.set_velocity(body, motion.to_world([ahead, left]), yaw_rate);
+    }
+
+    /// Takes over the velocity that a step of `dt` seconds really ended with.
+    pub(crate) fn follow(&mut self, velocity: [f64; 3], dt: f64) {
+        self.energy.outside += self.of_body(velocity) - self.led_to;
+        self.traction.follow(velocity, self.wheel_speed, dt);
+    }
+
+    /// Energy of the body at a velocity, J.
+    fn of_body(&self, [ahead, left, yaw_rate]: [f64; 3]) -> f64 {
+        let moving = self.mass * (square(ahead) + square(left));
+        (moving + self.inertia * square(yaw_rate)) / 2.0
+    }
+
+    /// Counts the work of a step in which the body had this velocity in the mean.
+    fn account(&mut self, drives: &[WheelDrive; WHEELS], mean: [f64; 3], before: [f64; WHEELS]) {
+        let turning: [f64; WHEELS] =
+            std::array::from_fn(|wheel| (before[wheel] + self.wheel_speed[wheel]) / 2.0);
+        let held = self.traction.held();
+        for (wheel, drive) in drives
+            .iter()
+            .enumerate()
+            .filter(|(_, drive)| !drive.blocked)
+        {
+            let motor = drive.impulse - drive.opposed * self.wheel_speed[wheel];
+            self.energy.motors += motor * turning[wheel];
+            self.energy.held -= held[wheel] * turning[wheel];
+        }
+        self.energy.tyres += self.traction.lost(mean, turning);
+    }
+
+    /// The wheels over a step, without the ground.
+    fn wheels(&self, drives: &[WheelDrive; WHEELS], loads: &[f64; PATCHES]) -> [Wheel; WHEELS] {
+        let mut pressed = [0.0; WHEELS];
+        for (wheel, load) in self.wheel_of.into_iter().zip(loads) {
+            pressed[wheel] += load;
+        }
+        std::array::from_fn(|wheel| {
+            let drive = &drives[wheel];
+            let hold_torque = drive.gear
+                + self.rolling_resistance * pressed[wheel] * self.wheel_radius
+                + drive.brake
+                + drive.drag;
+            if drive.blocked {
+                return Wheel {
+                    speed: 0.0,
+                    inertia: self.wheel_inertia,
+                    compliance: 0.0,
+                    hold_torque,
+                };
+            }
+            let inertia = self.wheel_inertia + drive.opposed;
+            let momentum = self.wheel_inertia * self.wheel_speed[wheel] + drive.impulse;
+            Wheel {
+                speed: momentum / inertia,
+                inertia,
+                compliance: 1.0 / inertia,
+                hold_torque,
+            }
+        })
+    }
+}
+
+fn square(number: f64) -> f64 {
+    number * number
+}
