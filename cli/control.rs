@@ -36,9 +36,6 @@ const SETTLE: Duration = Duration::from_secs(2);
 ///
 /// Where a method takes a clock, there is none if time is the client's, as in lockstep.
 pub(crate) struct Desk {
-    control: Control,
-    /// Goes when this does.
-    _session: SessionFile,
     words: Words,
     ports: Vec<ShownPort>,
     listening: Vec<Listening>,
@@ -48,6 +45,10 @@ pub(crate) struct Desk {
     stepping: Vec<Answer>,
     steps: Vec<Progress>,
     steps_next: Option<Instant>,
+    /// Goes behind those that listen and wait, who are told that it is over.
+    control: Control,
+    /// Goes when this does.
+    _session: SessionFile,
 }
 
 /// Whoever is told what happens, and when next.
