@@ -42,7 +42,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use serde_json::Value;
 
 pub use address::{AddressError, Listen};
-pub use listener::{Listener, Wants};
+pub use listener::{Listener, Message, Wants};
 
 use guard::Guard;
 use pace::Pace;

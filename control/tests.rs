@@ -188,7 +188,7 @@ fn a_stream_tells_and_ends() {
     let kept = Arc::clone(&listeners);
     let served = Served::with(move |ask| {
         if let Ask::Listen(listener) = ask {
-            listener.tell(&Listener::message("log", &json!({"n": 1})));
+            listener.tell(&Message::new("log", || json!({"n": 1})));
             kept.lock().unwrap().push(listener);
         }
         Some(Ok(json!(null)))
@@ -222,7 +222,7 @@ fn a_reader_that_stops_reading_is_let_go() {
         served.token()
     );
     stream.write_all(text.as_bytes()).unwrap();
-    let message = Listener::message("log", &json!("x".repeat(10_000)));
+    let message = Message::new("log", || json!("x".repeat(10_000)));
     let begun = Instant::now();
     // It is told as much as it takes; then its connection is given up, which the teller learns.
     loop {

@@ -12,8 +12,8 @@ use sim_runner::{Run, RunError};
 use crate::error::Error;
 use crate::simulation::{Simulation, State};
 
-/// Most bytes kept for a client that does not read, as much as a pseudo-terminal keeps; further
-/// ones are lost, and it is told of in an `overrun`.
+/// Most bytes kept for a client that does not read, as much as the kernel keeps for a
+/// pseudo-terminal; further ones are lost, and it is told of in an `overrun`.
 const MOST_UNREAD: usize = 20_480;
 /// How long a read waits unless told.
 const TIMEOUT: Duration = Duration::from_secs(1);

@@ -178,6 +178,17 @@ impl Registration {
         epoll::add(&self.hub.epoll, fd, data, flags).map_err(PortErrorKind::call("epoll_ctl"))
     }
 
+    /// Has it report something else of `fd`.
+    pub(crate) fn watch_for(
+        &self,
+        fd: impl AsFd,
+        what: epoll::EventFlags,
+    ) -> Result<(), PortErrorKind> {
+        let data = epoll::EventData::new_u64(self.token as u64);
+        let flags = what | epoll::EventFlags::ET;
+        epoll::modify(&self.hub.epoll, fd, data, flags).map_err(PortErrorKind::call("epoll_ctl"))
+    }
+
     pub(crate) fn forget(&self, fd: impl AsFd) {
         // It may be gone already.
         let _ = epoll::delete(&self.hub.epoll, fd);

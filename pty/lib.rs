@@ -36,8 +36,8 @@
 //!
 //! - No call blocks, except [`Waiter::wait`].
 //! - A client that does not read never stalls the caller. The kernel keeps
-//!   about 20 kB for it; what does not fit is dropped and counted, as a UART
-//!   without flow control would lose it.
+//!   about 20 kB for it and a [`PtyPort`] 64 KiB of what came last; the rest is
+//!   dropped and counted, as a UART without flow control would lose it.
 //! - It is as with a cable: bytes that a client has written are read in order, whoever wrote them, and
 //!   what is sent goes to whoever has the port open. What a client has written and was not read when
 //!   it left is thrown away, and so is what it has not read itself; where another came before

@@ -34,6 +34,7 @@ use crate::line::{Defaults, is_same};
 
 /// What a read of a master in packet mode begins with, from `ioctl_tty(2)`.
 const DATA: u8 = 0;
+const FLUSH_READ: u8 = 1;
 const FLUSH_WRITE: u8 = 2;
 /// How often to undo what clients do who come and go meanwhile.
 const MOST_VISITS: u32 = 8;
@@ -80,8 +81,12 @@ pub(crate) struct Pair {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Read {
     Bytes(usize),
-    /// A client has taken back what it had written and was not read.
-    Flushed,
+    /// A client does not want what waits for it any more, or has taken back what it had written and was
+    /// not read.
+    Flushed {
+        input: bool,
+        output: bool,
+    },
     /// Something else has happened that matters to nobody.
     Other,
     Nothing,
@@ -123,6 +128,7 @@ impl Pair {
         if let Some(slave) = pair.look_in()? {
             pair.set_permissions(&slave)?;
         }
+        let _ = pair.forget_happened()?;
         Ok(pair)
     }
 
@@ -167,7 +173,10 @@ impl Pair {
         });
         match read {
             Ok(2..) if kind[0] == DATA => Ok(Read::Bytes(read.unwrap_or(1) - 1)),
-            Ok(1..) if kind[0] & FLUSH_WRITE != 0 => Ok(Read::Flushed),
+            Ok(1..) if kind[0] & (FLUSH_READ | FLUSH_WRITE) != 0 => Ok(Read::Flushed {
+                input: kind[0] & FLUSH_READ != 0,
+                output: kind[0] & FLUSH_WRITE != 0,
+            }),
             Ok(1..) if kind[0] != DATA => Ok(Read::Other),
             Ok(1..) | Err(Errno::AGAIN) => Ok(Read::Nothing),
             Ok(0) | Err(Errno::IO) => Ok(Read::HungUp),
@@ -179,8 +188,20 @@ impl Pair {
     /// not been read of; `None` if there is such a flush.
     pub(crate) fn unread(&self) -> Result<Option<usize>, PortErrorKind> {
         let count = self.count()?;
-        let flushed = self.poll()?.contains(PollFlags::PRI);
-        Ok((!flushed).then_some(count))
+        Ok((!self.has_happened()?).then_some(count))
+    }
+
+    /// Whether something has happened that was not read of.
+    pub(crate) fn has_happened(&self) -> Result<bool, PortErrorKind> {
+        Ok(self.poll()?.contains(PollFlags::PRI))
+    }
+
+    /// Skips what has happened, as by our own hands; says what it was.
+    pub(crate) fn forget_happened(&self) -> Result<Read, PortErrorKind> {
+        match self.has_happened()? {
+            true => self.read(&mut []),
+            false => Ok(Read::Nothing),
+        }
     }
 
     fn count(&self) -> Result<usize, PortErrorKind> {
@@ -195,7 +216,7 @@ impl Pair {
             let most = count.min(buf.len());
             match self.read(&mut buf[..most])? {
                 Read::Bytes(n) => count -= n,
-                Read::Flushed | Read::Other => {}
+                Read::Flushed { .. } | Read::Other => {}
                 Read::Nothing | Read::HungUp => break,
             }
         }

@@ -100,8 +100,8 @@ impl Port {
         }
     }
 
-    /// Sends what fits without blocking, and drops and counts the rest; all of it if nobody is
-    /// attached.
+    /// Sends without blocking. What does not fit is dropped and counted; a pseudo-terminal keeps some
+    /// of it, and drops the oldest. With nobody attached all is dropped.
     ///
     /// # Errors
     ///

@@ -4,12 +4,13 @@
 //! So what a client does is seen through the master alone, and who is there follows from whether
 //! that is hung up.
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::{IN, Registration};
+use crate::hub::{BOTH, IN, Registration};
 use crate::line::LineSettings;
 use crate::pair::{Pair, PtySetup, Read};
 use crate::port::{Counters, Event, Written};
@@ -17,6 +18,9 @@ use crate::symlink::Symlink;
 
 /// Reads that a single look takes, of which all but the last are words of what has happened.
 const MOST_READS: usize = 8;
+/// Most bytes kept for a client that does not read, beside some 20 kB in the kernel: as many as Linux keeps
+/// of what a serial port has received.
+const MOST_UNSENT: usize = 1 << 16;
 
 /// A pseudo-terminal, with or without a link to it at a path of the user's
 /// choice.
@@ -36,6 +40,10 @@ pub struct PtyPort {
     /// has left since, or takes back what it has written, these are to be thrown away, and no
     /// others.
     seen: usize,
+    /// What the kernel had no room for.
+    unsent: VecDeque<u8>,
+    /// Whether the waiter is to report that there is room again.
+    watches_room: bool,
     counters: Counters,
 }
 
@@ -86,6 +94,8 @@ impl PtyPort {
             handed_over: false,
             held: Vec::new(),
             seen: 0,
+            unsent: VecDeque::new(),
+            watches_room: false,
             counters: Counters::default(),
         }
     }
@@ -134,15 +144,16 @@ impl PtyPort {
     pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self
             .next_event(buf)
+            .and_then(|event| self.send_unsent().map(|()| event))
             .map_err(|kind| self.error("read from", kind))?;
+        self.watch_room()?;
         if let Some(registration) = &self.registration {
             registration.note(event == Some(Event::Idle));
         }
         Ok(event.unwrap_or(Event::Idle))
     }
 
-    /// Sends what fits and drops the rest; see
-    /// [`Port::write`](crate::Port::write).
+    /// Sends, or keeps for a client that does not read; see [`Port::write`](crate::Port::write).
     ///
     /// # Errors
     ///
@@ -159,11 +170,19 @@ impl PtyPort {
         // the other's, and has to be taken back before.
         self.notice_handover()
             .map_err(|kind| self.error("write to", kind))?;
-        let accepted = write_some(&self.pair, bytes)
-            .map_err(|errno| self.error("write to", PortErrorKind::call("write")(errno)))?;
+        let mut sent = 0;
+        if self.unsent.is_empty() {
+            sent = write_some(&self.pair, bytes)
+                .map_err(|errno| self.error("write to", PortErrorKind::call("write")(errno)))?;
+        }
+        self.unsent.extend(&bytes[sent..]);
+        // The last are an answer to a client that is there, the first perhaps to one that has left.
+        let dropped = self.unsent.len().saturating_sub(MOST_UNSENT);
+        self.unsent.drain(..dropped);
+        self.watch_room()?;
         let written = Written {
-            accepted,
-            dropped: bytes.len() - accepted,
+            accepted: bytes.len() - dropped,
+            dropped,
         };
         self.counters.written(written);
         Ok(written)
@@ -176,6 +195,7 @@ impl PtyPort {
             }
             registration.watch_node(self.pair.slave())?;
             registration.watch(&self.pair, IN)?;
+            self.watches_room = false;
             if !self.pair.is_hung_up()? {
                 registration.add_opener();
             }
@@ -232,7 +252,16 @@ impl PtyPort {
                     }
                     return Ok(Some(Event::Data(n)));
                 }
-                Read::Flushed => self.discard_seen()?,
+                Read::Flushed { input, output } => {
+                    if output {
+                        self.discard_seen()?;
+                    }
+                    if input && !self.unsent.is_empty() {
+                        // What waits behind the last 4095 bytes has outlived the flush.
+                        self.unsent.clear();
+                        self.visit(Pair::restore_for_next)?;
+                    }
+                }
                 Read::Other => {}
                 Read::Nothing => {
                     self.seen = 0;
@@ -261,6 +290,7 @@ impl PtyPort {
         // A port that is hung up is found so when it is read.
         if self.has_departed() && !self.pair.is_hung_up()? {
             self.discard_seen()?;
+            self.unsent.clear();
             self.visit(Pair::restore_for_next)?;
             self.handed_over = true;
         }
@@ -274,6 +304,33 @@ impl PtyPort {
         Event::Detached
     }
 
+    /// Sends of what was kept as much as there is room for.
+    fn send_unsent(&mut self) -> Result<(), PortErrorKind> {
+        // It may have happened that the client does not want it any more.
+        if self.unsent.is_empty() || self.pair.has_happened()? {
+            return Ok(());
+        }
+        let kept = self.unsent.make_contiguous();
+        let sent = write_some(&self.pair, kept).map_err(PortErrorKind::call("write"))?;
+        self.unsent.drain(..sent);
+        Ok(())
+    }
+
+    /// Has the waiter report room where something waits for it.
+    fn watch_room(&mut self) -> Result<(), PortError> {
+        let wanted = !self.unsent.is_empty();
+        if let Some(registration) = &self.registration
+            && wanted != self.watches_room
+        {
+            let what = if wanted { BOTH } else { IN };
+            registration
+                .watch_for(&self.pair, what)
+                .map_err(|kind| self.error("watch", kind))?;
+            self.watches_room = wanted;
+        }
+        Ok(())
+    }
+
     fn discard_seen(&mut self) -> Result<(), PortErrorKind> {
         self.pair.discard(std::mem::take(&mut self.seen))
     }
@@ -282,6 +339,7 @@ impl PtyPort {
     fn vacate(&mut self) -> Result<Event, PortErrorKind> {
         self.pair.discard_left_behind()?;
         self.held.clear();
+        self.unsent.clear();
         self.seen = 0;
         let mut restored = false;
         self.visit(|pair| {
@@ -311,6 +369,7 @@ impl PtyPort {
             registration.watch_node(pair.slave())?;
             registration.watch(&pair, IN)?;
         }
+        self.watches_room = false;
         self.pair = pair;
         Ok(())
     }
@@ -329,16 +388,22 @@ impl PtyPort {
 
     /// Has the node opened by ourselves, as often as `open` says, which is counted.
     fn visit(
-        &self,
+        &mut self,
         open: impl FnOnce(&Pair) -> Result<u32, PortErrorKind>,
     ) -> Result<(), PortErrorKind> {
-        let Some(registration) = &self.registration else {
-            return open(&self.pair).map(drop);
-        };
-        registration.begin_visits()?;
+        if let Some(registration) = &self.registration {
+            registration.begin_visits()?;
+        }
         let visits = open(&self.pair)?;
+        // A visit flushes, which is no wish of the client's. What it takes back itself meanwhile is.
+        if let Read::Flushed { output: true, .. } = self.pair.forget_happened()? {
+            self.discard_seen()?;
+        }
         let hung_up = self.pair.is_hung_up()?;
-        registration.end_visits(visits, hung_up)
+        match &self.registration {
+            Some(registration) => registration.end_visits(visits, hung_up),
+            None => Ok(()),
+        }
     }
 
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {

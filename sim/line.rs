@@ -36,7 +36,8 @@ impl Wire {
 }
 
 /// Most bytes under way in one direction. A client that sends more without asking for the room
-/// loses the rest; the device's further replies are dropped whole.
+/// loses the rest. A further reply of the device takes the place of the oldest ones, which are
+/// dropped whole: those may be for a client that has left, and the last is for one that is there.
 pub const MOST_IN_FLIGHT: usize = 4096;
 
 /// Bytes that the transmitter of a client's UART holds beside the one that is going out, as the
@@ -217,16 +218,16 @@ impl SerialLine {
         events
     }
 
-    /// The device sends.
-    pub fn device_sends(&mut self, now: SimTime, bytes: &[u8]) -> Option<LineEvent> {
+    /// The device sends a frame.
+    pub fn device_sends(&mut self, now: SimTime, frame: &[u8]) -> Option<LineEvent> {
         self.settle(now);
-        if self.to_client.kept() + bytes.len() > MOST_IN_FLIGHT {
-            return self
-                .attached
-                .then_some(LineEvent::ReplyDropped { bytes: bytes.len() });
+        let mut bytes = self.to_client.make_room(frame.len());
+        if self.to_client.kept() + frame.len() > MOST_IN_FLIGHT {
+            bytes += frame.len();
+        } else {
+            self.to_client.send(now, frame, self.to_client_ends());
         }
-        self.to_client.send(now, bytes, self.to_client_ends());
-        None
+        (bytes > 0 && self.attached).then_some(LineEvent::ReplyDropped { bytes })
     }
 
     /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or
@@ -308,6 +309,8 @@ fn mismatch() -> Discriminant<LineEvent> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn arrivals(line: &mut SerialLine) -> Vec<(u64, u8)> {
@@ -475,16 +478,75 @@ mod tests {
     }
 
     #[test]
-    fn a_full_line_drops_whole_replies() {
+    fn on_a_full_line_the_oldest_reply_that_has_not_begun_its_way_gives_way() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         line.attach(SimTime::ZERO);
-        let reply = [0; 82];
-        let fits = MOST_IN_FLIGHT / reply.len();
-        for _ in 0..fits {
-            assert_eq!(line.device_sends(SimTime::ZERO, &reply), None);
+        let reply = |number: usize| [u8::try_from(number).unwrap(); 82];
+        let fits = MOST_IN_FLIGHT / 82;
+        for number in 0..fits {
+            assert_eq!(line.device_sends(SimTime::ZERO, &reply(number)), None);
         }
         let dropped = LineEvent::ReplyDropped { bytes: 82 };
-        assert_eq!(line.device_sends(SimTime::ZERO, &reply), Some(dropped));
+        let told = line.device_sends(SimTime::ZERO, &reply(fits));
+        assert_eq!(told, Some(dropped));
+        let mut read = Vec::new();
+        line.take_for_client(SimTime::from_secs(10), &mut read);
+        let carried = [0].into_iter().chain(2..=fits);
+        assert_eq!(read, carried.flat_map(reply).collect::<Vec<u8>>());
+    }
+
+    #[test]
+    fn what_can_never_fit_is_dropped_itself() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach(SimTime::ZERO);
+        let bytes = MOST_IN_FLIGHT + 1;
+        let told = line.device_sends(SimTime::ZERO, &vec![0; bytes]);
+        assert_eq!(told, Some(LineEvent::ReplyDropped { bytes }));
+        assert_eq!(line.device_sends(SimTime::ZERO, &[1]), None);
+    }
+
+    proptest! {
+        /// Replies begin with their length and with a number that the rest of them repeats.
+        #[test]
+        fn replies_stay_whole_and_in_order_and_the_last_one_arrives(
+            instant in any::<bool>(),
+            doings in prop::collection::vec((2_u8..=82, 0_u64..2_000, any::<bool>()), 1..400),
+        ) {
+            let wire = if instant { Wire::Instant } else { Wire::Paced };
+            let mut line = SerialLine::new(115_200, wire);
+            line.attach(SimTime::ZERO);
+            let (mut now, mut read, mut sent, mut lost) = (SimTime::ZERO, Vec::new(), 0, 0);
+            for (place, (length, pause, reads)) in doings.iter().enumerate() {
+                now += Duration::from_micros(*pause);
+                if *reads {
+                    line.take_for_client(now, &mut read);
+                }
+                let mut reply = vec![u8::try_from(place % 251).unwrap(); usize::from(*length)];
+                reply[0] = *length;
+                sent += reply.len();
+                match line.device_sends(now, &reply) {
+                    None => {}
+                    Some(LineEvent::ReplyDropped { bytes }) => lost += bytes,
+                    told => prop_assert!(false, "{told:?}"),
+                }
+            }
+            line.take_for_client(now + Duration::from_secs(10), &mut read);
+            prop_assert_eq!(read.len() + lost, sent);
+            let (mut at, mut place) = (0, None);
+            while at < read.len() {
+                let reply = &read[at..at + usize::from(read[at])];
+                let begin = place.map_or(0, |place| place + 1);
+                let same = |(own, (length, ..)): (usize, &(u8, u64, bool))| {
+                    let number = u8::try_from(own % 251).unwrap();
+                    *length == reply[0] && reply[1..].iter().all(|byte| *byte == number)
+                };
+                let own = doings[begin..].iter().enumerate().map(|(own, doing)| (own + begin, doing));
+                place = own.clone().find(|doing| same(*doing)).map(|(own, _)| own);
+                prop_assert!(place.is_some(), "{reply:?} is none of those that follow {begin}");
+                at += reply.len();
+            }
+            prop_assert_eq!(place, Some(doings.len() - 1));
+        }
     }
 
     #[test]

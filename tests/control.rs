@@ -38,7 +38,7 @@ impl Controlled {
             .args(["--control", "127.0.0.1:0", "--seed", "1", "-v"])
             .arg("--trace")
             .arg(&trace);
-        if !args.contains(&"--rig") {
+        if !args.iter().any(|arg| ["--rig", "--listen"].contains(arg)) {
             command.arg("--pty").arg(&port);
         }
         let sim = Sim::spawn(command.args(args), port, None);
@@ -221,6 +221,20 @@ fn a_shell_does_the_same() {
     controlled
         .ctl(&["--port", "/nowhere", "pause"])
         .expect_refusal(2, &["no simulator runs that serves /nowhere"]);
+    controlled.finish();
+}
+
+#[test]
+fn a_simulator_on_the_network_is_found_by_its_url() {
+    let controlled = Controlled::start(&["--listen", "rfc2217://127.0.0.1:0"]);
+    let line = controlled.sim.wait_line(&["on rfc2217://"]);
+    let mut words = line.split_whitespace();
+    let url = words.find(|word| word.starts_with("rfc2217://")).unwrap();
+    controlled.expect_ctl(&["--port", url, "get", "truth.x_m"], "0.0");
+    let nowhere = ["--port", "rfc2217://127.0.0.1:1", "pause"];
+    controlled
+        .ctl(&nowhere)
+        .expect_refusal(2, &["no simulator runs that serves rfc2217://"]);
     controlled.finish();
 }
 

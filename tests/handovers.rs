@@ -19,9 +19,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use harness::client::BAUD;
+use harness::car::{FORWARD, MainClient, RosClient, STRAFE, motion};
+use harness::client::{BAUD, Client};
 use harness::wire::frame;
 use harness::{PATIENCE, Sim};
+use rustix::process::Signal;
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 
 const JSON: [&str; 2] = ["--log-format", "json"];
@@ -139,7 +141,7 @@ fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
     // Who holds its output back does so until somebody wakes up.
     let kinds = KINDS[..KINDS.len() - 1].iter();
     for round in 0..handovers() {
-        sim.signal(rustix::process::Signal::STOP);
+        sim.signal(Signal::STOP);
         for (_, visit) in kinds
             .clone()
             .cycle()
@@ -150,11 +152,84 @@ fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
         }
         let mut client = sim.client();
         client.send(&frame(0xF0, &[]));
-        sim.signal(rustix::process::Signal::CONT);
+        sim.signal(Signal::CONT);
         let reply = client.skip_to(0xF0, PATIENCE);
         assert_eq!(reply.map(|reply| reply.len()), Some(8), "round {round}");
     }
     sim.stop().expect_clean();
+}
+
+/// Writes whole requests and leaves.
+fn leave_behind(port: &Path, request: &[u8], bytes: usize) {
+    let client = open_at(port, tcgetattr(open(port)).unwrap().output_speed());
+    rustix::io::ioctl_fionbio(&client, true).unwrap();
+    let whole = bytes / request.len() * request.len();
+    // The system may keep less than that, and then a part of the last one.
+    let _ = rustix::io::write(&client, &request.repeat(bytes)[..whole]);
+}
+
+/// Sends, if need be with the simulator awake, which makes room.
+fn send_and_wake(sim: &Sim, client: &mut Client, request: &[u8]) {
+    let sent = client.send_some(request);
+    sim.signal(Signal::CONT);
+    client.send(&request[sent..]);
+}
+
+/// What was left may be nobody's or the next client's as far as can be told: its replies are many times
+/// what the line holds, and more than the system keeps for a client.
+#[test]
+fn a_client_is_answered_however_much_another_has_left_that_nobody_has_seen() {
+    let _alone = alone();
+    for wire in ["paced", "instant"] {
+        let sim = Sim::start(&[&JSON[..], &["--quiet", "--wire", wire]].concat());
+        for command in [0x06, 0x07] {
+            for bytes in [300, 3_000, 12_000, 30_000] {
+                sim.signal(Signal::STOP);
+                leave_behind(sim.port(), &frame(command, &[]), bytes);
+                let mut client = sim.client();
+                send_and_wake(&sim, &mut client, &frame(0xF0, &[]));
+                let reply = client.skip_to(0xF0, PATIENCE).map(|reply| reply.len());
+                assert_eq!(reply, Some(8), "{wire}, {bytes} bytes of {command:#04x}");
+                // What may have reached it before that is its own again.
+                assert_eq!(client.ask(0x07, &[]), [1]);
+            }
+        }
+        sim.stop().expect_clean();
+    }
+}
+
+#[test]
+fn the_car_obeys_a_client_however_much_another_has_left_that_nobody_has_seen() {
+    let _alone = alone();
+    for wire in ["paced", "instant"] {
+        let dir = tempfile::tempdir().unwrap();
+        let (main, ros) = (dir.path().join("car"), dir.path().join("car-ros"));
+        let mut command = harness::command();
+        command.args(["--device", "mecanum", "--quiet", "--wire", wire, "--pty"]);
+        command.arg(&main).arg("--ros-pty").arg(&ros);
+        let sim = Sim::spawn(&mut command, main.clone(), Some(dir));
+        sim.wait_ready();
+        // Whole packets, which the system keeps: behind a part of one the next would be no packet either.
+        for bytes in [3_000, 6_000] {
+            sim.signal(Signal::STOP);
+            leave_behind(&main, &motion(FORWARD, 1, 400), bytes);
+            let mut client = MainClient::open(&main);
+            client.send(&motion(STRAFE, 5, 400));
+            sim.signal(Signal::CONT);
+            let before = client.status().axis[1];
+            harness::until("it has gone to the side", || {
+                client.status().axis[1] - before >= 5
+            });
+        }
+        sim.signal(Signal::STOP);
+        leave_behind(&ros, b"X1 \n", 5_000);
+        let mut client = RosClient::open(&ros);
+        client.send("X-5 \n");
+        sim.signal(Signal::CONT);
+        harness::until("it goes back", || client.report().0 < 0);
+        drop(client);
+        sim.stop().expect_clean();
+    }
 }
 
 /// Signals come at any moment while it serves, also in the middle of what it asks of the system.
@@ -166,8 +241,8 @@ fn a_client_that_stays_is_answered_whatever_signals_come_meanwhile() {
     std::thread::scope(|scope| {
         scope.spawn(|| {
             while !done.load(Ordering::Relaxed) {
-                sim.signal(rustix::process::Signal::STOP);
-                sim.signal(rustix::process::Signal::CONT);
+                sim.signal(Signal::STOP);
+                sim.signal(Signal::CONT);
                 std::thread::sleep(Duration::from_micros(50));
             }
         });

@@ -1,8 +1,10 @@
-"""The pytest plugin: simulators as fixtures, scenarios as markers, and what to look at when a test fails."""
+"""The pytest plugin: simulators as fixtures, scenarios as markers or as tests, and what to look at when a test
+fails."""
 
 from __future__ import annotations
 
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterator, List, Optional
 
@@ -10,7 +12,7 @@ import pytest
 
 from .control import ControlError
 from .picture import draw
-from .simulator import Simulator, connect, joinable, start
+from .simulator import Simulator, connect, joinable, program, start
 
 _FAILED: "pytest.StashKey[bool]" = pytest.StashKey()
 _MOST_LOG = 60
@@ -134,19 +136,24 @@ class Maker:
 
     def _keep(self, simulator: Simulator, number: int) -> None:
         """Log, trace and picture of a test that failed."""
-        keep = self._request.config.getoption("--sim-keep")
         own = simulator.folder
         if own is None:
             return
         draw(own / "trace.jsonl", self._worlds.get(number), own / "picture.svg")
-        if keep is None:
-            return
-        name = "".join(c if c.isalnum() or c in "-_." else "_" for c in self._request.node.nodeid)
-        place = Path(keep) / name
-        place.mkdir(parents=True, exist_ok=True)
-        for path in own.iterdir():
-            if path.is_file() and not path.is_symlink():
-                shutil.copy(path, place / f"sim{number}-{path.name}")
+        _keep_files(self._request, own, f"sim{number}-")
+
+
+def _keep_files(request: pytest.FixtureRequest, folder: Path, before: str = "") -> None:
+    """Copies the files of a folder to where they are to be kept of this test, if they are."""
+    keep = request.config.getoption("--sim-keep")
+    if keep is None or not folder.is_dir():
+        return
+    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in request.node.nodeid)
+    place = Path(keep) / name
+    place.mkdir(parents=True, exist_ok=True)
+    for path in folder.iterdir():
+        if path.is_file() and not path.is_symlink():
+            shutil.copy(path, place / f"{before}{path.name}")
 
 
 def _scenario_file(request: pytest.FixtureRequest, marker: pytest.Mark) -> Path:
@@ -178,3 +185,21 @@ def sim_r150(sim: Callable[..., Simulator]) -> Simulator:
 def sim_mecanum(sim: Callable[..., Simulator]) -> Simulator:
     """A mecanum car."""
     return sim("mecanum")
+
+
+@pytest.fixture
+def sim_play(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., None]:
+    """Plays a scenario with a client, in the simulator's time: ``sim_play("cable.toml", "python3", "client.py")``.
+    The test fails with what ``sim run`` says."""
+
+    def play(scenario: "str | Path", *client: "str | Path") -> None:
+        seed = request.config.getoption("--sim-seed")
+        results = tmp_path / "results"
+        command = [program(), "run", "--seed", str(1 if seed is None else seed), "--output", str(results)]
+        command += [str(scenario), *(["--", *map(str, client)] if client else [])]
+        ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+        if ended.returncode != 0:
+            _keep_files(request, results)
+            pytest.fail(ended.stdout + ended.stderr, pytrace=False)
+
+    return play

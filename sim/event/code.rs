@@ -158,7 +158,7 @@ codes! {
     SIMULATOR_TOO_SLOW = "simulator_too_slow", Nobody;
     /// The client does not read.
     OVERRUN = "overrun", ClientUnlessLate;
-    /// The line was too full for a reply.
+    /// The line was too full for all replies.
     LINE_FULL = "line_full", ClientUnlessLate;
     /// Bytes outside of any frame or packet.
     NOISE = "noise", ClientUnlessDisturbed;

@@ -1,11 +1,12 @@
 //! Bytes on their way from one end of a line to the other.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use sim_settings::SimTime;
 
 use super::{MOST_IN_FLIGHT, Wire};
-use crate::uart::Receiver;
+use crate::uart::{Received, Receiver};
 
 /// Relative difference of the speeds beyond which bytes arrive wrong.
 const TOLERANCE: f64 = 0.035;
@@ -26,14 +27,21 @@ pub(super) struct Ends {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Direction {
     /// The first of them is in the shift register.
-    waiting: VecDeque<u8>,
+    waiting: VecDeque<Sent>,
     /// Time at which that one has gone.
     shifting: Option<SimTime>,
     /// Time at which the shift register was last empty.
     free_at: SimTime,
     /// The receiver that listens at another speed, and both speeds.
     garbled: Option<(Receiver, [u32; 2])>,
-    arrived: VecDeque<(SimTime, u8)>,
+    arrived: VecDeque<(SimTime, Sent)>,
+}
+
+/// A byte, and whether it is the first of those that were handed over together.
+#[derive(Debug, Clone, Copy)]
+struct Sent {
+    byte: u8,
+    first: bool,
 }
 
 impl Direction {
@@ -50,7 +58,11 @@ impl Direction {
     /// Hands bytes over.
     pub(super) fn send(&mut self, now: SimTime, bytes: &[u8], ends: Ends) {
         self.settle(now, ends);
-        self.waiting.extend(bytes);
+        let sent = |(place, &byte)| Sent {
+            byte,
+            first: place == 0,
+        };
+        self.waiting.extend(bytes.iter().enumerate().map(sent));
         self.shift(now, ends);
         self.settle(now, ends);
     }
@@ -60,11 +72,11 @@ impl Direction {
         while let Some(gone) = self.shifting.filter(|gone| *gone <= now) {
             self.shifting = None;
             self.free_at = gone;
-            let Some(byte) = self.waiting.pop_front() else {
+            let Some(sent) = self.waiting.pop_front() else {
                 return;
             };
             self.shift(gone, ends);
-            self.hear(byte, gone, ends);
+            self.hear(sent, gone, ends);
         }
     }
 
@@ -82,7 +94,7 @@ impl Direction {
 
     /// The receiver has heard a byte. At another speed, what it makes of it depends on what follows
     /// without a pause, as on a cable, and not on the pieces in which bytes were handed over.
-    fn hear(&mut self, byte: u8, gone: SimTime, ends: Ends) {
+    fn hear(&mut self, sent: Sent, gone: SimTime, ends: Ends) {
         let speeds = [ends.from_baud, ends.to_baud];
         if speeds.contains(&0) {
             // A port that has hung up neither sends nor hears.
@@ -91,7 +103,7 @@ impl Direction {
         }
         if matches(ends.from_baud, ends.to_baud) {
             self.garbled = None;
-            self.arrived.push_back((gone, byte));
+            self.arrived.push_back((gone, sent));
             return;
         }
         let kept = self.garbled.take();
@@ -99,16 +111,20 @@ impl Direction {
             kept.filter(|(receiver, own)| *own == speeds && receiver.pending() < MOST_IN_FLIGHT);
         let (mut receiver, _) =
             kept.unwrap_or_else(|| (Receiver::new(ends.from_baud, ends.to_baud), speeds));
-        receiver.hear(&[byte]);
+        receiver.hear(&[sent.byte]);
+        // Nothing is whole any more, so that each stands for itself.
+        let heard = |found: Received| {
+            let (byte, first) = (found.byte, true);
+            (gone, Sent { byte, first })
+        };
         let settled = std::iter::from_fn(|| receiver.next_settled());
-        self.arrived.extend(settled.map(|found| (gone, found.byte)));
+        self.arrived.extend(settled.map(heard));
         if self.shifting.is_some() {
             self.garbled = Some((receiver, speeds));
         } else {
             // Nothing follows, so that the line is idle behind it.
             let last = receiver.if_idle();
-            self.arrived
-                .extend(last.iter().map(|found| (gone, found.byte)));
+            self.arrived.extend(last.into_iter().map(heard));
         }
     }
 
@@ -116,6 +132,29 @@ impl Direction {
     pub(super) fn discard_beyond(&mut self, kept: usize) {
         let begun = usize::from(self.shifting.is_some());
         self.waiting.truncate(begun + kept);
+    }
+
+    /// Loses the oldest of what was handed over together, until there is room for so many bytes more or
+    /// nothing is left that is still whole: of which no byte is going out or was taken. Says how many
+    /// bytes are lost.
+    pub(super) fn make_room(&mut self, bytes: usize) -> usize {
+        let before = self.kept();
+        while self.kept() + bytes > MOST_IN_FLIGHT && self.lose_oldest() {}
+        before - self.kept()
+    }
+
+    /// Says whether there was any.
+    fn lose_oldest(&mut self) -> bool {
+        let last_is_whole = self.waiting.front().is_none_or(|sent| sent.first);
+        let arrived = self.arrived.iter().map(|(_, sent)| sent.first);
+        if let Some(oldest) = whole(arrived, 0, last_is_whole) {
+            self.arrived.drain(oldest);
+            return true;
+        }
+        let begun = usize::from(self.shifting.is_some());
+        let oldest = whole(self.waiting.iter().map(|sent| sent.first), begun, true);
+        let found = oldest.map(|oldest| self.waiting.drain(oldest));
+        found.is_some()
     }
 
     /// Nobody is there to take what has arrived.
@@ -126,7 +165,7 @@ impl Direction {
     /// The next byte that has arrived by `now`, as far as [`settle`](Self::settle) has got.
     pub(super) fn take(&mut self, now: SimTime) -> Option<u8> {
         let first = self.arrived.pop_front_if(|(at, _)| *at <= now);
-        first.map(|(_, byte)| byte)
+        first.map(|(_, sent)| sent.byte)
     }
 
     /// Time at which something next arrives, or has arrived and was not taken.
@@ -134,6 +173,24 @@ impl Direction {
         let arrived = self.arrived.front().map(|(at, _)| *at);
         arrived.or(self.shifting)
     }
+}
+
+/// Where the first lies that is whole, in a queue of which it is known where something begins.
+fn whole(
+    firsts: impl Iterator<Item = bool>,
+    from: usize,
+    last_is_whole: bool,
+) -> Option<Range<usize>> {
+    let mut firsts = firsts.enumerate().skip(from);
+    let (begin, _) = firsts.find(|(_, first)| *first)?;
+    let mut end = begin + 1;
+    for (place, first) in firsts {
+        if first {
+            return Some(begin..place);
+        }
+        end = place + 1;
+    }
+    last_is_whole.then_some(begin..end)
 }
 
 pub(super) fn matches(a: u32, b: u32) -> bool {

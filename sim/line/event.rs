@@ -65,9 +65,9 @@ pub enum LineEvent {
         /// Number of bytes.
         bytes: u64,
     },
-    /// The line was too full for a reply of the device.
+    /// The line was too full for a reply of the device, so that older ones gave way.
     ReplyDropped {
-        /// Its length in bytes.
+        /// How many bytes they had.
         bytes: usize,
     },
 }
@@ -205,7 +205,8 @@ impl fmt::Display for LineEvent {
             }
             Self::ReplyDropped { bytes } => write!(
                 f,
-                "a reply of {bytes} bytes dropped: requests come faster than the line carries replies"
+                "{bytes} bytes of replies dropped, the oldest first: requests come faster than the line \
+                 carries replies"
             ),
         }
     }
