@@ -2,6 +2,7 @@
 
 mod ask;
 pub(crate) mod ctl;
+mod listening;
 mod told;
 
 use std::path::PathBuf;
@@ -11,11 +12,12 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use serde_json::{Value, json};
 use sim_control::session::{Session, SessionFile};
-use sim_control::{Answer, Ask, Control, Listen, Listener, Refusal, Reply, Request};
+use sim_control::{Answer, Ask, Control, Listen, Listener, Message, Refusal, Reply, Request};
 use sim_core::SimTime;
 use sim_core::event::{Event, Level};
 use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
+use sim_pty::ListenAddress;
 use sim_runner::condition::Probe;
 use sim_runner::run::StepReport;
 use sim_runner::{Run, RunError};
@@ -24,10 +26,15 @@ use crate::exit::Failure;
 use crate::log::Words;
 use crate::visible;
 
+use listening::{Listening, Traffic, is_due};
+
 /// Requests that are answered before clients of the ports have their turn again.
 const MOST_AT_ONCE: usize = 16;
-/// How often to look whether steps have begun or ended, while anybody listens.
-const LOOK_AT_STEPS: Duration = Duration::from_millis(50);
+/// How often who listens is told the log, and which steps have begun or ended. Not at once, so that a
+/// client that asks without a pause is not kept waiting while others are woken.
+const TELL_EVERY: Duration = Duration::from_millis(20);
+/// Events of the log that wait until then.
+const MOST_UNTOLD: usize = 128;
 /// How long a client in the simulator's time may be kept waiting for what is asked and told
 /// meanwhile.
 const SETTLE: Duration = Duration::from_secs(2);
@@ -36,27 +43,21 @@ const SETTLE: Duration = Duration::from_secs(2);
 ///
 /// Where a method takes a clock, there is none if time is the client's, as in lockstep.
 pub(crate) struct Desk {
-    control: Control,
-    /// Goes when this does.
-    _session: SessionFile,
-    words: Words,
+    words: Arc<Words>,
     ports: Vec<ShownPort>,
     listening: Vec<Listening>,
+    untold: Vec<Event>,
+    traffic: Traffic,
+    tell_next: Option<Instant>,
     /// Answers to be given when a step is over.
     waiting: Vec<(usize, Answer)>,
     /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
     steps: Vec<Progress>,
-    steps_next: Option<Instant>,
-}
-
-/// Whoever is told what happens, and when next.
-struct Listening {
-    listener: Listener,
-    probes: Vec<Probe>,
-    values_next: Option<Instant>,
-    picture_next: Option<Instant>,
-    gone: bool,
+    /// Goes behind those that listen and wait, who are told that it is over.
+    control: Control,
+    /// Goes when this does.
+    _session: SessionFile,
 }
 
 /// What of a step may change: when it began and was done, how often it has hit, whether it lasts
@@ -75,7 +76,12 @@ impl Desk {
         let control = Control::open(listen, Box::new(|| told::schema(table)))
             .with_context(|| format!("cannot listen on {listen} for --control"))
             .map_err(Failure::usage)?;
-        let paths = ports.iter().map(|port| std::path::absolute(&port.path));
+        let paths = ports
+            .iter()
+            .map(|port| match ListenAddress::is_url(&port.path) {
+                true => Ok(port.path.clone()),
+                false => std::path::absolute(&port.path),
+            });
         let session = Session {
             pid: std::process::id(),
             url: control.url(),
@@ -88,13 +94,15 @@ impl Desk {
         Ok(Self {
             control,
             _session: session,
-            words: Words::new(&run.scenario().rig),
+            words: Arc::new(Words::new(&run.scenario().rig)),
             ports,
             listening: Vec::new(),
+            untold: Vec::new(),
+            traffic: Traffic::default(),
+            tell_next: None,
             waiting: Vec::new(),
             stepping: Vec::new(),
             steps: Vec::new(),
-            steps_next: None,
         })
     }
 
@@ -118,14 +126,21 @@ impl Desk {
         if self.listening.is_empty() {
             return;
         }
-        let level = event.kind.level();
-        let mut message = None;
-        for one in &mut self.listening {
-            if level == Level::Traffic && !one.listener.wants.traffic {
-                continue;
+        if event.kind.level() == Level::Traffic {
+            let mut wanting = self.listening.iter().map(|one| &one.listener);
+            if !wanting.any(|listener| listener.wants.traffic) {
+                return;
             }
-            let message = message.get_or_insert_with(|| self.words.message(event));
-            one.tell(message);
+            if !self.traffic.has_room(event.at) {
+                let all = self.listening.iter().map(|one| &one.listener);
+                all.filter(|listener| listener.wants.traffic)
+                    .for_each(Listener::lose);
+                return;
+            }
+        }
+        self.untold.push(event.clone());
+        if self.untold.len() == MOST_UNTOLD {
+            self.tell_log();
         }
     }
 
@@ -159,6 +174,7 @@ impl Desk {
     pub(crate) fn settle(&mut self, run: &mut Run) -> Result<bool, RunError> {
         let begun = Instant::now();
         let mut any = self.answer_waiting(run, None);
+        self.tell_log();
         self.tell_what_is_due(run);
         if self.control.settle(Duration::ZERO) {
             return Ok(any);
@@ -214,7 +230,7 @@ impl Desk {
                     }
                     Ok(false) => {
                         let now = told::time(run, clock.as_deref());
-                        self.tell_all(&Listener::message("time", &now));
+                        self.tell_all(&message("time", now.clone()));
                         Ok(now)
                     }
                     Err(refusal) => Err(refusal),
@@ -231,15 +247,10 @@ impl Desk {
         let probes: Result<Vec<Probe>, String> = names.map(|name| run.probe(name)).collect();
         let probes = probes.map_err(|why| Refusal::new(422, why))?;
         let now = Instant::now();
-        self.listening.push(Listening {
-            values_next: listener.wants.values_every.map(|_| now),
-            picture_next: listener.wants.picture_every.map(|_| now),
-            listener,
-            probes,
-            gone: false,
-        });
+        self.tell_log();
+        self.listening.push(Listening::new(listener, probes, now));
         self.steps = run.steps().map(|step| progress(&step)).collect();
-        self.steps_next = Some(now + LOOK_AT_STEPS);
+        self.tell_next = Some(now + TELL_EVERY);
         Ok(Value::Null)
     }
 
@@ -259,13 +270,13 @@ impl Desk {
             for answer in std::mem::take(&mut self.stepping) {
                 answer.give(Ok(now.clone()));
             }
-            self.tell_all(&Listener::message("time", &now));
+            self.tell_all(&message("time", now.clone()));
             any = true;
         }
         any
     }
 
-    fn tell_all(&mut self, message: &Arc<str>) {
+    fn tell_all(&mut self, message: &Message) {
         for one in &mut self.listening {
             one.tell(message);
         }
@@ -283,28 +294,41 @@ impl Desk {
             if let Some(every) = one.listener.wants.picture_every
                 && is_due(&mut one.picture_next, every, now)
             {
-                let picture = picture
-                    .get_or_insert_with(|| Listener::message("picture", &told::picture(run)));
+                let picture = picture.get_or_insert_with(|| message("picture", told::picture(run)));
                 one.tell(picture);
             }
             if let Some(every) = one.listener.wants.values_every
                 && is_due(&mut one.values_next, every, now)
             {
                 let values = told::values(run, &one.probes);
-                one.tell(&Listener::message("values", &values));
+                one.tell(&message("values", values));
             }
         }
-        if is_due(&mut self.steps_next, LOOK_AT_STEPS, now) {
+        if is_due(&mut self.tell_next, TELL_EVERY, now) {
+            self.tell_log();
             self.tell_steps(run);
         }
         let next = self
             .listening
             .iter()
             .flat_map(|one| [one.values_next, one.picture_next])
-            .chain([self.steps_next])
+            .chain([self.tell_next])
             .flatten()
             .min();
         next.map(|next| next.saturating_duration_since(now))
+    }
+
+    /// Tells what has happened.
+    fn tell_log(&mut self) {
+        for event in self.untold.drain(..) {
+            let is_traffic = event.kind.level() == Level::Traffic;
+            let message = message_of(&self.words, event);
+            for one in &mut self.listening {
+                if !is_traffic || one.listener.wants.traffic {
+                    one.tell(&message);
+                }
+            }
+        }
     }
 
     /// Tells which steps have come further.
@@ -314,7 +338,7 @@ impl Desk {
         for (index, step) in run.steps().enumerate() {
             let own = progress(&step);
             if self.steps.get(index) != Some(&own) {
-                messages.push(Listener::message("step", &told::step_json(&step)));
+                messages.push(message("step", told::step_json(&step)));
             }
             now.push(own);
         }
@@ -322,6 +346,12 @@ impl Desk {
         for message in &messages {
             self.tell_all(message);
         }
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        self.tell_log();
     }
 }
 
@@ -337,30 +367,18 @@ fn clear_added(run: &mut Run) -> Result<Vec<String>, RunError> {
     Ok(names)
 }
 
-impl Listening {
-    fn tell(&mut self, message: &Arc<str>) {
-        self.gone |= !self.listener.tell(message);
-    }
+/// What is known now, as who listens is told it.
+fn message(kind: &'static str, data: Value) -> Message {
+    Message::new(kind, move || data)
 }
 
-impl Words {
-    /// An event as who listens is told it: what the log has for programs, and its line for people.
-    fn message(&self, event: &Event) -> Arc<str> {
-        let mut told = self.json(event);
-        told["line"] = json!(visible::line(&self.plain(event)));
-        told["role"] = json!(ask::role(event));
-        Listener::message("log", &told)
-    }
-}
-
-/// Tells whether something is due by now, which then is due again later; what was missed is left
-/// out.
-fn is_due(next: &mut Option<Instant>, every: Duration, now: Instant) -> bool {
-    match next {
-        Some(at) if *at <= now => {
-            *at = (*at + every).max(now);
-            true
-        }
-        _ => false,
-    }
+/// An event as who listens is told it: what the log has for programs, and its line for people.
+fn message_of(words: &Arc<Words>, event: Event) -> Message {
+    let words = Arc::clone(words);
+    Message::new("log", move || {
+        let mut told = words.json(&event);
+        told["line"] = json!(visible::line(&words.plain(&event)));
+        told["role"] = json!(ask::role(&event));
+        told
+    })
 }

@@ -310,11 +310,19 @@ pub(crate) fn load(path: &Path, given: &Given<'_>) -> Result<Loaded, Failure> {
 
 fn read_files(given: &Given<'_>, path: &Path) -> Result<ScenarioFiles, Failure> {
     let mut read = |own: &Path| {
-        let what = if own == path { "scenario file" } else { "base" };
-        let text = config::read(own, what).map_err(|failure| failure.error)?;
-        Ok::<_, anyhow::Error>((visible::name(own), text))
+        let text = match own == path {
+            true => config::read(own, "scenario file").map_err(|failure| failure.error),
+            false => named_in(path, config::read(own, "base")),
+        };
+        Ok::<_, anyhow::Error>((visible::name(own), text?))
     };
     ScenarioFiles::read(path, given.job, &mut read).map_err(Failure::usage)
+}
+
+/// An error in reading a file names the one that names it.
+fn named_in(path: &Path, text: Result<String, Failure>) -> Result<String, anyhow::Error> {
+    text.map_err(|failure| failure.error)
+        .with_context(|| visible::name(path))
 }
 
 fn compose(
@@ -328,9 +336,13 @@ fn compose(
     for device in &scenario.rig.devices {
         config::check(&device.settings)?;
     }
-    let world = |path: &Path| {
-        let text = config::read(path, "world file")?;
-        Ok((visible::name(path), text))
+    let world = |world: &Path| {
+        let text = config::read(world, "world file");
+        let text = match given.world {
+            Some(_) => text?,
+            None => named_in(path, text).map_err(Failure::usage)?,
+        };
+        Ok((visible::name(world), text))
     };
     let loaded = Loaded {
         path: path.to_owned(),

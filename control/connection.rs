@@ -10,7 +10,7 @@ use crossbeam_channel::RecvTimeoutError;
 use serde_json::{Value, json};
 
 use crate::http::{self, Head};
-use crate::listener::{Messages, flag, names, unknown};
+use crate::listener::{Message, Messages, flag, names, unknown};
 use crate::page;
 use crate::watch::{Watch, wait_readable};
 use crate::{Ask, Listener, Refusal, Reply, Shared, Wants};
@@ -262,7 +262,7 @@ fn next_messages(messages: &Messages, text: &mut Vec<u8>) -> (u64, bool) {
     match first {
         Ok(message) => {
             count += 1;
-            text.extend_from_slice(message.as_bytes());
+            text.extend_from_slice(message.text().as_bytes());
         }
         Err(RecvTimeoutError::Timeout) => text.extend_from_slice(b": still there\n\n"),
         Err(RecvTimeoutError::Disconnected) => text.extend_from_slice(b"event: end\ndata: {}\n\n"),
@@ -271,12 +271,12 @@ fn next_messages(messages: &Messages, text: &mut Vec<u8>) -> (u64, bool) {
         && let Ok(message) = messages.messages.try_recv()
     {
         count += 1;
-        text.extend_from_slice(message.as_bytes());
+        text.extend_from_slice(message.text().as_bytes());
     }
     let lost = messages.take_lost();
     if lost > 0 {
-        let message = Listener::message("lost", &json!({ "messages": lost }));
-        text.extend_from_slice(message.as_bytes());
+        let message = Message::new("lost", move || json!({ "messages": lost }));
+        text.extend_from_slice(message.text().as_bytes());
     }
     (count, more)
 }

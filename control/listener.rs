@@ -1,10 +1,12 @@
 //! Listeners, who are told what happens.
 
-use std::sync::Arc;
+use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use serde_json::Value;
 
 use crate::Refusal;
 use crate::watch::Watch;
@@ -94,14 +96,14 @@ fn every(rate: f64) -> Duration {
 pub struct Listener {
     /// Wishes of it.
     pub wants: Wants,
-    messages: Sender<Arc<str>>,
+    messages: Sender<Message>,
     lost: Arc<AtomicU64>,
     watch: Arc<Watch>,
 }
 
 /// The other end.
 pub(crate) struct Messages {
-    pub(crate) messages: Receiver<Arc<str>>,
+    pub(crate) messages: Receiver<Message>,
     lost: Arc<AtomicU64>,
 }
 
@@ -118,27 +120,53 @@ impl Listener {
         (listener, Messages { messages, lost })
     }
 
-    /// Tells it a message; see [`message`](Self::message). Never waits: what it has no room for is
-    /// lost, and it learns how many. Says whether anybody still listens.
-    pub fn tell(&self, message: &Arc<str>) -> bool {
-        match self.messages.try_send(Arc::clone(message)) {
+    /// Tells it a message. Never waits: what it has no room for is lost, and it learns how many. Says
+    /// whether anybody still listens.
+    pub fn tell(&self, message: &Message) -> bool {
+        match self.messages.try_send(message.clone()) {
             Ok(()) => {
                 self.watch.told();
                 true
             }
             Err(TrySendError::Full(_)) => {
-                self.lost.fetch_add(1, Ordering::Relaxed);
+                self.lose();
                 true
             }
             Err(TrySendError::Disconnected(_)) => false,
         }
     }
 
-    /// A message of a kind, as all who listen are told it.
-    #[must_use]
-    pub fn message(kind: &str, data: &serde_json::Value) -> Arc<str> {
+    /// Counts a message that it is not told as lost.
+    pub fn lose(&self) {
+        self.lost.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// What all who listen are told alike.
+///
+/// It is written down by the connection that tells it first, so that this takes no time of the
+/// simulation's.
+#[derive(Clone)]
+pub struct Message(Arc<LazyLock<String, Write>>);
+
+type Write = Box<dyn FnOnce() -> String + Send>;
+
+impl Message {
+    /// A message of a kind.
+    pub fn new(kind: &'static str, data: impl FnOnce() -> Value + Send + 'static) -> Self {
         // JSON has no line feeds in it.
-        format!("event: {kind}\ndata: {data}\n\n").into()
+        let write = move || format!("event: {kind}\ndata: {}\n\n", data());
+        Self(Arc::new(LazyLock::new(Box::new(write))))
+    }
+
+    pub(crate) fn text(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Debug for Message {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Message").field(&self.text()).finish()
     }
 }
 
@@ -186,8 +214,8 @@ mod tests {
         let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let stream = std::net::TcpStream::connect(socket.local_addr().unwrap()).unwrap();
         let (listener, messages) = Listener::new(Wants::default(), Watch::new(stream));
-        let message = Listener::message("log", &serde_json::json!({"a": "b\nc"}));
-        assert_eq!(&*message, "event: log\ndata: {\"a\":\"b\\nc\"}\n\n");
+        let message = Message::new("log", || serde_json::json!({"a": "b\nc"}));
+        assert_eq!(message.text(), "event: log\ndata: {\"a\":\"b\\nc\"}\n\n");
         for _ in 0..MOST_MESSAGES + 7 {
             assert!(listener.tell(&message));
         }

@@ -34,6 +34,11 @@ const FILES: &[File] = &[
         text: include_str!("page/picture.js"),
     },
     File {
+        path: "still.js",
+        mime: "text/javascript; charset=utf-8",
+        text: include_str!("page/still.js"),
+    },
+    File {
         path: "charts.js",
         mime: "text/javascript; charset=utf-8",
         text: include_str!("page/charts.js"),

@@ -248,16 +248,37 @@ impl VariableResolver for Resolver<'_> {
 
 /// Says where an expression cannot be read.
 fn unreadable(text: &str, at: usize) -> String {
-    let rest: String = text.chars().skip(at).take(20).collect();
-    match rest.trim() {
-        "" => "the expression is not finished".to_owned(),
-        rest => format!(
-            "the expression cannot be read from character {} on: `{rest}`; it is made of names, \
-             numbers, and && || ! == != < <= > >= + - * / ?: ( )",
-            at + 1
-        ),
+    let letters: Vec<char> = text.chars().collect();
+    let at = at.min(letters.len());
+    if letters[at..].iter().all(|letter| letter.is_whitespace()) {
+        return "the expression is not finished".to_owned();
     }
+    // Of a word that cannot be there, the reader may have taken the beginning.
+    let in_word = |letter: &&char| letter.is_ascii_alphanumeric() || **letter == '_';
+    let start = at - letters[..at].iter().rev().take_while(in_word).count();
+    let word: String = letters[start..].iter().take_while(in_word).collect();
+    let before: String = letters[..start].iter().collect();
+    let before = before.trim_end();
+    let compares = ["==", "!=", "<=", ">="];
+    let hint = match word.as_str() {
+        "and" => "`and` is written `&&`",
+        "or" => "`or` is written `||`",
+        _ if before.ends_with("not") => "`not` is written `!`",
+        _ if before.ends_with('=') && !compares.iter().any(|sign| before.ends_with(sign)) => {
+            "`==` compares"
+        }
+        "" => OPERATORS,
+        _ if before.ends_with(|letter: char| letter.is_ascii_digit()) => {
+            "a number has no unit; `sim names` lists the units of names"
+        }
+        _ => OPERATORS,
+    };
+    let rest: String = letters[start..].iter().take(20).collect();
+    let (rest, from) = (rest.trim(), start + 1);
+    format!("the expression cannot be read from character {from} on: `{rest}`; {hint}")
 }
+
+const OPERATORS: &str = "it is made of names, numbers, and && || ! == != < <= > >= + - * / ?: ( )";
 
 /// The operators, and our functions.
 static ENVIRONMENT: LazyLock<Arc<Env>> = LazyLock::new(|| {

@@ -4,7 +4,7 @@ use sim_settings::{Origin, Source, shorten};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::suggest::improve;
+use crate::suggest::{improve, plain};
 
 /// Where the number of a file is in a place; below it is the place in the file.
 const SHIFT: u32 = usize::BITS - 5;
@@ -47,12 +47,10 @@ impl<'t> Sources<'t> {
     pub(crate) fn syntax(&self, at: usize, error: &toml::de::Error) -> String {
         let own = error.span().filter(|span| *span != (0..0));
         let at = own.map_or(at, |span| span.start);
-        let message = error.message().replace('\n', " ");
+        let message = plain(&error.message().replace('\n', " "));
         let improved = improve(&message);
         // What it may have meant must not be cut off with the rest of a long list.
         let hint = improved.strip_prefix(&message).unwrap_or_default();
-        let list = "a list belongs here, also of one: `[{ … }]` instead of `{ … }`";
-        let message = message.replace("invalid type: map, expected a sequence", list);
         self.wrong(at, &message) + hint
     }
 
@@ -61,8 +59,17 @@ impl<'t> Sources<'t> {
         let text = self.0.get(number).map_or("", |source| source.text);
         let table = DeTable::parse(text).map_err(|error| {
             let at = error.span().map_or(0, |span| span.start);
-            let twice = "duplicate key; a list is written either `name = [{ … }, { … }]` or with `[[name]]`";
-            let message = error.message().replace("duplicate key", twice);
+            let rest = text.get(at..).unwrap_or_default();
+            let in_key = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+            let key = &rest[..rest.find(|c| !in_key(c)).unwrap_or(rest.len())];
+            let twice = match text.contains(&format!("[[{key}]]")) {
+                true => format!(
+                    "duplicate key `{key}`; a list is written either `{key} = [{{ … }}, {{ … }}]` or \
+                     with `[[{key}]]`"
+                ),
+                false => format!("duplicate key `{key}`"),
+            };
+            let message = error.message().replace("duplicate key", &twice);
             self.wrong(at | number << SHIFT, &message)
         })?;
         Ok(numbered_table(table.into_inner(), number << SHIFT))

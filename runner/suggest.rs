@@ -30,6 +30,49 @@ pub(crate) fn or_allowed(word: &str, allowed: &[&str]) -> String {
     )
 }
 
+/// What the TOML reader says of its own types, and what that means in a file.
+const PLAIN: [(&str, &str); 10] = [
+    (
+        "invalid type: map, expected a sequence",
+        "a list belongs here, also of one: `[{ … }]` instead of `{ … }`",
+    ),
+    (
+        "invalid type: unit variant, expected newtype variant",
+        "a value belongs to it: `{ name = … }` instead of `\"name\"`",
+    ),
+    ("expected u8", "expected a whole number from 0 to 255"),
+    (
+        "expected i16",
+        "expected a whole number from -32768 to 32767",
+    ),
+    ("expected u16", "expected a whole number from 0 to 65535"),
+    (
+        "expected u32",
+        "expected a whole number from 0 to 4294967295",
+    ),
+    ("expected i32", "expected a whole number"),
+    ("expected u64", "expected a whole number, 0 or more"),
+    ("expected usize", "expected a whole number, 0 or more"),
+    ("expected f64", "expected a number"),
+];
+
+/// An error of the TOML reader without the names of our types.
+pub(crate) fn plain(message: &str) -> String {
+    let mut plain = message.to_owned();
+    for (said, meant) in PLAIN {
+        let ends = plain.split_once(said).map(|(_, rest)| rest);
+        // `expected u8` is not the beginning of something longer.
+        if ends.is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_alphanumeric())) {
+            plain = plain.replacen(said, meant, 1);
+        }
+    }
+    let Some((before, rest)) = plain.split_once("expected struct ") else {
+        return plain;
+    };
+    let rest = rest.trim_start_matches(|c: char| c.is_ascii_alphanumeric());
+    format!("{before}expected a table, `{{ … }}`{rest}")
+}
+
 /// Adds to an error of the TOML reader what a misspelt field or word may have meant.
 pub(crate) fn improve(message: &str) -> String {
     let Some(at) = message

@@ -51,7 +51,7 @@ impl SimTime {
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "stated in the documentation")]
     pub fn as_secs_f64(self) -> f64 {
-        self.0 as f64 * 1e-9
+        self.0 as f64 / 1e9
     }
 
     /// The span from `earlier` to this; zero if `earlier` is later.

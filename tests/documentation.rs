@@ -109,7 +109,7 @@ impl Block<'_> {
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for name in ["scenarios", "worlds", "docs"] {
+    for name in ["scenarios", "worlds", "docs", "python"] {
         symlink(root.join(name), folder.path().join(name)).unwrap();
     }
     for block in [&*SCENARIOS, &*CI]
@@ -289,7 +289,7 @@ fn further_commands_are_understood() {
                     sim.wait_ready();
                     sim.stop();
                 } else {
-                    let known = ["pip ", "cargo ", "sim ", "python3 ", "pytest"];
+                    let known = ["pip ", "cargo ", "sim ", "python3 ", "pytest", "robot "];
                     let is_known = known.iter().any(|known| line.starts_with(known));
                     assert!(is_known, "what is {line:?}?");
                 }

@@ -67,6 +67,9 @@ const EXAMPLES: [(&str, &str, &str, &str); 8] = [
     ),
 ];
 
+/// Those for clients of their own.
+const JOBS: [&str; 2] = ["square", "there-and-back"];
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -94,10 +97,10 @@ fn each_is_short_and_in_the_documentation() {
         let link = format!("(examples/{name}.toml)");
         assert!(scenarios.contains(&link), "no {link} in docs/scenarios.md");
         let tested = EXAMPLES.iter().any(|(tested, ..)| *tested == name);
-        assert!(tested || name == "square", "{name} is not tested");
+        assert!(tested || JOBS.contains(&name), "{name} is not tested");
         count += 1;
     }
-    assert_eq!(count, EXAMPLES.len() + 1);
+    assert_eq!(count, EXAMPLES.len() + JOBS.len());
 }
 
 #[test]
@@ -121,45 +124,76 @@ fn each_passes_as_it_is_and_fails_who_does_it_wrong() {
     }
 }
 
+/// Verdicts of a client of the examples in the simulator's time, which takes what it takes.
+fn verdicts(python: &str, what: &[&str], client: &str) -> Vec<String> {
+    let mut command = harness::command();
+    command
+        .args(["run", "--seed", "1", "--time", "lockstep"])
+        .args(what);
+    command
+        .args(["--", python])
+        .arg(example(client))
+        .current_dir(root());
+    let played = command.output().unwrap();
+    let printed = String::from_utf8(played.stdout).unwrap();
+    let verdict = |line: &&str| line.starts_with("ok ") || line.starts_with("FAILED ");
+    let lines: Vec<String> = printed.lines().filter(verdict).map(str::to_owned).collect();
+    let failed = lines.iter().any(|line| line.starts_with("FAILED"));
+    assert_eq!(played.status.code(), Some(i32::from(failed)), "{printed}");
+    lines
+}
+
+fn all_pass(verdicts: &[String], count: usize) {
+    assert_eq!(verdicts.len(), count, "{verdicts:#?}");
+    let passed = verdicts.iter().all(|line| line.starts_with("ok "));
+    assert!(passed, "{verdicts:#?}");
+}
+
 #[test]
-fn the_square_is_a_second_job_for_all_faults() {
+fn a_careful_client_passes_all_faults_in_a_second_job() {
     let Some(python) = python() else { return };
-    let folder = Folder::with(&[]);
-    let square = example("square.toml");
-    let square = square.to_str().unwrap();
-    let faults = root().join("scenarios/r150/faults");
-    let faults = faults.to_str().unwrap();
-    let play = |what: &[&str], client: &str| {
-        let client = example(client);
-        let client = ["--", python, client.to_str().unwrap()];
-        let base = ["run", "--seed", "1", "--time", "lockstep"];
-        folder.sim(&[&base, what, &client].concat())
-    };
-    let within = ["--job", square, faults];
-    let careful = play(&within, "careful_square.py");
-    assert_eq!(careful.code(), Some(0), "{}", careful.out);
-    assert!(
-        careful.out.contains("27 passed, 0 failed"),
-        "{}",
-        careful.out
+    let square = [
+        "--job",
+        "docs/examples/square.toml",
+        "scenarios/r150/faults",
+    ];
+    all_pass(&verdicts(python, &square, "careful_square.py"), 27);
+    all_pass(&verdicts(python, &square[1..2], "careful_square.py"), 1);
+    let there = [
+        "--job",
+        "docs/examples/there-and-back.toml",
+        "scenarios/mecanum/faults",
+    ];
+    all_pass(&verdicts(python, &there, "careful_there_and_back.py"), 11);
+    all_pass(
+        &verdicts(python, &there[1..2], "careful_there_and_back.py"),
+        1,
     );
-    let plain = play(&[square], "naive_square.py");
-    assert_eq!(plain.code(), Some(0), "{}", plain.out);
-    let naive = play(&within, "naive_square.py");
-    assert_eq!(naive.code(), Some(1), "{}", naive.out);
-    for file in [
-        "bytes-lost",
-        "cable-pulled",
-        "camera-shorted",
-        "emergency-stop",
-        "line-mute",
-        "replies-missing",
-        "vehicle-deaf",
-        "wheel-blocked",
-    ] {
-        let failed = naive.out.lines().any(|line| {
-            line.starts_with("FAILED") && line.contains(&format!("/faults/{file}.toml"))
-        });
-        assert!(failed, "it passes {file}:\n{}", naive.out);
-    }
+}
+
+#[test]
+fn a_naive_client_fails_where_it_should_in_a_second_job() {
+    let Some(python) = python() else { return };
+    let job = "docs/examples/square.toml";
+    all_pass(&verdicts(python, &[job], "naive_square.py"), 1);
+    let faults = [
+        "scenarios/r150/faults/bytes-lost.toml",
+        "scenarios/r150/faults/cable-pulled.toml",
+        "scenarios/r150/faults/camera-shorted.toml",
+        "scenarios/r150/faults/emergency-stop.toml",
+        "scenarios/r150/faults/line-mute.toml",
+        "scenarios/r150/faults/replies-missing.toml",
+        "scenarios/r150/faults/vehicle-deaf.toml",
+        "scenarios/r150/faults/wheel-blocked.toml",
+    ];
+    let all = verdicts(
+        python,
+        &[&["--job", job], &faults[..]].concat(),
+        "naive_square.py",
+    );
+    assert_eq!(all.len(), faults.len(), "{all:#?}");
+    assert!(
+        all.iter().all(|line| line.starts_with("FAILED ")),
+        "{all:#?}"
+    );
 }

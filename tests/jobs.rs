@@ -445,6 +445,43 @@ whenever = "truth.at_rest"
 }
 
 #[test]
+fn errors_are_in_the_words_of_the_file() {
+    let head = "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"5 s\"\n";
+    let device = "device = [{ kind = \"r150\" }]\n";
+    let step = |what: &str| format!("{head}{device}step = [{{ at = \"1 s\", {what} }}]\n");
+    for (text, wanted) in [
+        (
+            step("host = { send = \"set_motors\" }"),
+            "s.toml:6:39: `step.host.send`: a value belongs to it: `{ name = … }` instead of `\"name\"`",
+        ),
+        (
+            step("expect = \"truth.at_rest\""),
+            "expected a table, `{ … }`",
+        ),
+        (
+            step("host = { send = { set_motors = { right = \"50 %\", left = 3 } } }"),
+            "expected a whole number from -32768 to 32767",
+        ),
+        (
+            format!("{head}{device}base = \"nowhere.toml\"\n"),
+            "s.toml: cannot read the base nowhere.toml",
+        ),
+        (
+            format!("{head}{device}world = \"nowhere.toml\"\n"),
+            "s.toml: cannot read the world file nowhere.toml",
+        ),
+        (
+            format!("{head}{device}limit = \"6 s\"\n"),
+            "s.toml:6:1: duplicate key `limit`",
+        ),
+    ] {
+        let folder = folder(&[("s.toml", &*text)]);
+        let printed = prints(&folder, &["check", "s.toml"], 2, &[wanted]);
+        assert_eq!(printed.lines().count(), 1, "{printed}");
+    }
+}
+
+#[test]
 fn a_client_that_falls_silent_does_not_start_again() {
     // It drives, and never sends a stop: the watchdog stops the vehicle.
     let client = "stty -F \"$SIM_R150_PORT\" raw -echo 115200; exec 3<>\"$SIM_R150_PORT\"; \

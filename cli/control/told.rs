@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 use sim_control::{Refusal, Reply};
 use sim_core::device::Devices;
 use sim_core::fault::catalogue;
-use sim_core::rig::{PortId, Rig};
+use sim_core::rig::Rig;
 use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
 use sim_physics::Drawing;
@@ -204,7 +204,6 @@ pub(super) fn picture(run: &Run) -> Value {
             "touching": touching,
             "wheels": drawing.wheels.iter().map(|wheel| wheel.speed).collect::<Vec<_>>(),
             "echoes": drawing.echoes.iter().map(|echo| echo.distance).collect::<Vec<_>>(),
-            "pulled": rig.cable_pulled(PortId { device: index, link: 0 }),
         })
     });
     json!({"t": rig.now().as_secs_f64(), "devices": devices.collect::<Vec<_>>()})

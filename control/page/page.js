@@ -132,7 +132,7 @@ function take(kind, data) {
   else if (kind === "log") addLine(data);
   else if (kind === "time") setTime(data);
   else if (kind === "step") refreshSoon();
-  else if (kind === "lost") element("lost").textContent = `${data.messages} messages lost: the page is too slow`;
+  else if (kind === "lost") element("lost").textContent = `${data.messages} lines left out: too many`;
   else if (kind === "end") tell("the simulation has ended", true);
 }
 

@@ -1,7 +1,11 @@
 // The world from above, to scale. All lengths in metres, x to the right, y up.
 
+import { Still } from "./still.js";
+
 const MOST_WAY = 4000; // points of the way that a vehicle came
 const WAY_STEP = 0.02;
+const GRIDS = [0.1, 0.5, 1, 5, 10, 50]; // m
+const SLOWEST = 100; // ms between two states, beyond which a vehicle stands rather than crawls on
 
 export class Picture {
   constructor(canvas) {
@@ -16,11 +20,13 @@ export class Picture {
     this.show = { rays: true, trails: true, follow: false };
     this.dirty = true;
     this.frames = 0;
+    this.every = 1000 / 60; // ms between two states, on average
+    this.still = new Still();
     this.#controls();
     new ResizeObserver(() => { this.dirty = true; }).observe(canvas);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.dirty = true; this.colours = null; });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.dirty = true; this.colours = null; this.still.forget(); });
     const frame = () => {
-      if (this.dirty) { this.dirty = false; this.#draw(); this.frames += 1; }
+      if (this.dirty) { this.dirty = this.#draw() < 1; this.frames += 1; }
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
@@ -28,33 +34,61 @@ export class Picture {
 
   setState(state) {
     const first = this.devices.length === 0;
-    this.world = state.world;
+    if (JSON.stringify(state.world) !== JSON.stringify(this.world)) {
+      this.world = state.world;
+      this.still.forget();
+    }
     this.devices = state.devices;
     this.dirty = true;
     if (first) this.wantsFit = true;
   }
 
-  // Where everything is now.
+  // Where everything is now. It is gone to from where it is shown, in the time that one state lasts.
   setNow(now) {
-    if (this.now && now.t < this.now.t) { this.ways = []; this.bumps = []; }
-    this.now = now;
+    if (this.now && now.t < this.now.t) { this.ways = []; this.bumps = []; this.now = null; this.still.forget(); }
+    const passed = now.t - (this.now?.t ?? now.t);
+    if (this.now && passed === 0) return;
+    const arrived = performance.now();
     now.devices.forEach((device, index) => {
-      const way = (this.ways[index] ??= []);
-      const last = way.at(-1);
-      if (!last || Math.hypot(device.x - last[0], device.y - last[1]) > WAY_STEP) {
-        way.push([device.x, device.y]);
-        if (way.length > MOST_WAY) way.splice(0, MOST_WAY / 4);
-      }
-      if (device.touching && !this.touched?.[index]) this.bumps.push([device.x, device.y, now.t]);
+      this.#remember(device, index, now.t);
+      const angles = this.now?.devices[index].angles;
+      device.angles = device.wheels.map((speed, wheel) => (angles?.[wheel] ?? 0) + speed * passed);
     });
     this.bumps = this.bumps.slice(-100);
-    this.touched = now.devices.map((device) => device.touching);
-    const passed = Math.max(0, now.t - (this.turned ?? now.t));
-    this.turned = now.t;
-    this.angles = now.devices.map((device, index) =>
-      device.wheels.map((speed, wheel) => ((this.angles?.[index]?.[wheel] ?? 0) + speed * passed) % (2 * Math.PI)));
+    this.from = this.now ? this.#shown(arrived).devices : now.devices;
+    this.every += 0.1 * (Math.min(arrived - (this.arrived ?? arrived), SLOWEST) - this.every);
+    this.arrived = arrived;
+    this.now = now;
     this.dirty = true;
     if (this.wantsFit) { this.wantsFit = false; this.fit(); }
+  }
+
+  // The way that a vehicle comes, and where it hits something.
+  #remember(device, index, t) {
+    const way = (this.ways[index] ??= []);
+    const last = way.at(-1);
+    if (!last || Math.hypot(device.x - last[0], device.y - last[1]) > WAY_STEP) {
+      way.push([device.x, device.y]);
+      if (way.length > MOST_WAY) { way.splice(0, MOST_WAY / 4); this.still.forget(); }
+    }
+    if (device.touching && !this.now?.devices[index].touching) this.bumps.push([device.x, device.y, t]);
+  }
+
+  // The vehicles as they are to be seen, and how much of the way there is behind them.
+  #shown(at) {
+    const part = Math.min((at - this.arrived) / this.every, 1);
+    const between = (a, b) => a + (b - a) * part;
+    const devices = this.now.devices.map((device, index) => {
+      const from = this.from[index];
+      return {
+        ...device,
+        x: between(from.x, device.x),
+        y: between(from.y, device.y),
+        heading: from.heading + Math.atan2(Math.sin(device.heading - from.heading), Math.cos(device.heading - from.heading)) * part,
+        angles: device.angles.map((angle, wheel) => between(from.angles[wheel], angle)),
+      };
+    });
+    return { part, devices };
   }
 
   fit() {
@@ -132,97 +166,36 @@ export class Picture {
     this.dirty = true;
   }
 
-  #colour(name) {
+  colour(name) {
     this.colours ??= getComputedStyle(this.canvas);
     return this.colours.getPropertyValue(`--${name}`).trim();
   }
 
+  // Draws, and says how much of the way from one state to the next is behind it.
   #draw() {
-    const { canvas, show, now } = this;
+    const { canvas, show } = this;
     const ratio = devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
     }
-    const chosen = now?.devices[this.chosen ?? 0];
+    const { part, devices } = this.now ? this.#shown(performance.now()) : { part: 1, devices: [] };
+    const chosen = devices[this.chosen ?? 0];
     if (show.follow && chosen) this.at = [chosen.x, chosen.y];
-    const draw = canvas.getContext("2d");
-    draw.setTransform(ratio, 0, 0, ratio, 0, 0);
-    draw.fillStyle = this.#colour("ground");
-    draw.fillRect(0, 0, width, height);
     const zoom = ratio * this.scale;
-    draw.setTransform(zoom, 0, 0, -zoom, ratio * width / 2 - this.at[0] * zoom, ratio * height / 2 + this.at[1] * zoom);
     this.hair = 1 / this.scale;
-    this.#grid(draw, width, height);
-    this.#ground(draw);
-    if (show.trails) this.#trails(draw);
-    for (const one of this.world.obstacles) this.#solid(draw, one);
-    now?.devices.forEach((device, index) => this.#vehicle(draw, device, this.devices[index], index));
+    this.grid = GRIDS.find((step) => step * this.scale > 40) ?? 100;
+    const draw = canvas.getContext("2d");
+    draw.setTransform(1, 0, 0, 1, 0, 0);
+    this.still.draw(draw, this, zoom);
+    draw.setTransform(zoom, 0, 0, -zoom, canvas.width / 2 - this.at[0] * zoom, canvas.height / 2 + this.at[1] * zoom);
+    devices.forEach((device, index) => this.#vehicle(draw, device, this.devices[index], index));
     this.#bumps(draw);
     draw.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.#ruler(draw, height);
-    now?.devices.forEach((device, index) => this.#label(draw, device, this.devices[index], width, height));
-  }
-
-  #grid(draw, width, height) {
-    const step = [0.1, 0.5, 1, 5, 10, 50].find((step) => step * this.scale > 40) ?? 100;
-    const [w, h] = [width / this.scale / 2, height / this.scale / 2];
-    draw.beginPath();
-    for (let x = Math.ceil((this.at[0] - w) / step) * step; x < this.at[0] + w; x += step) {
-      draw.moveTo(x, this.at[1] - h); draw.lineTo(x, this.at[1] + h);
-    }
-    for (let y = Math.ceil((this.at[1] - h) / step) * step; y < this.at[1] + h; y += step) {
-      draw.moveTo(this.at[0] - w, y); draw.lineTo(this.at[0] + w, y);
-    }
-    draw.strokeStyle = this.#colour("line");
-    draw.lineWidth = this.hair * 0.6;
-    draw.stroke();
-    this.grid = step;
-  }
-
-  #ground(draw) {
-    for (const area of this.world.areas) {
-      draw.globalAlpha = 0.35;
-      draw.fillStyle = this.#colour(area.kind === "slope" ? "slope" : "slip");
-      this.#path(draw, area.outline);
-      draw.fill();
-    }
-    draw.globalAlpha = 1;
-    draw.lineCap = "round";
-    for (const strip of this.world.strips) {
-      draw.strokeStyle = this.#colour("strip");
-      draw.lineWidth = Math.max(2 * strip.radius, this.hair);
-      draw.beginPath(); draw.moveTo(...strip.from); draw.lineTo(...strip.to); draw.stroke();
-    }
-    draw.fillStyle = this.#colour("tag");
-    for (const tag of this.world.tags) {
-      draw.fillRect(tag.x - 0.03, tag.y - 0.03, 0.06, 0.06);
-    }
-  }
-
-  #solid(draw, obstacle) {
-    draw.fillStyle = this.#colour("wall");
-    this.#path(draw, obstacle.outline);
-    draw.fill();
-  }
-
-  #path(draw, outline) {
-    draw.beginPath();
-    outline.forEach((point, index) => (index ? draw.lineTo(...point) : draw.moveTo(...point)));
-    draw.closePath();
-  }
-
-  #trails(draw) {
-    draw.lineWidth = this.hair * 1.5;
-    draw.strokeStyle = this.#colour("accent");
-    draw.globalAlpha = 0.5;
-    for (const way of this.ways) {
-      draw.beginPath();
-      way?.forEach((point, index) => (index ? draw.lineTo(...point) : draw.moveTo(...point)));
-      draw.stroke();
-    }
-    draw.globalAlpha = 1;
+    devices.forEach((device, index) => this.#label(draw, device, this.devices[index], width, height));
+    return part;
   }
 
   #vehicle(draw, device, about, index) {
@@ -232,11 +205,11 @@ export class Picture {
     draw.rotate(device.heading);
     if (this.show.rays) this.#rays(draw, device, about);
     const { length, width } = about.body;
-    draw.fillStyle = this.#colour("panel");
-    draw.strokeStyle = this.#colour(device.touching ? "bad" : index === (this.chosen ?? 0) ? "accent" : "ink");
+    draw.fillStyle = this.colour("panel");
+    draw.strokeStyle = this.colour(device.touching ? "bad" : index === (this.chosen ?? 0) ? "accent" : "ink");
     draw.lineWidth = this.hair * 2;
-    about.wheels.forEach((wheel, at) => this.#wheel(draw, wheel, this.angles?.[index]?.[at] ?? 0));
-    draw.fillStyle = this.#colour("panel");
+    about.wheels.forEach((wheel, at) => this.#wheel(draw, wheel, device.angles[at] ?? 0));
+    draw.fillStyle = this.colour("panel");
     draw.globalAlpha = 0.75;
     draw.fillRect(-length / 2, -width / 2, length, width);
     draw.globalAlpha = 1;
@@ -253,9 +226,9 @@ export class Picture {
   // A wheel from above: marks on its rim run over it as it turns.
   #wheel(draw, wheel, angle) {
     const radius = wheel.length / 2;
-    draw.fillStyle = this.#colour("ink");
+    draw.fillStyle = this.colour("ink");
     draw.fillRect(wheel.x - radius, wheel.y - wheel.width / 2, wheel.length, wheel.width);
-    draw.fillStyle = this.#colour("accent");
+    draw.fillStyle = this.colour("accent");
     for (let mark = 0; mark < 6; mark += 1) {
       const turned = angle + (mark * Math.PI) / 3;
       if (Math.cos(turned) <= 0) continue;
@@ -273,7 +246,7 @@ export class Picture {
       draw.moveTo(sensor.x, sensor.y);
       draw.arc(sensor.x, sensor.y, range, sensor.heading - sensor.opening / 2, sensor.heading + sensor.opening / 2);
       draw.closePath();
-      draw.fillStyle = this.#colour("ray");
+      draw.fillStyle = this.colour("ray");
       draw.globalAlpha = found === null ? 0.06 : 0.3;
       draw.fill();
     });
@@ -281,7 +254,7 @@ export class Picture {
   }
 
   #bumps(draw) {
-    draw.strokeStyle = this.#colour("bad");
+    draw.strokeStyle = this.colour("bad");
     draw.lineWidth = this.hair * 2;
     for (const [x, y] of this.bumps) {
       const r = 5 * this.hair;
@@ -294,7 +267,7 @@ export class Picture {
 
   #ruler(draw, height) {
     const length = this.grid * this.scale;
-    draw.fillStyle = draw.strokeStyle = this.#colour("dim");
+    draw.fillStyle = draw.strokeStyle = this.colour("dim");
     draw.lineWidth = 2;
     draw.beginPath();
     draw.moveTo(12, height - 12); draw.lineTo(12 + length, height - 12);
@@ -307,7 +280,7 @@ export class Picture {
     if (!about || this.devices.length < 2) return;
     const x = width / 2 + (device.x - this.at[0]) * this.scale;
     const y = height / 2 - (device.y - this.at[1]) * this.scale;
-    draw.fillStyle = this.#colour("dim");
+    draw.fillStyle = this.colour("dim");
     draw.fillText(about.name, x + 8, y - (about.body.width / 2) * this.scale - 8);
   }
 }

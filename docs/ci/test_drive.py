@@ -1,33 +1,28 @@
-"""Tests of a client with pytest, with the fixtures of conftest.py.
+"""Tests of a client with pytest, with the plugin of the wheel `rigsim`."""
 
-    pytest docs/ci --scenario-tag drive
-"""
 import sys
 from pathlib import Path
 
+import pytest
+import rigsim
 import serial
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+ROOT = Path(__file__).parent.parent.parent
+SCENARIOS = rigsim.scenarios(ROOT / "scenarios/r150/jobs", ROOT / "scenarios/mecanum/jobs", tag="drive")
 # By a folder on the way to the scenario; with one client for all, just its path.
 CLIENTS = {"r150": "careful_client.py", "mecanum": "careful_car_client.py"}
-HEARTBEAT = bytes.fromhex("AA 55 00 07 C7 84")
 AHEAD = bytes.fromhex("AA 55 04 12 F4 01 F4 01 45 38")
 
 
-def test_a_heartbeat_is_answered(r150):
-    with serial.Serial(r150.port, 115200, timeout=2) as port:
-        port.write(HEARTBEAT)
-        assert port.read(7).hex(" ") == "aa 55 01 07 01 c6 53"
-
-
-def test_the_watchdog_stops_a_silent_client(r150):
-    with serial.Serial(r150.port, 115200, timeout=2) as port:
+def test_the_watchdog_stops_a_silent_client(sim_r150):
+    with serial.Serial(sim_r150.port, 115200) as port:
         port.write(AHEAD)
-        assert len(port.read(14)) == 14
-        assert port.read(1) == b""  # two seconds of silence; the watchdog says nothing on the line
-    assert "[watchdog_fired]" in r150.log()
+        sim_r150.until("truth.distance_m > 0.02", within="5 s")
+        sim_r150.until("truth.at_rest && firmware.motor_left == 0", within="5 s")
+    assert [entry["code"] for entry in sim_r150.report] == ["watchdog_fired"]
 
 
-def test_scenario(scenario, play):
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: Path(path).stem)
+def test_scenario(scenario, sim_play):
     client = next(CLIENTS[part] for part in Path(scenario).parts if part in CLIENTS)
-    play(scenario, sys.executable, EXAMPLES / client)
+    sim_play(scenario, sys.executable, ROOT / "docs/examples" / client)

@@ -261,13 +261,13 @@ class Car:
                 self.stop()
 
 
-def main():
+def main(sides=SIDES):
     paths = sys.argv[1:] or [os.environ["SIM_CAR_PORT"], os.environ["SIM_CAR_ROS_PORT"]]
     car = Car(Link(paths[0], 115200), Link(paths[1], 9600))
     try:
         car.look()
         car.set_pose(0, 0, 0)
-        for axis, corner, by_line in SIDES:
+        for axis, corner, by_line in sides:
             car.drive(axis, corner, by_line)
         print("back where it began")
     except Trouble as trouble:
@@ -275,4 +275,5 @@ def main():
     car.stop()
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -10,7 +10,7 @@
 """
 
 from .control import Control, ControlError, Event, NotReached, Refused
-from .simulator import Device, Simulator, Step, connect, find, program, start
+from .simulator import Device, Simulator, Step, connect, find, joinable, program, scenarios, start
 
 __all__ = [
     "Control",
@@ -23,6 +23,8 @@ __all__ = [
     "Step",
     "connect",
     "find",
+    "joinable",
     "program",
+    "scenarios",
     "start",
 ]

@@ -42,6 +42,15 @@ def program() -> str:
     return found
 
 
+def scenarios(*places: PathLike, tag: Optional[str] = None) -> List[str]:
+    """The scenario files in files and folders, as ``sim run --list`` has them; with a tag, those alone."""
+    command = [program(), "run", "--list", *(["--tag", tag] if tag else []), *map(str, places)]
+    listed = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if listed.returncode != 0:
+        raise ValueError(listed.stderr.strip())
+    return [line.split(": ")[0] for line in listed.stdout.splitlines()]
+
+
 def span(value: Seconds) -> str:
     """A time as files have it; plain numbers are seconds."""
     return value if isinstance(value, str) else f"{value!r} s"
@@ -122,6 +131,7 @@ class Device:
     def until(self, condition: str, within: Seconds = "5 s", message: Optional[str] = None) -> None:
         """Waits until a condition holds, ``within`` simulated time; with several devices, names in it
         begin with a device's. Raises :class:`NotReached`."""
+        __tracebackhide__ = True
         self.simulator.until(condition, within, message)
 
     def fault(self, kind: str, lasts: Optional[Seconds] = None, **parameters: Json) -> Step:
@@ -214,6 +224,8 @@ class Simulator:
 
     def until(self, condition: str, within: Seconds = "5 s", message: Optional[str] = None) -> None:
         """Waits until a condition holds, ``within`` simulated time. Raises :class:`NotReached`."""
+        # A test that fails here shows the test, and not this.
+        __tracebackhide__ = True
         expect = {"that": condition, "within": span(within)}
         if message is not None:
             expect["message"] = message
@@ -316,6 +328,7 @@ def start(
     rig: Optional[PathLike] = None,
     scenario: Optional[PathLike] = None,
     world: Optional[PathLike] = None,
+    listen: Optional[str] = None,
     settings: Optional[Mapping[str, object]] = None,
     seed: Optional[int] = None,
     speed: float = 1.0,
@@ -326,9 +339,10 @@ def start(
     """Starts a simulator and waits until clients can connect.
 
     Either one ``device``, or the devices of a ``rig`` file or of a ``scenario``, whose steps happen then.
-    ``settings`` are those of ``sim config``,
-    as ``{"r150.heartbeat_timeout": "5s"}``; ``arguments`` go to ``sim`` as they are. Ports and log are
-    in ``folder``, or in a new one that goes with the simulator; ``trace`` is written if it is named.
+    One device is served on the network if ``listen`` says where, as ``rfc2217://127.0.0.1:0``.
+    ``settings`` are those of ``sim config``, as ``{"r150.heartbeat_timeout": "5s"}``; ``arguments`` go to
+    ``sim`` as they are. Ports and log are in ``folder``, or in a new one that goes with the simulator;
+    ``trace`` is written if it is named.
     """
     own = None
     if folder is None:
@@ -342,7 +356,8 @@ def start(
     elif scenario is not None:
         command += ["--scenario", str(scenario), "--pty", str(place / "port")]
     else:
-        command += ["--device", device, "--pty", str(place / device)]
+        command += ["--device", device]
+        command += ["--pty", str(place / device)] if listen is None else ["--listen", listen]
         if world is not None:
             command += ["--world", str(world)]
     if seed is not None:

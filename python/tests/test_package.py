@@ -87,7 +87,7 @@ def test_a_test_that_fails_shows_and_keeps_what_happened(pytester):
     )
     result = pytester.runpytest_subprocess("--sim-keep", "kept", "-p", "no:cacheprovider")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*- simulator, to its teardown -*", "*operator: lock*"])
+    result.stdout.fnmatch_lines(["*- simulator, to its teardown -*", "*operator: lock*", "log, trace and picture: kept/*"])
     (folder,) = (pytester.path / "kept").iterdir()
     names = {path.name for path in folder.iterdir()}
     assert {"sim1-sim.log", "sim1-trace.jsonl", "sim1-picture.svg"} <= names
@@ -117,6 +117,27 @@ def test_a_scenario_judges_a_test(pytester):
     result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
     result.assert_outcomes(passed=2, errors=1)
     result.stdout.fnmatch_lines(["*too late*"])
+
+
+def test_a_scenario_is_a_test(pytester):
+    for name, rule in {"good": "", "bad": '[[never]]\nthat = "t > 0.2"\nmessage = "too late"\n'}.items():
+        (pytester.path / f"{name}.toml").write_text(STAND % "500 ms" + rule)
+    pytester.makepyfile(
+        """
+        import pytest, rigsim
+
+        @pytest.mark.parametrize("scenario", rigsim.scenarios("good.toml", "bad.toml"))
+        def test_it(sim_play, scenario):
+            sim_play(scenario)
+        """
+    )
+    result = pytester.runpytest_subprocess("--sim-keep", "kept", "-p", "no:cacheprovider")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*FAILED  bad.toml: Stand*", "*too late*"])
+    (folder,) = (pytester.path / "kept").iterdir()
+    assert [path.name for path in folder.glob("*.trace.jsonl")] == ["bad.trace.jsonl"]
+    with pytest.raises(ValueError, match="nowhere.toml"):
+        rigsim.scenarios("nowhere.toml")
 
 
 def test_tests_run_in_parallel(pytester):

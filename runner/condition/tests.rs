@@ -69,6 +69,14 @@ fn what_makes_none_is_refused_in_words() {
         ("", "not finished"),
         ("t % 2 == 0", "`%` is not known here"),
         ("t > 1 $ 2", "cannot be read from character"),
+        (
+            "t > 1 and t < 2",
+            "from character 7 on: `and t < 2`; `and` is written `&&`",
+        ),
+        ("t > 1 or t < 0", "`or` is written `||`"),
+        ("not truth.at_rest", "`not` is written `!`"),
+        ("t = 1", "`==` compares"),
+        ("truth.speed_mps < 1 m/s", "a number has no unit"),
         ("t in [1]", "no use here"),
         ("has(truth.x_m)", "no name"),
     ] {

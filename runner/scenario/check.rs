@@ -21,7 +21,7 @@ use super::{Action, MOST_STEPS, Rule, Scenario, Step, Times, Trigger};
 use crate::condition::{Condition, Saved, Scope, Value, identifier};
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::sources::{MOST_FILES, Sources};
-use crate::suggest::{improve, nearest};
+use crate::suggest::{improve, nearest, plain};
 use crate::tables::{self, Tables};
 
 pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
@@ -245,7 +245,7 @@ pub(super) fn read_step(
 ) -> Result<(Step, Vec<Saved>), RigFileError> {
     let mut text: StepText = toml::from_str(source.text).map_err(|error| {
         let line = source.syntax(&error).to_string();
-        RigFileError(vec![improve(&line)])
+        RigFileError(vec![improve(&plain(&line))])
     })?;
     if text.at.is_none() && text.when.is_none() && text.after.is_none() {
         text.at = Some(Spanned::new(0..0, TimeText::Exactly(Span::default())));

@@ -51,7 +51,15 @@ impl<'t> Problems<'t> {
         result: Result<T, toml::de::Error>,
     ) -> Option<T> {
         result
-            .map_err(|error| self.add_lines([self.sources.syntax(at.start, &error)]))
+            .map_err(|error| {
+                let own = error.span().filter(|span| *span != (0..0));
+                let start = own.map_or(at.start, |span| span.start);
+                let place = format!("{}: ", self.sources.place(start));
+                // What is wrong there with what stands for something else cannot be read, either.
+                if start == 0 || !self.lines.iter().any(|line| line.starts_with(&place)) {
+                    self.add_lines([self.sources.syntax(at.start, &error)]);
+                }
+            })
             .ok()
     }
 

@@ -338,7 +338,7 @@ fn what_the_whole_file_lacks_is_told() {
         ),
         (
             format!("{HEAD}step = []\n{CAR}[[step]]\nat = \"1s\"\nname = \"x\"\n"),
-            "a list is written either `name = [{ … }, { … }]` or with `[[name]]`",
+            "duplicate key `step`; a list is written either `step = [{ … }, { … }]` or with `[[step]]`",
         ),
         (
             format!("{HEAD}client_report = {{ only = \"live\" }}\n{CAR}"),

@@ -2,138 +2,31 @@
 
     python3 tests/control/page.py SIM FOLDER
 
-Needs `pip install playwright` and a Chromium of the system. Pictures are left in FOLDER;
-`page-desk-light.png` is `docs/pictures/page.png`.
+Pictures are left in FOLDER.
 """
 
-import atexit
 import json
-import os
-import shutil
-import signal
-import struct
-import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from with_page import YARD, Driver, Simulator, chromium, open_page, wait
 
-SIM, FOLDER = str(Path(sys.argv[1]).absolute()), Path(sys.argv[2]).absolute()
-ROOT = Path(__file__).parent.parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
-from browser import SCHEMES, VIEWS, launch, overflow
-# Spent only on failure, since the machine may be busy.
-PATIENCE = 120
+from browser import SCHEMES, VIEWS, overflow
+
 HOSTILE = "<img src=x onerror=\"document.title='run'\">"
-RIG = f"""
-schema = 1
-world = "{ROOT}/worlds/yard.toml"
-[[device]]
-kind = "r150"
-port = "r150"
-[[device]]
-kind = "mecanum"
-name = "car"
-port = "car"
-pose = {{ x = "-0.5 m", y = "1.6 m", heading = "40 deg" }}
-"""
-TEN = "schema = 1\n" + "".join(
-    f'[[device]]\nkind = "mecanum"\nname = "car-{at}"\nport = "car-{at}"\n'
-    f'pose = {{ x = "{at % 5 * 2} m", y = "{at // 5 * 2} m" }}\n'
-    for at in range(10)
-)
 
 
-def frame(command, parameters=b""):
-    crc = 0xFFFF
-    for byte in bytes([command]) + parameters:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
-    return b"\xAA\x55" + bytes([len(parameters), command]) + parameters + struct.pack("<H", crc ^ 0xFFFF)
-
-
-class Simulator:
-    """A simulator of a rig, which ends well and whose recording is the same again."""
-
-    def __init__(self, name, rig):
-        self.folder = FOLDER / name
-        shutil.rmtree(self.folder, ignore_errors=True)
-        self.folder.mkdir(parents=True, mode=0o700)
-        (self.folder / "rig.toml").write_text(rig)
-        self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
-        self.environment.pop("SIM_CONTROL", None)
-        self.trace, ready = self.folder / "trace.jsonl", self.folder / "ready"
-        command = [SIM, "--rig", self.folder / "rig.toml", "--control", "127.0.0.1:0", "--seed", "1"]
-        command += ["--ready-file", ready, "--trace", self.trace]
-        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=self.environment)
-        atexit.register(self.process.kill)
-        wait("the simulator is ready", ready.exists)
-
-    def ctl(self, *arguments):
-        command = [SIM, "ctl", *arguments]
-        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, (arguments, done)
-        return done.stdout.strip()
-
-    def stop(self):
-        self.process.send_signal(signal.SIGINT)
-        assert self.process.wait(PATIENCE) == 0
-        subprocess.run([SIM, "replay", self.trace], check=True, stdout=subprocess.DEVNULL)
-        return [json.loads(line) for line in self.trace.read_text().splitlines()]
-
-
-class Driver(threading.Thread):
-    """A client that drives the R150 to and fro, whatever happens."""
-
-    def __init__(self, path):
-        super().__init__(daemon=True)
-        self.file = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        self.done = threading.Event()
-
-    def run(self):
-        begun = time.monotonic()
-        while not self.done.wait(0.1):
-            ahead = 1 if (time.monotonic() - begun) % 8 < 4 else -1
-            os.write(self.file, frame(0x12, struct.pack("<hh", ahead * 330, ahead * 250)))
-            try:
-                os.read(self.file, 1000)
-            except BlockingIOError:
-                pass
-
-
-def wait(what, done):
-    end = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < end, f"in vain waited until {what}"
-        time.sleep(0.05)
-
-
-def open_page(browser, url, **options):
-    page = browser.new_context(**options).new_page()
-    page.set_default_timeout(PATIENCE * 1000)
-    wrong = []
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("dialog", lambda dialog: wrong.append(dialog.message))
-    page.goto(url)
-    # The page forbids what the tool would wait with.
-    wait("it is drawn", lambda: page.evaluate("window.sim?.picture.frames > 2 && sim.charts.names.length > 0"))
-    return page, wrong
-
-
-def looks(browser, simulator):
+def looks(browser, simulator, folder):
     """Dark and light, on a desk and on a phone."""
     colours = set()
     for scheme in SCHEMES:
         for name, options in VIEWS.items():
-            page, wrong = open_page(browser, simulator.ctl("url"), color_scheme=scheme, **options)
+            page, wrong = open_page(browser, simulator, color_scheme=scheme, **options)
             # The token is not left where it is seen.
             assert "token" not in page.url, page.url
             wait("the way is drawn", lambda page=page: page.evaluate("sim.picture.ways[0]?.length > 10"))
             wait("a chart is drawn", lambda page=page: page.evaluate("[...sim.charts.charts.values()][0].points.length > 60"))
-            page.screenshot(path=str(FOLDER / f"page-{name}-{scheme}.png"))
+            page.screenshot(path=folder / f"page-{name}-{scheme}.png")
             colours.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
             assert overflow(page) <= 0, (name, overflow(page))
             # Something is drawn: more than one colour.
@@ -150,7 +43,7 @@ def looks(browser, simulator):
 
 def presses(browser, simulator):
     """What is pressed happens, and what happens is seen."""
-    page, wrong = open_page(browser, simulator.ctl("url"), viewport={"width": 1280, "height": 900})
+    page, wrong = open_page(browser, simulator, viewport={"width": 1280, "height": 900})
     # The traffic as it flows.
     page.wait_for_selector("#lines li.request:has-text('set_motors')")
     # The emergency stop stops a driving vehicle.
@@ -216,37 +109,18 @@ def presses(browser, simulator):
     page.context.close()
 
 
-def paints(browser):
-    """Ten vehicles: how many pictures a second there are."""
-    simulator = Simulator("ten", TEN)
-    page, _ = open_page(browser, simulator.ctl("url"), viewport={"width": 1280, "height": 800})
-    count = lambda: page.evaluate("[sim.picture.frames, performance.now()]")
-    first = count()
-    time.sleep(3)
-    last = count()
-    rate = (last[0] - first[0]) / (last[1] - first[1]) * 1000
-    page.context.close()
-    simulator.stop()
-    print(f"the page painted ten vehicles {rate:.0f} times a second")
-    assert rate > 0
-
-
-def main():
-    with sync_playwright() as play:
-        browser = launch(play)
-        simulator = Simulator("two", RIG)
-        driver = Driver(simulator.folder / "r150")
-        driver.start()
-        simulator.ctl("until", "r150.truth.distance_m > 0.5", "--within", "60s")
-        looks(browser, simulator)
+def main(program, folder):
+    simulator = Simulator(program, folder / "two", YARD)
+    driver = Driver(simulator.folder / "r150")
+    simulator.ctl("until", "r150.truth.distance_m > 0.5", "--within", "60s")
+    with chromium() as browser:
+        looks(browser, simulator, folder)
         presses(browser, simulator)
-        driver.done.set()
-        trace = simulator.stop()
-        added = [line["text"] for line in trace if line["kind"] == "add"]
-        assert any("bit-flips" in text and "100 ms" in text for text in added), added
-        assert any(line["kind"] == "event" and "emergency stop" in line["text"] for line in trace)
-        paints(browser)
-        browser.close()
+    driver.done.set()
+    trace = simulator.stop()
+    added = [line["text"] for line in trace if line["kind"] == "add"]
+    assert any("bit-flips" in text and "100 ms" in text for text in added), added
+    assert any(line["kind"] == "event" and "emergency stop" in line["text"] for line in trace)
 
 
-main()
+main(str(Path(sys.argv[1]).absolute()), Path(sys.argv[2]))

@@ -1,0 +1,82 @@
+//! Listeners, and what each is to be told next.
+
+use std::time::{Duration, Instant};
+
+use sim_control::{Listener, Message};
+use sim_core::SimTime;
+use sim_runner::condition::Probe;
+
+/// A listener, and what it is to be told next.
+pub(super) struct Listening {
+    pub(super) listener: Listener,
+    pub(super) probes: Vec<Probe>,
+    pub(super) values_next: Option<Instant>,
+    pub(super) picture_next: Option<Instant>,
+    pub(super) gone: bool,
+}
+
+impl Listening {
+    pub(super) fn new(listener: Listener, probes: Vec<Probe>, now: Instant) -> Self {
+        Self {
+            values_next: listener.wants.values_every.map(|_| now),
+            picture_next: listener.wants.picture_every.map(|_| now),
+            listener,
+            probes,
+            gone: false,
+        }
+    }
+
+    pub(super) fn tell(&mut self, message: &Message) {
+        self.gone |= !self.listener.tell(message);
+    }
+}
+
+/// How many requests and replies are told: a client that asks without a pause on an instant wire
+/// would keep everybody else busy. In simulated time, so that in lockstep the same is told each time.
+#[derive(Debug, Default)]
+pub(super) struct Traffic {
+    next: SimTime,
+}
+
+impl Traffic {
+    /// Between two, on average.
+    const EVERY: Duration = Duration::from_micros(500);
+    /// By how much they may be ahead of that.
+    const AHEAD: Duration = Duration::from_millis(50);
+
+    pub(super) fn has_room(&mut self, at: SimTime) -> bool {
+        let has_room = self.next <= at + Self::AHEAD;
+        if has_room {
+            self.next = self.next.max(at) + Self::EVERY;
+        }
+        has_room
+    }
+}
+
+/// Tells whether something is due by now, which then is due again later; what was missed is left
+/// out.
+pub(super) fn is_due(next: &mut Option<Instant>, every: Duration, now: Instant) -> bool {
+    match next {
+        Some(at) if *at <= now => {
+            *at = (*at + every).max(now);
+            true
+        }
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_thousand_a_second_are_told_after_a_hundred_at_once() {
+        let mut traffic = Traffic::default();
+        let start = SimTime::from_secs(1);
+        assert_eq!((0..1000).filter(|_| traffic.has_room(start)).count(), 101);
+        let later = start + Traffic::EVERY;
+        assert!(!traffic.has_room(later - Duration::from_nanos(1)));
+        assert!(traffic.has_room(later) && !traffic.has_room(later));
+        assert!((1..4000).all(|count| traffic.has_room(later + count * Traffic::EVERY)));
+    }
+}
