@@ -43,9 +43,6 @@ const SETTLE: Duration = Duration::from_secs(2);
 ///
 /// Where a method takes a clock, there is none if time is the client's, as in lockstep.
 pub(crate) struct Desk {
-    control: Control,
-    /// Goes when this does.
-    _session: SessionFile,
     words: Arc<Words>,
     ports: Vec<ShownPort>,
     listening: Vec<Listening>,
@@ -57,6 +54,10 @@ pub(crate) struct Desk {
     /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
     steps: Vec<Progress>,
+    /// Goes behind those that listen and wait, who are told that it is over.
+    control: Control,
+    /// Goes when this does.
+    _session: SessionFile,
 }
 
 /// What of a step may change: when it began and was done, how often it has hit, whether it lasts

@@ -128,6 +128,11 @@ impl Watches {
         }
     }
 
+    /// Tells whether none is left.
+    pub(crate) fn are_gone(&self) -> bool {
+        self.lock().is_empty()
+    }
+
     /// Tells whether all wait for their clients, or for the simulation to go on, after so long a
     /// wait for that.
     pub(crate) fn are_quiet(&self, waited: Duration) -> bool {
