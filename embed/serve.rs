@@ -29,7 +29,7 @@ use sim_runner::{Run, RunError};
 use crate::clock::Clock;
 use crate::served::Served;
 pub use crate::slowness::HeldUp;
-use crate::slowness::Slowness;
+use crate::slowness::{RunQueue, Slowness};
 
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
 /// is worth, since a client cannot tell.
@@ -142,11 +142,12 @@ pub struct Server {
     clock: Clock,
     /// Simulated time has not begun.
     waiting: bool,
+    /// What is read was there when the simulation came to where it is, on its way to the present.
+    in_past: bool,
     /// Time to stop at in any case.
     until: Option<Instant>,
     slowness: Slowness,
     held_up: HeldUp,
-    buffer: Vec<u8>,
     outgoing: Vec<u8>,
 }
 
@@ -177,10 +178,10 @@ impl Server {
             waiter,
             clock: Clock::start(speed),
             waiting: begin == Begin::WithClient,
+            in_past: false,
             until: None,
             slowness: Slowness::default(),
             held_up: HeldUp::default(),
-            buffer: vec![0; 4096],
             outgoing: Vec::new(),
         })
     }
@@ -250,7 +251,10 @@ impl Server {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut longest_sleep = LONG_SLEEP;
         let mut awake_at = Instant::now();
+        let queue = RunQueue::of_this_thread();
         loop {
+            let is_long = sleep_asked.is_none_or(|sleep| sleep > MOST_LATE);
+            let queued = is_long.then(|| queue.waited());
             let asleep_at = Instant::now();
             let wake = self.waiter.wait(sleep_asked)?;
             if wake.signal().is_some() {
@@ -259,6 +263,9 @@ impl Server {
             let ready: Vec<usize> = wake.ready().to_vec();
             let sleep = sleep_asked.unwrap_or(Duration::MAX);
             let late = awake_at.elapsed().saturating_sub(sleep);
+            // A client may have wanted to wake us long before the end of the sleep.
+            let unseen = queued.map(|before| queue.waited().saturating_sub(before));
+            let mut uneven = unseen.unwrap_or_default();
             longest_sleep = LONG_SLEEP.min(2 * longest_sleep);
             if asleep_at.elapsed().saturating_sub(sleep) > MOST_LATE {
                 longest_sleep = FIRST_SLEEP;
@@ -266,10 +273,13 @@ impl Server {
             } else if late > MOST_LATE {
                 // Not in its sleep but at its work, which may have been too much.
                 self.fell_behind(late);
-            } else if late > LITTLE_LATE {
-                self.was_late(late);
+            } else {
+                uneven = uneven.max(late);
             }
             self.advance()?;
+            if uneven > LITTLE_LATE {
+                self.was_late(uneven);
+            }
             self.follow_cables()?;
             // From here to the end of the next sleep nothing takes long, unless the system makes
             // it so.
@@ -380,6 +390,7 @@ impl Server {
         while self.now() < to && self.run.finished().is_none() {
             let slice = to.min(self.now() + SLICE);
             while self.run.step(slice)? && begun.elapsed() <= BUDGET {}
+            self.resume()?;
             if begun.elapsed() > BUDGET && self.now() < to {
                 self.fell_behind(self.clock.since(self.now()));
                 return Ok(());
@@ -409,7 +420,7 @@ impl Server {
     /// no time to advance for each read.
     fn catch_up(&mut self) -> Result<SimTime, ServeError> {
         let behind = self.clock.since(self.now());
-        if !self.waiting && !self.slowness.is_slow() {
+        if !self.waiting && !self.in_past && !self.slowness.is_slow() {
             if behind > MOST_LATE {
                 self.was_held_up(behind);
             } else {
@@ -424,6 +435,7 @@ impl Server {
 
     /// Takes what a port has to tell.
     fn receive(&mut self, token: usize) -> Result<(), ServeError> {
+        let mut buffer = [0; 4096];
         for _ in 0..MOST_READS {
             let Some(served) = self.ports.get_mut(token) else {
                 return Ok(());
@@ -432,13 +444,11 @@ impl Server {
                 return Ok(());
             };
             // Without room a port still tells of clients that have left.
-            let room = self.run.room(id).min(self.buffer.len());
-            let event = port.read(&mut self.buffer[..room])?;
+            let room = self.run.room(id).min(buffer.len());
+            served.paused = room == 0;
+            let event = port.read(&mut buffer[..room])?;
             match event {
-                Event::Idle => {
-                    served.paused = room == 0;
-                    return Ok(());
-                }
+                Event::Idle => return Ok(()),
                 Event::Attached => {
                     self.begin();
                     let now = self.catch_up()?;
@@ -452,7 +462,7 @@ impl Server {
                 Event::Data(count) => {
                     self.set_line(token)?;
                     let now = self.catch_up()?;
-                    self.run.send(id, now, &self.buffer[..count])?;
+                    self.run.send(id, now, &buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
                     self.deliver(token)?;
                 }
@@ -484,12 +494,16 @@ impl Server {
         Ok(())
     }
 
-    /// Reads those ports again whose line has room again.
+    /// Reads those ports again whose line has room again. What waited for that goes out without a pause,
+    /// however late the simulator is.
     fn resume(&mut self) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];
             if served.paused && self.run.room(served.id) >= RESUME_ROOM {
-                self.receive(token)?;
+                let before = std::mem::replace(&mut self.in_past, true);
+                let received = self.receive(token);
+                self.in_past = before;
+                received?;
             }
         }
         Ok(())

@@ -1,5 +1,7 @@
 //! Hold-ups of the machine.
 
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::time::{Duration, Instant};
 
 /// So many used-up budgets within a second mean that the machine is too slow.
@@ -50,5 +52,58 @@ impl Slowness {
     /// Tells whether it is too slow now.
     pub(crate) fn is_slow(&self) -> bool {
         self.slow_at.is_some_and(|at| at.elapsed() <= 2 * COUNTED)
+    }
+}
+
+/// Time for which a thread was to run and others did, as Linux counts it. Whoever is woken by a client
+/// cannot tell by the clock how long ago that was to be.
+pub(crate) struct RunQueue(Option<File>);
+
+impl RunQueue {
+    /// Opens the count of the calling thread; without one no time is found.
+    pub(crate) fn of_this_thread() -> Self {
+        Self(File::open("/proc/thread-self/schedstat").ok())
+    }
+
+    /// Time so far. Source: the kernel's `Documentation/scheduler/sched-stats.rst`.
+    pub(crate) fn waited(&self) -> Duration {
+        let mut text = [0; 96];
+        let read = self.0.as_ref().map(|file| file.read_at(&mut text, 0));
+        let text = read.and_then(|read| std::str::from_utf8(text.get(..read.ok()?)?).ok());
+        let nanoseconds = text.and_then(|text| text.split_whitespace().nth(1)?.parse().ok());
+        Duration::from_nanos(nanoseconds.unwrap_or(0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+
+    #[test]
+    fn the_time_is_counted_in_which_others_run() {
+        let queue = RunQueue::of_this_thread();
+        if queue.0.is_none() {
+            eprintln!("SKIPPED: this system does not count how long threads wait for a processor");
+            return;
+        }
+        let processors = std::thread::available_parallelism().unwrap().get();
+        let enough = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..2 * processors {
+                scope.spawn(|| while !enough.load(Ordering::Relaxed) {});
+            }
+            let (begun, before) = (Instant::now(), queue.waited());
+            while queue.waited() < before + Duration::from_millis(20) {
+                if begun.elapsed() > Duration::from_secs(120) {
+                    enough.store(true, Ordering::Relaxed);
+                    panic!("it never waited");
+                }
+            }
+            enough.store(true, Ordering::Relaxed);
+        });
     }
 }

@@ -12,9 +12,10 @@ use std::fs;
 use std::time::{Duration, Instant};
 
 use harness::client::Client;
-use harness::wire::motors;
+use harness::wire::{frame, motors};
 use harness::{PATIENCE, Sim, command, until, with_code};
 use rustix::process::Signal;
+use serde_json::Value;
 
 /// User and system time used so far, in clock ticks of 10 ms.
 fn cpu_ticks(pid: u32) -> u64 {
@@ -208,6 +209,34 @@ fn commands_that_a_busy_machine_delivers_unevenly_are_all_answered() {
     let finished = sim.stop().expect_clean();
     let events = finished.summary()["events"].as_array().unwrap().clone();
     assert!(with_code(&events, "over_rate").is_empty(), "{events:?}");
+}
+
+#[test]
+fn what_a_client_has_written_goes_out_without_a_pause_on_a_busy_machine() {
+    const REQUESTS: usize = 60;
+    let sim = Sim::start(&["-v", "--log-format", "json"]);
+    let mut client = sim.client();
+    let request = frame(0x07, &[]);
+    client.send(&request.repeat(REQUESTS));
+    // Too little for time to stand still, and longer than a UART has bytes to send.
+    until("all are read", || {
+        sim.signal(Signal::STOP);
+        std::thread::sleep(Duration::from_millis(12));
+        sim.signal(Signal::CONT);
+        std::thread::sleep(Duration::from_millis(3));
+        sim.printed().matches("\"code\":\"request\"").count() == REQUESTS
+    });
+    let lines = sim.stop().expect_clean().json();
+    let read = with_code(&lines, "request");
+    let time = |request: &Value| request["time_s"].as_f64().unwrap();
+    let span = time(&read[REQUESTS - 1]) - time(&read[0]);
+    // 8N1 at 115200 baud; and no pause that is longer than a byte.
+    let bytes = (REQUESTS - 1) * request.len();
+    let least = bytes as f64 * 10.0 / 115_200.0;
+    assert!(
+        (least * 0.999..least * 1.1).contains(&span),
+        "{span} s instead of {least} s"
+    );
 }
 
 #[test]
