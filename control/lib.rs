@@ -50,6 +50,8 @@ use watch::{Watch, Watches};
 
 /// Most requests that wait for the simulation.
 const MOST_WAITING: usize = 64;
+/// Longest wait at the end for clients that do not read what they are told.
+const PARTING: Duration = Duration::from_secs(1);
 
 /// Request of a client.
 #[derive(Debug)]
@@ -150,7 +152,7 @@ pub struct Control {
     shared: Arc<Shared>,
 }
 
-/// What all connections share.
+/// The part that all connections share.
 struct Shared {
     socket: TcpListener,
     guard: Guard,
@@ -267,6 +269,13 @@ impl Drop for Control {
         let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
         // Whoever waits for a request gets none any more; answers still go out.
         self.shared.connections.end();
+        // A program that ended now would take their last words along.
+        let begun = Instant::now();
+        while !self.shared.connections.are_gone() && begun.elapsed() < PARTING {
+            // Who has asked and was not answered is told that it is over.
+            self.requests.try_iter().for_each(drop);
+            thread::sleep(Duration::from_millis(1));
+        }
     }
 }
 

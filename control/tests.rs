@@ -206,6 +206,40 @@ fn a_stream_tells_and_ends() {
 }
 
 #[test]
+fn the_end_has_been_told_when_the_control_is_gone() {
+    let asked = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let kept = Arc::clone(&asked);
+    let served = Served::with(move |ask| {
+        let reply = matches!(ask, Ask::Listen(_)).then(|| Ok(json!(null)));
+        kept.lock().unwrap().push(ask);
+        reply
+    });
+    let ask = |path: &str| {
+        let mut stream = TcpStream::connect(served.address).unwrap();
+        let text = format!(
+            "GET {path} HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {}\r\n\r\n",
+            served.address,
+            served.token()
+        );
+        stream.write_all(text.as_bytes()).unwrap();
+        stream
+    };
+    let mut stream = ask("/v1/events");
+    let mut waiting = ask("/v1/state");
+    while asked.lock().unwrap().len() < 2 {
+        thread::sleep(Duration::from_millis(1));
+    }
+    asked.lock().unwrap().clear();
+    drop(served);
+    for (stream, end) in [(&mut stream, "event: end"), (&mut waiting, "503")] {
+        stream.set_nonblocking(true).unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        assert!(text.contains(end), "{text}");
+    }
+}
+
+#[test]
 fn a_reader_that_stops_reading_is_let_go() {
     let listeners = Arc::new(std::sync::Mutex::new(Vec::new()));
     let kept = Arc::clone(&listeners);

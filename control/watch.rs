@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// Most connections at a time.
 pub(crate) const MOST_CONNECTIONS: usize = 32;
-/// How long to wait for the reader of a stream that does not keep up.
+/// Time to wait for the reader of a stream that does not keep up.
 const STREAM_PATIENCE: Duration = Duration::from_millis(50);
 
 const BUSY: u8 = 0;
@@ -126,6 +126,11 @@ impl Watches {
             // Who has left needs no end.
             let _ = watch.socket.shutdown(Shutdown::Read);
         }
+    }
+
+    /// Tells whether none is left.
+    pub(crate) fn are_gone(&self) -> bool {
+        self.lock().is_empty()
     }
 
     /// Tells whether all wait for their clients, or for the simulation to go on, after so long a

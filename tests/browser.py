@@ -13,7 +13,8 @@ SCHEMES = ["light", "dark"]
 def launch(play):
     """The Chromium of the system, headless."""
     chromium = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome"])))
-    return play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+    # On a busy machine it takes its time.
+    return play.chromium.launch(executable_path=chromium, args=["--no-sandbox"], timeout=120_000)
 
 
 def overflow(page):

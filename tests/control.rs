@@ -10,7 +10,7 @@
 mod harness;
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -443,4 +443,89 @@ fn a_client_controls_the_run_that_plays_it() {
     let first = run("lockstep", "first");
     assert!(first.1.starts_with("lockstep "), "{}", first.1);
     assert_eq!(first, run("lockstep", "second"));
+}
+
+const STAND: &str = r#"
+schema = 1
+title = "Stand"
+good_client = "Waits."
+limit = "30 min"
+device = [{ kind = "r150" }]
+"#;
+const NONBLOCK: i32 = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+
+/// A client that begins when somebody opens its gate, and then waits for time to pass.
+const WAITS: &str = r#"
+import os, time
+port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+open("gate").read()
+begun = time.monotonic()
+time.sleep(0.1)
+print(round(time.monotonic() - begun, 6))
+"#;
+
+const FLOODS: &str = r#"
+import sys, threading
+sys.path.insert(0, sys.argv[1])
+from simulator import call
+def flood():
+    try:
+        for count in range(10**9):
+            call("GET", "/v1/state")
+            if count == 10:
+                print("flooding", flush=True)
+    except (AssertionError, OSError):
+        pass  # The simulation has ended.
+for _ in range(8):
+    threading.Thread(target=flood).start()
+"#;
+
+#[test]
+fn a_flood_takes_no_simulated_time_of_a_client_in_lockstep() {
+    if !has("python3") {
+        return;
+    }
+    let place = Folder::with(&[
+        ("stand.toml", STAND),
+        ("client.py", WAITS),
+        ("flood.py", FLOODS),
+    ]);
+    let gate = place.file("gate");
+    let made = Command::new("mkfifo").arg(&gate).status().unwrap();
+    assert!(made.success());
+    let mut run = command();
+    run.args(["run", "--seed", "1", "--control", "127.0.0.1:0", "--output"])
+        .args(["out", "stand.toml", "--", "python3", "-B", "client.py"])
+        .current_dir(place.path())
+        .env("XDG_RUNTIME_DIR", place.path());
+    let run = Sim::spawn(&mut run, PathBuf::new(), None);
+    let mut url = String::new();
+    until("it is found", || {
+        let mut ctl = command();
+        ctl.args(["ctl", "url"])
+            .env("XDG_RUNTIME_DIR", place.path());
+        let found = Sim::spawn(&mut ctl, PathBuf::new(), None).wait();
+        url = found.out.trim().to_owned();
+        found.code() == Some(0)
+    });
+    let mut flood = Command::new("python3");
+    flood
+        .args(["-B", "flood.py"])
+        .arg(folder())
+        .current_dir(place.path())
+        .env("SIM_CONTROL", &url);
+    let flood = Sim::spawn(&mut flood, PathBuf::new(), None);
+    flood.wait_line(&["flooding"]);
+    until("the client waits at its gate", || {
+        let mut opened = fs::OpenOptions::new();
+        opened
+            .write(true)
+            .custom_flags(NONBLOCK)
+            .open(&gate)
+            .is_ok()
+    });
+    let ended = run.wait();
+    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    assert_eq!(place.read("out/stand.client.log").trim(), "0.1");
+    flood.wait();
 }

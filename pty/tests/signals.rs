@@ -12,7 +12,7 @@ use sim_pty::{TerminationSignal, Waiter};
 
 #[test]
 fn each_signal_wakes_the_waiter_once_and_is_named() {
-    let patience = Duration::from_secs(20);
+    let patience = Duration::from_secs(120);
     let mut waiter = Waiter::new().unwrap();
     waiter.catch_signals().unwrap();
     waiter.catch_signals().unwrap();

@@ -29,6 +29,9 @@ class Refused(ControlError):
 class NotReached(AssertionError):
     """A condition has not come to hold in its time."""
 
+    # Where users know it from, which is what a failing test shows.
+    __module__ = "rigsim"
+
 
 @dataclass(frozen=True)
 class Event:

@@ -3,6 +3,7 @@ fails."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,8 +16,12 @@ from .picture import draw
 from .simulator import Simulator, connect, joinable, program, start
 
 _FAILED: "pytest.StashKey[bool]" = pytest.StashKey()
-_MOST_LOG = 60
-_MADE = "_rigsim_made"
+_MAKER = "_rigsim_maker"
+# Of a log, for a test that fails: the last lines, and of requests and replies few.
+_MOST_LINES = 60
+_MOST_TRAFFIC = 10
+_MOST_COLUMNS = 140
+_TRAFFIC = re.compile(r" *[\d.]+ \S+ (->|<-) ")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -60,9 +65,31 @@ def pytest_runtest_makereport(item: pytest.Item, call: "pytest.CallInfo[None]") 
         item.stash[_FAILED] = True
     if report.when == "teardown" and item.stash.get(_FAILED, False):
         # Only now all of it is printed. The word is what pytest shows sections of this phase by.
-        for simulator in getattr(item, _MADE, []):
-            shown = "\n".join(simulator.log.splitlines()[-_MOST_LOG:])
-            report.sections.append(("simulator, to its teardown", shown))
+        maker: Optional[Maker] = getattr(item, _MAKER, None)
+        for number, simulator in enumerate(maker.made if maker else [], 1):
+            lines = _shorten(simulator.log)
+            if maker and number in maker.kept:
+                lines.append(f"log, trace and picture: {maker.kept[number]}")
+            if lines:
+                report.sections.append(("simulator, to its teardown", "\n".join(lines)))
+
+
+def _shorten(log: str) -> List[str]:
+    """The end of a log, in which what happened is not lost among requests and replies."""
+    lines = log.splitlines()
+    traffic = [at for at, line in enumerate(lines) if _TRAFFIC.match(line)]
+    passed_over = set(traffic[:-_MOST_TRAFFIC])
+    shown = []
+    count = 0
+    for at, line in enumerate(lines):
+        if at in passed_over:
+            count += 1
+            continue
+        if count:
+            shown.append(f"         ... requests and replies: {count}")
+            count = 0
+        shown.append(line if len(line) <= _MOST_COLUMNS else f"{line[:_MOST_COLUMNS]}...")
+    return shown[-_MOST_LINES:]
 
 
 class Maker:
@@ -71,8 +98,10 @@ class Maker:
     def __init__(self, request: pytest.FixtureRequest, folder: Path) -> None:
         self._request = request
         self._folder = folder
-        self._made: List[Simulator] = []
-        setattr(request.node, _MADE, self._made)
+        self.made: List[Simulator] = []
+        #: Where log, trace and picture of those that failed are, by their number.
+        self.kept: Dict[int, Path] = {}
+        setattr(request.node, _MAKER, self)
 
     def __call__(self, device: str = "r150", *, rig: "Optional[str | Path]" = None, **options: Any) -> Simulator:
         """A simulator of one device, or of a rig file. Under ``sim run`` it is the one that plays this
@@ -81,7 +110,7 @@ class Maker:
             simulator = connect()
             if rig is None and not any(own.kind == device for own in simulator.devices.values()):
                 pytest.fail(f"the scenario that is being played has no {device}", pytrace=False)
-            self._made.append(simulator)
+            self.made.append(simulator)
             return simulator
         config = self._request.config
         chosen: Dict[str, Any] = {
@@ -102,10 +131,10 @@ class Maker:
         if scenario is not None and rig is None:
             chosen["scenario"] = _scenario_file(self._request, scenario)
             chosen.pop("world")
-        folder = self._folder / f"sim{len(self._made) + 1}"
+        folder = self._folder / f"sim{len(self.made) + 1}"
         folder.mkdir()
         simulator = start(device, rig=rig, folder=folder, trace=folder / "trace.jsonl", **chosen)
-        self._made.append(simulator)
+        self.made.append(simulator)
         return simulator
 
     def finish(self) -> None:
@@ -113,7 +142,7 @@ class Maker:
         failed = self._request.node.stash.get(_FAILED, False)
         verdicts = []
         self._worlds: Dict[int, Any] = {}
-        for number, simulator in enumerate(self._made, 1):
+        for number, simulator in enumerate(self.made, 1):
             if simulator.joined:
                 try:
                     simulator.clear()
@@ -140,20 +169,22 @@ class Maker:
         if own is None:
             return
         draw(own / "trace.jsonl", self._worlds.get(number), own / "picture.svg")
-        _keep_files(self._request, own, f"sim{number}-")
+        self.kept[number] = _keep_files(self._request, own, f"sim{number}-")
 
 
-def _keep_files(request: pytest.FixtureRequest, folder: Path, before: str = "") -> None:
-    """Copies the files of a folder to where they are to be kept of this test, if they are."""
+def _keep_files(request: pytest.FixtureRequest, folder: Path, before: str = "") -> Path:
+    """Copies the files of a folder to where they are to be kept of this test, if they are; gives where they
+    are then."""
     keep = request.config.getoption("--sim-keep")
     if keep is None or not folder.is_dir():
-        return
+        return folder
     name = "".join(c if c.isalnum() or c in "-_." else "_" for c in request.node.nodeid)
     place = Path(keep) / name
     place.mkdir(parents=True, exist_ok=True)
     for path in folder.iterdir():
         if path.is_file() and not path.is_symlink():
             shutil.copy(path, place / f"{before}{path.name}")
+    return place
 
 
 def _scenario_file(request: pytest.FixtureRequest, marker: pytest.Mark) -> Path:
@@ -199,7 +230,7 @@ def sim_play(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., No
         command += [str(scenario), *(["--", *map(str, client)] if client else [])]
         ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
         if ended.returncode != 0:
-            _keep_files(request, results)
-            pytest.fail(ended.stdout + ended.stderr, pytrace=False)
+            place = _keep_files(request, results)
+            pytest.fail(f"{ended.stdout}{ended.stderr}traces: {place}", pytrace=False)
 
     return play

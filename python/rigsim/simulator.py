@@ -131,6 +131,7 @@ class Device:
     def until(self, condition: str, within: Seconds = "5 s", message: Optional[str] = None) -> None:
         """Waits until a condition holds, ``within`` simulated time; with several devices, names in it
         begin with a device's. Raises :class:`NotReached`."""
+        __tracebackhide__ = True
         self.simulator.until(condition, within, message)
 
     def fault(self, kind: str, lasts: Optional[Seconds] = None, **parameters: Json) -> Step:
@@ -223,6 +224,8 @@ class Simulator:
 
     def until(self, condition: str, within: Seconds = "5 s", message: Optional[str] = None) -> None:
         """Waits until a condition holds, ``within`` simulated time. Raises :class:`NotReached`."""
+        # A test that fails here shows the test, and not this.
+        __tracebackhide__ = True
         expect = {"that": condition, "within": span(within)}
         if message is not None:
             expect["message"] = message

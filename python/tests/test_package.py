@@ -87,7 +87,7 @@ def test_a_test_that_fails_shows_and_keeps_what_happened(pytester):
     )
     result = pytester.runpytest_subprocess("--sim-keep", "kept", "-p", "no:cacheprovider")
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines(["*- simulator, to its teardown -*", "*operator: lock*"])
+    result.stdout.fnmatch_lines(["*- simulator, to its teardown -*", "*operator: lock*", "log, trace and picture: kept/*"])
     (folder,) = (pytester.path / "kept").iterdir()
     names = {path.name for path in folder.iterdir()}
     assert {"sim1-sim.log", "sim1-trace.jsonl", "sim1-picture.svg"} <= names

@@ -33,7 +33,7 @@ use process::Process;
 use transcript::Transcript;
 
 /// How long to wait for what must happen before it counts as a failure.
-pub const PATIENCE: Duration = Duration::from_secs(30);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Waits until `done`, looking a few hundred times a second.
 pub fn until(what: &str, mut done: impl FnMut() -> bool) {

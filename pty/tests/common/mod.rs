@@ -21,7 +21,7 @@ use sim_pty::{Event, Port, PtyPort, PtySetup, Waiter};
 
 /// How long a test waits for what must happen before it calls it a failure.
 /// Generous, since it is spent only on failure.
-pub const PATIENCE: Duration = Duration::from_secs(20);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A program that has opened a port the way serial libraries do.
 pub struct Client(OwnedFd);
