@@ -1,5 +1,6 @@
 //! Printing to standard output and standard error.
 
+use std::any::Any;
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{ErrorKind, Write as _};
 
@@ -26,6 +27,16 @@ pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
 /// Prints a line to standard error; nothing is left to do if that is closed.
 pub(crate) fn complain(text: &str) {
     let _ = writeln!(anstream::stderr(), "{}", visible::lines(text));
+}
+
+/// Words for a panic that was caught.
+pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> String {
+    let owned = panic.downcast_ref::<String>().map(String::as_str);
+    let why = owned.or_else(|| panic.downcast_ref::<&str>().copied());
+    format!(
+        "the simulator panicked: {}",
+        why.unwrap_or("no reason given")
+    )
 }
 
 /// Has panics tell of themselves as everything else is told.

@@ -10,7 +10,9 @@ mod plots;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
@@ -20,9 +22,12 @@ use sim_core::device::Devices;
 use crate::exit::Failure;
 use crate::run::{self, Case, CaseResult, PlayedCase, worth};
 use crate::visible::{self, lines as readable};
+use crate::whole_file::Target;
 use case::{Detail, shown};
 
 const STYLE: &str = include_str!("report/style.css");
+/// By this a report is known, which may be replaced.
+const MARK: &str = "<meta name=\"generator\" content=\"sim\">";
 /// Most cases that failed of which everything is shown.
 const MOST_FULL: usize = 30;
 /// Most cases of which the map is shown.
@@ -32,6 +37,7 @@ const MOST_MAPS: usize = 1500;
 pub(crate) struct Report {
     devices: Devices,
     path: PathBuf,
+    to: Target,
     /// Folder of recordings that nobody else wants.
     folder: tempfile::TempDir,
     shown: Mutex<Shown>,
@@ -58,15 +64,22 @@ impl Report {
                 .with_context(|| format!("cannot make the folder {}", visible::name(parent)))
                 .map_err(Failure::usage)?;
         }
-        // Emptied, lest a former report be taken for this one's if it is killed.
-        fs::File::create(path)
-            .with_context(|| format!("cannot write the report {}", visible::name(path)))
+        let cannot = || format!("cannot write the report {}", visible::name(path));
+        let to = Target::find(path, "a report", &[MARK])
+            .with_context(cannot)
             .map_err(Failure::usage)?;
+        if let Target::File = &to {
+            // Emptied, lest a former report be taken for this one's if it is killed.
+            fs::File::create(path)
+                .with_context(cannot)
+                .map_err(Failure::usage)?;
+        }
         let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
         let folder = folder.context("cannot make a folder for recordings");
         Ok(Self {
             devices,
             path: path.to_owned(),
+            to,
             folder: folder.map_err(Failure::system)?,
             shown: Mutex::default(),
         })
@@ -77,10 +90,15 @@ impl Report {
         self.folder.path()
     }
 
-    /// Adds a case, whose recording is there.
-    pub(crate) fn add(&self, case: &Case<'_>, played: &PlayedCase) -> Result<(), Failure> {
+    /// Adds a case, whose recording is there. Without a picture when `stop` becomes true meanwhile.
+    pub(crate) fn add(
+        &self,
+        case: &Case<'_>,
+        played: &PlayedCase,
+        stop: &AtomicBool,
+    ) -> Result<(), Failure> {
         let detail = self.shown().detail(played.outcome.passed);
-        let text = shown(self.devices, case, played, detail)?.into_string();
+        let text = shown(self.devices, case, played, detail, stop)?.into_string();
         self.shown().cases.insert(case.name(), text);
         Ok(())
     }
@@ -105,9 +123,12 @@ impl Report {
         };
         let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
         let text = page(&rows, &shown.cases).into_string();
-        fs::write(&self.path, text)
-            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
-            .map_err(Failure::system)
+        match &self.to {
+            Target::File => fs::write(&self.path, text),
+            Target::Stream(stream) => (&*stream).write_all(text.as_bytes()),
+        }
+        .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
+        .map_err(Failure::system)
     }
 }
 
@@ -193,6 +214,7 @@ fn page(rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
         html lang="en" {
             head {
                 meta charset="utf-8";
+                meta name="generator" content="sim";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 // Nothing is fetched and nothing is executed, whatever anybody's titles say.

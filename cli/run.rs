@@ -44,7 +44,10 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let given = Given::new(settings, &args.given, &args.settings.set)?;
     let mut loaded = load_all(&given, &find(&args.files, args.filter.as_deref())?)?;
     if !args.tag.is_empty() {
-        loaded.retain(|one| one.scenario.tags.iter().any(|tag| args.tag.contains(tag)));
+        loaded.retain(|one| {
+            // What could not be read may have the tag.
+            one.broken.is_some() || one.scenario.tags.iter().any(|tag| args.tag.contains(tag))
+        });
     }
     if loaded.is_empty() {
         return Err(Failure::usage(anyhow!(
@@ -160,6 +163,15 @@ pub(crate) fn check(
 ) -> Result<Exit, Failure> {
     let given = Given::new(SimSettings::new(devices), given, &[])?;
     let loaded = load_all(&given, &find(files, None)?)?;
+    let broken = loaded
+        .iter()
+        .filter_map(|one| Some((one, one.broken.as_ref()?)));
+    let broken: Vec<String> = broken
+        .map(|(one, why)| format!("{}: {}", one.name(), visible::line(why)))
+        .collect();
+    if !broken.is_empty() {
+        return Err(Failure::system(anyhow!(broken.join("\n"))));
+    }
     print(&match loaded.len() {
         1 => "1 scenario is well-formed".to_owned(),
         count => format!("{count} scenarios are well-formed"),
@@ -281,9 +293,10 @@ mod tests {
     use sim_core::SHIPPED;
     use sim_core::device::DeviceSpec;
 
-    /// A device that breaks when it is built for seed 7.
+    /// Devices that break when they are built: one when it is to be played with seed 7, the other also
+    /// when its file is read, which is tried with seed 0.
     fn clumsy() -> Devices {
-        let spec = DeviceSpec {
+        let when_played = DeviceSpec {
             id: "clumsy",
             build: |setup, world| match setup.seed {
                 7 => panic!("dropped \u{1b}[2J"),
@@ -291,15 +304,26 @@ mod tests {
             },
             ..*SHIPPED[0]
         };
-        let all = [SHIPPED[0], Box::leak(Box::new(spec))];
-        Box::leak(Box::new(all))
+        let when_read = DeviceSpec {
+            id: "clumsier",
+            build: |_, _| panic!("dropped \u{1b}[2J"),
+            ..*SHIPPED[0]
+        };
+        let own = [when_played, when_read].map(|spec| &*Box::leak(Box::new(spec)));
+        Box::leak(Box::new([SHIPPED[0], own[0], own[1]]))
     }
 
     #[test]
     fn a_panic_in_one_scenario_is_its_error_and_the_others_are_played() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        for (name, kind) in [("a", "r150"), ("b", "clumsy"), ("c", "r150")] {
+        let kinds = [
+            ("a", "r150"),
+            ("b", "clumsy"),
+            ("c", "clumsier"),
+            ("d", "r150"),
+        ];
+        for (name, kind) in kinds {
             let text = format!(
                 "schema = 1\ntitle = \"{name}\"\ngood_client = \"Any.\"\nlimit = \"100 ms\"\n\
                  [[device]]\nkind = \"{kind}\"\n"
@@ -323,11 +347,25 @@ mod tests {
             );
             let results = fs::read_to_string(&junit).unwrap();
             assert!(
-                results.contains("tests=\"3\" failures=\"0\" errors=\"1\""),
+                results.contains("tests=\"4\" failures=\"0\" errors=\"2\""),
                 "{results}"
             );
             let why = "the simulator panicked: dropped \\u{1b}[2J";
-            assert!(results.contains(why), "{results}");
+            assert_eq!(results.matches(why).count(), 2, "{results}");
+            let unread = results.split("<testsuite ").nth(3).unwrap();
+            assert!(
+                unread.contains("c.toml") && unread.contains(why),
+                "{results}"
+            );
         }
+        // Nothing is played here, and what is wrong is told all the same.
+        let checked = check(clumsy(), &[folder.to_owned()], &GivenArgs::default());
+        let failure = checked.unwrap_err();
+        assert_eq!(failure.exit, Exit::System);
+        let told = failure.error.to_string();
+        assert!(
+            told.contains("c.toml") && !told.contains("b.toml"),
+            "{told}"
+        );
     }
 }

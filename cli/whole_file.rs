@@ -1,9 +1,61 @@
 //! Files that are there as a whole or not at all, even if the program is killed while it writes them.
 
-use std::fs::{self, Permissions};
-use std::io::{self, Write as _};
-use std::os::unix::fs::PermissionsExt as _;
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::Path;
+
+use anyhow::anyhow;
+
+/// How much of a file that is there is looked at.
+const GLANCE: u64 = 4096;
+
+/// Place for results.
+pub(crate) enum Target {
+    /// A file that may be replaced.
+    File,
+    /// A pipe or a terminal, which takes them once, at the end.
+    Stream(File),
+}
+
+impl Target {
+    /// Finds out how results can be written to `path`. A file that is neither empty nor begins with
+    /// one of these marks, as `what` does, is left alone.
+    ///
+    /// # Errors
+    /// When they cannot.
+    pub(crate) fn find(path: &Path, what: &str, marks: &[&str]) -> anyhow::Result<Self> {
+        let metadata = match fs::metadata(path) {
+            Ok(metadata) => metadata,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::File),
+            Err(error) => return Err(error.into()),
+        };
+        if metadata.is_dir() {
+            return Err(anyhow!("it is a folder"));
+        }
+        if !metadata.is_file() {
+            // A named pipe that nobody reads would keep this waiting for ever.
+            let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
+            let stream = OpenOptions::new()
+                .write(true)
+                .custom_flags(nonblocking)
+                .open(path)?;
+            let flags = rustix::fs::fcntl_getfl(&stream)?;
+            rustix::fs::fcntl_setfl(&stream, flags - rustix::fs::OFlags::NONBLOCK)?;
+            return Ok(Self::Stream(stream));
+        }
+        let mut begin = Vec::new();
+        File::open(path)?.take(GLANCE).read_to_end(&mut begin)?;
+        let begin = String::from_utf8_lossy(&begin);
+        if begin.is_empty() || marks.iter().any(|mark| begin.contains(mark)) {
+            return Ok(Self::File);
+        }
+        Err(anyhow!(
+            "something else than {what} is there, which is left alone; remove it or choose another \
+             path"
+        ))
+    }
+}
 
 /// Writes a file beside `path` and moves it there. A link is followed; what is there keeps its
 /// permissions.

@@ -100,6 +100,22 @@ fn the_time_allowed_and_signals_hold_in_files_that_have_something_every_nanoseco
     }
 }
 
+/// To play a recording again takes longer than what was recorded, where so much happens.
+#[test]
+fn a_report_takes_no_longer_than_its_scenario_may() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("beats.toml"), scenario("Beats", HEARTBEATS)).unwrap();
+    harness::until("its picture is given up", || {
+        let args = ["run", "--timeout", "1s", "--report", "r.html", "beats.toml"];
+        let ended = start(folder, &args).wait();
+        assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+        let page = fs::read_to_string(folder.join("r.html")).unwrap();
+        assert!(page.contains("still going on after the 1s"), "{page}");
+        page.contains("which took too long")
+    });
+}
+
 /// Bytes for the client whose loss is in the log.
 fn told_lost(log: &str) -> usize {
     let lines = harness::json_lines(log);
@@ -267,15 +283,17 @@ fn results_replace_nothing_but_results() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("a.toml"), short("A")).unwrap();
-    let ended = start(folder, &["run", "--junit", "a.toml", "a.toml"]).wait();
-    ended.expect_refusal(2, &["a.toml", "left alone"]);
-    assert_eq!(
-        fs::read_to_string(folder.join("a.toml")).unwrap(),
-        short("A")
-    );
-    for _ in 0..2 {
-        let ended = start(folder, &["run", "--junit", "r.xml", "a.toml"]).wait();
-        assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    for (flag, results) in [("--junit", "r.xml"), ("--report", "r.html")] {
+        let ended = start(folder, &["run", flag, "a.toml", "a.toml"]).wait();
+        ended.expect_refusal(2, &["a.toml", "left alone"]);
+        assert_eq!(
+            fs::read_to_string(folder.join("a.toml")).unwrap(),
+            short("A")
+        );
+        for _ in 0..2 {
+            let ended = start(folder, &["run", flag, results, "a.toml"]).wait();
+            assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+        }
     }
     // A pipe that nobody reads is told of, and standard output is a pipe here.
     rustix::fs::mknodat(
@@ -288,8 +306,12 @@ fn results_replace_nothing_but_results() {
     .unwrap();
     let ended = start(folder, &["run", "--junit", "pipe", "a.toml"]).wait();
     ended.expect_refusal(2, &["cannot write results to pipe"]);
-    let ended = start(folder, &["run", "--junit", "/dev/stdout", "a.toml"]).wait();
-    assert!(ended.out.contains("</testsuites>"), "{}", ended.out);
+    let ended = start(folder, &["run", "--report", "pipe", "a.toml"]).wait();
+    ended.expect_refusal(2, &["cannot write the report pipe"]);
+    for (flag, end) in [("--junit", "</testsuites>"), ("--report", "</html>")] {
+        let ended = start(folder, &["run", flag, "/dev/stdout", "a.toml"]).wait();
+        assert!(ended.out.contains(end), "{}", ended.out);
+    }
 }
 
 #[test]

@@ -1,5 +1,8 @@
 //! One case in a report.
 
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
 use maud::{Markup, html};
 use sim_core::SimTime;
 use sim_core::device::Devices;
@@ -36,12 +39,13 @@ pub(super) fn shown(
     case: &Case<'_>,
     played: &PlayedCase,
     detail: Detail,
+    stop: &AtomicBool,
 ) -> Result<Markup, Failure> {
     let outcome = &played.outcome;
     let film = match detail {
         Detail::Words => None,
-        Detail::Map => Some(film(devices, case, outcome, false)?),
-        Detail::Full => Some(film(devices, case, outcome, true)?),
+        Detail::Map => Some(film(devices, case, outcome, stop, false)?),
+        Detail::Full => Some(film(devices, case, outcome, stop, true)?),
     };
     let title = readable(&outcome.title);
     let inside = html! {
@@ -55,7 +59,7 @@ pub(super) fn shown(
             }
         }
         @if let Some(Err(why)) = &film {
-            p.note { "No picture: the recording could not be played again. " (readable(why)) }
+            p.note { "No picture: the recording could not be played again, " (readable(why)) }
         }
         (faults(outcome))
         (report(outcome))
@@ -72,22 +76,27 @@ pub(super) fn shown(
 }
 
 /// The run again, as far as it is shown; or why it could not be played again.
-fn film(
+fn film<'a>(
     devices: Devices,
     case: &Case<'_>,
     outcome: &Outcome,
+    stop: &'a AtomicBool,
     full: bool,
-) -> Result<Result<Film, String>, Failure> {
+) -> Result<Result<Film<'a>, String>, Failure> {
     let wanted = Wanted {
         ended_at: outcome.ended_at,
         failed_at: outcome.failures.first().map(|failure| failure.at),
         looks: if full { MANY } else { FEW },
         values: full,
+        // As long as the run itself was allowed to take.
+        patience: Instant::now().checked_add(case.allowed),
+        stop,
     };
     let Some(trace) = case.recording() else {
         return Ok(Err("there is none".to_owned()));
     };
     match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {
+        Ok((film, Ok(()))) if film.is_cut.get() => Ok(Err("which took too long".to_owned())),
         Ok((film, Ok(()))) => Ok(Ok(film)),
         Ok((_, Err(why))) => Ok(Err(why.to_string())),
         Err(failure) => Ok(Err(format!("{:#}", failure.error))),

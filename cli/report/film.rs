@@ -1,6 +1,8 @@
 //! Content of a report about a run, gathered while its recording is played again.
 
-use std::time::Duration;
+use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use sim_core::SimTime;
 use sim_core::device::names::Unit;
@@ -31,7 +33,7 @@ const PLACE: [&str; 3] = ["truth.x_m", "truth.y_m", "truth.heading_deg"];
 
 /// Parts of a run that are wanted.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Wanted {
+pub(super) struct Wanted<'a> {
     /// Time that it took.
     pub(super) ended_at: SimTime,
     /// Time at which it failed first, if it did.
@@ -40,11 +42,23 @@ pub(super) struct Wanted {
     pub(super) looks: u32,
     /// Set if values are wanted, and not only ways.
     pub(super) values: bool,
+    /// Time after which nobody waits for it any more.
+    pub(super) patience: Option<Instant>,
+    /// Becomes true when nobody does.
+    pub(super) stop: &'a AtomicBool,
+}
+
+impl Wanted<'_> {
+    /// Tells whether it is still waited for.
+    pub(super) fn is_over(&self) -> bool {
+        let late = |until| Instant::now() > until;
+        self.stop.load(Ordering::Relaxed) || self.patience.is_some_and(late)
+    }
 }
 
 /// Events and values of a run, as far as they are shown.
-pub(super) struct Film {
-    wanted: Wanted,
+pub(super) struct Film<'a> {
+    wanted: Wanted<'a>,
     every: Duration,
     next: SimTime,
     words: Words,
@@ -61,6 +75,8 @@ pub(super) struct Film {
     /// Traffic and events around the failure.
     pub(super) lines: Vec<String>,
     pub(super) more_lines: usize,
+    /// It ends before the run does.
+    pub(super) is_cut: Cell<bool>,
 }
 
 /// The way of a vehicle.
@@ -91,8 +107,8 @@ pub(super) struct Span {
     pub(super) hits: Vec<f64>,
 }
 
-impl Film {
-    pub(super) fn new(run: &Run, wanted: Wanted) -> Self {
+impl<'a> Film<'a> {
+    pub(super) fn new(run: &Run, wanted: Wanted<'a>) -> Self {
         let world = run.rig().world();
         let devices = &run.scenario().rig.devices;
         let way = |(device, plan): (usize, &sim_runner::DevicePlan)| {
@@ -137,6 +153,7 @@ impl Film {
             changes: None,
             lines: Vec::new(),
             more_lines: 0,
+            is_cut: Cell::new(false),
         }
     }
 
@@ -210,8 +227,13 @@ fn is_shown(name: &str, unit: &str) -> bool {
     !counted && !PLACE.iter().any(|end| name.ends_with(end))
 }
 
-impl Onlooker for Film {
+impl Onlooker for Film<'_> {
     fn record(&mut self, _: &Record) {}
+
+    fn has_enough(&self) -> bool {
+        self.is_cut.set(self.is_cut.get() || self.wanted.is_over());
+        self.is_cut.get()
+    }
 
     fn event(&mut self, _: &Run, event: &Event) {
         if let Some(fault) = event.kind.get() {

@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use sim_control::Listen;
@@ -140,11 +141,11 @@ impl<'a> Case<'a> {
     }
 
     /// Shows it on the page, if there is one.
-    pub(crate) fn show(&self, played: &Played) -> Result<(), Failure> {
+    pub(crate) fn show(&self, played: &Played, stop: &AtomicBool) -> Result<(), Failure> {
         let Some(report) = self.report else {
             return Ok(());
         };
-        report.add(self, played)?;
+        report.add(self, played, stop)?;
         if let (None, Some(trace)) = (self.output, self.recording()) {
             // A thousand of them need not be there at a time.
             let _ = std::fs::remove_file(trace);

@@ -3,17 +3,16 @@
 //! Each scenario is a test suite, with a test case for each time that it was played, since only
 //! suites can have properties everywhere.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::OpenOptionsExt as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::Context as _;
 use quick_junit::{NonSuccessKind, Property, Report, TestCase, TestCaseStatus, TestSuite};
 
 use crate::exit::Failure;
-use crate::{visible, whole_file};
+use crate::visible;
+use crate::whole_file::{self, Target};
 
 use super::case::{Case, CaseResult, Played, Verdict};
 use super::tell;
@@ -21,26 +20,17 @@ use super::tell;
 /// How many times as long as the last writing took to play on before the next: with thousands of
 /// results the file is not written for each.
 const RARELY: u32 = 20;
-/// How much of a file that is there is looked at for results.
-const GLANCE: u64 = 4096;
 
 /// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a
 /// whole document.
 pub(crate) struct Junit {
     path: PathBuf,
-    to: To,
+    to: Target,
     report: Report,
     /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
     /// Something is known that is not written.
     is_behind: bool,
-}
-
-enum To {
-    /// A file that is replaced each time.
-    File,
-    /// A pipe or a terminal, which takes it once, at the end.
-    Stream(File),
 }
 
 impl Junit {
@@ -49,7 +39,7 @@ impl Junit {
     /// # Errors
     /// When it cannot be written, or something else is there that is no file of results.
     pub(crate) fn begin(path: &Path, cases: &[Case<'_>]) -> Result<Self, Failure> {
-        let to = target(path)
+        let to = Target::find(path, "JUnit results", &["<testsuites", "<testsuite "])
             .with_context(|| format!("cannot write results to {}", visible::name(path)))
             .map_err(Failure::usage)?;
         let mut report = Report::new("sim");
@@ -89,9 +79,9 @@ impl Junit {
 
     /// Writes all that is known.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
-        if let To::Stream(_) = &self.to {
+        if let Target::Stream(_) = &self.to {
             let text = self.text().map_err(Failure::system)?;
-            if let To::Stream(stream) = &mut self.to {
+            if let Target::Stream(stream) = &mut self.to {
                 return stream
                     .write_all(text.as_bytes())
                     .with_context(|| format!("cannot write {}", visible::name(&self.path)))
@@ -102,7 +92,7 @@ impl Junit {
     }
 
     fn update(&mut self) -> Result<(), Failure> {
-        if let To::Stream(_) = &self.to {
+        if let Target::Stream(_) = &self.to {
             return Ok(());
         }
         let begun = Instant::now();
@@ -124,39 +114,6 @@ impl Junit {
         report.time = Some(times.sum());
         Ok(without_skipped_total(&self.report.to_string()?))
     }
-}
-
-/// What is to be written to. A file that holds something else than results is left alone.
-fn target(path: &Path) -> anyhow::Result<To> {
-    let metadata = match fs::metadata(path) {
-        Ok(metadata) => metadata,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(To::File),
-        Err(error) => return Err(error.into()),
-    };
-    if metadata.is_dir() {
-        return Err(anyhow!("it is a folder"));
-    }
-    if !metadata.is_file() {
-        // A named pipe that nobody reads would keep this waiting for ever.
-        let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
-        let stream = OpenOptions::new()
-            .write(true)
-            .custom_flags(nonblocking)
-            .open(path)?;
-        let flags = rustix::fs::fcntl_getfl(&stream)?;
-        rustix::fs::fcntl_setfl(&stream, flags - rustix::fs::OFlags::NONBLOCK)?;
-        return Ok(To::Stream(stream));
-    }
-    let mut begin = Vec::new();
-    File::open(path)?.take(GLANCE).read_to_end(&mut begin)?;
-    let holds = |word: &[u8]| begin.windows(word.len()).any(|part| part == word);
-    if begin.is_empty() || holds(b"<testsuites") || holds(b"<testsuite ") {
-        return Ok(To::File);
-    }
-    Err(anyhow!(
-        "something else than JUnit results is there, which is left alone; remove it or choose \
-         another path"
-    ))
 }
 
 /// The schema that Jenkins publishes knows no total of skipped tests over all suites, and the

@@ -1,6 +1,5 @@
 //! Playing several scenarios at a time.
 
-use std::any::Any;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -13,7 +12,7 @@ use sim_pty::Waiter;
 
 use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
-use crate::print::complain;
+use crate::print::{complain, words_of_panic};
 
 use super::case::{Case, CaseResult, Verdict};
 use super::{live, lockstep, report, scripted, twice};
@@ -161,6 +160,9 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
 /// Plays one, and writes its report. Whatever goes wrong is its own failure, a panic included; the
 /// others go on.
 fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
+    if let Some(why) = &case.loaded.broken {
+        return Ok(CaseResult::Broken(why.clone()));
+    }
     catch_unwind(AssertUnwindSafe(|| {
         let mut result = play_once(case, stop)?;
         if matches!(&result, CaseResult::Played(played) if played.verdict() == Verdict::Spoilt) {
@@ -168,14 +170,11 @@ fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
         }
         if let CaseResult::Played(played) = &result {
             report::write(case, played)?;
-            case.show(played)?;
+            case.show(played, stop)?;
         }
         Ok(result)
     }))
-    .unwrap_or_else(|panic| {
-        let why = format!("the simulator panicked: {}", text(&*panic));
-        Ok(CaseResult::Broken(why))
-    })
+    .unwrap_or_else(|panic| Ok(CaseResult::Broken(words_of_panic(&*panic))))
 }
 
 fn play_once(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
@@ -188,11 +187,4 @@ fn play_once(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> 
     } else {
         scripted::play(case, stop)
     }
-}
-
-fn text(panic: &(dyn Any + Send)) -> &str {
-    let owned = panic.downcast_ref::<String>().map(String::as_str);
-    owned
-        .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("no reason given")
 }

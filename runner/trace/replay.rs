@@ -275,6 +275,10 @@ impl<'o> Replay<'o> {
                 self.ended = true;
             }
         }
+        // Who has enough has not seen all that is to be compared.
+        if self.is_enough() {
+            return Ok(());
+        }
         self.compare()
     }
 
@@ -310,8 +314,12 @@ impl<'o> Replay<'o> {
     fn advance(&mut self, to: SimTime) -> Result<(), ReplayError> {
         while self.run.rig().now() < to && self.run.finished().is_none() {
             let next = self.run.rig().now() + SLICE;
-            let look = self.look();
-            self.run.advance(next.min(look).min(to))?;
+            let next = next.min(self.look()).min(to);
+            while self.run.step(next)? {
+                if self.is_enough() {
+                    return Ok(());
+                }
+            }
             self.compare()?;
         }
         self.look();
