@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 import tty
+from contextlib import contextmanager
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "control"))
@@ -57,30 +58,51 @@ def paints(browser, folder):
 
 
 def costs(browser, folder):
-    """A client that asks as soon as it is answered: without --control, and with a page open, in turns."""
+    """A client that asks as soon as it is answered: without --control, with a reader, and with a page. All
+    are there all the time, so that each has the same work beside it, and are asked in turns."""
     rig = 'schema = 1\n[[device]]\nkind = "r150"\nport = "r150"\n'
-    simulator = Simulator(PROGRAM, folder / "one", rig, *INSTANT)
+    read, seen = (Simulator(PROGRAM, folder / name, rig, *INSTANT) for name in ["read", "seen"])
     plain = folder / "r150"
-    command = [PROGRAM, "--pty", plain, "--seed", "1", *INSTANT]
-    without = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    without = subprocess.Popen([PROGRAM, "--pty", plain, "--seed", "1", *INSTANT], stdout=subprocess.DEVNULL)
     wait("it is ready", plain.exists)
-    medians, tails = [], []
-    for _ in range(1 if QUICK else 10):
-        own = latencies(plain)
-        page, _ = open_page(browser, simulator, **DESK)
-        other = latencies(simulator.folder / "r150")
-        page.context.close()
-        medians.append((own[0], other[0]))
-        tails.append((own[1], other[1]))
-    for what, pairs in [("median", medians), ("99th percentile", tails)]:
-        ratios = sorted(other / own for own, other in pairs)
-        own, other = (statistics.median(figures) * 1e6 for figures in zip(*pairs))
-        spread = f"{ratios[0]:.2f} to {ratios[-1]:.2f}"
-        print(f"request to reply, {what}: {own:.0f} µs without, {other:.0f} µs with a page, ratio "
-              f"{statistics.median(ratios):.2f} ({spread})")
+    page, _ = open_page(browser, seen, **DESK)
+    asked = {
+        "without": plain,
+        "with a reader of what the page is told": read.folder / "r150",
+        "with the page": seen.folder / "r150",
+    }
+    figures = {what: [] for what in asked}
+    with told(read):
+        for turn in range(2 if QUICK else 100):
+            for what in list(asked)[:: 1 if turn % 2 else -1]:
+                figures[what].append(latencies(asked[what]))
+    for what, measured in figures.items():
+        for at, which in enumerate(["median", "99th percentile"]):
+            ratios = sorted(figure[at] / floor[at] for figure, floor in zip(measured, figures["without"]))
+            middle = statistics.median(figure[at] for figure in measured) * 1e6
+            quarter = len(ratios) // 4
+            spread = f"{statistics.median(ratios):.2f} ({ratios[quarter]:.2f} to {ratios[-1 - quarter]:.2f})"
+            print(f"request to reply, {which}, {what}: {middle:.0f} µs, ratio {spread}")
+    page.context.close()
     without.terminate()
     without.wait()
-    simulator.stop()
+    read.stop()
+    seen.stop()
+
+
+@contextmanager
+def told(simulator):
+    """Somebody who reads all that the page is told, and does nothing else."""
+    address, token = simulator.ctl("url").split("/#token=")
+    query = "picture=60&traffic=true&rate=20&names=truth.speed_mps"
+    command = ["curl", "--silent", "--no-buffer", "--header", f"Authorization: Bearer {token}"]
+    read = simulator.folder / "read"
+    with read.open("wb") as out:
+        reader = subprocess.Popen([*command, f"{address}/v1/events?{query}"], stdout=out)
+    wait("it is told something", lambda: read.stat().st_size > 0)
+    yield
+    reader.kill()
+    reader.wait()
 
 
 def latencies(path):
@@ -89,7 +111,7 @@ def latencies(path):
     file = os.open(path, os.O_RDWR | os.O_NOCTTY)
     tty.setraw(file)
     taken = []
-    for count in range(50 if QUICK else 20000):
+    for count in range(50 if QUICK else 2000):
         if count % 500 == 0:
             ask(file, drive, 14)
         begun = time.perf_counter()

@@ -30,12 +30,12 @@ use listening::{Listening, Traffic, is_due};
 
 /// Requests that are answered before clients of the ports have their turn again.
 const MOST_AT_ONCE: usize = 16;
-/// How often who listens is told the log, and which steps have begun or ended. Not at once, so that a
-/// client that asks without a pause is not kept waiting while others are woken.
+/// Time between two times at which the log is told, and which steps have begun or ended: a client that
+/// asks without a pause is not to wait while others are woken for each of its requests.
 const TELL_EVERY: Duration = Duration::from_millis(20);
 /// Events of the log that wait until then.
 const MOST_UNTOLD: usize = 128;
-/// How long a client in the simulator's time may be kept waiting for what is asked and told
+/// Time for which a client in the simulator's time may be kept waiting for what is asked and told
 /// meanwhile.
 const SETTLE: Duration = Duration::from_secs(2);
 
@@ -60,7 +60,7 @@ pub(crate) struct Desk {
     _session: SessionFile,
 }
 
-/// What of a step may change: when it began and was done, how often it has hit, whether it lasts
+/// The part of a step that may change: when it began and was done, how often it has hit, whether it lasts
 /// and has failed.
 type Progress = (Option<SimTime>, Option<SimTime>, u64, bool, bool);
 
@@ -367,7 +367,7 @@ fn clear_added(run: &mut Run) -> Result<Vec<String>, RunError> {
     Ok(names)
 }
 
-/// What is known now, as who listens is told it.
+/// Something that is known now, as who listens is told it.
 fn message(kind: &'static str, data: Value) -> Message {
     Message::new(kind, move || data)
 }

@@ -7,6 +7,7 @@ mod control;
 mod exit;
 mod lists;
 mod log;
+mod looking;
 mod plan;
 mod print;
 mod ready_file;

@@ -2,14 +2,13 @@
 
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
-use std::time::Duration;
 
 use anyhow::Context as _;
 use serde_json::{Value, json};
 use sim_core::device::Devices;
 use sim_core::rig::PortId;
 use sim_pty::{Counters, Waiter};
-use sim_runner::{DevicePlan, RigPlan, Run, RunError, RunOptions};
+use sim_runner::{DevicePlan, RigPlan, Run, RunOptions};
 use sim_settings::show_duration;
 
 use crate::args::{LogFormat, ServeArgs};
@@ -17,15 +16,15 @@ use crate::config;
 use crate::control::Desk;
 use crate::exit::{Exit, Failure};
 use crate::log::{DeviceName, Log, LogOptions, Words};
+use crate::looking::Looking;
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run::{self, TraceFile};
 use crate::scenario_files::Loaded;
 use crate::summary::{self, DeviceSummary, RunSummary};
 use crate::visible;
-use sim_embed::clock::Clock;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
-use sim_embed::serve::{Attendant, Begin, Ended, Server};
+use sim_embed::serve::{Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
 pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure> {
@@ -157,7 +156,7 @@ impl Session {
     /// Serves to the end.
     fn serve(&mut self) -> Result<Ended, Failure> {
         let outcome = self.server.attended(&mut Looking {
-            log: &self.log,
+            log: Some(&self.log),
             desk: self.desk.as_mut(),
             trace: &mut self.trace,
         });
@@ -219,41 +218,6 @@ impl Session {
         let server = &mut self.server;
         self.log
             .finish(last, |within| server.is_interrupted(within));
-    }
-}
-
-/// Prints what happens, and answers what is asked.
-struct Looking<'a> {
-    log: &'a Log,
-    desk: Option<&'a mut Desk>,
-    trace: &'a mut Option<TraceFile>,
-}
-
-impl Attendant for Looking<'_> {
-    fn attend(
-        &mut self,
-        run: &mut Run,
-        clock: &mut Clock,
-        woken: bool,
-    ) -> Result<Option<Duration>, RunError> {
-        let mut again = None;
-        if let Some(desk) = &mut self.desk {
-            again = desk.attend(run, Some(clock), woken)?;
-        }
-        while let Some(event) = run.poll_event() {
-            if let Some(desk) = &mut self.desk {
-                desk.event(&event);
-            }
-            self.log.event(event);
-        }
-        if let Some(trace) = self.trace {
-            trace.take(run);
-        }
-        Ok(again)
-    }
-
-    fn wants_time(&self) -> bool {
-        self.desk.as_ref().is_some_and(|desk| desk.wants_time())
     }
 }
 

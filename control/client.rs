@@ -10,7 +10,7 @@ use serde_json::Value;
 const MOST_HEAD: usize = 16 << 10;
 /// Most bytes of an answer, and of a line of a stream.
 const MOST_BYTES: u64 = 64 << 20;
-/// How long a connection may take.
+/// Time for a connection to be made.
 const CONNECT: Duration = Duration::from_secs(5);
 
 /// Reason for which a call has come to nothing.

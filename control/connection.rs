@@ -15,15 +15,15 @@ use crate::page;
 use crate::watch::{Watch, wait_readable};
 use crate::{Ask, Listener, Refusal, Reply, Shared, Wants};
 
-/// How long a request may take to arrive, and an answer to be taken.
+/// Time for a request to arrive, and for an answer to be taken.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How long the reader of a stream may take what is written at a time.
+/// Time for the reader of a stream to take what is written at a time.
 const STREAM_PATIENCE: Duration = Duration::from_secs(15);
-/// How long a connection may be idle.
+/// Time for which a connection may be idle.
 const IDLE: Duration = Duration::from_secs(60);
 /// After which silence a stream says that it is still there.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(5);
-/// How often to look whether a client still waits.
+/// Time between two looks whether a client still waits.
 const LOOK: Duration = Duration::from_millis(100);
 /// Bytes that wait in the system for a slow reader, so that it hears soon that it is slow.
 const SEND_BUFFER: usize = 64 << 10;
@@ -57,7 +57,7 @@ struct Connection<'a> {
 /// A request with its body, nothing at the end, or what is wrong with it.
 type Arrived = Result<Option<(Head, Vec<u8>)>, Refusal>;
 
-/// What is asked, and with which status it is answered if it goes well.
+/// A question, and the status of its answer if it goes well.
 type Asked = (Ask, u16);
 
 impl<'a> Connection<'a> {

@@ -39,7 +39,7 @@ pub struct Head {
 /// Reads the head of a request; gives it with its length, or nothing while it is not complete.
 ///
 /// # Errors
-/// What to tell the client, whose connection is of no use any more.
+/// A refusal for the client, whose connection is of no use any more.
 pub fn head(bytes: &[u8]) -> Result<Option<(Head, usize)>, Refusal> {
     let mut fields = [httparse::EMPTY_HEADER; MOST_FIELDS];
     let mut request = httparse::Request::new(&mut fields);

@@ -152,7 +152,7 @@ pub struct Control {
     shared: Arc<Shared>,
 }
 
-/// What all connections share.
+/// The part that all connections share.
 struct Shared {
     socket: TcpListener,
     guard: Guard,

@@ -142,7 +142,7 @@ impl Listener {
     }
 }
 
-/// What all who listen are told alike.
+/// A message that all who listen are told alike.
 ///
 /// It is written down by the connection that tells it first, so that this takes no time of the
 /// simulation's.

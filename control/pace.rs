@@ -19,7 +19,7 @@ impl Pace {
         thread::sleep(self.turn(Instant::now()));
     }
 
-    /// How long from `now` the next request has to wait.
+    /// The time from `now` for which the next request has to wait.
     fn turn(&self, now: Instant) -> Duration {
         let mut next = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let earliest = now.checked_sub(BURST).unwrap_or(now);

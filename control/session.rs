@@ -150,7 +150,7 @@ fn own(folder: &Path) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::PermissionDenied, why))
 }
 
-/// What a file says, if its simulator runs; otherwise the file is removed.
+/// The session in a file, if its simulator runs; otherwise the file is removed.
 fn read(path: &Path) -> Option<Session> {
     let file = File::open(path).ok()?;
     match file.try_lock_shared() {

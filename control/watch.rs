@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// Most connections at a time.
 pub(crate) const MOST_CONNECTIONS: usize = 32;
-/// How long to wait for the reader of a stream that does not keep up.
+/// Time to wait for the reader of a stream that does not keep up.
 const STREAM_PATIENCE: Duration = Duration::from_millis(50);
 
 const BUSY: u8 = 0;

@@ -11,7 +11,8 @@ pub(crate) const PATCHES: usize = 4;
 /// What became of the energy of a vehicle's motion since the start, J.
 ///
 /// Motors, gravity, pushes and neighbours give it; it ends as heat or is in the motion:
-/// `motors + outside` is `held + tyres` and what body and wheels have by their speeds.
+/// `motors + outside` is `held + tyres` and what body and wheels have by their speeds, as long as nobody
+/// lifts the vehicle or changes its load as it drives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energy {
     /// Given to the wheels by the motors, less what these took back.
@@ -35,6 +36,23 @@ pub(crate) struct Mass {
     pub(crate) height: f64,
     /// Ahead and left of the middle, m.
     pub(crate) place: [f64; 2],
+}
+
+impl Mass {
+    /// A payload of so many kg, spread over a deck of this length and width, m.
+    pub(crate) fn spread(
+        mass: f64,
+        [length, width]: [f64; 2],
+        height: f64,
+        place: [f64; 2],
+    ) -> Self {
+        Self {
+            mass,
+            inertia: mass * (length * length + width * width) / 12.0,
+            height,
+            place,
+        }
+    }
 }
 
 /// What turns a wheel, and what holds it, over one step.
@@ -100,7 +118,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             (Patch { x, y, wheel }, contact)
         });
         Self {
-            traction: Traction::with_contacts(tyre, patches),
+            traction: Traction::new(tyre, patches),
             wheel_speed: [0.0; WHEELS],
             tipping: false,
             mass: 0.0,
@@ -133,6 +151,14 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     pub(crate) fn stop(&mut self, wheel: usize) {
         self.energy.held += self.wheel_inertia * square(self.wheel_speed[wheel]) / 2.0;
         self.wheel_speed[wheel] = 0.0;
+    }
+
+    /// Comes to a full stop from a velocity, for which it has been slow for long.
+    pub(crate) fn stand(&mut self, velocity: [f64; 3]) {
+        self.energy.held += self.of_body(velocity);
+        for wheel in 0..WHEELS {
+            self.stop(wheel);
+        }
     }
 
     /// Forgets how it leaned and strained its tyres, as after lifting it off the ground.

@@ -141,18 +141,10 @@ struct TyreLaw {
     inverse_fade_speed: f64,
 }
 
-impl<const WHEELS: usize, const PATCHES: usize> Traction<WHEELS, PATCHES> {
-    /// Undeflected tyres.
-    #[must_use]
-    pub fn new(settings: &TyreSettings, patches: [Patch; PATCHES]) -> Self {
-        Self::with_contacts(settings, patches.map(|place| (place, Straight)))
-    }
-}
-
 impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
     /// Undeflected wheels of any kind. A wheel whose contact turns by itself has one patch only.
     #[must_use]
-    pub fn with_contacts(settings: &TyreSettings, patches: [(Patch, C); PATCHES]) -> Self {
+    pub fn new(settings: &TyreSettings, patches: [(Patch, C); PATCHES]) -> Self {
         Self {
             patches: patches.map(|(place, contact)| PatchState {
                 place,

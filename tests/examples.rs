@@ -70,6 +70,17 @@ const EXAMPLES: [(&str, &str, &str, &str); 8] = [
 /// Those for clients of their own.
 const JOBS: [&str; 2] = ["square", "there-and-back"];
 
+/// However long a busy machine takes.
+const LOCKSTEP: [&str; 7] = [
+    "run",
+    "--seed",
+    "1",
+    "--time",
+    "lockstep",
+    "--timeout",
+    "1h",
+];
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -127,9 +138,7 @@ fn each_passes_as_it_is_and_fails_who_does_it_wrong() {
 /// Verdicts of a client of the examples in the simulator's time, which takes what it takes.
 fn verdicts(python: &str, what: &[&str], client: &str) -> Vec<String> {
     let mut command = harness::command();
-    command
-        .args(["run", "--seed", "1", "--time", "lockstep"])
-        .args(what);
+    command.args(LOCKSTEP).args(what);
     command
         .args(["--", python])
         .arg(example(client))
@@ -196,4 +205,37 @@ fn a_naive_client_fails_where_it_should_in_a_second_job() {
         all.iter().all(|line| line.starts_with("FAILED ")),
         "{all:#?}"
     );
+}
+
+/// Of files that are no drives, too, nothing that presumes their scripts is said of a client with a job of
+/// its own: only that something never happened.
+#[test]
+fn a_client_with_another_job_breaks_no_rule_of_other_files() {
+    let Some(python) = python() else { return };
+    let mut files: Vec<PathBuf> = fs::read_dir(root().join("scenarios/r150"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        // The convoy has two vehicles of other names.
+        .filter(|path| path.is_file() && !path.ends_with("convoy.toml"))
+        .collect();
+    files.sort();
+    let mut command = harness::command();
+    command.args(LOCKSTEP).args(&files);
+    command
+        .args(["--", python])
+        .arg(example("careful_square.py"));
+    let printed = String::from_utf8(command.output().unwrap().stdout).unwrap();
+    let verdicts = printed
+        .lines()
+        .filter(|line| line.starts_with("ok ") || line.starts_with("FAILED "));
+    assert_eq!(verdicts.count(), files.len(), "{printed}");
+    let failure = |line: &&str| {
+        let what = line.strip_prefix("  ");
+        what.is_some_and(|what| what.starts_with(|first: char| first.is_ascii_digit()))
+    };
+    for line in printed.lines().filter(failure) {
+        let nothing =
+            line.contains(": it never began: ") || line.contains(" and never hit anything; ");
+        assert!(nothing, "{line}\n{printed}");
+    }
 }

@@ -33,7 +33,7 @@ Examples:
   sim ctl events --names truth.speed_mps --rate 20
       What happens, as JSON, a line each.";
 
-/// What to do.
+/// Something to do.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CtlArgs {
@@ -148,7 +148,7 @@ enum Does {
 
 #[derive(Debug, Args)]
 struct Lasts {
-    /// How long it lasts; until it is cleared unless given.
+    /// Time that it lasts; until it is cleared unless given.
     #[arg(long = "for", value_name = "TIME")]
     lasts: Option<Span>,
 }

@@ -31,7 +31,7 @@ impl Listening {
     }
 }
 
-/// How many requests and replies are told: a client that asks without a pause on an instant wire
+/// The number of requests and replies that are told: a client that asks without a pause on an instant wire
 /// would keep everybody else busy. In simulated time, so that in lockstep the same is told each time.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {

@@ -127,7 +127,7 @@ fn drawing(rig: &Rig, device: usize) -> Drawing {
     device.map(|device| device.drawing()).unwrap_or_default()
 }
 
-/// What lies and stands around.
+/// Everything that lies and stands around.
 fn world(run: &Run) -> Value {
     let mut world = json!({"areas": [], "strips": [], "tags": [], "obstacles": []});
     let mut put = |kind: &str, one: Value| {

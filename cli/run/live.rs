@@ -8,19 +8,19 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use sim_pty::Waiter;
-use sim_runner::{Run, RunError};
+use sim_runner::Run;
 use sim_settings::show_duration;
 
 use crate::client::Client;
 use crate::control::Desk;
 use crate::exit::Failure;
+use crate::looking::Looking;
 use crate::plan::absolute;
 use crate::supervise::ClientEnd;
 use crate::visible;
 use sim_core::rig::PortId;
-use sim_embed::clock::Clock;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all, variable};
-use sim_embed::serve::{Attendant, Begin, Ended, Server};
+use sim_embed::serve::{Begin, Ended, Server};
 use sim_pty::PtySetup;
 
 use super::case::{Case, CaseResult, Played, PlayedClient};
@@ -177,8 +177,9 @@ impl LivePlay {
     /// ended then.
     fn play(&mut self, case: &Case<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
         let ended = self.server.attended(&mut Looking {
-            trace: &mut self.trace,
+            log: None,
             desk: self.desk.as_mut(),
+            trace: &mut self.trace,
         })?;
         // Nobody is left to be answered.
         self.desk = None;
@@ -247,35 +248,6 @@ impl LivePlay {
 
     fn fail(&mut self, what: String) {
         self.server.run_mut().fail(what);
-    }
-}
-
-/// Writes down what happens, and answers what is asked.
-struct Looking<'a> {
-    trace: &'a mut Option<TraceFile>,
-    desk: Option<&'a mut Desk>,
-}
-
-impl Attendant for Looking<'_> {
-    fn attend(
-        &mut self,
-        run: &mut Run,
-        clock: &mut Clock,
-        woken: bool,
-    ) -> Result<Option<Duration>, RunError> {
-        let mut again = None;
-        if let Some(desk) = &mut self.desk {
-            again = desk.attend(run, Some(clock), woken)?;
-            while let Some(event) = run.poll_event() {
-                desk.event(&event);
-            }
-        }
-        take(run, self.trace);
-        Ok(again)
-    }
-
-    fn wants_time(&self) -> bool {
-        self.desk.as_ref().is_some_and(|desk| desk.wants_time())
     }
 }
 

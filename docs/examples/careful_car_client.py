@@ -208,7 +208,7 @@ class Car:
             if time.monotonic() > end:
                 raise Trouble("somebody does not get out of the way")
 
-    def watch(self, axis, corner):
+    def watch(self, axis, corner, by_line):
         """Watches the car on its way. Says why it has to be stopped; None if it has stopped."""
         begin, begun = self.status, time.monotonic()
         sign = 1 if corner > getattr(begin, axis) else -1
@@ -225,6 +225,8 @@ class Car:
                 return "somebody is in the way"
             # A single packet may be wrong: enough to stop, and too little to give up.
             strayed = strayed + 1 if abs(aside) > 3 or abs(status.ori) > 80 else 0
+            if strayed == 2 and by_line and left >= begin_left and abs(status.ori) <= 80:
+                return "a line was misheard"  # it goes aside alone
             if strayed == 2:
                 raise Trouble(f"off course: {aside / 10} revolutions, {status.ori / 10} degrees")
             if left < -2 or left > begin_left + 2:
@@ -253,9 +255,10 @@ class Car:
                 raise Trouble("the car does not do as it is told")
             self.wait_until_clear(axis, way)
             # Lines that come to nothing are given up; the main link can do the same.
-            self.order(axis, way, by_line and orders < 3)
+            line = by_line and orders < 3
+            self.order(axis, way, line)
             orders += 1
-            why = self.watch(axis, corner)
+            why = self.watch(axis, corner, line)
             if why:
                 print(f"stop: {why}")
                 self.stop()
@@ -269,6 +272,8 @@ def main(sides=SIDES):
         car.set_pose(0, 0, 0)
         for axis, corner, by_line in sides:
             car.drive(axis, corner, by_line)
+        for axis in "xy":
+            car.drive(axis, 0, False)  # no way at all, unless a line that was misheard led aside
         print("back where it began")
     except Trouble as trouble:
         print(f"stopped for good: {trouble}")

@@ -72,10 +72,9 @@ impl Drive {
         drive
     }
 
-    /// The payload lies spread over the deck.
+    /// Puts a payload on the deck, kg.
     pub(super) fn set_payload(&mut self, settings: &MecanumPlantSettings, payload: f64) {
         let body = &settings.body;
-        let deck = body.length * body.length + body.width * body.width;
         let grown = 1.0 + settings.wheel.roller_drag_growth * payload / body.mass;
         self.gear
             .set_across(self.roller_factors.map(|factor| factor * grown));
@@ -85,12 +84,8 @@ impl Drive {
             height: body.centre_of_mass_height,
             place: [0.0; 2],
         };
-        let carried = Mass {
-            mass: payload,
-            inertia: payload * deck / 12.0,
-            height: body.payload_height,
-            place: [0.0; 2],
-        };
+        let deck = [body.length, body.width];
+        let carried = Mass::spread(payload, deck, body.payload_height, [0.0; 2]);
         self.gear.set_masses(&own, &carried);
     }
 

@@ -2,7 +2,7 @@
 
 use super::MecanumPlant;
 use super::motor::Order;
-use super::signals::{WHEELS, Wheel};
+use super::signals::Wheel;
 use crate::world::World;
 
 impl MecanumPlant {
@@ -11,10 +11,10 @@ impl MecanumPlant {
         let radius = self.settings.wheel.radius;
         let tyre_speeds = self.drive.gear.wheel_speed.map(|speed| speed * radius);
         let could_stand = self.body.is_slow(tyre_speeds) && !self.is_driven();
-        if !self.body.settle(world, seconds, could_stand) {
-            return;
+        let velocity = self.body.motion().body_velocity();
+        if self.body.settle(world, seconds, could_stand) {
+            self.drive.gear.stand(velocity);
         }
-        self.drive.gear.wheel_speed = [0.0; WHEELS];
     }
 
     /// Ahead, left, counter-clockwise; N and N·m.

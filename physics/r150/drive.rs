@@ -52,22 +52,22 @@ impl Drive {
         drive
     }
 
-    /// The payload lies spread over the deck.
+    /// Puts a payload on the deck, kg.
     pub(super) fn set_payload(&mut self, settings: &R150PlantSettings, payload: f64) {
         let body = &settings.body;
-        let deck = body.length * body.length + body.width * body.width;
         let own = Mass {
             mass: body.mass,
             inertia: body.yaw_inertia,
             height: body.centre_of_mass_height,
             place: [0.0; 2],
         };
-        let carried = Mass {
-            mass: payload,
-            inertia: payload * deck / 12.0,
-            height: body.payload_height,
-            place: [body.payload_ahead, body.payload_left],
-        };
+        let deck = [body.length, body.width];
+        let carried = Mass::spread(
+            payload,
+            deck,
+            body.payload_height,
+            [body.payload_ahead, body.payload_left],
+        );
         self.gear.set_masses(&own, &carried);
     }
 

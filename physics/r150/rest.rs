@@ -37,10 +37,11 @@ impl R150Plant {
         let radius = self.settings.tyre.wheel_radius;
         let tyre_speeds = self.drive.gear.wheel_speed.map(|speed| speed * radius);
         let could_stand = self.body.is_slow(tyre_speeds) && !self.is_driven();
+        let velocity = self.body.motion().body_velocity();
         if !self.body.settle(world, seconds, could_stand) {
             return;
         }
-        self.drive.gear.wheel_speed = [0.0; 2];
+        self.drive.gear.stand(velocity);
         self.note_encoders();
         self.solve_network();
     }

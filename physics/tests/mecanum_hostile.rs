@@ -8,7 +8,7 @@ mod ground;
 
 use std::time::Duration;
 
-use car::{Car, FULL, RADIUS};
+use car::Car;
 use proptest::prelude::*;
 use sim_physics::mecanum::{
     Encoder, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults,
@@ -213,8 +213,6 @@ proptest! {
         settings.body.yaw_inertia = yaw_inertia;
         let mut car = Car::with(&settings);
         car.world.set_ground(Ground::flat(friction));
-        // Rollers at 75 degrees carry the body almost four times as fast sideways as the wheels turn.
-        let fastest = FULL * RADIUS * angle.to_radians().tan().max(1.0);
         for (reverse, brake, voltage) in drives {
             car.plant.set_commands(&commands(reverse, brake, voltage));
             for _ in 0..100 {
@@ -225,14 +223,9 @@ proptest! {
                     ground::check_wheels(wheels, friction, mass * 9.81);
                 }
             }
-            // No energy comes out of the solver.
+            // No energy comes out of the solver. Nothing else bounds the speed of a light body on
+            // heavy wheels whose rubber holds much.
             let truth = car.plant.truth();
-            // A wheel that coasts turns as the body's way over its roller makes it.
-            for speed in truth.wheel_speed {
-                prop_assert!(speed.abs() < 6.0 * fastest / RADIUS + 1.0, "{truth:?}");
-            }
-            prop_assert!(truth.forward_speed.abs() < fastest * 1.5 + 0.1, "{truth:?}");
-            prop_assert!(truth.leftward_speed.abs() < fastest * 1.5 + 0.1, "{truth:?}");
             let turning: f64 = truth.wheel_speed.iter().map(|speed| speed * speed).sum();
             let motion = mass * (truth.forward_speed.powi(2) + truth.leftward_speed.powi(2))
                 + yaw_inertia * truth.yaw_rate.powi(2)

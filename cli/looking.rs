@@ -1,0 +1,48 @@
+//! Whoever attends a run in real time: it is printed and recorded, and what is asked is answered.
+
+use std::time::Duration;
+
+use sim_embed::clock::Clock;
+use sim_embed::serve::Attendant;
+use sim_runner::{Run, RunError};
+
+use crate::control::Desk;
+use crate::log::Log;
+use crate::run::TraceFile;
+
+/// Tells what happens to all who want to know.
+pub(crate) struct Looking<'a> {
+    pub(crate) log: Option<&'a Log>,
+    pub(crate) desk: Option<&'a mut Desk>,
+    pub(crate) trace: &'a mut Option<TraceFile>,
+}
+
+impl Attendant for Looking<'_> {
+    fn attend(
+        &mut self,
+        run: &mut Run,
+        clock: &mut Clock,
+        woken: bool,
+    ) -> Result<Option<Duration>, RunError> {
+        let mut again = None;
+        if let Some(desk) = &mut self.desk {
+            again = desk.attend(run, Some(clock), woken)?;
+        }
+        while let Some(event) = run.poll_event() {
+            if let Some(desk) = &mut self.desk {
+                desk.event(&event);
+            }
+            if let Some(log) = self.log {
+                log.event(event);
+            }
+        }
+        if let Some(trace) = self.trace {
+            trace.take(run);
+        }
+        Ok(again)
+    }
+
+    fn wants_time(&self) -> bool {
+        self.desk.as_ref().is_some_and(|desk| desk.wants_time())
+    }
+}
