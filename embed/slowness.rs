@@ -94,7 +94,11 @@ mod tests {
         let enough = AtomicBool::new(false);
         std::thread::scope(|scope| {
             for _ in 0..2 * processors {
-                scope.spawn(|| while !enough.load(Ordering::Relaxed) {});
+                scope.spawn(|| {
+                    while !enough.load(Ordering::Relaxed) {
+                        std::hint::spin_loop()
+                    }
+                });
             }
             let (begun, before) = (Instant::now(), queue.waited());
             while queue.waited() < before + Duration::from_millis(20) {
