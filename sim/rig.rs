@@ -280,12 +280,7 @@ impl Rig {
     /// device.
     #[must_use]
     pub fn next_deadline(&self) -> Option<SimTime> {
-        let slots = self.slots.iter();
-        let to_client = slots
-            .flat_map(|slot| &slot.lines)
-            .filter_map(SerialLine::next_for_client);
-        let faults = self.slots.iter().filter_map(|slot| slot.faults.as_ref());
-        let to_client = to_client.chain(faults.filter_map(|faults| faults.next_for_client()));
+        let to_client = self.slots.iter().flat_map(Slot::next_for_clients);
         let own = self.deadlines.earliest().min(self.physics_due);
         let own = (!self.slots.is_empty()).then_some(own);
         own.into_iter().chain(to_client).min()

@@ -184,12 +184,9 @@ impl Injection {
         to_device.chain(own).chain(late).min()
     }
 
-    /// Time at which the next byte arrives at a client.
-    pub(crate) fn next_for_client(&self) -> Option<SimTime> {
-        self.stages
-            .iter()
-            .filter_map(|stage| stage[Way::ToClient.index()].next())
-            .min()
+    /// Time at which the next byte arrives at the client of a link.
+    pub(crate) fn next_for_client(&self, link: usize) -> Option<SimTime> {
+        self.stages.get(link)?[Way::ToClient.index()].next()
     }
 
     /// Lets go what no stall holds up any more.

@@ -145,6 +145,17 @@ impl Rig {
 }
 
 impl Slot {
+    /// Times at which something next arrives at each client that is there.
+    pub(super) fn next_for_clients(&self) -> impl Iterator<Item = SimTime> {
+        let attached = self.lines.iter().enumerate();
+        let attached = attached.filter(|(_, line)| line.is_attached());
+        attached.flat_map(|(link, line)| {
+            let faults = self.faults.as_ref();
+            let held = faults.and_then(|faults| faults.next_for_client(link));
+            line.next_for_client().into_iter().chain(held)
+        })
+    }
+
     /// Has the device's ends of the lines run at the speeds that the faults say.
     fn follow_baud(&mut self, now: SimTime) {
         for (link, line) in self.lines.iter_mut().enumerate() {

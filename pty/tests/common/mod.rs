@@ -36,8 +36,16 @@ impl Client {
         rustix::fs::open(path, flags, Mode::empty()).map(Self)
     }
 
+    /// Sends all at once, as soon as the kernel has room: it makes that some time after another's bytes were
+    /// thrown away.
     pub fn send(&self, bytes: &[u8]) {
-        assert_eq!(rustix::io::write(&self.0, bytes), Ok(bytes.len()));
+        let start = Instant::now();
+        loop {
+            match rustix::io::write(&self.0, bytes) {
+                Err(Errno::AGAIN) if start.elapsed() < PATIENCE => std::thread::yield_now(),
+                sent => return assert_eq!(sent, Ok(bytes.len())),
+            }
+        }
     }
 
     /// Waits until there is something to read.

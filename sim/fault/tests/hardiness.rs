@@ -230,3 +230,25 @@ fn a_client_that_does_not_read_loses_whole_packets_whatever_is_broken() {
         .count();
     assert!(dropped > 0, "and it is told so");
 }
+
+#[test]
+fn what_a_stall_let_go_is_due_for_nobody_when_its_client_has_left() {
+    let mut rig = car(true);
+    let stall = inject(
+        &mut rig,
+        "kind = \"stall\"\ndirection = \"to-client\"\nlink = \"ros\"",
+    );
+    assert_eq!(run(&mut rig, ROS, MS(500)), NOTHING);
+    let now = rig.now();
+    for port in [MAIN, ROS] {
+        rig.detach(port, now).unwrap();
+    }
+    rig.clear(stall);
+    rig.advance(now).unwrap();
+    assert!(rig.next_deadline().unwrap() > now);
+    // Nor does the next one get it.
+    rig.attach(ROS, now).unwrap();
+    let mut bytes = Vec::new();
+    rig.client_reads(ROS, &mut bytes);
+    assert_eq!(bytes, NOTHING);
+}
