@@ -445,10 +445,14 @@ impl Server {
             };
             // Without room a port still tells of clients that have left.
             let room = self.run.room(id).min(buffer.len());
-            served.paused = room == 0;
+            // Whatever it tells comes before what is read of it on the way to the present.
+            served.paused = false;
             let event = port.read(&mut buffer[..room])?;
             match event {
-                Event::Idle => return Ok(()),
+                Event::Idle => {
+                    served.paused = room == 0;
+                    return Ok(());
+                }
                 Event::Attached => {
                     self.begin();
                     let now = self.catch_up()?;

@@ -133,6 +133,29 @@ fn a_client_that_stays_is_answered_whoever_was_there_before() {
     }
 }
 
+/// What waits for room on the line is read while simulated time catches up, and who comes and goes meanwhile
+/// is told of in order.
+#[test]
+fn a_client_is_answered_while_what_another_left_is_caught_up_with() {
+    let _alone = alone();
+    let sim = Sim::start(&[&JSON[..], &["--speed", "100"]].concat());
+    for round in 0..handovers() {
+        let mut left = open(sim.port());
+        left.write_all(&frame(0x07, &[]).repeat(900)).unwrap();
+        std::thread::sleep(Duration::from_millis(u64::from(round % 5) * 2));
+        drop(left);
+        let mut client = sim.client();
+        client.send(&frame(0xF0, &[]));
+        assert!(client.skip_to(0xF0, PATIENCE).is_some(), "round {round}");
+    }
+    let lines = sim.stop().expect_clean().json();
+    let codes = lines.iter().filter_map(|line| line["code"].as_str());
+    let visits: Vec<&str> = codes
+        .filter(|code| ["client_attached", "client_detached"].contains(code))
+        .collect();
+    assert!(visits.windows(2).all(|two| two[0] != two[1]), "{visits:?}");
+}
+
 /// Nobody is served while several come and go: all that they left lies mixed when the simulator wakes.
 #[test]
 fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
