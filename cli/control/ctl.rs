@@ -15,7 +15,7 @@ use crate::visible;
 
 const EXAMPLES: &str = "\
 Examples:
-  sim ctl fault camera-shorted
+  sim ctl fault cable-pulled
       Breaks something until it is cleared; prints the name of the step.
   sim ctl fault bit-flips probability=0.01 direction=to-client --for 2s
       With its parameters, for a time. `sim faults` lists them.
