@@ -31,7 +31,7 @@ pub mod signals;
 
 use std::time::Duration;
 
-pub use encoder::Encoder;
+pub use encoder::EncoderState;
 pub use faults::{MecanumFaults, Ultrasonic, WheelFaults};
 pub use sensing::MecanumTruth;
 pub use settings::{

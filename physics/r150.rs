@@ -19,7 +19,7 @@ mod slow;
 
 use std::time::Duration;
 
-pub use faults::{Encoder, R150Faults, SideFaults};
+pub use faults::{EncoderState, R150Faults, SideFaults};
 pub use fuse::FuseId;
 pub use settings::{
     AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, MotorThermalSettings,

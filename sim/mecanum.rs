@@ -22,7 +22,7 @@ use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, TextLi
 use crate::event::{EventKind, Told};
 use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
-use crate::mecanum_device::{Action, Link, MecanumDevice};
+use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
 use crate::noise::Noise;
 use crate::rig::Rig;
 pub use settings::MecanumSettings;
@@ -151,7 +151,7 @@ impl Mecanum {
     }
 
     /// Somebody works the remote control.
-    pub fn operate(&mut self, now: SimTime, action: Action) {
+    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.device.operate(now, action);
     }
 

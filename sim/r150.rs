@@ -24,7 +24,7 @@ use crate::fault::parameters::{Key, RailName};
 use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
-use crate::r150_device::vehicle::{self, Action, Start};
+use crate::r150_device::vehicle::{self, OperatorInput, Start};
 use crate::rig::Rig;
 pub use settings::R150Settings;
 use watch::Watch;
@@ -174,7 +174,7 @@ impl R150 {
     }
 
     /// Somebody works a button.
-    pub fn operate(&mut self, now: SimTime, action: Action) {
+    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.device.operate(now, action);
     }
 

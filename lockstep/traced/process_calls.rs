@@ -9,7 +9,7 @@ use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::int;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, kernel_state};
 use crate::traced::wait::Wait;
 
@@ -19,7 +19,7 @@ impl Tracer<'_> {
         tid: Tid,
         call: Call,
         a: [u64; 6],
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let memory = Memory(tid);
         let (set, mask, deadline) = match call {
             Call::Pause => (None, None, None),
@@ -29,7 +29,7 @@ impl Tracer<'_> {
                     0 => None,
                     address => match span(memory.read_pair(address)?) {
                         Some(time) => Some(self.now.saturating_add(time)),
-                        None => return Ok(Action::Make),
+                        None => return Ok(Handling::Make),
                     },
                 };
                 (Some(memory.read_u64(a[0])?), None, deadline)
@@ -37,10 +37,10 @@ impl Tracer<'_> {
         };
         // One may wait already.
         self.signalled = true;
-        Ok(Action::Hold(Wait::Signal { set, mask }, deadline))
+        Ok(Handling::Hold(Wait::Signal { set, mask }, deadline))
     }
 
-    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Action {
+    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Handling {
         let a = registers.arguments();
         let (target, signal) = match call {
             Call::Kill => (int(a[0]), int(a[1])),
@@ -53,7 +53,7 @@ impl Tracer<'_> {
                 (pid.unwrap_or(0), int(a[1]))
             }
         };
-        Action::ToEnd(registers, AtEnd::Kill { target, signal })
+        Handling::ToEnd(registers, AtEnd::Kill { target, signal })
     }
 
     /// Those whom SIGKILL has been sent to are gone before anybody goes on.
@@ -77,7 +77,7 @@ impl Tracer<'_> {
     }
 
     /// A thread ends itself.
-    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Action {
+    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Handling {
         let threads = self.threads.values();
         if threads.filter(|thread| thread.process == process).count() == 1 {
             self.is_dying(process);
@@ -91,7 +91,7 @@ impl Tracer<'_> {
             }
             self.wake_changed_futexes();
         }
-        Action::Make
+        Handling::Make
     }
 }
 
@@ -106,12 +106,12 @@ pub(crate) fn lists_of_processors() -> Vec<(u64, u64)> {
 }
 
 /// One processor, whatever the machine has: programs start as many threads as they find processors.
-pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Action, Halt> {
+pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Handling, Halt> {
     if length < 8 {
-        return Ok(Action::Make);
+        return Ok(Handling::Make);
     }
     Memory(tid).write(into, &1_u64.to_ne_bytes())?;
-    Ok(Action::Answer(8))
+    Ok(Handling::Answer(8))
 }
 
 /// The same where they are read from a file.
@@ -119,9 +119,9 @@ pub(crate) fn read_processors(
     tid: Tid,
     list: &Descriptor,
     (into, count): (u64, u64),
-) -> Result<Action, Halt> {
+) -> Result<Handling, Halt> {
     if rustix::fs::tell(&list.file).is_ok_and(|at| at > 0) {
-        return Ok(Action::Make);
+        return Ok(Handling::Make);
     }
     let text = b"0\n";
     let count = usize::try_from(count).unwrap_or(usize::MAX).min(text.len());
@@ -132,5 +132,5 @@ pub(crate) fn read_processors(
         SeekFrom::Start(list.stat.st_size.unsigned_abs()),
     )
     .map_err(std::io::Error::from)?;
-    Ok(Action::Answer(i64::try_from(count).unwrap_or(0)))
+    Ok(Handling::Answer(i64::try_from(count).unwrap_or(0)))
 }

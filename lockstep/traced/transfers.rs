@@ -11,7 +11,7 @@ use crate::traced::entry::{failure, int};
 use crate::traced::memory::Memory;
 use crate::traced::process_calls::read_processors;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 
@@ -38,7 +38,7 @@ impl Tracer<'_> {
         call: Call,
         registers: Registers,
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let a = registers.arguments();
         // Before anything is done with a port, the world knows who has it open.
         self.look_at_ports()?;
@@ -48,7 +48,7 @@ impl Tracer<'_> {
             _ => int(a[0]),
         };
         let Some(descriptor) = self.descriptor(process, fd) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         if let Some(index) = self.port_of(&descriptor) {
             return self.port_transfer(tid, (index, &descriptor), call, a, crept);
@@ -67,17 +67,17 @@ impl Tracer<'_> {
             return Ok(action);
         }
         if descriptor.never_waits() && !is_queue(call) {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
         let rule = self.transfer_rule(tid, call, a, &descriptor)?;
         let action = self.may_wait(tid, fd, &descriptor, &rule, crept);
-        if call == Call::Recvmmsg && matches!(action, Action::Make) {
+        if call == Call::Recvmmsg && matches!(action, Handling::Make) {
             // It would wait for the others of the messages that it has room for.
             let mut changed = registers;
             let first_only = u64::from(libc::MSG_WAITFORONE.unsigned_abs());
             changed.set_argument(3, a[3] | first_only);
             changed.set_argument(4, 0);
-            return Ok(Action::ToEnd(changed, AtEnd::Restore(registers)));
+            return Ok(Handling::ToEnd(changed, AtEnd::Restore(registers)));
         }
         Ok(action)
     }
@@ -90,7 +90,7 @@ impl Tracer<'_> {
         call: Call,
         a: [u64; 6],
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let length = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
         match call {
             // Programs fall back to reading and writing.
@@ -110,7 +110,7 @@ impl Tracer<'_> {
                 let asked = (length(parts.iter().fold(0, add)), None);
                 Ok(self.read_port(tid, index, descriptor, asked, crept))
             }
-            _ => Ok(Action::Make),
+            _ => Ok(Handling::Make),
         }
     }
 
@@ -167,16 +167,21 @@ impl Tracer<'_> {
         Ok(rule)
     }
 
-    pub(crate) fn random_bytes(&mut self, tid: Tid, into: u64, count: u64) -> Result<Action, Halt> {
+    pub(crate) fn random_bytes(
+        &mut self,
+        tid: Tid,
+        into: u64,
+        count: u64,
+    ) -> Result<Handling, Halt> {
         let count = usize::try_from(count)
             .unwrap_or(usize::MAX)
             .min(MOST_RANDOM);
         let mut bytes = vec![0; count];
         if self.random(&mut bytes).is_none() {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
         Memory(tid).write(into, &bytes)?;
-        Ok(Action::Answer(i64::try_from(count).unwrap_or(0)))
+        Ok(Handling::Answer(i64::try_from(count).unwrap_or(0)))
     }
 
     /// A read or write that may wait.
@@ -187,17 +192,17 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
         rule: &Rule,
         crept: bool,
-    ) -> Action {
+    ) -> Handling {
         let ready = if rule.flags.contains(PollFlags::OUT) {
             descriptor.has_room(rule.room)
         } else {
             descriptor.is_ready(rule.flags)
         };
         if ready {
-            return Action::Make;
+            return Handling::Make;
         }
         if rule.at_once || descriptor.is_nonblocking() {
-            return self.ask(tid, crept).unwrap_or(Action::Make);
+            return self.ask(tid, crept).unwrap_or(Handling::Make);
         }
         let wait = Wait::Descriptor {
             fd,
@@ -206,7 +211,7 @@ impl Tracer<'_> {
             late: rule.late,
             has_more: rule.has_more,
         };
-        Action::Hold(wait, rule.deadline)
+        Handling::Hold(wait, rule.deadline)
     }
 }
 

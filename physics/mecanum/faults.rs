@@ -1,6 +1,6 @@
 //! Deeds of an operator, a scenario or bad luck to the car.
 
-use super::encoder::Encoder;
+use super::encoder::EncoderState;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
 use super::{BOUNDS, MecanumPlant};
 use crate::pose::Pose;
@@ -23,7 +23,7 @@ pub struct WheelFaults {
     /// Its motor turns the other way than FR says.
     pub reversed: bool,
     /// Its encoder.
-    pub encoder: Encoder,
+    pub encoder: EncoderState,
 }
 
 /// State of an ultrasonic sensor.

@@ -9,7 +9,7 @@ use crate::world::World;
 
 /// State of a wheel encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
+pub enum EncoderState {
     /// It measures.
     #[default]
     Working,
@@ -35,7 +35,7 @@ pub struct SideFaults {
     /// The motor is wired backwards. Its encoder is not.
     pub reversed: bool,
     /// The encoder.
-    pub encoder: Encoder,
+    pub encoder: EncoderState,
 }
 
 /// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking

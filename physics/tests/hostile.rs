@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use common::{Bench, FRICTION};
 use proptest::prelude::*;
-use sim_physics::r150::{Encoder, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
+use sim_physics::r150::{EncoderState, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
 use sim_physics::{Ground, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
@@ -49,7 +49,11 @@ fn any_load() -> impl Strategy<Value = Load> {
 }
 
 fn any_faults() -> impl Strategy<Value = SideFaults> {
-    let encoder = prop::sample::select(vec![Encoder::Working, Encoder::Lost, Encoder::Stuck]);
+    let encoder = prop::sample::select(vec![
+        EncoderState::Working,
+        EncoderState::Lost,
+        EncoderState::Stuck,
+    ]);
     (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
         let [
             blocked,

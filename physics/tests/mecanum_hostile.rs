@@ -11,8 +11,8 @@ use std::time::Duration;
 use car::Car;
 use proptest::prelude::*;
 use sim_physics::mecanum::{
-    Encoder, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults,
-    Wiring,
+    EncoderState, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel,
+    WheelFaults, Wiring,
 };
 use sim_physics::{
     Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
@@ -44,9 +44,9 @@ fn any_number() -> impl Strategy<Value = f64> {
 
 fn any_faults() -> impl Strategy<Value = WheelFaults> {
     let encoder = prop_oneof![
-        Just(Encoder::Working),
-        Just(Encoder::Lost),
-        Just(Encoder::Stuck),
+        Just(EncoderState::Working),
+        Just(EncoderState::Lost),
+        Just(EncoderState::Stuck),
     ];
     (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
         let [
