@@ -10,7 +10,7 @@ use std::time::Duration;
 use common::{Bench, FRICTION};
 use proptest::prelude::*;
 use sim_physics::r150::{EncoderState, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
-use sim_physics::{Ground, Pose, R150PlantSettings};
+use sim_physics::{Ground, Plant as _, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
 #[derive(Debug, Clone)]
@@ -132,7 +132,7 @@ fn apply(bench: &mut Bench, action: &Action) {
         }),
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);

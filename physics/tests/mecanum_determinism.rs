@@ -11,7 +11,7 @@ mod car;
 use car::MOTIONS;
 use sim_physics::mecanum::{EncoderState, Plugs, Wheel, WheelFaults, Wiring};
 use sim_physics::{
-    MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant,
+    MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
 };
 

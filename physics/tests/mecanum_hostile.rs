@@ -15,7 +15,7 @@ use sim_physics::mecanum::{
     WheelFaults, Wiring,
 };
 use sim_physics::{
-    Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
+    Ground, MecanumCommands, MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings,
 };
 
 /// Something that a client, an operator or a scenario may do.
@@ -129,7 +129,7 @@ fn apply(car: &mut Car, action: &Action) {
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
         Action::CarFaults(faults) => plant.set_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));

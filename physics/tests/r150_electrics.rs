@@ -8,7 +8,7 @@ use common::{Bench, TICK};
 use sim_physics::r150::{
     EncoderState, FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side, SideFaults,
 };
-use sim_physics::{R150Measurements, R150PlantSettings};
+use sim_physics::{Plant as _, R150Measurements, R150PlantSettings};
 
 fn with_load(rail: Rail, load: Load) -> (Bench, R150Measurements) {
     let mut bench = Bench::new();
