@@ -47,6 +47,8 @@ pub(crate) struct Tracer<'a> {
     pub(crate) waits: u64,
     /// Counts up whenever something has happened that a wait may be for.
     pub(crate) happened: u64,
+    /// How much had happened when time last went on.
+    pub(crate) advanced: u64,
     /// A signal may have been sent to somebody who waits.
     pub(crate) signalled: bool,
     pub(crate) outside: BTreeSet<String>,
@@ -166,6 +168,7 @@ impl<'a> Tracer<'a> {
             turns: 0,
             waits: 0,
             happened: 1,
+            advanced: 0,
             signalled: false,
             outside: BTreeSet::new(),
             refused: BTreeSet::new(),
