@@ -3,7 +3,7 @@
 use crate::traced::arch::{self, Registers};
 use crate::traced::call::Call;
 use crate::traced::memory::Memory;
-use crate::traced::process_calls::affinity;
+use crate::traced::one_processor::{affinity, current};
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, OwnClocks, Resume, State};
@@ -48,6 +48,9 @@ impl Tracer<'_> {
             | Call::Msgrcv => self.lock_call(tid, call, registers),
             Call::Read
             | Call::Readv
+            | Call::Pread
+            | Call::Preadv
+            | Call::Preadv2
             | Call::Write
             | Call::Writev
             | Call::Recvfrom
@@ -73,12 +76,13 @@ impl Tracer<'_> {
                 self.timer_descriptor(tid, process, int(a[0]), Some((a[1], a[2])), a[3])
             }
             Call::TimerfdGettime => self.timer_descriptor(tid, process, int(a[0]), None, a[1]),
-            Call::Getrandom => self.random_bytes(tid, a[0], a[1]),
+            Call::Getrandom => self.random_bytes(tid, &[(a[0], a[1])]),
             Call::Yield => Ok(self.ask(tid, crept).unwrap_or_else(|| {
                 self.give_way(tid);
                 Handling::Answer(0)
             })),
             Call::Getaffinity => affinity(tid, a[1], a[2]),
+            Call::Getcpu => current(tid, a[0], a[1]),
             Call::Setaffinity => Ok(Handling::Answer(0)),
             // Only after a stop by job control.
             Call::Restart => Ok(failure(libc::EINTR)),

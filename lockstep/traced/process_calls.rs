@@ -1,11 +1,8 @@
-//! Calls about other processes: signals, ends, and how many processors there are.
-
-use rustix::fs::SeekFrom;
+//! Calls about other processes: signals and ends.
 
 use crate::traced::arch::Registers;
 use crate::traced::call::Call;
 use crate::traced::clock::span;
-use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::int;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
@@ -93,44 +90,4 @@ impl Tracer<'_> {
         }
         Handling::Make
     }
-}
-
-/// Where the system lists its processors, as numbers and ranges of them.
-const LISTS: [&str; 3] = ["online", "possible", "present"];
-
-/// The lists of processors, by their devices and inodes.
-pub(crate) fn lists_of_processors() -> Vec<(u64, u64)> {
-    let list = |name| rustix::fs::stat(format!("/sys/devices/system/cpu/{name}")).ok();
-    let lists = LISTS.into_iter().filter_map(list);
-    lists.map(|stat| (stat.st_dev, stat.st_ino)).collect()
-}
-
-/// One processor, whatever the machine has: programs start as many threads as they find processors.
-pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Handling, Halt> {
-    if length < 8 {
-        return Ok(Handling::Make);
-    }
-    Memory(tid).write(into, &1_u64.to_ne_bytes())?;
-    Ok(Handling::Answer(8))
-}
-
-/// The same where they are read from a file.
-pub(crate) fn read_processors(
-    tid: Tid,
-    list: &Descriptor,
-    (into, count): (u64, u64),
-) -> Result<Handling, Halt> {
-    if rustix::fs::tell(&list.file).is_ok_and(|at| at > 0) {
-        return Ok(Handling::Make);
-    }
-    let text = b"0\n";
-    let count = usize::try_from(count).unwrap_or(usize::MAX).min(text.len());
-    Memory(tid).write(into, text.get(..count).unwrap_or_default())?;
-    // Behind whatever it holds, for the read that finds its end.
-    rustix::fs::seek(
-        &list.file,
-        SeekFrom::Start(list.stat.st_size.unsigned_abs()),
-    )
-    .map_err(std::io::Error::from)?;
-    Ok(Handling::Answer(i64::try_from(count).unwrap_or(0)))
 }

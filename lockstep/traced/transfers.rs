@@ -9,7 +9,6 @@ use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{failure, int};
 use crate::traced::memory::Memory;
-use crate::traced::process_calls::read_processors;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::AtEnd;
@@ -40,6 +39,12 @@ impl Tracer<'_> {
         crept: bool,
     ) -> Result<Handling, Halt> {
         let a = registers.arguments();
+        // Without a place it is a read like others.
+        let call = match call {
+            Call::Preadv2 if a[3] == u64::MAX => Call::Readv,
+            Call::Preadv2 => Call::Preadv,
+            _ => call,
+        };
         // Before anything is done with a port, the world knows who has it open.
         self.look_at_ports()?;
         // The end that a port may be at.
@@ -53,11 +58,12 @@ impl Tracer<'_> {
         if let Some(index) = self.port_of(&descriptor) {
             return self.port_transfer(tid, (index, &descriptor), call, a, crept);
         }
-        if call == Call::Read && descriptor.is_random() {
-            return self.random_bytes(tid, a[1], a[2]);
+        if let Some(action) = self.own_bytes(tid, process, call, a, &descriptor)? {
+            return Ok(action);
         }
-        if call == Call::Read && self.processors.contains(&descriptor.inode()) {
-            return read_processors(tid, &descriptor, (a[1], a[2]));
+        // Whatever waits has no places, and says so at once.
+        if matches!(call, Call::Pread | Call::Preadv) {
+            return Ok(Handling::Make);
         }
         if call == Call::Read
             && descriptor.is_anonymous()
@@ -80,6 +86,45 @@ impl Tracer<'_> {
             return Ok(Handling::ToEnd(changed, AtEnd::Restore(registers)));
         }
         Ok(action)
+    }
+
+    /// A read of what the tracer itself says: what is random, and how many processors there are.
+    fn own_bytes(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        call: Call,
+        a: [u64; 6],
+        descriptor: &Descriptor,
+    ) -> Result<Option<Handling>, Halt> {
+        let from = match call {
+            Call::Splice => self.descriptor(process, int(a[0])),
+            Call::Sendfile => self.descriptor(process, int(a[1])),
+            _ => None,
+        };
+        if from.is_some_and(|from| from.is_random() || self.lists.has(&from)) {
+            // Programs fall back to reading and writing.
+            return Ok(Some(failure(libc::EINVAL)));
+        }
+        let (is_one_part, place) = match call {
+            Call::Read => (true, None),
+            Call::Pread => (true, Some(a[3])),
+            Call::Readv => (false, None),
+            Call::Preadv => (false, Some(a[3])),
+            _ => return Ok(None),
+        };
+        let is_random = descriptor.is_random();
+        if !is_random && !self.lists.has(descriptor) {
+            return Ok(None);
+        }
+        let parts = match is_one_part {
+            true => vec![(a[1], a[2])],
+            false => Memory(tid).read_parts(a[1], a[2])?,
+        };
+        if is_random {
+            return self.random_bytes(tid, &parts).map(Some);
+        }
+        self.lists.read(tid, descriptor, &parts, place)
     }
 
     /// The same on a port.
@@ -167,21 +212,20 @@ impl Tracer<'_> {
         Ok(rule)
     }
 
+    /// Fills these parts of a program's memory with what is random, as far as it goes at a time.
     pub(crate) fn random_bytes(
         &mut self,
         tid: Tid,
-        into: u64,
-        count: u64,
+        parts: &[(u64, u64)],
     ) -> Result<Handling, Halt> {
-        let count = usize::try_from(count)
-            .unwrap_or(usize::MAX)
-            .min(MOST_RANDOM);
-        let mut bytes = vec![0; count];
+        let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
+        let count = usize::try_from(parts.iter().fold(0, add)).unwrap_or(usize::MAX);
+        let mut bytes = vec![0; count.min(MOST_RANDOM)];
         if self.random(&mut bytes).is_none() {
             return Ok(Handling::Make);
         }
-        Memory(tid).write(into, &bytes)?;
-        Ok(Handling::Answer(i64::try_from(count).unwrap_or(0)))
+        let written = Memory(tid).write_parts(parts, &bytes)?;
+        Ok(Handling::Answer(i64::try_from(written).unwrap_or(0)))
     }
 
     /// A read or write that may wait.
