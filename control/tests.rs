@@ -295,3 +295,41 @@ fn who_waits_for_an_answer_learns_of_the_end() {
         "{error}"
     );
 }
+
+#[test]
+fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
+    let control = Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms")));
+    let control = control.unwrap();
+    let address = control.address();
+    let url = control.url();
+    let token = url.split_once("token=").unwrap().1;
+    let text = format!(
+        "GET /v1/state HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}\r\n\r\n"
+    );
+    thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                let client = Client::new(&url).unwrap();
+                while client.call("GET", "/v1/steps", None).is_ok() {}
+            });
+        }
+        for _ in 0..100 {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.write_all(text.as_bytes()).unwrap();
+            stream.set_nonblocking(true).unwrap();
+            let mut settling = control.settling();
+            while !settling.is_over() {
+                if let Some(request) = settling.request(&control, Duration::from_millis(10)) {
+                    let (ask, way) = request.split();
+                    way.give(Ok(json!(format!("{ask:?}"))));
+                }
+            }
+            let mut answer = [0; 4096];
+            let count = stream.read(&mut answer).unwrap();
+            let answer = String::from_utf8_lossy(&answer[..count]);
+            assert!(answer.contains("\"State\""), "{answer}");
+        }
+        // Tells the others that it is over.
+        drop(control);
+    });
+}

@@ -481,7 +481,6 @@ for _ in range(8):
 "#;
 
 #[test]
-#[ignore = "each wait of the client may take 2 s of real time, which is minutes on a busy machine"]
 fn a_flood_takes_no_simulated_time_of_a_client_in_lockstep() {
     if !has("python3") {
         return;

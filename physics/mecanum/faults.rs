@@ -1,9 +1,8 @@
 //! Deeds of an operator, a scenario or bad luck to the car.
 
-use super::encoder::Encoder;
+use super::encoder::EncoderState;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
 use super::{BOUNDS, MecanumPlant};
-use crate::pose::Pose;
 use crate::vehicle_body::{number, within};
 use crate::world::World;
 
@@ -23,7 +22,7 @@ pub struct WheelFaults {
     /// Its motor turns the other way than FR says.
     pub reversed: bool,
     /// Its encoder.
-    pub encoder: Encoder,
+    pub encoder: EncoderState,
 }
 
 /// State of an ultrasonic sensor.
@@ -117,7 +116,7 @@ impl MecanumPlant {
             *offset = offset.wrapping_add(jump);
         }
         self.follow_payload(world);
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of the car as a whole.
@@ -141,7 +140,7 @@ impl MecanumPlant {
         if faults.blocked {
             self.drive.gear.stop(wheel.index());
         }
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of a wheel.
@@ -150,13 +149,7 @@ impl MecanumPlant {
         self.wheel_faults[wheel.index()]
     }
 
-    /// Puts a payload on the deck, kg, within 0–100.
-    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
-        self.follow_payload(world);
-    }
-
-    fn follow_payload(&mut self, world: &mut World) {
+    pub(super) fn follow_payload(&mut self, world: &mut World) {
         let payload = self.body.payload() + self.faults.payload;
         self.drive.set_payload(&self.settings, payload);
         world.set_mass(
@@ -164,18 +157,5 @@ impl MecanumPlant {
             self.drive.gear.mass,
             self.drive.gear.inertia,
         );
-    }
-
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
-    /// is held within ±10 kN.
-    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.body.set_push([ahead, left, turn]);
-    }
-
-    /// Lifts the car and sets it down elsewhere, standing.
-    pub fn place(&mut self, world: &mut World, pose: Pose) {
-        self.body.place(world, pose);
-        self.drive.gear.lift();
-        self.sensors.look(world, self.body.id(), self.body.motion());
     }
 }

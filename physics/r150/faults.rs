@@ -3,13 +3,12 @@
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
 use super::{BOUNDS, R150Plant};
-use crate::pose::Pose;
 use crate::vehicle_body::{number, within};
 use crate::world::World;
 
 /// State of a wheel encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
+pub enum EncoderState {
     /// It measures.
     #[default]
     Working,
@@ -35,7 +34,7 @@ pub struct SideFaults {
     /// The motor is wired backwards. Its encoder is not.
     pub reversed: bool,
     /// The encoder.
-    pub encoder: Encoder,
+    pub encoder: EncoderState,
 }
 
 /// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking
@@ -100,7 +99,7 @@ impl R150Plant {
         self.slow.battery.set_missing(self.faults.missing_charge);
         self.follow_payload(world);
         self.solve_network();
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of the vehicle as a whole.
@@ -145,13 +144,7 @@ impl R150Plant {
         self.loads[rail.index()]
     }
 
-    /// Puts a payload on the deck, kg, within 0–1000.
-    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
-        self.follow_payload(world);
-    }
-
-    fn follow_payload(&mut self, world: &mut World) {
+    pub(super) fn follow_payload(&mut self, world: &mut World) {
         let payload = self.body.payload() + self.faults.payload;
         self.drive.set_payload(&self.settings, payload);
         world.set_mass(
@@ -159,19 +152,6 @@ impl R150Plant {
             self.drive.gear.mass,
             self.drive.gear.inertia,
         );
-    }
-
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
-    /// is held within ±100 kN.
-    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.body.set_push([ahead, left, turn]);
-    }
-
-    /// Lifts the vehicle and sets it down elsewhere, standing.
-    pub fn place(&mut self, world: &mut World, pose: Pose) {
-        self.body.place(world, pose);
-        self.drive.gear.lift();
-        self.solve_network();
     }
 
     /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.
@@ -184,7 +164,7 @@ impl R150Plant {
             self.drive.gear.stop(side.index());
         }
         self.solve_network();
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of a side.

@@ -24,11 +24,11 @@ impl R150Plant {
             }
             left -= due;
             self.solve_network();
-            self.wake();
+            self.body.wake();
         }
         if self.slow.advance(&self.flow, left) {
             self.solve_network();
-            self.wake();
+            self.body.wake();
         }
     }
 

@@ -8,7 +8,9 @@ mod common;
 
 use common::TICK;
 use sim_physics::r150::{Load, Rail, Side, SideFaults, Sides};
-use sim_physics::{Ground, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
+use sim_physics::{
+    Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
+};
 
 const GOLDEN: u64 = 0x3f7c_57f9_a790_7dad;
 

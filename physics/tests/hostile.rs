@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use common::{Bench, FRICTION};
 use proptest::prelude::*;
-use sim_physics::r150::{Encoder, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
-use sim_physics::{Ground, Pose, R150PlantSettings};
+use sim_physics::r150::{EncoderState, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
+use sim_physics::{Ground, Plant as _, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
 #[derive(Debug, Clone)]
@@ -49,7 +49,11 @@ fn any_load() -> impl Strategy<Value = Load> {
 }
 
 fn any_faults() -> impl Strategy<Value = SideFaults> {
-    let encoder = prop::sample::select(vec![Encoder::Working, Encoder::Lost, Encoder::Stuck]);
+    let encoder = prop::sample::select(vec![
+        EncoderState::Working,
+        EncoderState::Lost,
+        EncoderState::Stuck,
+    ]);
     (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
         let [
             blocked,
@@ -128,7 +132,7 @@ fn apply(bench: &mut Bench, action: &Action) {
         }),
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);

@@ -9,9 +9,9 @@
 mod car;
 
 use car::MOTIONS;
-use sim_physics::mecanum::{Encoder, Plugs, Wheel, WheelFaults, Wiring};
+use sim_physics::mecanum::{EncoderState, Plugs, Wheel, WheelFaults, Wiring};
 use sim_physics::{
-    MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant,
+    MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
 };
 
@@ -138,7 +138,7 @@ fn digest() -> u64 {
         Wheel::LeftRear,
         WheelFaults {
             blocked: true,
-            encoder: Encoder::Stuck,
+            encoder: EncoderState::Stuck,
             ..WheelFaults::default()
         },
     );

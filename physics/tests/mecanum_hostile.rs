@@ -11,11 +11,11 @@ use std::time::Duration;
 use car::Car;
 use proptest::prelude::*;
 use sim_physics::mecanum::{
-    Encoder, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults,
-    Wiring,
+    EncoderState, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel,
+    WheelFaults, Wiring,
 };
 use sim_physics::{
-    Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
+    Ground, MecanumCommands, MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings,
 };
 
 /// Something that a client, an operator or a scenario may do.
@@ -44,9 +44,9 @@ fn any_number() -> impl Strategy<Value = f64> {
 
 fn any_faults() -> impl Strategy<Value = WheelFaults> {
     let encoder = prop_oneof![
-        Just(Encoder::Working),
-        Just(Encoder::Lost),
-        Just(Encoder::Stuck),
+        Just(EncoderState::Working),
+        Just(EncoderState::Lost),
+        Just(EncoderState::Stuck),
     ];
     (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
         let [
@@ -129,7 +129,7 @@ fn apply(car: &mut Car, action: &Action) {
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
         Action::CarFaults(faults) => plant.set_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));

@@ -8,7 +8,7 @@ mod car;
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
 use sim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, WheelFaults, Wiring};
 use sim_physics::world::{Area, FrictionPatch, Rectangle};
-use sim_physics::{Ground, MecanumPlantSettings, Pose};
+use sim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
 
 fn unsupplied() -> MecanumFaults {
     MecanumFaults {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use common::Bench;
 use sim_physics::r150::{Side, SideFaults};
-use sim_physics::{Ground, R150PlantSettings};
+use sim_physics::{Ground, Plant as _, R150PlantSettings};
 
 fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
     let mut settings = R150PlantSettings::default();
@@ -92,7 +92,7 @@ fn ramps_take_their_time() {
 fn a_pushed_motor_with_its_driver_off_is_held_by_the_diodes() {
     let mut bench = Bench::new();
     bench.command(|commands| commands.propulsion_power = false);
-    bench.plant.set_push(900.0, 0.0, 0.0);
+    bench.plant.set_push([900.0, 0.0, 0.0]);
     bench.run(5.0);
     let truth = bench.plant.truth();
     println!(

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use common::{Bench, TICK};
 use sim_physics::r150::{
-    Encoder, FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side, SideFaults,
+    EncoderState, FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side, SideFaults,
 };
-use sim_physics::{R150Measurements, R150PlantSettings};
+use sim_physics::{Plant as _, R150Measurements, R150PlantSettings};
 
 fn with_load(rail: Rail, load: Load) -> (Bench, R150Measurements) {
     let mut bench = Bench::new();
@@ -314,10 +314,10 @@ fn encoders_can_lie_while_the_truth_goes_on() {
     };
     bench
         .plant
-        .set_side_faults(Side::Right, with(Encoder::Lost));
+        .set_side_faults(Side::Right, with(EncoderState::Lost));
     bench
         .plant
-        .set_side_faults(Side::Left, with(Encoder::Stuck));
+        .set_side_faults(Side::Left, with(EncoderState::Stuck));
     bench.drive(0.5, 0.5);
     bench.run(2.0);
     let rpm = bench.plant.measurements().motor_rpm;

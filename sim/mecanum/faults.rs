@@ -2,7 +2,8 @@
 
 use sim_physics::World;
 use sim_physics::mecanum::{
-    ECHOES, Encoder, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel, WheelFaults,
+    ECHOES, EncoderState, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel,
+    WheelFaults,
 };
 
 use super::Mecanum;
@@ -179,8 +180,8 @@ impl Layer {
                     own.drag_torque += torque.map_or(USUAL_DRAG, |torque| torque.0.abs());
                 }
                 Fault::FreeWheeling { .. } => own.free_wheeling = true,
-                Fault::EncoderLost { .. } => own.encoder = Encoder::Lost,
-                Fault::EncoderStuck { .. } => own.encoder = Encoder::Stuck,
+                Fault::EncoderLost { .. } => own.encoder = EncoderState::Lost,
+                Fault::EncoderStuck { .. } => own.encoder = EncoderState::Stuck,
                 Fault::WiredBackwards { .. } => own.reversed = !own.reversed,
                 Fault::BrakeStuckOn { .. } => own.brake_stuck_on = true,
                 Fault::BrakeStuckOpen { .. } => own.brake_stuck_open = true,

@@ -1,7 +1,9 @@
 //! Faults of an R150: its hardware, and what people do to it at the worst time.
 
 use sim_physics::World;
-use sim_physics::r150::{Encoder, FuseId, Load, R150Faults, R150Plant, Side, SideFaults, Sides};
+use sim_physics::r150::{
+    EncoderState, FuseId, Load, R150Faults, R150Plant, Side, SideFaults, Sides,
+};
 use sim_settings::SimTime;
 
 use super::R150;
@@ -11,7 +13,7 @@ use crate::noise::Noise;
 use crate::r150_device::can::CanFailure;
 use crate::r150_device::command;
 use crate::r150_device::control::Parts;
-use crate::r150_device::vehicle::{Action, Key};
+use crate::r150_device::vehicle::{Key, OperatorInput};
 
 /// Drag on the wheels of a side unless given, N·m.
 const USUAL_DRAG: f64 = 100.0;
@@ -70,7 +72,7 @@ struct Armed {
     fault: Fault,
     noise: Noise,
     /// Actions that undo the operator's deed.
-    undo: Vec<Action>,
+    undo: Vec<OperatorInput>,
     /// Error that interference adds to the encoders now, r/min.
     errors: [f64; 2],
 }
@@ -255,8 +257,8 @@ impl Layer {
                     own.drag_torque += torque.map_or(USUAL_DRAG, |torque| torque.0.abs());
                 }
                 Fault::FreeWheeling { .. } => own.motor_disconnected = true,
-                Fault::EncoderLost { .. } => own.encoder = Encoder::Lost,
-                Fault::EncoderStuck { .. } => own.encoder = Encoder::Stuck,
+                Fault::EncoderLost { .. } => own.encoder = EncoderState::Lost,
+                Fault::EncoderStuck { .. } => own.encoder = EncoderState::Stuck,
                 Fault::WiredBackwards { .. } => own.reversed = !own.reversed,
                 Fault::BrakeStuckOn { .. } => own.brake_stuck_on = true,
                 Fault::BrakeStuckOpen { .. } => own.brake_stuck_open = true,
@@ -414,50 +416,54 @@ fn what(fault: &Fault, r150: &R150) -> String {
 }
 
 /// Nobody drives with this key: it is let go at the same instant.
-const TOUCH: [Action; 2] = [Action::Press(Key::Forward), Action::ReleaseKey];
+const TOUCH: [OperatorInput; 2] = [
+    OperatorInput::Press(Key::Forward),
+    OperatorInput::ReleaseKey,
+];
 
 /// Does it; gives what undoes it, and whether it changed anything.
-fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<Action>, bool) {
+fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, bool) {
     let vehicle = r150.device().vehicle();
     let (locked, parked) = (vehicle.locked(), vehicle.parked());
     let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
     // A key that goes on driving after it is let go is ended by the top button, which does nothing
     // else while the parking brake is off; while it is on, nothing drives.
-    let end_key = (vehicle.key_outlasts_press() && !parked).then_some(Action::ReleaseParking);
+    let end_key =
+        (vehicle.key_outlasts_press() && !parked).then_some(OperatorInput::ReleaseParking);
     let mut undo = Vec::new();
     let mut act = Vec::new();
     // The parking brake can be released in remote mode only.
-    let release = |undo: &mut Vec<Action>| {
+    let release = |undo: &mut Vec<OperatorInput>| {
         undo.extend(TOUCH);
-        undo.push(Action::ReleaseParking);
-        undo.extend(autonomous.then_some(Action::Autonomous));
+        undo.push(OperatorInput::ReleaseParking);
+        undo.extend(autonomous.then_some(OperatorInput::Autonomous));
     };
     let acted = match fault {
         Fault::EmergencyStop {} => {
-            act.push(Action::EmergencyStop(true));
-            undo.push(Action::EmergencyStop(false));
+            act.push(OperatorInput::EmergencyStop(true));
+            undo.push(OperatorInput::EmergencyStop(false));
             !stopped
         }
         Fault::RemoteControlTakesOver { key } => {
             match key {
-                Some(key) => act.push(Action::Press(super::key(*key))),
+                Some(key) => act.push(OperatorInput::Press(super::key(*key))),
                 None => act.extend(TOUCH.into_iter().chain(end_key)),
             }
-            undo.push(Action::ReleaseKey);
+            undo.push(OperatorInput::ReleaseKey);
             undo.extend(end_key);
-            undo.extend(autonomous.then_some(Action::Autonomous));
+            undo.extend(autonomous.then_some(OperatorInput::Autonomous));
             autonomous || key.is_some()
         }
         Fault::Locked {} => {
-            act.push(Action::Lock);
-            undo.push(Action::Unlock);
+            act.push(OperatorInput::Lock);
+            undo.push(OperatorInput::Unlock);
             if !parked {
                 release(&mut undo);
             }
             !locked
         }
         Fault::Parked {} => {
-            act.push(Action::Park);
+            act.push(OperatorInput::Park);
             release(&mut undo);
             !parked
         }
@@ -472,7 +478,7 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<Action>, bool) {
     if matches!(fault, Fault::EmergencyStop {}) {
         // The emergency stop may have locked the vehicle, too.
         let vehicle = r150.device().vehicle();
-        undo.extend((vehicle.locked() && !locked).then_some(Action::Unlock));
+        undo.extend((vehicle.locked() && !locked).then_some(OperatorInput::Unlock));
         if vehicle.parked() && !parked {
             release(&mut undo);
         }
@@ -504,6 +510,6 @@ fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool
         return false;
     }
     let Parts { power, pwm } = wanted;
-    r150.operate(now, Action::AppHolds { power, pwm });
+    r150.operate(now, OperatorInput::AppHolds { power, pwm });
     true
 }

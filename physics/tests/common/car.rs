@@ -5,7 +5,8 @@
 
 use sim_physics::mecanum::{Plugs, WHEELS, Wheel, WheelFaults, Wiring};
 use sim_physics::{
-    Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, World, WorldSettings,
+    Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
+    WorldSettings,
 };
 
 /// Radius of a wheel, m.

@@ -4,7 +4,7 @@ use sim_physics::mecanum::{MecanumFaults, Wheel, WheelFaults};
 use sim_physics::r150::{R150Faults, Side, SideFaults};
 
 use super::*;
-use crate::r150_device::vehicle::Action;
+use crate::r150_device::vehicle::OperatorInput;
 
 /// A drive on which every fault of an R150 has something to act on; it begins with the rails on.
 fn exercise_r150(rig: &mut Rig, watchdog: bool) {
@@ -15,7 +15,9 @@ fn exercise_r150(rig: &mut Rig, watchdog: bool) {
     if watchdog {
         run(rig, MAIN, MS(700));
     }
-    rig.with_device(0, |r150: &mut R150, _, now| r150.operate(now, Action::Park));
+    rig.with_device(0, |r150: &mut R150, _, now| {
+        r150.operate(now, OperatorInput::Park)
+    });
     run(rig, MAIN, MS(50));
 }
 
@@ -69,7 +71,7 @@ fn on_the_r150() {
         run(&mut rig, MAIN, MS(700));
         rig.with_device(0, |r150: &mut R150, _, now| {
             if info.id == "brake-stuck-open" {
-                r150.operate(now, Action::Park);
+                r150.operate(now, OperatorInput::Park);
             }
         });
         run(&mut rig, MAIN, MS(100));

@@ -1,5 +1,6 @@
 //! The mecanum car in the rig: firmware, line, hardware and world together.
 
+use sim_physics::Plant as _;
 use std::time::Duration;
 
 use sim_physics::mecanum::{Port, Wheel, WheelFaults, Wiring};
@@ -212,7 +213,7 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     assert_eq!(seen.last().unwrap().infra, 1);
     assert!(
         rig.world()
-            .collisions(rig.device::<Mecanum>(0).unwrap().body())
+            .collisions(rig.device::<Mecanum>(0).unwrap().plant().body())
             > 0
     );
 }
@@ -259,7 +260,7 @@ fn a_car_that_is_pushed_back_knows_it_only_by_counters_with_a_direction() {
             settings.firmware.wiring = plugs;
         });
         rig.with_device(0, |car: &mut Mecanum, _, _| {
-            car.plant_mut().set_push(-30.0, 0.0, 0.0)
+            car.plant_mut().set_push([-30.0, 0.0, 0.0])
         });
         let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
         let truth =
@@ -310,7 +311,7 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         .unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
     let car = rig.device::<Mecanum>(0).unwrap();
-    assert!(rig.world().collisions(car.body()) > 0);
+    assert!(rig.world().collisions(car.plant().body()) > 0);
     assert!(car.truth().pose.x < 0.75, "the R150 is in the way");
 }
 
