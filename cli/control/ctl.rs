@@ -1,6 +1,10 @@
 //! The `ctl` subcommand: what the control socket offers, from a shell.
 
+use std::io::{self, Write as _};
 use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
@@ -35,6 +39,9 @@ Examples:
       Stop time, let 50 ms pass, let it go on, at half speed.
   sim ctl --port /tmp/r150 state
       Of several simulators, ask the one that serves this port.";
+
+/// Time between two looks whether what is waited for cannot come.
+const LOOK: Duration = Duration::from_millis(500);
 
 /// Something to do.
 #[derive(Debug, Args)]
@@ -85,6 +92,7 @@ Examples:
         /// The action, as in the `operator` steps of scenario files.
         action: String,
         /// Its value, as a word or JSON.
+        #[arg(allow_negative_numbers = true)]
         value: Option<String>,
         #[command(flatten)]
         lasts: Lasts,
@@ -98,6 +106,7 @@ Examples:
         /// The change, as in the `world` steps of scenario files.
         change: String,
         /// Its value, as a word or JSON.
+        #[arg(allow_negative_numbers = true)]
         value: String,
         #[command(flatten)]
         lasts: Lasts,
@@ -126,6 +135,8 @@ Example:
         names: Vec<String>,
     },
     /// Wait until a condition holds; exit code 1 if it does not in time.
+    ///
+    /// While time is paused, it goes on waiting.
     #[command(after_help = "\
 Example:
   sim ctl until 'truth.at_rest && truth.x_m > 2' --within 10s")]
@@ -348,7 +359,15 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
     } else {
         "/v1/steps"
     };
-    let told = call(client, "POST", path, Some(&step))?;
+    let told = thread::scope(|scope| {
+        let (over, is_over) = mpsc::channel::<()>();
+        if wait {
+            scope.spawn(move || tell_of_pauses(client, &is_over));
+        }
+        let told = call(client, "POST", path, Some(&step));
+        drop(over);
+        told
+    })?;
     if told["state"] == "failed" {
         let why = told["why"].as_str().unwrap_or("the step failed").to_owned();
         return Err(Failure {
@@ -362,6 +381,27 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
         visible::line(&text("name")),
         text("state")
     ))
+}
+
+/// Says on standard error when somebody waits for what does not come while time stands still, until the
+/// other end of `is_over` is dropped.
+fn tell_of_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
+    let mut is_told = false;
+    while let Err(RecvTimeoutError::Timeout) = is_over.recv_timeout(LOOK) {
+        let Ok(state) = client.call("GET", "/v1/state", None) else {
+            return;
+        };
+        let is_paused = state["paused"] == true;
+        if is_paused && !is_told {
+            let t = &state["t"];
+            // Nobody may be there to read it.
+            let _ = writeln!(
+                io::stderr(),
+                "time is paused at {t} s; this waits until it goes on: `sim ctl go-on`, or `sim ctl step-by 1s`"
+            );
+        }
+        is_told = is_paused;
+    }
 }
 
 fn get(client: &Client, names: &[String]) -> Result<Exit, Failure> {
