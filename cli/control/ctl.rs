@@ -1,6 +1,10 @@
 //! The `ctl` subcommand: what the control socket offers, from a shell.
 
+use std::io::{self, Write as _};
 use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
@@ -32,6 +36,9 @@ Examples:
       Of several simulators the one that serves this port.
   sim ctl events --names truth.speed_mps --rate 20
       What happens, as JSON, a line each.";
+
+/// Time between two looks whether what is waited for cannot come.
+const LOOK: Duration = Duration::from_millis(500);
 
 /// Something to do.
 #[derive(Debug, Args)]
@@ -73,6 +80,7 @@ enum Does {
         /// What, as in scenario files.
         action: String,
         /// With what, as JSON or a word.
+        #[arg(allow_negative_numbers = true)]
         value: Option<String>,
         #[command(flatten)]
         lasts: Lasts,
@@ -82,6 +90,7 @@ enum Does {
         /// What, as in scenario files.
         change: String,
         /// With what, as JSON or a word.
+        #[arg(allow_negative_numbers = true)]
         value: String,
         #[command(flatten)]
         lasts: Lasts,
@@ -106,7 +115,7 @@ enum Does {
         /// Names, as `sim names` lists them.
         names: Vec<String>,
     },
-    /// Wait until a condition holds.
+    /// Wait until a condition holds; if time is paused, until it goes on.
     Until {
         /// The condition, as in scenario files.
         condition: String,
@@ -323,7 +332,15 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
     } else {
         "/v1/steps"
     };
-    let told = call(client, "POST", path, Some(&step))?;
+    let told = thread::scope(|scope| {
+        let (over, is_over) = mpsc::channel::<()>();
+        if wait {
+            scope.spawn(move || tell_of_pauses(client, &is_over));
+        }
+        let told = call(client, "POST", path, Some(&step));
+        drop(over);
+        told
+    })?;
     if told["state"] == "failed" {
         let why = told["why"].as_str().unwrap_or("the step failed").to_owned();
         return Err(Failure {
@@ -337,6 +354,27 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
         visible::line(&text("name")),
         text("state")
     ))
+}
+
+/// Says on standard error when somebody waits for what does not come while time stands still, until the
+/// other end of `is_over` is dropped.
+fn tell_of_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
+    let mut is_told = false;
+    while let Err(RecvTimeoutError::Timeout) = is_over.recv_timeout(LOOK) {
+        let Ok(state) = client.call("GET", "/v1/state", None) else {
+            return;
+        };
+        let is_paused = state["paused"] == true;
+        if is_paused && !is_told {
+            let t = &state["t"];
+            // Nobody may be there to read it.
+            let _ = writeln!(
+                io::stderr(),
+                "time is paused at {t} s; this waits until it goes on: `sim ctl go-on`, or `sim ctl step-by 1s`"
+            );
+        }
+        is_told = is_paused;
+    }
 }
 
 fn get(client: &Client, names: &[String]) -> Result<Exit, Failure> {
