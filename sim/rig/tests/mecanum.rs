@@ -3,7 +3,8 @@
 use sim_physics::Plant as _;
 use std::time::Duration;
 
-use sim_physics::mecanum::{Port, Wheel, WheelFaults, Wiring};
+use sim_physics::faults::MotorFaults;
+use sim_physics::mecanum::{Port, Wheel, Wiring};
 use sim_physics::r150::Load;
 use sim_physics::world::Obstacle;
 
@@ -169,9 +170,9 @@ fn a_strafe_is_shorter_than_odometry_says() {
 fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
     let mut rig = car(false);
     rig.with_device(0, |car: &mut Mecanum, _, _| {
-        let faults = WheelFaults {
+        let faults = MotorFaults {
             blocked: true,
-            ..WheelFaults::default()
+            ..MotorFaults::default()
         };
         car.plant_mut().set_wheel_faults(Wheel::LeftFront, faults);
     });
