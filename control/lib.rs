@@ -50,8 +50,9 @@ use watch::{Watch, Watches};
 
 /// Most requests that wait for the simulation.
 const MOST_WAITING: usize = 64;
-/// Longest wait at the end for clients that do not read what they are told.
-const PARTING: Duration = Duration::from_secs(1);
+/// Longest wait for connections at the end, which end by themselves: within a second those of clients
+/// that do not read.
+const PARTING: Duration = Duration::from_secs(10);
 
 /// Request of a client.
 #[derive(Debug)]
@@ -330,6 +331,9 @@ fn accept(shared: &Arc<Shared>) {
     while !shared.stop.load(Ordering::Relaxed) {
         let accepted = shared.connections.accept(&shared.socket);
         if shared.stop.load(Ordering::Relaxed) {
+            if let Ok((_, Some(watch))) = accepted {
+                shared.connections.leave(&watch);
+            }
             return;
         }
         let Ok((stream, watch)) = accepted else {

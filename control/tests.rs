@@ -12,6 +12,7 @@ use watch::MOST_CONNECTIONS;
 struct Served {
     url: String,
     address: SocketAddr,
+    shared: Arc<Shared>,
     stop: Arc<AtomicBool>,
     thread: Option<thread::JoinHandle<()>>,
 }
@@ -21,6 +22,7 @@ impl Served {
         let control =
             Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
         let (url, address) = (control.url(), control.address());
+        let shared = Arc::clone(&control.shared);
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
@@ -38,6 +40,7 @@ impl Served {
         Self {
             url,
             address,
+            shared,
             stop,
             thread: Some(thread),
         }
@@ -236,6 +239,21 @@ fn the_end_has_been_told_when_the_control_is_gone() {
         let mut text = String::new();
         stream.read_to_string(&mut text).unwrap();
         assert!(text.contains(end), "{text}");
+    }
+}
+
+#[test]
+fn nobody_is_waited_for_at_the_end_who_has_nothing_to_be_told() {
+    for _ in 0..10 {
+        let served = Served::echo();
+        served.client().call("GET", "/v1/state", None).unwrap();
+        let idle: Vec<TcpStream> = (0..5)
+            .map(|_| TcpStream::connect(served.address).unwrap())
+            .collect();
+        let control = Arc::clone(&served.shared);
+        drop(served);
+        assert!(control.connections.are_gone());
+        drop(idle);
     }
 }
 

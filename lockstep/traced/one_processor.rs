@@ -8,25 +8,25 @@ use rustix::fs::SeekFrom;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt};
+use crate::traced::tracer::{Halt, Handling};
 
 /// Processors on which a thread may run.
-pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Action, Halt> {
+pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Handling, Halt> {
     if length < 8 {
-        return Ok(Action::Make);
+        return Ok(Handling::Make);
     }
     Memory(tid).write(into, &1_u64.to_ne_bytes())?;
-    Ok(Action::Answer(8))
+    Ok(Handling::Answer(8))
 }
 
 /// The one on which it runs, and the node of that; programs may ask for either.
-pub(crate) fn current(tid: Tid, processor: u64, node: u64) -> Result<Action, Halt> {
+pub(crate) fn current(tid: Tid, processor: u64, node: u64) -> Result<Handling, Halt> {
     for into in [processor, node] {
         if into != 0 {
             Memory(tid).write(into, &[0; 4])?;
         }
     }
-    Ok(Action::Answer(0))
+    Ok(Handling::Answer(0))
 }
 
 /// Makes of what a file says of all processors what it would say of the first.
@@ -96,7 +96,7 @@ impl Lists {
         descriptor: &Descriptor,
         parts: &[(u64, u64)],
         place: Option<u64>,
-    ) -> Result<Option<Action>, Halt> {
+    ) -> Result<Option<Handling>, Halt> {
         let inode = descriptor.inode();
         let Some(list) = self.0.iter_mut().find(|list| list.inode == inode) else {
             return Ok(None);
@@ -115,6 +115,6 @@ impl Lists {
             let behind = SeekFrom::Start(at.saturating_add(written as u64));
             rustix::fs::seek(&descriptor.file, behind).map_err(io::Error::from)?;
         }
-        Ok(Some(Action::Answer(i64::try_from(written).unwrap_or(0))))
+        Ok(Some(Handling::Answer(i64::try_from(written).unwrap_or(0))))
     }
 }

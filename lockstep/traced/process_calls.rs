@@ -6,7 +6,7 @@ use crate::traced::clock::span;
 use crate::traced::entry::int;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, kernel_state};
 use crate::traced::wait::Wait;
 
@@ -16,7 +16,7 @@ impl Tracer<'_> {
         tid: Tid,
         call: Call,
         a: [u64; 6],
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let memory = Memory(tid);
         let (set, mask, deadline) = match call {
             Call::Pause => (None, None, None),
@@ -26,7 +26,7 @@ impl Tracer<'_> {
                     0 => None,
                     address => match span(memory.read_pair(address)?) {
                         Some(time) => Some(self.now.saturating_add(time)),
-                        None => return Ok(Action::Make),
+                        None => return Ok(Handling::Make),
                     },
                 };
                 (Some(memory.read_u64(a[0])?), None, deadline)
@@ -34,10 +34,10 @@ impl Tracer<'_> {
         };
         // One may wait already.
         self.signalled = true;
-        Ok(Action::Hold(Wait::Signal { set, mask }, deadline))
+        Ok(Handling::Hold(Wait::Signal { set, mask }, deadline))
     }
 
-    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Action {
+    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Handling {
         let a = registers.arguments();
         let (target, signal) = match call {
             Call::Kill => (int(a[0]), int(a[1])),
@@ -50,7 +50,7 @@ impl Tracer<'_> {
                 (pid.unwrap_or(0), int(a[1]))
             }
         };
-        Action::ToEnd(registers, AtEnd::Kill { target, signal })
+        Handling::ToEnd(registers, AtEnd::Kill { target, signal })
     }
 
     /// Those whom SIGKILL has been sent to are gone before anybody goes on.
@@ -74,7 +74,7 @@ impl Tracer<'_> {
     }
 
     /// A thread ends itself.
-    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Action {
+    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Handling {
         let threads = self.threads.values();
         if threads.filter(|thread| thread.process == process).count() == 1 {
             self.is_dying(process);
@@ -88,6 +88,6 @@ impl Tracer<'_> {
             }
             self.wake_changed_futexes();
         }
-        Action::Make
+        Handling::Make
     }
 }

@@ -97,7 +97,7 @@ impl From<Broken> for Halt {
     clippy::large_enum_variant,
     reason = "it is looked at once, where it is made"
 )]
-pub(crate) enum Action {
+pub(crate) enum Handling {
     /// It is made.
     Make,
     /// It is not made, and returns this.

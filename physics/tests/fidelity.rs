@@ -12,8 +12,8 @@ use common::{Bench, FRICTION};
 use sim_physics::mecanum::MecanumFaults;
 use sim_physics::r150::Sides;
 use sim_physics::{
-    BodyShape, Ground, MecanumPlantSettings, Pose, R150Commands, R150Plant, R150PlantSettings,
-    World, WorldSettings,
+    BodyShape, Ground, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
+    R150PlantSettings, World, WorldSettings,
 };
 
 /// A vehicle whose sides are alike.

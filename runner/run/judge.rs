@@ -11,7 +11,7 @@ use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 use super::steps::FaultCounts;
 use super::{MOST_RECENT, Run};
 use crate::condition::{Condition, Situation};
-use crate::scenario::{Action, Rule, Scenario, Trigger};
+use crate::scenario::{Rule, Scenario, StepAction, Trigger};
 
 /// Most failures that are told; further ones are counted.
 const MOST_FAILURES: usize = 50;
@@ -183,7 +183,8 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let waiting = std::mem::take(&mut self.expected);
         for expected in waiting {
-            let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
+            let StepAction::Expect { that, message, .. } = &scenario.steps[expected.step].action
+            else {
                 continue;
             };
             let why = match self.holds(that) {
@@ -356,7 +357,8 @@ impl Run {
             if endless(expected.step) {
                 continue;
             }
-            let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
+            let StepAction::Expect { that, message, .. } = &scenario.steps[expected.step].action
+            else {
                 continue;
             };
             let why = self.not_held(expected.step, that, message.as_deref());
@@ -374,7 +376,7 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let mut records = Vec::new();
         for (index, step) in scenario.steps.iter().enumerate() {
-            let Action::Fault(fault) = &step.action else {
+            let StepAction::Fault(fault) = &step.action else {
                 continue;
             };
             let Some(begun) = self.steps[index].begun else {
@@ -471,7 +473,7 @@ impl Run {
     fn context(&self) -> Context {
         let steps = self.scenario.steps.iter().zip(&self.steps);
         let armed = steps.filter_map(|(step, state)| match &step.action {
-            Action::Fault(fault) if state.has_faults() => {
+            StepAction::Fault(fault) if state.has_faults() => {
                 let begun = state.begun?;
                 Some(format!(
                     "\"{}\" ({}), from {begun} s on",

@@ -17,7 +17,7 @@ use super::compose::{Parameters, Texts, put_over};
 use super::document::{ClientText, StepText, TimeText};
 use super::forgiving::{self, Read};
 use super::problems::Problems;
-use super::{Action, MOST_STEPS, Rule, Scenario, Step, Times, Trigger};
+use super::{MOST_STEPS, Rule, Scenario, Step, StepAction, Times, Trigger};
 use crate::condition::{Condition, Saved, Scope, Value, identifier};
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::sources::{MOST_FILES, Sources};
@@ -423,8 +423,8 @@ impl Checker<'_> {
                     self.problems.add(at, why);
                 }
             }
-            if let (Action::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
-                && !matches!(steps[*other].action, Action::Fault(_))
+            if let (StepAction::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
+                && !matches!(steps[*other].action, StepAction::Fault(_))
             {
                 let why = format!("\"{}\" is no fault", name.get_ref());
                 self.problems.add(name.span(), &why);

@@ -9,7 +9,7 @@ use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved};
 use crate::scenario::actions::read_operator;
 use crate::scenario::document::{StepText, TimeText};
-use crate::scenario::{Action, HostAction, Only, Step, Times, Trigger, WorldAction};
+use crate::scenario::{HostAction, Only, Step, StepAction, Times, Trigger, WorldAction};
 use crate::suggest::or_allowed;
 use crate::tables;
 
@@ -19,8 +19,8 @@ type Timing = (Option<Times>, Option<u32>, Option<Times>);
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
     /// added must not change what others are called: they are counted by kind.
-    fn name_for(&mut self, index: usize, action: &Action) -> String {
-        let Action::Fault(fault) = action else {
+    fn name_for(&mut self, index: usize, action: &StepAction) -> String {
+        let StepAction::Fault(fault) = action else {
             return format!("step {}", index + 1);
         };
         let count = self.unnamed_faults.entry(fault.id()).or_insert(0);
@@ -135,7 +135,7 @@ impl Checker<'_> {
         text: &StepText,
         at: Range<usize>,
         device: usize,
-    ) -> Option<Action> {
+    ) -> Option<StepAction> {
         let plan = &self.rig.devices[device];
         // A step that is added is a text of its own.
         let table = self.tables.of("step", index).unwrap_or(self.tables.root());
@@ -146,7 +146,7 @@ impl Checker<'_> {
             let link_at = at.clone();
             let send = tables::table(&table, "host").and_then(|host| host.get("send"));
             let read = HostAction::read(own, link_at, send, (device, plan), &mut self.problems);
-            actions.push(read.map(Action::Host));
+            actions.push(read.map(StepAction::Host));
             if text.only == Some(Only::Live) && !self.scripted.get(device).copied().unwrap_or(false)
             {
                 let why = "a real client takes the place of the script, so this never happens; \
@@ -157,15 +157,15 @@ impl Checker<'_> {
         if let Some(fault) = &text.fault {
             let checked = plan.check_fault(fault.get_ref());
             let checked = self.problems.take(fault.span(), checked);
-            actions.push(checked.map(|()| Action::Fault(fault.get_ref().clone())));
+            actions.push(checked.map(|()| StepAction::Fault(fault.get_ref().clone())));
         }
         if let Some(name) = &text.clear {
-            actions.push(self.step_named(name).map(Action::Clear));
+            actions.push(self.step_named(name).map(StepAction::Clear));
         }
         if let (Some(operator), Some(value)) = (&text.operator, table.get("operator")) {
             let read = read_operator(value, plan.device);
             let read = self.problems.read(operator.span(), read);
-            actions.push(read.map(Action::Operator));
+            actions.push(read.map(StepAction::Operator));
         }
         if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
             let read = WorldAction::read(value, plan.device);
@@ -174,18 +174,18 @@ impl Checker<'_> {
                 let place = self.problems.place(world.span());
                 self.obstacles.push((name.to_owned(), place));
             }
-            actions.push(read.map(Action::World));
+            actions.push(read.map(StepAction::World));
         }
         if let Some(expect) = &text.expect {
             let that = self.condition(&expect.that);
-            actions.push(that.map(|that| Action::Expect {
+            actions.push(that.map(|that| StepAction::Expect {
                 that,
                 within: expect.within.map(|within| within.0),
                 message: expect.message.clone(),
             }));
         }
         if actions.is_empty() && (text.name.is_some() || !text.remember.is_empty()) {
-            return Some(Action::Nothing);
+            return Some(StepAction::Nothing);
         }
         if actions.len() != 1 {
             let why = "exactly one of `host`, `fault`, `clear`, `operator`, `world` and `expect` \
@@ -197,7 +197,7 @@ impl Checker<'_> {
     }
 
     /// How often, and how long each time lasts.
-    fn timing(&mut self, text: &StepText, action: &Action) -> Option<Timing> {
+    fn timing(&mut self, text: &StepText, action: &StepAction) -> Option<Timing> {
         let every = match &text.every {
             Some(every) => Some(self.times(every)?),
             None => None,
@@ -230,7 +230,7 @@ impl Checker<'_> {
             return Some((every, count, None));
         };
         let ends = match action {
-            Action::Host(_) | Action::Expect { .. } => {
+            StepAction::Host(_) | StepAction::Expect { .. } => {
                 let with_count = lasts.is_some() && count.is_some();
                 if every.is_none() || with_count {
                     let why = "says how long this is repeated: it needs `every`, and no `count`";
@@ -239,10 +239,10 @@ impl Checker<'_> {
                 }
                 true
             }
-            Action::Fault(_) => true,
-            Action::Clear(_) | Action::Nothing => false,
-            Action::Operator(action) => action.can_end(),
-            Action::World(action) => action.can_end(),
+            StepAction::Fault(_) => true,
+            StepAction::Clear(_) | StepAction::Nothing => false,
+            StepAction::Operator(action) => action.can_end(),
+            StepAction::World(action) => action.can_end(),
         };
         if !ends {
             let why = "this cannot be undone after a time";

@@ -1,8 +1,10 @@
 //! The mecanum car in the rig: firmware, line, hardware and world together.
 
+use sim_physics::Plant as _;
 use std::time::Duration;
 
-use sim_physics::mecanum::{Port, Wheel, WheelFaults, Wiring};
+use sim_physics::faults::MotorFaults;
+use sim_physics::mecanum::{Port, Wheel, Wiring};
 use sim_physics::r150::Load;
 use sim_physics::world::Obstacle;
 
@@ -168,9 +170,9 @@ fn a_strafe_is_shorter_than_odometry_says() {
 fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
     let mut rig = car(false);
     rig.with_device(0, |car: &mut Mecanum, _, _| {
-        let faults = WheelFaults {
+        let faults = MotorFaults {
             blocked: true,
-            ..WheelFaults::default()
+            ..MotorFaults::default()
         };
         car.plant_mut().set_wheel_faults(Wheel::LeftFront, faults);
     });
@@ -212,7 +214,7 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     assert_eq!(seen.last().unwrap().infra, 1);
     assert!(
         rig.world()
-            .collisions(rig.device::<Mecanum>(0).unwrap().body())
+            .collisions(rig.device::<Mecanum>(0).unwrap().plant().body())
             > 0
     );
 }
@@ -259,7 +261,7 @@ fn a_car_that_is_pushed_back_knows_it_only_by_counters_with_a_direction() {
             settings.firmware.wiring = plugs;
         });
         rig.with_device(0, |car: &mut Mecanum, _, _| {
-            car.plant_mut().set_push(-30.0, 0.0, 0.0)
+            car.plant_mut().set_push([-30.0, 0.0, 0.0])
         });
         let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
         let truth =
@@ -310,7 +312,7 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         .unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
     let car = rig.device::<Mecanum>(0).unwrap();
-    assert!(rig.world().collisions(car.body()) > 0);
+    assert!(rig.world().collisions(car.plant().body()) > 0);
     assert!(car.truth().pose.x < 0.75, "the R150 is in the way");
 }
 
