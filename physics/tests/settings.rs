@@ -1,4 +1,4 @@
-//! Every setting of the hardware matters: with another value than its default, something else happens
+//! Every setting of the hardware and of its world matters: with another value than its default, something else happens
 //! in at least one of a few stories.
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
@@ -10,12 +10,13 @@ use std::time::Duration;
 
 use car::Car;
 use common::Bench;
+use sim_physics::faults::MotorFaults;
 use sim_physics::noise::Noise;
-use sim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side, SideFaults};
+use sim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side};
 use sim_physics::world::{Strip, Tag};
 use sim_physics::{
-    Ground, MecanumPlantSettings, R150Commands, R150Plant, R150PlantSettings, World, WorldMap,
-    WorldSettings,
+    Ground, MecanumPlantSettings, Plant as _, R150Commands, R150Plant, R150PlantSettings, World,
+    WorldMap, WorldSettings,
 };
 use sim_settings::{Entry, Settings, parse_assignment};
 
@@ -158,9 +159,9 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
     story
         .bench
         .command(|commands| commands.parking_brake = true);
-    story.bench.plant.set_push(2000.0, 900.0, 0.0);
+    story.bench.plant.set_push([2000.0, 900.0, 0.0]);
     story.drive(0.0, 0.0, 1.0);
-    story.bench.plant.set_push(0.0, 0.0, 0.0);
+    story.bench.plant.set_push([0.0; 3]);
     story.bench.world.set_ground(Ground::flat(0.8));
     story
         .bench
@@ -186,9 +187,9 @@ fn heats_up(settings: &R150PlantSettings) -> Vec<String> {
     settings.thermal.ambient += 45.0;
     let mut story = Story::new(&settings);
     for side in Side::BOTH {
-        let blocked = SideFaults {
+        let blocked = MotorFaults {
             blocked: true,
-            ..SideFaults::default()
+            ..MotorFaults::default()
         };
         story.bench.plant.set_side_faults(side, blocked);
     }
@@ -210,9 +211,9 @@ fn blows_fuses(settings: &R150PlantSettings) -> Vec<String> {
     let mut story = Story::new(&settings);
     story.bench.command(|commands| commands.rail_on = [true; 6]);
     story.bench.plant.set_load(Rail::V48, Load::Power(4500.0));
-    let blocked = SideFaults {
+    let blocked = MotorFaults {
         blocked: true,
-        ..SideFaults::default()
+        ..MotorFaults::default()
     };
     story.bench.plant.set_side_faults(Side::Right, blocked);
     story.bench.drive(1.0, 0.0);
@@ -298,7 +299,7 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
     car.turn([-1; 4], 1.0);
     run(&mut car, 1.0);
     car.brake();
-    car.plant.set_push(90.0, 20.0, 0.0);
+    car.plant.set_push([90.0, 20.0, 0.0]);
     run(&mut car, 1.0);
     car.turn([1; 4], 1.0);
     run(&mut car, 5.0);
@@ -308,5 +309,30 @@ fn rolls(settings: &MecanumPlantSettings) -> Vec<String> {
 #[test]
 fn every_setting_of_the_car_matters() {
     let dead = unnoticed::<MecanumPlantSettings>(&[rolls]);
+    assert!(dead.is_empty(), "{dead:#?}");
+}
+
+/// Drives aslant up a slope and into a wall, and back.
+fn meets_a_wall(settings: &WorldSettings) -> Vec<String> {
+    let mut settings = settings.clone();
+    settings.slope += 5.0;
+    let (world, plant) = within(&settings, &R150PlantSettings::default());
+    let bench = Bench {
+        world,
+        plant,
+        commands: R150Commands::default(),
+    };
+    let mut story = Story {
+        bench,
+        seen: Vec::new(),
+    };
+    story.drive(1.0, 0.9, 4.0);
+    story.drive(-1.0, -1.0, 1.0);
+    story.seen
+}
+
+#[test]
+fn every_setting_of_the_world_matters() {
+    let dead = unnoticed::<WorldSettings>(&[meets_a_wall]);
     assert!(dead.is_empty(), "{dead:#?}");
 }
