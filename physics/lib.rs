@@ -38,6 +38,7 @@
 
 pub mod differential;
 mod drawing;
+pub mod faults;
 pub mod mecanum;
 pub mod noise;
 mod plant;

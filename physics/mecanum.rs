@@ -31,8 +31,7 @@ pub mod signals;
 
 use std::time::Duration;
 
-pub use encoder::EncoderState;
-pub use faults::{MecanumFaults, Ultrasonic, WheelFaults};
+pub use faults::{MecanumFaults, Ultrasonic};
 pub use sensing::MecanumTruth;
 pub use settings::{
     BarSettings, BeamSettings, CarBodySettings, CarMotorSettings, EncoderSettings,
@@ -44,6 +43,7 @@ pub use signals::{
 };
 
 use crate::drawing::Drawing;
+use crate::faults::MotorFaults;
 use crate::noise::Noise;
 use crate::plant::Plant;
 use crate::pose::Pose;
@@ -69,7 +69,7 @@ pub struct MecanumPlant {
     wiring: Wiring,
     body: VehicleBody,
     commands: MecanumCommands,
-    wheel_faults: [WheelFaults; WHEELS],
+    wheel_faults: [MotorFaults; WHEELS],
     faults: MecanumFaults,
     /// The wiring without what the faults swap.
     plain_wiring: Wiring,
@@ -121,7 +121,7 @@ impl MecanumPlant {
             settings: settings.clone(),
             body,
             commands: MecanumCommands::default(),
-            wheel_faults: [WheelFaults::default(); WHEELS],
+            wheel_faults: [MotorFaults::default(); WHEELS],
             faults: MecanumFaults::default(),
             drive,
             sensors,

@@ -19,7 +19,7 @@ mod slow;
 
 use std::time::Duration;
 
-pub use faults::{EncoderState, R150Faults, SideFaults};
+pub use faults::R150Faults;
 pub use fuse::FuseId;
 pub use settings::{
     AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, MotorThermalSettings,
@@ -32,6 +32,7 @@ pub use signals::{
 };
 
 use crate::drawing::Drawing;
+use crate::faults::MotorFaults;
 use crate::plant::Plant;
 use crate::pose::Pose;
 pub use crate::rest::RestSettings;
@@ -63,7 +64,7 @@ pub struct R150Plant {
     pwm_sources: [PwmSource; 4],
     /// Readings of the PWM inputs.
     pwm_in: [PwmReading; 4],
-    side_faults: Sides<SideFaults>,
+    side_faults: Sides<MotorFaults>,
     faults: R150Faults,
     drive: Drive,
     slow: SlowStates,
@@ -167,7 +168,7 @@ impl R150Plant {
             back_emf: self.drive.back_emf(side),
             resistance: self.settings.motor.resistance,
         };
-        if self.is_fuse_blown(fuse) || faults.motor_disconnected {
+        if self.is_fuse_blown(fuse) || faults.free_wheeling {
             return motor;
         }
         let driver = &self.drive.drivers[side.index()];

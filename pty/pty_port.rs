@@ -30,10 +30,7 @@ pub struct PtyPort {
     link: Option<Symlink>,
     registration: Option<Registration>,
     pair: Pair,
-    attached: bool,
-    /// One client has left and another has come without the port having been hung up at any look,
-    /// which is to be told.
-    handed_over: bool,
+    client: Client,
     /// Bytes that were read before that was known, to be handed out after it.
     held: Vec<u8>,
     /// Number of the bytes that wait to be read that were there at the last look: of a client that
@@ -45,6 +42,19 @@ pub struct PtyPort {
     /// Whether the waiter is to report that there is room again.
     watches_room: bool,
     counters: Counters,
+}
+
+/// Who has the port open, and what is to be told of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Client {
+    Nobody,
+    /// It is known that it is there.
+    Attached,
+    /// Another has come in its place without the port having been hung up at any look: that it has left is
+    /// to be told.
+    Replaced,
+    /// Of the other, that it is there is to be told.
+    New,
 }
 
 impl PtyPort {
@@ -90,8 +100,7 @@ impl PtyPort {
             link,
             registration: None,
             pair,
-            attached: false,
-            handed_over: false,
+            client: Client::Nobody,
             held: Vec::new(),
             seen: 0,
             unsent: VecDeque::new(),
@@ -116,7 +125,7 @@ impl PtyPort {
     /// Tells whether a client is attached, as far as events were reported.
     #[must_use]
     pub fn is_attached(&self) -> bool {
-        self.attached
+        matches!(self.client, Client::Attached | Client::Replaced)
     }
 
     /// Totals since the port was opened.
@@ -159,7 +168,7 @@ impl PtyPort {
     ///
     /// When the system refuses.
     pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
-        if !self.attached {
+        if self.client == Client::Nobody {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
             return Ok(Written {
                 accepted: 0,
@@ -207,8 +216,10 @@ impl PtyPort {
 
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
-        if !self.attached {
-            return self.arrival().map(Some);
+        match self.client {
+            Client::Nobody => return self.arrival().map(Some),
+            Client::New => return Ok(Some(self.attach())),
+            Client::Attached | Client::Replaced => {}
         }
         // In this order: what is counted was there before any departure that is not noted yet.
         let unread = if buf.is_empty() {
@@ -219,7 +230,7 @@ impl PtyPort {
             None
         };
         self.notice_handover()?;
-        if self.handed_over {
+        if self.client == Client::Replaced {
             return Ok(Some(self.hand_over()));
         }
         if buf.is_empty() {
@@ -246,7 +257,7 @@ impl PtyPort {
                     // what was on its way to the other.
                     self.drain()?;
                     self.notice_handover()?;
-                    if self.handed_over {
+                    if self.client == Client::Replaced {
                         self.held.extend_from_slice(&buf[..n]);
                         return Ok(Some(self.hand_over()));
                     }
@@ -277,12 +288,16 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        if self.held.is_empty() && !self.has_departed() && !self.pair.has_client()? {
+        if !self.has_departed() && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
-        self.attached = true;
+        Ok(self.attach())
+    }
+
+    fn attach(&mut self) -> Event {
+        self.client = Client::Attached;
         self.counters.attached += 1;
-        Ok(Event::Attached)
+        Event::Attached
     }
 
     /// Takes note of one client having left and another having come between two looks.
@@ -292,15 +307,17 @@ impl PtyPort {
             self.discard_seen()?;
             self.unsent.clear();
             self.visit(Pair::restore_for_next)?;
-            self.handed_over = true;
+            // That a third has taken the place of one who was not told of is not to be told.
+            if self.client == Client::Attached {
+                self.client = Client::Replaced;
+            }
         }
         Ok(())
     }
 
     /// Tells that the one has left; that the other is there is told next.
     fn hand_over(&mut self) -> Event {
-        self.handed_over = false;
-        self.attached = false;
+        self.client = Client::New;
         Event::Detached
     }
 
@@ -350,7 +367,7 @@ impl PtyPort {
         if !restored {
             self.recreate()?;
         }
-        self.attached = false;
+        self.client = Client::Nobody;
         Ok(Event::Detached)
     }
 

@@ -1,16 +1,6 @@
 //! The pulses that a motor gives as its wheel turns.
 
-/// State of a wheel's encoder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum EncoderState {
-    /// It gives a pulse for each step of the wheel, whichever way that turns.
-    #[default]
-    Working,
-    /// Its wire is off: pulses are lost.
-    Lost,
-    /// The counter hangs; once it is free again it has everything that it missed.
-    Stuck,
-}
+use crate::faults::EncoderState;
 
 /// One PG wire and its counter.
 #[derive(Debug, Clone)]

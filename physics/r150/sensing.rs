@@ -1,10 +1,10 @@
 //! Measurements on the plant.
 
 use super::R150Plant;
-use super::faults::EncoderState;
 use super::fuse::FuseId;
 use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
+use crate::faults::EncoderState;
 use crate::running_gear::Energy;
 use crate::traction::GroundForce;
 use crate::world::World;

@@ -6,7 +6,8 @@ mod common;
 use std::time::Duration;
 
 use common::Bench;
-use sim_physics::r150::{Side, SideFaults};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::Side;
 use sim_physics::{Ground, Plant as _, R150PlantSettings};
 
 fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
@@ -17,9 +18,9 @@ fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
 
 fn blocked(bench: &mut Bench) {
     for side in Side::BOTH {
-        let faults = SideFaults {
+        let faults = MotorFaults {
             blocked: true,
-            ..SideFaults::default()
+            ..MotorFaults::default()
         };
         bench.plant.set_side_faults(side, faults);
     }

@@ -5,9 +5,8 @@ mod common;
 use std::time::Duration;
 
 use common::{Bench, TICK};
-use sim_physics::r150::{
-    EncoderState, FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side, SideFaults,
-};
+use sim_physics::faults::{EncoderState, MotorFaults};
+use sim_physics::r150::{FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side};
 use sim_physics::{Plant as _, R150Measurements, R150PlantSettings};
 
 fn with_load(rail: Rail, load: Load) -> (Bench, R150Measurements) {
@@ -182,9 +181,9 @@ fn a_pair_at_full_load_settles_near_70_degrees_with_120_seconds() {
 #[test]
 fn stalled_motors_blow_their_fuses() {
     let mut bench = Bench::unlimited();
-    let blocked = SideFaults {
+    let blocked = MotorFaults {
         blocked: true,
-        ..SideFaults::default()
+        ..MotorFaults::default()
     };
     bench.plant.set_side_faults(Side::Right, blocked);
     bench.plant.set_side_faults(Side::Left, blocked);
@@ -196,7 +195,7 @@ fn stalled_motors_blow_their_fuses() {
     assert_eq!(bench.plant.truth().motor_current.left, 0.0);
     assert!(bench.plant.measurements().module_powered);
     for side in Side::BOTH {
-        bench.plant.set_side_faults(side, SideFaults::default());
+        bench.plant.set_side_faults(side, MotorFaults::default());
     }
     bench.run(1.0);
     assert!(bench.speed().abs() < 1e-3);
@@ -308,9 +307,9 @@ fn encoders_can_lie_while_the_truth_goes_on() {
     let mut bench = Bench::new();
     bench.drive(1.0, 1.0);
     bench.run(2.0);
-    let with = |encoder| SideFaults {
+    let with = |encoder| MotorFaults {
         encoder,
-        ..SideFaults::default()
+        ..MotorFaults::default()
     };
     bench
         .plant

@@ -3,7 +3,8 @@
 mod common;
 
 use common::{Bench, FRICTION};
-use sim_physics::r150::{Side, SideFaults};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::Side;
 use sim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings};
 
 #[test]
@@ -199,9 +200,9 @@ fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
     for side in Side::BOTH {
         bench.plant.set_side_faults(
             side,
-            SideFaults {
+            MotorFaults {
                 blocked: true,
-                ..SideFaults::default()
+                ..MotorFaults::default()
             },
         );
     }
@@ -250,9 +251,9 @@ fn one_blocked_side_pulls_it_around() {
     let mut bench = Bench::new();
     bench.plant.set_side_faults(
         Side::Left,
-        SideFaults {
+        MotorFaults {
             blocked: true,
-            ..SideFaults::default()
+            ..MotorFaults::default()
         },
     );
     bench.drive(1.0, 1.0);

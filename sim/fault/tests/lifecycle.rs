@@ -1,7 +1,8 @@
 //! Every fault is armed, acts, and ends without a trace.
 
-use sim_physics::mecanum::{MecanumFaults, Wheel, WheelFaults};
-use sim_physics::r150::{R150Faults, Side, SideFaults};
+use sim_physics::faults::MotorFaults;
+use sim_physics::mecanum::{MecanumFaults, Wheel};
+use sim_physics::r150::{R150Faults, Side};
 
 use super::*;
 use crate::r150_device::vehicle::OperatorInput;
@@ -26,7 +27,7 @@ fn settled(rig: &Rig) -> bool {
     *plant.faults() == R150Faults::default()
         && Side::BOTH
             .iter()
-            .all(|side| plant.side_faults(*side) == SideFaults::default())
+            .all(|side| plant.side_faults(*side) == MotorFaults::default())
 }
 
 /// Motors answer, 0x06 answers, the heartbeat answers, with nothing between.
@@ -137,7 +138,7 @@ fn on_the_car() {
         let plant = rig.device::<Mecanum>(0).unwrap().plant();
         assert_eq!(*plant.faults(), MecanumFaults::default(), "{}", info.id);
         for wheel in Wheel::ALL {
-            assert_eq!(plant.wheel_faults(wheel), WheelFaults::default());
+            assert_eq!(plant.wheel_faults(wheel), MotorFaults::default());
         }
         let seen = statuses(&run(&mut rig, MAIN, MS(1000)));
         assert!((9..=11).contains(&seen.len()), "{} {}", info.id, seen.len());
