@@ -54,7 +54,7 @@ fn as_text(devices: Devices, fault: &FaultInfo) -> String {
     let _ = writeln!(text, "{} [{:?}; {devices}]", fault.id, fault.level);
     let _ = writeln!(text, "  {}", fault.summary);
     let _ = writeln!(text, "  the client sees: {}", fault.client_sees);
-    let _ = writeln!(text, "  a trigger is: {}", fault.counts);
+    let _ = writeln!(text, "  a hit is: {}", fault.counts);
     for parameter in fault.parameters {
         let must = if parameter.required {
             " (required)"

@@ -295,6 +295,14 @@ fn events_come_to_a_shell() {
     ]);
     let events = Sim::spawn(&mut events, PathBuf::new(), None);
     events.wait_line(&["\"event\":\"values\"", "truth.speed_mps"]);
+    // Who wants no more of them ends it.
+    let mut first = Command::new("sh");
+    first
+        .args(["-c", "\"$0\" ctl events --names t | head -n 1"])
+        .arg(env!("CARGO_BIN_EXE_sim"))
+        .env("SIM_CONTROL", controlled.url());
+    let first = Sim::spawn(&mut first, PathBuf::new(), None).wait();
+    assert_eq!(first.out.lines().count(), 1, "{}{}", first.out, first.err);
     controlled.expect_ctl(&["operator", "lock"], "");
     events.wait_line(&["\"event\":\"log\"", "operated"]);
     controlled.finish();

@@ -1,6 +1,6 @@
 //! The `ctl` subcommand: what the control socket offers, from a shell.
 
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
@@ -14,7 +14,7 @@ use sim_control::session::Session;
 use sim_settings::Span;
 
 use crate::exit::{Exit, Failure};
-use crate::print::print;
+use crate::print::{complain, print, written};
 use crate::visible;
 
 const EXAMPLES: &str = "\
@@ -394,11 +394,10 @@ fn tell_of_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
         let is_paused = state["paused"] == true;
         if is_paused && !is_told {
             let t = &state["t"];
-            // Nobody may be there to read it.
-            let _ = writeln!(
-                io::stderr(),
-                "time is paused at {t} s; this waits until it goes on: `sim ctl go-on`, or `sim ctl step-by 1s`"
-            );
+            complain(&format!(
+                "time is paused at {t} s; this waits until it goes on: `sim ctl go-on`, or `sim ctl \
+                 step-by 1s`"
+            ));
         }
         is_told = is_paused;
     }
@@ -438,13 +437,14 @@ fn events(client: &Client, names: &[String], rate: f64, traffic: bool) -> Result
     if !names.is_empty() {
         path += &format!("&names={}&rate={rate}", names.join(","));
     }
-    let mut printed = Ok(Exit::Clean);
+    let mut printed = Ok(());
     let told = client.events(&path, |kind, data| {
-        printed = print(&format!("{{\"event\":\"{kind}\",\"data\":{data}}}"));
+        let line = format!("{{\"event\":\"{kind}\",\"data\":{data}}}");
+        printed = writeln!(anstream::stdout(), "{}", visible::line(&line));
         printed.is_ok()
     });
     told.map_err(failed)?;
-    printed
+    written(printed)
 }
 
 fn show(value: &Value) -> Result<Exit, Failure> {
@@ -459,6 +459,13 @@ fn failed(error: CallError) -> Failure {
     match error {
         CallError::Io(..) => Failure::system(error),
         CallError::Url(_) => Failure::usage(error),
-        CallError::Refused { why, .. } => Failure::usage(anyhow!("{}", visible::lines(&why))),
+        CallError::Refused { status, why } => {
+            let error = anyhow!("{}", visible::lines(&why));
+            match status {
+                // It has ended, or there are too many.
+                503 => Failure::system(error),
+                _ => Failure::usage(error),
+            }
+        }
     }
 }

@@ -97,3 +97,14 @@ fn without_supply_the_board_is_silent_and_forgets() {
     assert!(!bench.is_driving());
     assert_eq!(bench.codes(), ["started"]);
 }
+
+#[test]
+fn the_remote_control_may_drive_at_another_speed() {
+    let mut bench = Bench::with(false, |s| s.remote_speed = 10.0);
+    mode(&mut bench, 1);
+    bench
+        .device
+        .operate(bench.now, OperatorInput::Press(STRAFE_RIGHT));
+    // Of 50 r/min.
+    assert!((bench.device.commands().speed_voltage - 0.2).abs() < 1e-12);
+}

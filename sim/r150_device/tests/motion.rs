@@ -151,6 +151,25 @@ fn a_client_is_blamed_for_a_rate_over_a_second_and_not_for_a_command() {
 }
 
 #[test]
+fn replies_may_be_further_apart_or_nearer() {
+    for (interval, held) in [
+        (Duration::from_millis(100), true),
+        (Duration::from_millis(10), false),
+    ] {
+        let mut bench = Bench::with(|s| s.motor_reply_interval = interval);
+        assert!(bench.drive(100, 100).is_some());
+        bench.after(Duration::from_millis(20));
+        assert_eq!(bench.drive(100, 100).is_none(), held, "{interval:?}");
+        if held {
+            bench.after(Duration::from_millis(80) - QUANTUM);
+            assert_eq!(bench.reply(), None);
+            bench.after(QUANTUM);
+            assert!(bench.reply().is_some());
+        }
+    }
+}
+
+#[test]
 fn what_the_machine_was_late_by_is_not_held_against_the_client() {
     let mut bench = Bench::new();
     bench

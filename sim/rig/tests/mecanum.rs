@@ -126,6 +126,35 @@ fn a_tall_load_that_would_tip_it_is_told_of_once() {
 }
 
 #[test]
+fn the_ros_link_may_have_another_speed_and_another_stop_bit() {
+    let between_bytes = |change: fn(&mut MecanumSettings)| {
+        let mut rig = car_in(WorldMap::default(), true, change);
+        let now = rig.now();
+        rig.client_sends(MAIN, now, &motion(0, 10, 500)).unwrap();
+        let mut times = Vec::new();
+        while times.len() < 2 {
+            let next = [rig.next_deadline(), rig.next_for_client(ROS)];
+            rig.advance(next.into_iter().flatten().min().unwrap())
+                .unwrap();
+            let mut bytes = Vec::new();
+            rig.client_reads(ROS, &mut bytes);
+            times.extend(bytes.iter().map(|_| rig.now()));
+            read(&mut rig);
+        }
+        times[1].since(times[0]).as_nanos()
+    };
+    let bits = |count: u128, baud: u128| (count * 1_000_000_000).div_ceil(baud);
+    for (change, wanted) in [
+        ((|_| {}) as fn(&mut MecanumSettings), bits(10, 9600)),
+        (|s| s.firmware.ros_baud = 19_200, bits(10, 19_200)),
+        (|s| s.firmware.ros_stop_bits = 2, bits(11, 9600)),
+    ] {
+        let seen = between_bytes(change);
+        assert!(seen.abs_diff(wanted) <= 1, "{seen} ns, not {wanted}");
+    }
+}
+
+#[test]
 fn report_lines_follow_on_the_ros_link() {
     let mut rig = car(true);
     rig.client_sends(ROS, SimTime::from_millis(5), b"X10 \n")
@@ -390,8 +419,8 @@ fn golden_car() {
     );
     let expected = (
         4859,
-        "0.357 0.037 -0.980".to_owned(),
-        10_009_452_674_183_851_009,
+        "0.356 0.037 -0.980".to_owned(),
+        3_089_834_851_340_755_380,
     );
     assert_eq!(
         seen, expected,
