@@ -13,8 +13,8 @@ use sim_core::r150_device::codec::{self, Decoder};
 use sim_core::r150_device::command::Request;
 use sim_core::r150_device::settings::Resync;
 use sim_physics::{
-    MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant, R150PlantSettings, World,
-    WorldMap, WorldSettings,
+    MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
+    R150PlantSettings, World, WorldMap, WorldSettings,
 };
 
 fn main() {

@@ -27,40 +27,97 @@ pub(crate) use serve::ServeArgs;
 const EXAMPLES: &str = "\
 Examples:
   sim --pty /tmp/r150
-      An R150 that is ready to drive. Open /tmp/r150 in your client like a serial port
-      at 115200 baud.
+      Serve an R150 that is ready to drive. Open /tmp/r150 in your client as a serial port, at
+      115200 baud.
   sim --pty /tmp/r150 -v
-      The same, printing every request and reply in words and hex.
-  sim --pty /tmp/r150 --start locked
-      As the hardware starts: locked, parked, in remote mode; motor commands do nothing.
+      Print every request and reply, too, in words and hex.
+  sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
+      Serve a mecanum car with both of its links, in a yard with walls.
+  sim --pty /tmp/r150 --control 127.0.0.1:0
+      Print the URL of a page that shows the vehicle, where you can break it; also `sim ctl --help`.
+  sim --pty /tmp/r150 --scenario scenarios/r150/faults/cable-pulled.toml
+      Play a scenario's faults against whatever client opens /tmp/r150, and judge.
+  sim run scenarios/r150 -- python3 my_client.py
+      Play every scenario with your client, one after the other; also `sim run --help`.
   sim --pty /tmp/r150 --set r150.battery.initial_soc=5% --set world.slope=10deg
       A nearly empty battery on a slope. `sim config` lists every setting.
+  sim --pty /tmp/r150 --start locked
+      Start as the hardware does: locked, parked, in remote mode; motor commands do nothing.
   sim --pty /tmp/r150 --wire instant --log-format json | tee run.jsonl
       Bytes take no time on the line; one JSON object for each event.
   sim --listen rfc2217://127.0.0.1:2217
-      On the network: serial_for_url('rfc2217://127.0.0.1:2217') in pyserial. For
-      containers, other systems, and clients that need modem lines.
+      Serve on the network: serial_for_url('rfc2217://127.0.0.1:2217') in pyserial. For containers,
+      other systems, and clients that need modem lines.
   sim --serial /dev/ttyUSB0
-      The same device on a real serial port, with your client at the other end of the cable.
-  sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
-      A mecanum car with both of its links, in a yard with walls.
-  sim --rig my-rig.toml
-      Several devices of either kind in one world.
-  sim --pty /tmp/r150 --scenario scenarios/r150/faults/cable-pulled.toml
-      The faults of a scenario against whatever client opens /tmp/r150, and a verdict.
-  sim run scenarios/r150 -- python3 my_client.py
-      Your client through every scenario, one after the other: for CI. `sim run --help`.";
+      Serve at a real serial port, with your client at the other end of the cable.
+  sim --rig worlds/two-and-two.toml
+      Serve several devices in one world.";
+
+const CHECK_EXAMPLES: &str = "\
+Examples:
+  sim check my-scenario.toml
+      Say what is wrong with it, by line and column; exit code 2 if anything is.
+  sim check scenarios my-scenarios
+      All files in two folders.
+  sim check --job my-job.toml scenarios/r150/faults
+      Every fault, as it would be played within a job of your own.";
 
 const TRACE_EXAMPLES: &str = "\
 Examples:
-  sim trace traces/ice.trace.jsonl
+  sim run --output traces --seed 1 scenarios/r150/faults/cable-pulled.toml
+      Write traces/scenarios-r150-faults-cable-pulled.trace.jsonl, a trace for the following.
+  sim trace ice.trace.jsonl
       All that was said and that happened, as `sim -v` prints it.
-  sim trace traces/ice.trace.jsonl --from 2s --to 2.5s --device r150
+  sim trace ice.trace.jsonl --from 2s --to 2.5s --device r150
       Half a second of it, at one device.
-  sim trace traces/ice.trace.jsonl --csv t,truth.x_m,reported.v48_a --every 10ms > ice.csv
-      Any names of `sim names`, computed anew.
+  sim trace ice.trace.jsonl --csv t,truth.x_m,reported.v48_a --every 10ms > ice.csv
+      The values of names, a line for each 10 ms. `sim names` lists the names.
   sim trace yesterday.trace.jsonl today.trace.jsonl --within 20ms
-      Where two runs part; those of real clients are never the same to the nanosecond.";
+      Where two runs part. Two runs of a client in real time are never the same to the nanosecond.";
+
+const REPLAY_EXAMPLE: &str = "\
+Example:
+  sim run --output traces --seed 1 scenarios/r150/faults/cable-pulled.toml
+  sim replay traces/scenarios-r150-faults-cable-pulled.trace.jsonl
+      Prints `the devices did the same to the last byte`, or the first difference: exit code 1.";
+
+const FAULTS_EXAMPLES: &str = "\
+Examples:
+  sim faults --device r150
+      Every fault that an R150 can have, with its parameters.
+  sim ctl fault bit-flips probability=0.01 --for 2s
+      One of them, in a simulator that runs with --control.
+
+In a scenario file:
+  [[step]]
+  when = \"truth.distance_m > 1\"
+  for = \"2 s\"
+  fault = { kind = \"bit-flips\", probability = 0.01 }";
+
+const NAMES_EXAMPLES: &str = "\
+Examples:
+  sim names
+      The names of an R150.
+  sim names --device mecanum | grep truth
+      What is really so about a mecanum car, whatever it reports.
+
+In a scenario file:
+  always = [{ that = \"truth.speed_mps < 0.8\" }]";
+
+const CONFIG_EXAMPLES: &str = "\
+Examples:
+  sim config > mine.toml
+      Save every setting. Change what you like, delete the rest.
+  sim --pty /tmp/r150 --config mine.toml
+      Serve an R150 with these settings.
+  sim config --config mine.toml --set r150.over_rate=silent | grep -B4 over_rate
+      See what comes of a file and a flag.";
+
+const SCHEMA_EXAMPLES: &str = "\
+Example:
+  sim schema scenario > scenario.schema.json
+      Put `#:schema scenario.schema.json` first in a scenario file. Editors that know Taplo or Even
+      Better TOML then complete and check it.";
 
 /// A client that drives at 1 m/s and goes by its own clock is a quarter of a metre off after that.
 pub(crate) const MAX_HOLD_UP: &str = "250ms";
@@ -168,15 +225,12 @@ fn link_ptys(devices: Devices, matches: &ArgMatches) -> Vec<(&'static str, PathB
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Print the effective settings as TOML, each with its meaning, its allowed values, and
-    /// whether it is documented behaviour or our assumption.
+    /// Play scenario files with your client, or with the script in the file, and say pass or fail.
     ///
-    /// The output is a valid --config file. Save it, change what you like, delete the rest.
-    Config(SettingsArgs),
-    /// Play scenario files and say pass or fail, in simulated time: with their scripted client, or with
-    /// yours.
+    /// Time is simulated, the client's too.
     Run(Box<RunArgs>),
-    /// Read scenario files and say what is wrong with them, without playing them.
+    /// Say what is wrong with scenario files, without playing them.
+    #[command(after_help = CHECK_EXAMPLES)]
     Check {
         /// Files, or folders of them.
         #[arg(required = true)]
@@ -184,14 +238,46 @@ pub(crate) enum Command {
         #[command(flatten)]
         given: GivenArgs,
     },
-    /// Play a trace of `run --output` again; the devices must do the same to the last byte.
+    /// Show what happened in a run, from its trace: as text, as CSV, or compared with another trace.
+    Trace(TraceArgs),
+    /// Play a trace again; the devices must do the same to the last byte.
+    #[command(after_help = REPLAY_EXAMPLE)]
     Replay {
-        /// The trace.
+        /// A trace of `sim run --output` or `sim --trace`.
         trace: PathBuf,
     },
-    /// Print a trace of `run --output` as decoded traffic and events, in the words of the log; or as
-    /// CSV the values of any names, computed anew; or where two traces part.
-    Trace(TraceArgs),
+    /// Look at a simulator that runs with --control, and change what happens in it.
+    Ctl(CtlArgs),
+    /// List the faults: what can be broken, with parameters, and what the client sees of it.
+    #[command(after_help = FAULTS_EXAMPLES)]
+    Faults {
+        /// Only those that this device can have.
+        #[arg(long)]
+        device: Option<String>,
+        /// How to print them.
+        #[arg(long, value_enum, default_value_t = ListFormat::Text)]
+        format: ListFormat,
+    },
+    /// List the names for conditions, such as `truth.speed_mps`, with unit and meaning.
+    #[command(after_help = NAMES_EXAMPLES)]
+    Names {
+        /// The device to list them of.
+        #[arg(long)]
+        device: String,
+    },
+    /// List every setting, with its meaning, its allowed values, and whether it is documented or
+    /// assumed.
+    ///
+    /// The output is a valid --config file.
+    #[command(after_help = CONFIG_EXAMPLES)]
+    Config(SettingsArgs),
+    /// Print the JSON Schema of world, rig or scenario files, for your editor.
+    #[command(after_help = SCHEMA_EXAMPLES)]
+    Schema {
+        /// The kind of file.
+        #[arg(value_enum)]
+        of: FileKind,
+    },
     /// Look after a client of `run`.
     #[command(hide = true)]
     Supervise {
@@ -202,39 +288,15 @@ pub(crate) enum Command {
         #[arg(last = true, required = true)]
         client: Vec<OsString>,
     },
-    /// List the faults that a scenario can inject, with what the client sees of them.
-    Faults {
-        /// Only those that this device can have.
-        #[arg(long)]
-        device: Option<String>,
-        /// How to print them.
-        #[arg(long, value_enum, default_value_t = ListFormat::Text)]
-        format: ListFormat,
-    },
-    /// List the names that a scenario's conditions can use, with unit and meaning.
-    Names {
-        /// Of which device.
-        #[arg(long)]
-        device: String,
-    },
-    /// Look at a simulator that runs with --control, and change what happens in it.
-    Ctl(CtlArgs),
-    /// Print the JSON Schema of world, rig or scenario files; many editors complete and check with
-    /// it.
-    Schema {
-        /// Of which files.
-        #[arg(value_enum)]
-        of: FileKind,
-    },
 }
 
 /// Which part of a trace to print, and how.
 #[derive(Debug, Args)]
 #[command(after_help = TRACE_EXAMPLES)]
 pub(crate) struct TraceArgs {
-    /// The trace.
+    /// A trace of `sim run --output` or `sim --trace`.
     pub(crate) trace: PathBuf,
-    /// Another one: says where the two part, and what came before.
+    /// Another trace: print where the two part, and what came before.
     #[arg(conflicts_with_all = ["csv", "every", "log_format"])]
     pub(crate) other: Option<PathBuf>,
     /// Leave out what comes before this simulated time, as in 2.5s.
@@ -246,8 +308,7 @@ pub(crate) struct TraceArgs {
     /// Only what happens at this device; may be repeated.
     #[arg(long, value_name = "NAME", action = ArgAction::Append, conflicts_with = "csv")]
     pub(crate) device: Vec<String>,
-    /// Print the values of these names as CSV instead, as in t,truth.x_m,reported.v48_a; `sim
-    /// names` lists them. The trace need not hold them.
+    /// Print the values of these names as CSV instead, as in t,truth.x_m,reported.v48_a.
     #[arg(
         long,
         value_name = "NAMES",
@@ -255,11 +316,10 @@ pub(crate) struct TraceArgs {
         conflicts_with = "log_format"
     )]
     pub(crate) csv: Vec<String>,
-    /// A line of CSV for so much simulated time [default: 100ms].
+    /// Simulated time between two lines of CSV [default: 100ms].
     #[arg(long, value_name = "TIME", value_parser = some_time, requires = "csv")]
     pub(crate) every: Option<Span>,
-    /// Of two traces: times that differ by so much are the same, as are words that tell of them
-    /// [default: they are the same to the nanosecond].
+    /// Take times of the two traces for the same that differ by no more than this [default: 0].
     #[arg(long, value_name = "TIME", requires = "other")]
     pub(crate) within: Option<Span>,
     /// How to print what happens.

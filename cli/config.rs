@@ -1,23 +1,18 @@
 //! Effective settings: defaults, then the file, then the flags.
 
-use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use rustix::event::{PollFd, PollFlags, Timespec};
 use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
 use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_toml};
 
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
+use crate::patient_file::PatientFile;
 use crate::visible;
 
-/// How long whoever writes to a pipe that is read as a file may take.
-const PATIENCE: Duration = Duration::from_secs(5);
 /// The largest file that is read.
 const MOST_BYTES: u64 = 1 << 20;
 
@@ -68,8 +63,10 @@ pub(crate) fn apply_flags(args: &SettingsArgs, settings: &mut SimSettings) -> Re
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
     let shown = visible::name(path);
     // A device or a pipe has no length to be asked for, and may have no end.
-    let text = read_at_most(path, MOST_BYTES + 1)
-        .and_then(|bytes| String::from_utf8(bytes).map_err(|_| no_text()))
+    let mut bytes = Vec::new();
+    let text = PatientFile::open(path)
+        .and_then(|file| file.take(MOST_BYTES + 1).read_to_end(&mut bytes))
+        .and_then(|_| String::from_utf8(bytes).map_err(|_| no_text()))
         .with_context(|| format!("cannot read the {what} {shown}"))
         .map_err(Failure::usage)?;
     if text.len() as u64 > MOST_BYTES {
@@ -81,38 +78,6 @@ pub(crate) fn read(path: &Path, what: &str) -> Result<String, Failure> {
 
 fn no_text() -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, "it is no UTF-8 text")
-}
-
-fn read_at_most(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    // A named pipe is opened only when somebody writes to it, unless one asks for no waiting.
-    let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
-    let file = OpenOptions::new()
-        .read(true)
-        .custom_flags(nonblocking)
-        .open(path)?;
-    let is_file = file.metadata()?.is_file();
-    let mut bytes = Vec::new();
-    let mut from = (&file).take(most);
-    let until = Instant::now() + PATIENCE;
-    loop {
-        if !is_file && !is_readable(&file, until)? {
-            let why = "nothing more was written to it for some seconds";
-            return Err(io::Error::new(io::ErrorKind::TimedOut, why));
-        }
-        match from.read_to_end(&mut bytes) {
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-            outcome => return outcome.map(|_| bytes),
-        }
-    }
-}
-
-/// Waits until there is something to read, or the end.
-fn is_readable(file: &File, until: Instant) -> io::Result<bool> {
-    let left = until.saturating_duration_since(Instant::now());
-    let left = Timespec::try_from(left).ok();
-    let mut poll = [PollFd::new(file, PollFlags::IN)];
-    let ready = rustix::io::retry_on_intr(|| rustix::event::poll(&mut poll, left.as_ref()))?;
-    Ok(ready > 0)
 }
 
 /// Lists what differs from the defaults, as `key = value`.

@@ -36,7 +36,8 @@ const TELL_EVERY: Duration = Duration::from_millis(20);
 /// Events of the log that wait until then.
 const MOST_UNTOLD: usize = 128;
 /// Time for which a client in the simulator's time may be kept waiting for what is asked and told
-/// meanwhile.
+/// meanwhile. Each time that it was not enough halves it until it is, so that a flood takes twice this
+/// of the client's real time in all, and not this at each of its waits.
 const SETTLE: Duration = Duration::from_secs(2);
 
 /// Answers requests between two steps of a run.
@@ -49,6 +50,7 @@ pub(crate) struct Desk {
     untold: Vec<Event>,
     traffic: Traffic,
     tell_next: Option<Instant>,
+    patience: Duration,
     /// Answers to be given when a step is over.
     waiting: Vec<(usize, Answer)>,
     /// Answers to be given when time stands still again.
@@ -100,6 +102,7 @@ impl Desk {
             untold: Vec::new(),
             traffic: Traffic::default(),
             tell_next: None,
+            patience: SETTLE,
             waiting: Vec::new(),
             stepping: Vec::new(),
             steps: Vec::new(),
@@ -148,44 +151,64 @@ impl Desk {
     pub(crate) fn attend(
         &mut self,
         run: &mut Run,
-        mut clock: Option<&mut Clock>,
+        clock: Option<&mut Clock>,
         woken: bool,
     ) -> Result<Option<Duration>, RunError> {
         if woken {
             self.control.quiet();
         }
         self.answer_waiting(run, clock.as_deref());
-        for turn in 0.. {
-            if turn == MOST_AT_ONCE {
-                return Ok(Some(Duration::ZERO));
-            }
-            let Some(request) = self.control.poll() else {
-                break;
-            };
-            self.answer(run, clock.as_deref_mut(), request)?;
-            self.answer_waiting(run, clock.as_deref());
+        if !self.answer_some(run, clock)? {
+            return Ok(Some(Duration::ZERO));
         }
         Ok(self.tell_what_is_due(run))
     }
 
-    /// Does all that is asked, also what is on its way, until everybody waits for an answer that
-    /// only time brings: for a client that has nothing else to do until then. Says whether anybody
-    /// asked or was told anything.
-    pub(crate) fn settle(&mut self, run: &mut Run) -> Result<bool, RunError> {
+    /// Answers requests; says whether these were all.
+    fn answer_some(
+        &mut self,
+        run: &mut Run,
+        mut clock: Option<&mut Clock>,
+    ) -> Result<bool, RunError> {
+        for _ in 0..MOST_AT_ONCE {
+            let Some(request) = self.control.poll() else {
+                return Ok(true);
+            };
+            self.answer(run, clock.as_deref_mut(), request)?;
+            self.answer_waiting(run, clock.as_deref());
+        }
+        Ok(false)
+    }
+
+    /// Does what is asked, for a client that has nothing else to do until then. If it may have asked
+    /// something, or is told something, that is all that is on its way, until it waits for an answer
+    /// that only time brings. Says whether its wait may be over.
+    pub(crate) fn settle(&mut self, run: &mut Run, may_have_asked: bool) -> Result<bool, RunError> {
         let begun = Instant::now();
-        let mut any = self.answer_waiting(run, None);
+        let mut any = self.answer_waiting(run, None) || !self.untold.is_empty();
         self.tell_log();
         self.tell_what_is_due(run);
-        if self.control.settle(Duration::ZERO) {
-            return Ok(any);
+        if !any && !may_have_asked {
+            // Whoever asks is somebody else.
+            self.answer_some(run, None)?;
+            return Ok(false);
         }
-        any = true;
-        while !self.control.settle(SETTLE) && begun.elapsed() < SETTLE {
-            while let Some(request) = self.control.poll() {
+        let mut settling = self.control.settling();
+        while !settling.is_over() {
+            any = true;
+            let left = self.patience.saturating_sub(begun.elapsed());
+            if left.is_zero() {
+                self.patience /= 2;
+                return Ok(true);
+            }
+            if let Some(request) = settling.request(&self.control, left) {
                 self.answer(run, None, request)?;
-                self.answer_waiting(run, None);
+                if self.answer_waiting(run, None) {
+                    settling = self.control.settling();
+                }
             }
         }
+        self.patience = SETTLE;
         Ok(any)
     }
 

@@ -8,6 +8,7 @@ mod exit;
 mod lists;
 mod log;
 mod looking;
+mod patient_file;
 mod plan;
 mod print;
 mod ready_file;

@@ -54,7 +54,7 @@ fn as_text(devices: Devices, fault: &FaultInfo) -> String {
     let _ = writeln!(text, "{} [{:?}; {devices}]", fault.id, fault.level);
     let _ = writeln!(text, "  {}", fault.summary);
     let _ = writeln!(text, "  the client sees: {}", fault.client_sees);
-    let _ = writeln!(text, "  a trigger is: {}", fault.counts);
+    let _ = writeln!(text, "  a hit is: {}", fault.counts);
     for parameter in fault.parameters {
         let must = if parameter.required {
             " (required)"
@@ -110,7 +110,7 @@ fn parameter(parameter: &ParameterInfo) -> String {
 /// The `names` subcommand: what conditions can say.
 pub(crate) fn list_names(devices: Devices, device: &str) -> Result<Exit, Failure> {
     let mut text = String::from(
-        "write each after the device's name, as in `r150.truth.speed_mps`; with one device, alone\n",
+        "with several devices, write the name of the device first, as in `r150.truth.speed_mps`\n",
     );
     let device = devices.iter().find(|known| known.id == device);
     for info in device.into_iter().flat_map(|device| device.all_names()) {

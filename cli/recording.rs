@@ -1,6 +1,5 @@
 //! Recordings of runs, read and played again.
 
-use std::fs;
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
 use std::path::Path;
 
@@ -10,6 +9,7 @@ use sim_runner::Run;
 use sim_runner::trace::{Onlooker, Replay, ReplayError};
 
 use crate::exit::Failure;
+use crate::patient_file::PatientFile;
 use crate::visible;
 
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
@@ -21,13 +21,13 @@ pub(crate) type Played = Result<(), ReplayError>;
 /// The lines of a recording.
 pub(crate) struct Lines<'a> {
     path: &'a Path,
-    file: BufReader<fs::File>,
+    file: BufReader<PatientFile>,
     line: String,
 }
 
 impl<'a> Lines<'a> {
     pub(crate) fn open(path: &'a Path) -> Result<Self, Failure> {
-        let file = fs::File::open(path)
+        let file = PatientFile::open(path)
             .with_context(|| format!("cannot read the trace {}", visible::name(path)))
             .map_err(Failure::usage)?;
         Ok(Self {
@@ -44,12 +44,12 @@ impl<'a> Lines<'a> {
         // What is no trace may be one line without an end.
         let mut some = self.file.by_ref().take(MOST_LINE + 1);
         let read = some.read_line(&mut self.line).map_err(|error| {
-            let is_text = error.kind() != ErrorKind::InvalidData;
+            let unfit = matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::TimedOut);
             let told = anyhow!(error).context(format!("cannot read the trace {shown}"));
-            if is_text {
-                Failure::system(told)
-            } else {
+            if unfit {
                 Failure::usage(told)
+            } else {
+                Failure::system(told)
             }
         })?;
         if read as u64 > MOST_LINE {

@@ -66,21 +66,11 @@ impl Client {
     pub fn call(&self, method: &str, path: &str, body: Option<&Value>) -> Result<Value, CallError> {
         let io = |error| CallError::Io(self.host.clone(), error);
         let (status, answer) = self.send(method, path, body).map_err(io)?;
-        let mut text = String::new();
-        answer
-            .take(MOST_BYTES)
-            .read_to_string(&mut text)
-            .map_err(io)?;
-        let value: Value =
-            serde_json::from_str(&text).map_err(|error| io(io::Error::other(error)))?;
-        if (200..300).contains(&status) {
-            return Ok(value);
+        let value = read_json(answer).map_err(io)?;
+        match status {
+            200..300 => Ok(value),
+            _ => Err(refused(status, &value)),
         }
-        let why = value["error"].as_str().unwrap_or("it says no more");
-        Err(CallError::Refused {
-            status,
-            why: why.to_owned(),
-        })
     }
 
     /// Takes the events of a stream, kind and data, until `take` has enough or the stream ends.
@@ -95,8 +85,7 @@ impl Client {
         let io = |error| CallError::Io(self.host.clone(), error);
         let (status, mut answer) = self.send("GET", path, None).map_err(io)?;
         if status != 200 {
-            let why = "the events cannot be had".to_owned();
-            return Err(CallError::Refused { status, why });
+            return Err(refused(status, &read_json(answer).map_err(io)?));
         }
         let mut kind = String::new();
         loop {
@@ -152,6 +141,20 @@ impl Client {
 pub fn escape(part: &str) -> String {
     let escaped: String = form_urlencoded::byte_serialize(part.as_bytes()).collect();
     escaped.replace('+', "%20")
+}
+
+fn read_json(answer: impl Read) -> io::Result<Value> {
+    let mut text = String::new();
+    answer.take(MOST_BYTES).read_to_string(&mut text)?;
+    serde_json::from_str(&text).map_err(io::Error::other)
+}
+
+fn refused(status: u16, answer: &Value) -> CallError {
+    let why = answer["error"].as_str().unwrap_or("it says no more");
+    CallError::Refused {
+        status,
+        why: why.to_owned(),
+    }
 }
 
 /// Reads a head and gives its status.

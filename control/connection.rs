@@ -21,9 +21,11 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const STREAM_PATIENCE: Duration = Duration::from_secs(15);
 /// Time for which a connection may be idle.
 const IDLE: Duration = Duration::from_secs(60);
+/// Time for a client to take its last words, once the simulation has ended.
+const PARTING: Duration = Duration::from_secs(1);
 /// After which silence a stream says that it is still there.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(5);
-/// Time between two looks whether a client still waits.
+/// Time between two looks whether a client still waits, or the simulation has ended.
 const LOOK: Duration = Duration::from_millis(100);
 /// Bytes that wait in the system for a slow reader, so that it hears soon that it is slow.
 const SEND_BUFFER: usize = 64 << 10;
@@ -202,7 +204,8 @@ impl<'a> Connection<'a> {
         self.write(head_text(200, fields).as_bytes())?;
         self.watch.is_stream();
         let mut text = Vec::new();
-        while !self.shared.stop.load(Ordering::Relaxed) {
+        // At the end as well: what was told before that, and the end itself, are still to be written.
+        loop {
             text.clear();
             let (count, more) = next_messages(&messages, &mut text);
             self.write_within(&text, STREAM_PATIENCE)?;
@@ -234,15 +237,22 @@ impl<'a> Connection<'a> {
         self.write_within(bytes, PATIENCE)
     }
 
-    /// Writes all, or fails when the client takes too long.
+    /// Writes all, or fails when the client takes too long; at the end it is waited for no longer than
+    /// [`PARTING`].
     fn write_within(&mut self, mut bytes: &[u8], patience: Duration) -> io::Result<()> {
-        let until = Instant::now() + patience;
+        let mut until = Instant::now() + patience;
+        let mut is_parting = false;
         while !bytes.is_empty() {
-            let left = until.saturating_duration_since(Instant::now());
+            let now = Instant::now();
+            if !is_parting && self.shared.stop.load(Ordering::Relaxed) {
+                is_parting = true;
+                until = until.min(now + PARTING);
+            }
+            let left = until.saturating_duration_since(now);
             if left.is_zero() {
                 return Err(ErrorKind::TimedOut.into());
             }
-            self.stream.set_write_timeout(Some(left))?;
+            self.stream.set_write_timeout(Some(left.min(LOOK)))?;
             match self.stream.write(bytes) {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
                 Ok(count) => bytes = &bytes[count..],
@@ -265,7 +275,7 @@ fn next_messages(messages: &Messages, text: &mut Vec<u8>) -> (u64, bool) {
             text.extend_from_slice(message.text().as_bytes());
         }
         Err(RecvTimeoutError::Timeout) => text.extend_from_slice(b": still there\n\n"),
-        Err(RecvTimeoutError::Disconnected) => text.extend_from_slice(b"event: end\ndata: {}\n\n"),
+        Err(RecvTimeoutError::Disconnected) => {}
     }
     while text.len() < MOST_AT_ONCE
         && let Ok(message) = messages.messages.try_recv()
@@ -277,6 +287,9 @@ fn next_messages(messages: &Messages, text: &mut Vec<u8>) -> (u64, bool) {
     if lost > 0 {
         let message = Message::new("lost", move || json!({ "messages": lost }));
         text.extend_from_slice(message.text().as_bytes());
+    }
+    if !more {
+        text.extend_from_slice(b"event: end\ndata: {}\n\n");
     }
     (count, more)
 }

@@ -50,8 +50,9 @@ use watch::{Watch, Watches};
 
 /// Most requests that wait for the simulation.
 const MOST_WAITING: usize = 64;
-/// Longest wait at the end for clients that do not read what they are told.
-const PARTING: Duration = Duration::from_secs(1);
+/// Longest wait for connections at the end, which end by themselves: within a second those of clients
+/// that do not read.
+const PARTING: Duration = Duration::from_secs(10);
 
 /// Request of a client.
 #[derive(Debug)]
@@ -231,27 +232,57 @@ impl Control {
         self.requests.recv_timeout(within).ok()
     }
 
-    /// Waits until nobody is being read from or answered, for no longer than `within`; says whether
-    /// that is so. False as well if there are requests to be answered first. Whoever waits for the
-    /// simulation to go on ([`Answer::later`]) counts as answered.
+    /// Begins to wait for all who have asked until now, or are being told something.
     ///
     /// For a simulation whose time goes on only while its client waits: all that the client has
-    /// asked before is done then, and all that it was told has reached it.
+    /// asked before is done then, and all that it was told has reached it. Whoever asks later, as
+    /// only others do, is not waited for.
     #[must_use]
-    pub fn settle(&self, within: Duration) -> bool {
+    pub fn settling(&self) -> Settling {
+        self.shared.connections.begin_round();
+        Settling {
+            shared: Arc::clone(&self.shared),
+            begun: Instant::now(),
+            left: None,
+        }
+    }
+}
+
+/// Wait for those who had asked when it began.
+pub struct Settling {
+    shared: Arc<Shared>,
+    begun: Instant,
+    /// Those of them that are still being heard or answered, once all of them are known.
+    left: Option<Vec<Arc<Watch>>>,
+}
+
+impl Settling {
+    /// Tells whether all of them have been answered; whoever waits for the simulation to go on
+    /// ([`Answer::later`]) counts as that.
+    #[must_use]
+    pub fn is_over(&mut self) -> bool {
+        let shared = &self.shared;
+        if self.left.is_none() {
+            self.left = shared.connections.all_who_came(&shared.socket);
+        }
+        let waited = self.begun.elapsed();
+        self.left.as_mut().is_some_and(|left| {
+            left.retain(|watch| !watch.has_been_quiet(waited));
+            left.is_empty()
+        })
+    }
+
+    /// The next request, waited for so long, and no longer than until [`Self::is_over`].
+    #[must_use]
+    pub fn request(&mut self, control: &Control, within: Duration) -> Option<Request> {
         let begun = Instant::now();
-        let all = &self.shared.connections;
-        while self.requests.is_empty() {
-            if watch::is_quiet(&self.shared.socket) && all.are_quiet(begun.elapsed()) {
-                // Whoever was being read from then may have asked before that was over.
-                return self.requests.is_empty();
-            }
-            if begun.elapsed() > within {
-                return false;
+        loop {
+            let request = control.poll();
+            if request.is_some() || self.is_over() || begun.elapsed() > within {
+                return request;
             }
             thread::sleep(Duration::from_micros(50));
         }
-        false
     }
 }
 
@@ -300,6 +331,9 @@ fn accept(shared: &Arc<Shared>) {
     while !shared.stop.load(Ordering::Relaxed) {
         let accepted = shared.connections.accept(&shared.socket);
         if shared.stop.load(Ordering::Relaxed) {
+            if let Ok((_, Some(watch))) = accepted {
+                shared.connections.leave(&watch);
+            }
             return;
         }
         let Ok((stream, watch)) = accepted else {

@@ -213,7 +213,8 @@ mod tests {
     fn a_reader_that_does_not_read_is_never_waited_for_and_told_what_it_lost() {
         let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let stream = std::net::TcpStream::connect(socket.local_addr().unwrap()).unwrap();
-        let (listener, messages) = Listener::new(Wants::default(), Watch::new(stream));
+        let (listener, messages) =
+            Listener::new(Wants::default(), Watch::new(stream, Arc::default()));
         let message = Message::new("log", || serde_json::json!({"a": "b\nc"}));
         assert_eq!(message.text(), "event: log\ndata: {\"a\":\"b\\nc\"}\n\n");
         for _ in 0..MOST_MESSAGES + 7 {

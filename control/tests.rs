@@ -12,6 +12,7 @@ use watch::MOST_CONNECTIONS;
 struct Served {
     url: String,
     address: SocketAddr,
+    shared: Arc<Shared>,
     stop: Arc<AtomicBool>,
     thread: Option<thread::JoinHandle<()>>,
 }
@@ -21,6 +22,7 @@ impl Served {
         let control =
             Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
         let (url, address) = (control.url(), control.address());
+        let shared = Arc::clone(&control.shared);
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
@@ -38,6 +40,7 @@ impl Served {
         Self {
             url,
             address,
+            shared,
             stop,
             thread: Some(thread),
         }
@@ -240,6 +243,21 @@ fn the_end_has_been_told_when_the_control_is_gone() {
 }
 
 #[test]
+fn nobody_is_waited_for_at_the_end_who_has_nothing_to_be_told() {
+    for _ in 0..10 {
+        let served = Served::echo();
+        served.client().call("GET", "/v1/state", None).unwrap();
+        let idle: Vec<TcpStream> = (0..5)
+            .map(|_| TcpStream::connect(served.address).unwrap())
+            .collect();
+        let control = Arc::clone(&served.shared);
+        drop(served);
+        assert!(control.connections.are_gone());
+        drop(idle);
+    }
+}
+
+#[test]
 fn a_reader_that_stops_reading_is_let_go() {
     let listeners = Arc::new(std::sync::Mutex::new(Vec::new()));
     let kept = Arc::clone(&listeners);
@@ -294,4 +312,42 @@ fn who_waits_for_an_answer_learns_of_the_end() {
         matches!(error, CallError::Refused { status: 503, .. }),
         "{error}"
     );
+}
+
+#[test]
+fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
+    let control = Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms")));
+    let control = control.unwrap();
+    let address = control.address();
+    let url = control.url();
+    let token = url.split_once("token=").unwrap().1;
+    let text = format!(
+        "GET /v1/state HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}\r\n\r\n"
+    );
+    thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                let client = Client::new(&url).unwrap();
+                while client.call("GET", "/v1/steps", None).is_ok() {}
+            });
+        }
+        for _ in 0..100 {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.write_all(text.as_bytes()).unwrap();
+            stream.set_nonblocking(true).unwrap();
+            let mut settling = control.settling();
+            while !settling.is_over() {
+                if let Some(request) = settling.request(&control, Duration::from_millis(10)) {
+                    let (ask, way) = request.split();
+                    way.give(Ok(json!(format!("{ask:?}"))));
+                }
+            }
+            let mut answer = [0; 4096];
+            let count = stream.read(&mut answer).unwrap();
+            let answer = String::from_utf8_lossy(&answer[..count]);
+            assert!(answer.contains("\"State\""), "{answer}");
+        }
+        // Tells the others that it is over.
+        drop(control);
+    });
 }

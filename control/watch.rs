@@ -18,6 +18,7 @@ const BUSY: u8 = 0;
 const IDLE: u8 = 1;
 const DEFERRED: u8 = 2;
 const STREAM: u8 = 3;
+const GONE: u8 = 4;
 
 /// A connection.
 #[derive(Debug)]
@@ -29,16 +30,47 @@ pub(crate) struct Watch {
     written: AtomicU64,
     /// Its reader has not kept up, and is waited for no more until it has.
     is_slow: AtomicBool,
+    /// Of this socket.
+    quiet: Quiet,
+}
+
+/// Silence of a socket, as its own thread finds it: of whoever asks without a pause it is seldom seen from
+/// outside.
+#[derive(Debug)]
+struct Quiet {
+    /// Counts up whenever somebody begins to wait for that.
+    round: Arc<AtomicU64>,
+    last_in: AtomicU64,
+}
+
+impl Quiet {
+    fn new(round: Arc<AtomicU64>) -> Self {
+        let last_in = AtomicU64::new(0);
+        Self { round, last_in }
+    }
+
+    fn look_at(&self, socket: &impl AsFd) {
+        // In this order: what is found now was not found in a round that begins later.
+        let round = self.round.load(Ordering::SeqCst);
+        if is_quiet(socket) {
+            self.last_in.store(round, Ordering::SeqCst);
+        }
+    }
+
+    fn was_there(&self) -> bool {
+        self.last_in.load(Ordering::SeqCst) == self.round.load(Ordering::SeqCst)
+    }
 }
 
 impl Watch {
-    pub(crate) fn new(socket: TcpStream) -> Arc<Self> {
+    pub(crate) fn new(socket: TcpStream, round: Arc<AtomicU64>) -> Arc<Self> {
         Arc::new(Self {
             socket,
             state: AtomicU8::new(IDLE),
             told: AtomicU64::new(0),
             written: AtomicU64::new(0),
             is_slow: AtomicBool::new(false),
+            quiet: Quiet::new(round),
         })
     }
 
@@ -50,6 +82,7 @@ impl Watch {
     /// Whatever comes next comes from the client.
     pub(crate) fn is_idle(&self) {
         self.state.store(IDLE, Ordering::SeqCst);
+        self.quiet.look_at(&self.socket);
     }
 
     /// Whatever comes next comes from the simulation, when it has gone on.
@@ -72,10 +105,16 @@ impl Watch {
         self.written.fetch_add(count, Ordering::SeqCst);
     }
 
+    /// Tells whether it has waited for its client, or for the simulation to go on, at any time since
+    /// somebody began to wait for that, which was so long ago.
+    pub(crate) fn has_been_quiet(&self, waited: Duration) -> bool {
+        self.quiet.was_there() || self.is_quiet(waited)
+    }
+
     fn is_quiet(&self, waited: Duration) -> bool {
         match self.state.load(Ordering::SeqCst) {
             IDLE => is_quiet(&self.socket),
-            DEFERRED => true,
+            DEFERRED | GONE => true,
             STREAM => {
                 let behind =
                     self.told.load(Ordering::SeqCst) != self.written.load(Ordering::SeqCst);
@@ -90,11 +129,23 @@ impl Watch {
 }
 
 /// All connections.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Watches {
     all: Mutex<Vec<Arc<Watch>>>,
     /// One is about to be added.
     accepting: AtomicBool,
+    /// Of the socket that they come to.
+    quiet: Quiet,
+}
+
+impl Default for Watches {
+    fn default() -> Self {
+        Self {
+            all: Mutex::default(),
+            accepting: AtomicBool::new(false),
+            quiet: Quiet::new(Arc::default()),
+        }
+    }
 }
 
 impl Watches {
@@ -104,12 +155,16 @@ impl Watches {
         socket: &TcpListener,
     ) -> io::Result<(TcpStream, Option<Arc<Watch>>)> {
         self.accepting.store(false, Ordering::SeqCst);
+        self.quiet.look_at(socket);
         wait_readable(socket, None)?;
         self.accepting.store(true, Ordering::SeqCst);
         let (stream, _) = socket.accept()?;
         let mut all = self.lock();
         let watch = (all.len() < MOST_CONNECTIONS)
-            .then(|| stream.try_clone().map(Watch::new))
+            .then(|| {
+                let round = Arc::clone(&self.quiet.round);
+                stream.try_clone().map(|socket| Watch::new(socket, round))
+            })
             .transpose()?;
         all.extend(watch.clone());
         Ok((stream, watch))
@@ -117,6 +172,7 @@ impl Watches {
 
     /// One has ended.
     pub(crate) fn leave(&self, watch: &Arc<Watch>) {
+        watch.state.store(GONE, Ordering::SeqCst);
         self.lock().retain(|other| !Arc::ptr_eq(other, watch));
     }
 
@@ -133,11 +189,16 @@ impl Watches {
         self.lock().is_empty()
     }
 
-    /// Tells whether all wait for their clients, or for the simulation to go on, after so long a
-    /// wait for that.
-    pub(crate) fn are_quiet(&self, waited: Duration) -> bool {
-        !self.accepting.load(Ordering::SeqCst)
-            && self.lock().iter().all(|watch| watch.is_quiet(waited))
+    /// Begins to wait until all have been quiet.
+    pub(crate) fn begin_round(&self) {
+        self.quiet.round.fetch_add(1, Ordering::SeqCst);
+    }
+
+    /// Those that there are, once all are among them who had come when the round began.
+    pub(crate) fn all_who_came(&self, socket: &TcpListener) -> Option<Vec<Arc<Watch>>> {
+        // In this order: what is accepted in between is about to be added.
+        let nobody_comes = is_quiet(socket) && !self.accepting.load(Ordering::SeqCst);
+        (nobody_comes || self.quiet.was_there()).then(|| self.lock().clone())
     }
 
     fn lock(&self) -> MutexGuard<'_, Vec<Arc<Watch>>> {

@@ -142,8 +142,6 @@ pub struct Server {
     clock: Clock,
     /// Simulated time has not begun.
     waiting: bool,
-    /// What is read was there when the simulation came to where it is, on its way to the present.
-    in_past: bool,
     /// Time to stop at in any case.
     until: Option<Instant>,
     slowness: Slowness,
@@ -178,7 +176,6 @@ impl Server {
             waiter,
             clock: Clock::start(speed),
             waiting: begin == Begin::WithClient,
-            in_past: false,
             until: None,
             slowness: Slowness::default(),
             held_up: HeldUp::default(),
@@ -285,12 +282,11 @@ impl Server {
             // it so.
             awake_at = Instant::now();
             for token in &ready {
-                self.receive(*token)?;
+                self.receive(*token, false)?;
             }
             for token in 0..self.ports.len() {
                 self.deliver(token)?;
             }
-            self.resume()?;
             let woken = ready.contains(&self.waking());
             let again = attendant.attend(&mut self.run, &mut self.clock, woken)?;
             if attendant.wants_time() {
@@ -309,7 +305,11 @@ impl Server {
             if left.is_zero() {
                 return Ok(Ended::Timeout);
             }
-            let due = self.run.next_deadline().filter(|_| !self.waiting);
+            let next = self.run.next_deadline();
+            // What may go on goes on as soon as there is a later time for it.
+            let may_resume = (0..self.ports.len()).any(|token| self.may_resume(token));
+            let due = if may_resume { Some(self.now()) } else { next };
+            let due = due.filter(|_| !self.waiting);
             sleep_asked = due.and_then(|due| self.clock.until(due));
             sleep_asked = sleep_asked.map(|sleep| sleep.max(SHORTEST_SLEEP));
             for other in [again, self.until.map(|_| left)].into_iter().flatten() {
@@ -333,7 +333,7 @@ impl Server {
     /// When a port or the simulation fails.
     pub fn take_the_rest(&mut self) -> Result<bool, ServeError> {
         for token in 0..self.ports.len() {
-            self.receive(token)?;
+            self.receive(token, true)?;
         }
         let mut ports = self.ports.iter().filter_map(|served| served.port.as_ref());
         Ok(!ports.any(Port::is_attached))
@@ -415,12 +415,11 @@ impl Server {
         }
     }
 
-    /// Advances to the time of what has just been read, and says when that is: now, unless the
-    /// simulator was held up so that it may have come long before. A machine that is too slow has
-    /// no time to advance for each read.
-    fn catch_up(&mut self) -> Result<SimTime, ServeError> {
+    /// Advances to the time of what has just been read: now, unless the simulator was held up so that it
+    /// may have come long before. A machine that is too slow has no time to advance for each read.
+    fn catch_up(&mut self) -> Result<(), ServeError> {
         let behind = self.clock.since(self.now());
-        if !self.waiting && !self.in_past && !self.slowness.is_slow() {
+        if !self.waiting && !self.slowness.is_slow() {
             if behind > MOST_LATE {
                 self.was_held_up(behind);
             } else {
@@ -430,48 +429,63 @@ impl Server {
                 self.advance()?;
             }
         }
-        Ok(self.now())
+        Ok(())
     }
 
-    /// Takes what a port has to tell.
-    fn receive(&mut self, token: usize) -> Result<(), ServeError> {
+    /// Takes what a port has to tell, but bytes that wait for a later time only if that has come. What one
+    /// look finds has the time of the first of it: the time that looking takes is no pause between bytes.
+    fn receive(&mut self, token: usize, resumes: bool) -> Result<(), ServeError> {
         let mut buffer = [0; 4096];
+        let Some(served) = self.ports.get_mut(token) else {
+            return Ok(());
+        };
+        let id = served.id;
+        // Nothing of it is read on the way to the present while what it tells is still to be done.
+        let mut is_dated = std::mem::take(&mut served.paused);
+        let mut room = match is_dated && !resumes {
+            true => 0,
+            false => self.run.room(id).min(buffer.len()),
+        };
         for _ in 0..MOST_READS {
-            let Some(served) = self.ports.get_mut(token) else {
-                return Ok(());
-            };
-            let (id, Some(port)) = (served.id, &mut served.port) else {
+            let Some(port) = &mut self.ports[token].port else {
                 return Ok(());
             };
             // Without room a port still tells of clients that have left.
-            let room = self.run.room(id).min(buffer.len());
-            // Whatever it tells comes before what is read of it on the way to the present.
-            served.paused = false;
             let event = port.read(&mut buffer[..room])?;
             match event {
                 Event::Idle => {
-                    served.paused = room == 0;
+                    self.ports[token].paused = room == 0;
                     return Ok(());
                 }
+                Event::Attached => self.begin(),
+                Event::Data(_) => self.set_line(token)?,
+                Event::Detached => {}
+            }
+            if !std::mem::replace(&mut is_dated, true) {
+                self.catch_up()?;
+            }
+            let now = self.now();
+            match event {
+                Event::Idle => {}
                 Event::Attached => {
-                    self.begin();
-                    let now = self.catch_up()?;
                     self.run.attach(id, now)?;
                     self.set_line(token)?;
                 }
                 Event::Detached => {
-                    let now = self.catch_up()?;
+                    // Unless another has taken its place and hears this, nobody does.
+                    self.deliver(token)?;
                     self.run.detach(id, now)?;
+                    room = self.run.room(id).min(buffer.len());
                 }
                 Event::Data(count) => {
-                    self.set_line(token)?;
-                    let now = self.catch_up()?;
+                    room -= count;
                     self.run.send(id, now, &buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
                     self.deliver(token)?;
                 }
             }
         }
+        self.ports[token].paused = true;
         Ok(())
     }
 
@@ -502,15 +516,16 @@ impl Server {
     /// however late the simulator is.
     fn resume(&mut self) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
-            let served = &self.ports[token];
-            if served.paused && self.run.room(served.id) >= RESUME_ROOM {
-                let before = std::mem::replace(&mut self.in_past, true);
-                let received = self.receive(token);
-                self.in_past = before;
-                received?;
+            if self.may_resume(token) {
+                self.receive(token, true)?;
             }
         }
         Ok(())
+    }
+
+    fn may_resume(&self, token: usize) -> bool {
+        let served = &self.ports[token];
+        served.paused && self.run.room(served.id) >= RESUME_ROOM
     }
 
     /// Tells the simulation how clients have set their ends, of which something passes by `to`.

@@ -19,14 +19,14 @@ use sim_core::SimTime;
 use sim_core::device::host::{Field, Message, Reply, ReplyReader};
 use sim_core::device::names::MOTION;
 use sim_core::device::{
-    Device, DeviceSettings, DeviceSpec, Devices, Framing, HostSpec, LineSettings, LinkSpec, Motion,
+    Device, DeviceSettings, DeviceSpec, Devices, Framing, HostSpec, LineSettings, LinkSpec,
     NameInfo, Setup, TextLines,
 };
 use sim_core::event::{Code, EventKind, Role, Told, code};
 use sim_core::mecanum::MECANUM_SPEC;
 use sim_core::r150::R150_SPEC;
 use sim_physics::differential::{Differential, DifferentialShape};
-use sim_physics::{BodyId, Pose, World};
+use sim_physics::{Plant, World};
 
 const MOST_LINE: usize = 64;
 
@@ -251,40 +251,12 @@ impl Device for Robot {
         Some((at, Arc::new(event)))
     }
 
-    fn body(&self) -> BodyId {
-        self.body.body()
+    fn plant(&self) -> &dyn Plant {
+        &self.body
     }
 
-    fn motion(&self) -> Motion {
-        Motion::of(self.body.motion(), self.body.distance(), self.body.mass())
-    }
-
-    fn at_rest(&self) -> bool {
-        self.body.at_rest()
-    }
-
-    fn wake(&mut self) {
-        self.body.wake();
-    }
-
-    fn before_step(&mut self, world: &mut World) {
-        self.body.before_step(world);
-    }
-
-    fn after_step(&mut self, _now: SimTime, world: &mut World) {
-        self.body.after_step(world);
-    }
-
-    fn set_push(&mut self, push: [f64; 3]) {
-        self.body.set_push(push);
-    }
-
-    fn set_payload(&mut self, world: &mut World, mass: f64) {
-        self.body.set_payload(world, mass);
-    }
-
-    fn place(&mut self, world: &mut World, pose: Pose) {
-        self.body.place(world, pose);
+    fn plant_mut(&mut self) -> &mut dyn Plant {
+        &mut self.body
     }
 
     fn framing(&self, _link: usize) -> &'static dyn Framing {

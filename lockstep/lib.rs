@@ -96,13 +96,18 @@ pub trait World {
     /// When the world has broken down.
     fn modem_lines(&mut self, port: usize, now: u64, lines: u32) -> Result<(), Broken>;
 
-    /// All programs wait. Goes on to the first time, `until` at the latest, at which something
-    /// happens at a port, and does that.
+    /// All programs wait; `ran` says whether any has run since this was last called. Goes on to the
+    /// first time, `until` at the latest, at which something happens at a port, and does that.
     ///
     /// # Errors
     /// When the world has broken down.
-    fn advance(&mut self, ports: &mut [Port], now: u64, until: Option<u64>)
-    -> Result<Step, Broken>;
+    fn advance(
+        &mut self,
+        ports: &mut [Port],
+        now: u64,
+        until: Option<u64>,
+        ran: bool,
+    ) -> Result<Step, Broken>;
 }
 
 /// Reason for which a world cannot go on.

@@ -13,6 +13,7 @@ mod loading;
 mod look;
 mod memory;
 mod news;
+mod one_processor;
 mod passing;
 mod poll_calls;
 mod process_calls;

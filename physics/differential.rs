@@ -4,10 +4,11 @@
 //! What drives it is small next to what holds it, so motors and tyres are not modelled any further:
 //! use [`crate::traction`] where they matter.
 
-use crate::pose::{BodyMotion, Pose};
+use crate::plant::Plant;
+use crate::pose::Pose;
 use crate::rest::RestSettings;
 use crate::vehicle_body::{Bounds, VehicleBody};
-use crate::world::{BodyId, BodyShape, World};
+use crate::world::{BodyShape, World};
 
 const BOUNDS: Bounds = Bounds {
     payload: 20.0,
@@ -85,62 +86,33 @@ impl Differential {
     pub fn travel(&self) -> [f64; 2] {
         self.travel
     }
+}
 
-    /// Its body in the world.
-    #[must_use]
-    pub fn body(&self) -> BodyId {
-        self.body.id()
+impl Plant for Differential {
+    fn vehicle(&self) -> &VehicleBody {
+        &self.body
     }
 
-    /// Pose and motion at the end of the last step.
-    #[must_use]
-    pub fn motion(&self) -> &BodyMotion {
-        self.body.motion()
+    fn vehicle_mut(&mut self) -> &mut VehicleBody {
+        &mut self.body
     }
 
-    /// Distance that it has driven, m.
-    #[must_use]
-    pub fn distance(&self) -> f64 {
-        self.body.distance()
-    }
-
-    /// With payload, kg.
-    #[must_use]
-    pub fn mass(&self) -> f64 {
+    fn mass(&self) -> f64 {
         self.shape.mass + self.body.payload()
     }
 
-    /// Tells whether nothing moves and nothing drives.
-    #[must_use]
-    pub fn at_rest(&self) -> bool {
-        self.body.is_resting()
-    }
-
-    /// Looks again whether it can stand, after something around it has changed.
-    pub fn wake(&mut self) {
-        self.body.wake();
-    }
-
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
-    pub fn set_push(&mut self, push: [f64; 3]) {
-        self.body.set_push(push);
-    }
-
-    /// Puts a payload on the deck, kg.
-    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
+    fn set_payload(&mut self, world: &mut World, payload: f64) {
         self.body.set_payload(payload);
         let mass = self.mass();
         world.set_mass(self.body.id(), mass, inertia(self.shape, mass));
     }
 
-    /// Lifts it and sets it down elsewhere, standing.
-    pub fn place(&mut self, world: &mut World, pose: Pose) {
+    fn place(&mut self, world: &mut World, pose: Pose) {
         self.speed = [0.0; 2];
         self.body.place(world, pose);
     }
 
-    /// Computes what the wheels do in a step. Call before every [`World::step`].
-    pub fn before_step(&mut self, world: &mut World) {
+    fn before_step(&mut self, world: &mut World) {
         if self.body.rests_before(world) {
             return;
         }
@@ -176,8 +148,7 @@ impl Differential {
         world.set_velocity(self.body.id(), motion.to_world([ahead, left]), yaw_rate);
     }
 
-    /// Takes over what the step did. Call after every [`World::step`].
-    pub fn after_step(&mut self, world: &mut World) {
+    fn after_step(&mut self, world: &mut World) {
         if self.body.rests_after(world) {
             return;
         }

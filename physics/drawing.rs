@@ -54,8 +54,7 @@ fn wheel(place: [f64; 2], radius: f64, speed: f64) -> WheelDrawing {
 
 impl R150Plant {
     /// Draws it as it is now.
-    #[must_use]
-    pub fn drawing(&self) -> Drawing {
+    pub(crate) fn outline(&self) -> Drawing {
         let body = &self.settings.body;
         let radius = self.settings.tyre.wheel_radius;
         let (x, y) = (body.wheelbase / 2.0, body.track / 2.0);
@@ -72,8 +71,7 @@ impl R150Plant {
 
 impl MecanumPlant {
     /// Draws it as it is now.
-    #[must_use]
-    pub fn drawing(&self) -> Drawing {
+    pub(crate) fn outline(&self) -> Drawing {
         let settings = &self.settings;
         let (x, y) = (settings.body.half_wheelbase, settings.body.half_track);
         let radius = settings.wheel.radius;
@@ -108,14 +106,14 @@ mod tests {
     fn wheels_are_where_the_settings_have_them_and_in_the_order_of_their_speeds() {
         let mut world = World::new(&WorldSettings::default());
         let settings = R150PlantSettings::default();
-        let r150 = R150Plant::new(&settings, &mut world, Pose::default()).drawing();
+        let r150 = R150Plant::new(&settings, &mut world, Pose::default()).outline();
         assert_eq!(r150.wheels.len(), 4);
         assert_eq!(r150.wheels[0].place[0] * 2.0, settings.body.wheelbase);
         assert_eq!(r150.wheels[1].place[1] * -2.0, settings.body.track);
         // Beside nothing.
         let mut world = World::new(&WorldSettings::default());
         let settings = MecanumPlantSettings::default();
-        let car = MecanumPlant::new(&settings, &mut world, Pose::default()).drawing();
+        let car = MecanumPlant::new(&settings, &mut world, Pose::default()).outline();
         for wheel in Wheel::ALL {
             let drawn = car.wheels[wheel.index()];
             assert_eq!(drawn.place[1] > 0.0, wheel.is_left(), "{}", wheel.name());

@@ -6,7 +6,7 @@
 //! sensors would read. The world and its plants advance together:
 //!
 //! ```
-//! use sim_physics::{Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
+//! use sim_physics::{Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
 //!
 //! let mut world = World::new(&WorldSettings::default());
 //! let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
@@ -38,8 +38,10 @@
 
 pub mod differential;
 mod drawing;
+pub mod faults;
 pub mod mecanum;
 pub mod noise;
+mod plant;
 mod pose;
 pub mod r150;
 mod rest;
@@ -53,8 +55,10 @@ pub use drawing::{Drawing, EchoDrawing, WheelDrawing};
 pub use mecanum::{
     MecanumCommands, MecanumMeasurements, MecanumPlant, MecanumPlantSettings, MecanumTruth,
 };
+pub use plant::{Motion, Plant};
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
 pub use rest::RestSettings;
 pub use running_gear::Energy;
+pub use vehicle_body::{Bounds, VehicleBody};
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

@@ -31,8 +31,7 @@ pub mod signals;
 
 use std::time::Duration;
 
-pub use encoder::Encoder;
-pub use faults::{MecanumFaults, Ultrasonic, WheelFaults};
+pub use faults::{MecanumFaults, Ultrasonic};
 pub use sensing::MecanumTruth;
 pub use settings::{
     BarSettings, BeamSettings, CarBodySettings, CarMotorSettings, EncoderSettings,
@@ -43,10 +42,13 @@ pub use signals::{
     WHEELS, Wheel, Wiring,
 };
 
+use crate::drawing::Drawing;
+use crate::faults::MotorFaults;
 use crate::noise::Noise;
+use crate::plant::Plant;
 use crate::pose::Pose;
 use crate::vehicle_body::{Bounds, VehicleBody};
-use crate::world::{BodyId, BodyShape, World};
+use crate::world::{BodyShape, World};
 use drive::Drive;
 use sensors::Sensors;
 
@@ -67,7 +69,7 @@ pub struct MecanumPlant {
     wiring: Wiring,
     body: VehicleBody,
     commands: MecanumCommands,
-    wheel_faults: [WheelFaults; WHEELS],
+    wheel_faults: [MotorFaults; WHEELS],
     faults: MecanumFaults,
     /// The wiring without what the faults swap.
     plain_wiring: Wiring,
@@ -119,7 +121,7 @@ impl MecanumPlant {
             settings: settings.clone(),
             body,
             commands: MecanumCommands::default(),
-            wheel_faults: [WheelFaults::default(); WHEELS],
+            wheel_faults: [MotorFaults::default(); WHEELS],
             faults: MecanumFaults::default(),
             drive,
             sensors,
@@ -136,7 +138,7 @@ impl MecanumPlant {
         let commands = commands.within_limits();
         if commands != self.commands {
             self.commands = commands;
-            self.wake();
+            self.body.wake();
         }
     }
 
@@ -159,32 +161,6 @@ impl MecanumPlant {
         self.drive.set_directed(directed);
     }
 
-    /// Applies the forces of one step. Call before every [`World::step`].
-    pub fn before_step(&mut self, world: &mut World) {
-        if self.body.rests_before(world) {
-            return;
-        }
-        drive::step(self, world);
-    }
-
-    /// Takes over what the step did. Call after every [`World::step`].
-    pub fn after_step(&mut self, world: &mut World) {
-        let step = world.step_length();
-        if self.body.rests_after(world) {
-            self.rest(step);
-            // Others may be moving around it.
-            self.sensors
-                .follow(step, world, self.body.id(), self.body.motion());
-            return;
-        }
-        let seconds = step.as_secs_f64();
-        let velocity = self.body.follow(world, seconds);
-        self.drive.follow(velocity, seconds, &self.wheel_faults);
-        self.settle(world, seconds);
-        self.sensors
-            .follow(step, world, self.body.id(), self.body.motion());
-    }
-
     /// Says that so much of the step that comes has passed when what follows is done to the pins.
     /// The wheels give their pulses until then, as if they turned on as they did at its beginning.
     pub fn pass_to(&mut self, passed: Duration) {
@@ -198,29 +174,60 @@ impl MecanumPlant {
         let seconds = self.drive.next_pulse().filter(|seconds| *seconds < 1.0)?;
         Some(Duration::from_secs_f64(seconds))
     }
+}
 
-    /// Lets time pass while the car [rests](Self::at_rest) and the world is not stepped. Nothing
-    /// changes then, so the span may be anything.
-    pub fn rest(&mut self, _span: Duration) {
+impl Plant for MecanumPlant {
+    fn vehicle(&self) -> &VehicleBody {
+        &self.body
+    }
+
+    fn vehicle_mut(&mut self) -> &mut VehicleBody {
+        &mut self.body
+    }
+
+    fn mass(&self) -> f64 {
+        self.drive.gear.mass
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.outline()
+    }
+
+    fn before_step(&mut self, world: &mut World) {
+        if !self.body.rests_before(world) {
+            drive::step(self, world);
+        }
+    }
+
+    fn after_step(&mut self, world: &mut World) {
+        let step = world.step_length();
+        if self.body.rests_after(world) {
+            self.rest(step);
+        } else {
+            let seconds = step.as_secs_f64();
+            let velocity = self.body.follow(world, seconds);
+            self.drive.follow(velocity, seconds, &self.wheel_faults);
+            self.settle(world, seconds);
+        }
+        // Others may be moving around it.
+        self.sensors
+            .follow(step, world, self.body.id(), self.body.motion());
+    }
+
+    /// Nothing changes then, so the span may be anything.
+    fn rest(&mut self, _span: Duration) {
         self.drive.forget_step();
     }
 
-    /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
-    /// for steps of the world.
-    #[must_use]
-    pub fn at_rest(&self) -> bool {
-        self.body.is_resting()
+    /// kg, within 0–100.
+    fn set_payload(&mut self, world: &mut World, payload: f64) {
+        self.body.set_payload(payload);
+        self.follow_payload(world);
     }
 
-    /// Looks again whether the car can stand and what its sensors see, after a change around it
-    /// such as another ground or a new obstacle.
-    pub fn wake(&mut self) {
-        self.body.wake();
-    }
-
-    /// Its body in the world, for contact queries.
-    #[must_use]
-    pub fn body(&self) -> BodyId {
-        self.body.id()
+    fn place(&mut self, world: &mut World, pose: Pose) {
+        self.body.place(world, pose);
+        self.drive.gear.lift();
+        self.sensors.look(world, self.body.id(), self.body.motion());
     }
 }

@@ -19,7 +19,7 @@ mod slow;
 
 use std::time::Duration;
 
-pub use faults::{Encoder, R150Faults, SideFaults};
+pub use faults::R150Faults;
 pub use fuse::FuseId;
 pub use settings::{
     AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, MotorThermalSettings,
@@ -31,10 +31,13 @@ pub use signals::{
     Rail, Side, Sides,
 };
 
+use crate::drawing::Drawing;
+use crate::faults::MotorFaults;
+use crate::plant::Plant;
 use crate::pose::Pose;
 pub use crate::rest::RestSettings;
 use crate::vehicle_body::{Bounds, VehicleBody};
-use crate::world::{BodyId, BodyShape, World};
+use crate::world::{BodyShape, World};
 use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};
 use slow::SlowStates;
@@ -61,7 +64,7 @@ pub struct R150Plant {
     pwm_sources: [PwmSource; 4],
     /// Readings of the PWM inputs.
     pwm_in: [PwmReading; 4],
-    side_faults: Sides<SideFaults>,
+    side_faults: Sides<MotorFaults>,
     faults: R150Faults,
     drive: Drive,
     slow: SlowStates,
@@ -140,7 +143,7 @@ impl R150Plant {
             self.capture_pwm();
         }
         if moves {
-            self.wake();
+            self.body.wake();
         }
         if switches {
             self.solve_network();
@@ -151,60 +154,6 @@ impl R150Plant {
     #[must_use]
     pub fn commands(&self) -> &R150Commands {
         &self.commands
-    }
-
-    /// Applies the forces of one step. Call before every [`World::step`].
-    pub fn before_step(&mut self, world: &mut World) {
-        if self.body.rests_before(world) {
-            return;
-        }
-        drive::step(self, world);
-    }
-
-    /// Takes over what the step did and advances the electrics. Call after every [`World::step`].
-    pub fn after_step(&mut self, world: &mut World) {
-        if self.body.rests_after(world) {
-            self.rest(world.step_length());
-            return;
-        }
-        let seconds = world.step_length().as_secs_f64();
-        self.passed = 0.0;
-        let velocity = self.body.follow(world, seconds);
-        self.drive.gear.follow(velocity, seconds);
-        self.note_encoders();
-        self.solve_network();
-        self.pass(seconds);
-        self.warm_drivers();
-        self.settle(world, seconds);
-    }
-
-    /// Lets time pass while the vehicle [rests](Self::at_rest) and the world is not stepped.
-    ///
-    /// Charge, temperatures and fuses advance in closed form, so the span may be anything; the
-    /// currents follow the sinking voltage once a call.
-    pub fn rest(&mut self, span: Duration) {
-        self.passed = 0.0;
-        self.pass(span.as_secs_f64());
-        self.warm_drivers();
-        self.solve_network();
-    }
-
-    /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
-    /// for steps of the world.
-    #[must_use]
-    pub fn at_rest(&self) -> bool {
-        self.body.is_resting()
-    }
-
-    /// Looks again whether the vehicle can stand, after a change around it such as another ground.
-    pub fn wake(&mut self) {
-        self.body.wake();
-    }
-
-    /// Its body in the world, for contact queries.
-    #[must_use]
-    pub fn body(&self) -> BodyId {
-        self.body.id()
     }
 
     fn motor_port(&self, side: Side) -> MotorPort {
@@ -219,7 +168,7 @@ impl R150Plant {
             back_emf: self.drive.back_emf(side),
             resistance: self.settings.motor.resistance,
         };
-        if self.is_fuse_blown(fuse) || faults.motor_disconnected {
+        if self.is_fuse_blown(fuse) || faults.free_wheeling {
             return motor;
         }
         let driver = &self.drive.drivers[side.index()];
@@ -308,5 +257,66 @@ impl R150Plant {
             },
         };
         self.flow = network::solve(&demand, &self.settings.rails);
+    }
+}
+
+impl Plant for R150Plant {
+    fn vehicle(&self) -> &VehicleBody {
+        &self.body
+    }
+
+    fn vehicle_mut(&mut self) -> &mut VehicleBody {
+        &mut self.body
+    }
+
+    fn mass(&self) -> f64 {
+        self.drive.gear.mass
+    }
+
+    fn drawing(&self) -> Drawing {
+        self.outline()
+    }
+
+    fn before_step(&mut self, world: &mut World) {
+        if !self.body.rests_before(world) {
+            drive::step(self, world);
+        }
+    }
+
+    fn after_step(&mut self, world: &mut World) {
+        if self.body.rests_after(world) {
+            self.rest(world.step_length());
+            return;
+        }
+        let seconds = world.step_length().as_secs_f64();
+        self.passed = 0.0;
+        let velocity = self.body.follow(world, seconds);
+        self.drive.gear.follow(velocity, seconds);
+        self.note_encoders();
+        self.solve_network();
+        self.pass(seconds);
+        self.warm_drivers();
+        self.settle(world, seconds);
+    }
+
+    /// Charge, temperatures and fuses advance in closed form, so the span may be anything; the
+    /// currents follow the sinking voltage once a call.
+    fn rest(&mut self, span: Duration) {
+        self.passed = 0.0;
+        self.pass(span.as_secs_f64());
+        self.warm_drivers();
+        self.solve_network();
+    }
+
+    /// kg, within 0–1000.
+    fn set_payload(&mut self, world: &mut World, payload: f64) {
+        self.body.set_payload(payload);
+        self.follow_payload(world);
+    }
+
+    fn place(&mut self, world: &mut World, pose: Pose) {
+        self.body.place(world, pose);
+        self.drive.gear.lift();
+        self.solve_network();
     }
 }

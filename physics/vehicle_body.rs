@@ -6,16 +6,16 @@ use crate::world::{BodyId, World};
 
 /// The most that may be done to a vehicle.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
+pub struct Bounds {
     /// kg.
-    pub(crate) payload: f64,
+    pub payload: f64,
     /// N and N·m.
-    pub(crate) push: f64,
+    pub push: f64,
 }
 
-/// The body of a vehicle.
+/// The body of a vehicle, which stands still when it can.
 #[derive(Debug, Clone)]
-pub(crate) struct VehicleBody {
+pub struct VehicleBody {
     id: BodyId,
     bounds: Bounds,
     rest: RestSettings,
@@ -35,7 +35,7 @@ pub(crate) struct VehicleBody {
 
 impl VehicleBody {
     /// Of a body that stands; `length` in m, `payload` in kg.
-    pub(crate) fn new(
+    pub fn new(
         world: &World,
         id: BodyId,
         (length, payload): (f64, f64),
@@ -56,61 +56,65 @@ impl VehicleBody {
         }
     }
 
-    pub(crate) fn id(&self) -> BodyId {
+    /// Its place in the world.
+    #[must_use]
+    pub fn id(&self) -> BodyId {
         self.id
     }
 
     /// Pose and motion at the end of the last step.
-    pub(crate) fn motion(&self) -> &BodyMotion {
+    pub fn motion(&self) -> &BodyMotion {
         &self.motion
     }
 
     /// Distance that it has driven, m.
-    pub(crate) fn distance(&self) -> f64 {
+    pub fn distance(&self) -> f64 {
         self.distance
     }
 
-    pub(crate) fn is_resting(&self) -> bool {
+    /// Tells whether it stands.
+    #[must_use]
+    pub fn is_resting(&self) -> bool {
         self.resting
     }
 
     /// Mass that it carries, kg.
-    pub(crate) fn payload(&self) -> f64 {
+    pub fn payload(&self) -> f64 {
         self.payload
     }
 
     /// Puts a payload on the deck, kg. The plant changes the body's mass.
-    pub(crate) fn set_payload(&mut self, payload: f64) {
+    pub fn set_payload(&mut self, payload: f64) {
         self.payload = number(payload).clamp(0.0, self.bounds.payload);
         self.wake();
     }
 
     /// Force and torque that push it, ahead, left, counter-clockwise; N and N·m.
-    pub(crate) fn push(&self) -> [f64; 3] {
+    pub fn push(&self) -> [f64; 3] {
         self.push
     }
 
     /// Pushes steadily until changed.
-    pub(crate) fn set_push(&mut self, push: [f64; 3]) {
+    pub fn set_push(&mut self, push: [f64; 3]) {
         self.push = push.map(|part| within(part, self.bounds.push));
         self.wake();
     }
 
     /// Lifts it and sets it down elsewhere, standing. The plant stops the wheels.
-    pub(crate) fn place(&mut self, world: &mut World, pose: Pose) {
+    pub fn place(&mut self, world: &mut World, pose: Pose) {
         world.place(self.id, pose);
         self.motion = world.motion(self.id);
         self.wake();
     }
 
     /// Looks again whether it can stand.
-    pub(crate) fn wake(&mut self) {
+    pub fn wake(&mut self) {
         self.resting = false;
         self.settled = 0.0;
     }
 
     /// Tells whether it goes on resting in the step that comes; woken if something has moved it.
-    pub(crate) fn rests_before(&mut self, world: &World) -> bool {
+    pub fn rests_before(&mut self, world: &World) -> bool {
         if self.resting && !world.is_still(self.id) {
             self.wake();
         }
@@ -118,7 +122,7 @@ impl VehicleBody {
     }
 
     /// Tells whether it goes on resting after a step; woken if something ran into it.
-    pub(crate) fn rests_after(&mut self, world: &mut World) -> bool {
+    pub fn rests_after(&mut self, world: &mut World) -> bool {
         if !self.resting {
             return false;
         }
@@ -132,7 +136,7 @@ impl VehicleBody {
 
     /// Takes over what a step of so many seconds did; gives its velocity ahead and to the left in
     /// m/s, and its yaw rate in rad/s.
-    pub(crate) fn follow(&mut self, world: &World, seconds: f64) -> [f64; 3] {
+    pub fn follow(&mut self, world: &World, seconds: f64) -> [f64; 3] {
         self.motion = world.motion(self.id);
         let velocity = self.motion.body_velocity();
         let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
@@ -141,7 +145,7 @@ impl VehicleBody {
     }
 
     /// Tells whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
-    pub(crate) fn is_slow(&self, tyre_speeds: impl IntoIterator<Item = f64>) -> bool {
+    pub fn is_slow(&self, tyre_speeds: impl IntoIterator<Item = f64>) -> bool {
         let limit = self.rest.speed;
         let [ahead, left, yaw_rate] = self.motion.body_velocity();
         ahead.abs() <= limit
@@ -152,7 +156,7 @@ impl VehicleBody {
 
     /// Counts for how long it `could_stand`, being slow and driven by nothing; brings it to a full
     /// stop when that has been long enough, and says so.
-    pub(crate) fn settle(&mut self, world: &mut World, seconds: f64, could_stand: bool) -> bool {
+    pub fn settle(&mut self, world: &mut World, seconds: f64, could_stand: bool) -> bool {
         if !could_stand {
             self.settled = 0.0;
             return false;

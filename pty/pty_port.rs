@@ -30,10 +30,7 @@ pub struct PtyPort {
     link: Option<Symlink>,
     registration: Option<Registration>,
     pair: Pair,
-    attached: bool,
-    /// One client has left and another has come without the port having been hung up at any look,
-    /// which is to be told.
-    handed_over: bool,
+    client: Client,
     /// Bytes that were read before that was known, to be handed out after it.
     held: Vec<u8>,
     /// Number of the bytes that wait to be read that were there at the last look: of a client that
@@ -45,6 +42,19 @@ pub struct PtyPort {
     /// Whether the waiter is to report that there is room again.
     watches_room: bool,
     counters: Counters,
+}
+
+/// Who has the port open, and what is to be told of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Client {
+    Nobody,
+    /// It is known that it is there.
+    Attached,
+    /// Another has come in its place without the port having been hung up at any look: that it has left is
+    /// to be told.
+    Replaced,
+    /// Of the other, that it is there is to be told.
+    New,
 }
 
 impl PtyPort {
@@ -90,8 +100,7 @@ impl PtyPort {
             link,
             registration: None,
             pair,
-            attached: false,
-            handed_over: false,
+            client: Client::Nobody,
             held: Vec::new(),
             seen: 0,
             unsent: VecDeque::new(),
@@ -116,7 +125,7 @@ impl PtyPort {
     /// Tells whether a client is attached, as far as events were reported.
     #[must_use]
     pub fn is_attached(&self) -> bool {
-        self.attached
+        matches!(self.client, Client::Attached | Client::Replaced)
     }
 
     /// Totals since the port was opened.
@@ -159,7 +168,7 @@ impl PtyPort {
     ///
     /// When the system refuses.
     pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
-        if !self.attached {
+        if self.client == Client::Nobody {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
             return Ok(Written {
                 accepted: 0,
@@ -207,7 +216,7 @@ impl PtyPort {
 
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
-        if !self.attached {
+        if !self.is_attached() {
             return self.arrival().map(Some);
         }
         // In this order: what is counted was there before any departure that is not noted yet.
@@ -219,7 +228,7 @@ impl PtyPort {
             None
         };
         self.notice_handover()?;
-        if self.handed_over {
+        if self.client == Client::Replaced {
             return Ok(Some(self.hand_over()));
         }
         if buf.is_empty() {
@@ -239,15 +248,16 @@ impl PtyPort {
         for _ in 0..MOST_READS {
             match self.pair.read(buf)? {
                 Read::Bytes(n) => {
-                    self.seen = self.seen.saturating_sub(n);
+                    let old = self.seen.min(n);
+                    self.seen -= old;
                     self.counters.received(n);
                     // Whoever wrote these has been reported by now. If that is somebody who came in
                     // another's place, this is told first, so that what is answered is not lost with
-                    // what was on its way to the other.
+                    // what was on its way to the other. What was there before is the other's.
                     self.drain()?;
                     self.notice_handover()?;
-                    if self.handed_over {
-                        self.held.extend_from_slice(&buf[..n]);
+                    if self.client == Client::Replaced {
+                        self.held.extend_from_slice(&buf[old..n]);
                         return Ok(Some(self.hand_over()));
                     }
                     return Ok(Some(Event::Data(n)));
@@ -277,10 +287,10 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        if self.held.is_empty() && !self.has_departed() && !self.pair.has_client()? {
+        if self.client == Client::Nobody && !self.has_departed() && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
-        self.attached = true;
+        self.client = Client::Attached;
         self.counters.attached += 1;
         Ok(Event::Attached)
     }
@@ -292,15 +302,17 @@ impl PtyPort {
             self.discard_seen()?;
             self.unsent.clear();
             self.visit(Pair::restore_for_next)?;
-            self.handed_over = true;
+            // That a third has taken the place of one who was not told of is not to be told.
+            if self.client == Client::Attached {
+                self.client = Client::Replaced;
+            }
         }
         Ok(())
     }
 
     /// Tells that the one has left; that the other is there is told next.
     fn hand_over(&mut self) -> Event {
-        self.handed_over = false;
-        self.attached = false;
+        self.client = Client::New;
         Event::Detached
     }
 
@@ -324,7 +336,7 @@ impl PtyPort {
         {
             let what = if wanted { BOTH } else { IN };
             registration
-                .watch_for(&self.pair, what)
+                .watch(&self.pair, what)
                 .map_err(|kind| self.error("watch", kind))?;
             self.watches_room = wanted;
         }
@@ -350,7 +362,7 @@ impl PtyPort {
         if !restored {
             self.recreate()?;
         }
-        self.attached = false;
+        self.client = Client::Nobody;
         Ok(Event::Detached)
     }
 

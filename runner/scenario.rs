@@ -137,7 +137,7 @@ pub(crate) struct Step {
     pub only: Option<Only>,
     pub mission: bool,
     pub device: usize,
-    pub action: Action,
+    pub action: StepAction,
     /// What it does to a vehicle or its world, in the words of the file: `world add`.
     pub deed: Option<String>,
 }
@@ -146,7 +146,7 @@ impl Step {
     /// Tells whether what it does has an end only by `for` and `until` of the whole step, not of
     /// each time.
     pub(crate) fn is_repeated_for(&self) -> bool {
-        matches!(self.action, Action::Host(_) | Action::Expect { .. })
+        matches!(self.action, StepAction::Host(_) | StepAction::Expect { .. })
     }
 
     /// Tells whether it is repeated without end.
@@ -186,7 +186,7 @@ pub(crate) enum Trigger {
 
 /// Action of a step.
 #[derive(Debug, Clone)]
-pub(crate) enum Action {
+pub(crate) enum StepAction {
     Host(HostAction),
     Fault(Fault),
     /// Mends what the step with this index broke.
@@ -334,7 +334,7 @@ impl Scenario {
     pub(crate) fn check_obstacles(&self, map: &WorldMap) -> Result<(), String> {
         let in_map = map.obstacles.iter().filter_map(|obstacle| obstacle.name());
         let added = self.steps.iter().flat_map(|step| match &step.action {
-            Action::World(action) => action.brings().collect(),
+            StepAction::World(action) => action.brings().collect(),
             _ => Vec::new(),
         });
         let known: Vec<&str> = in_map.chain(added).collect();
@@ -416,7 +416,7 @@ impl Scenario {
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.
     pub fn faults(&self) -> impl Iterator<Item = &'static str> {
         self.steps.iter().filter_map(|step| match &step.action {
-            Action::Fault(fault) => Some(fault.id()),
+            StepAction::Fault(fault) => Some(fault.id()),
             _ => None,
         })
     }
@@ -426,7 +426,7 @@ impl Scenario {
     pub fn has_script(&self) -> bool {
         self.steps
             .iter()
-            .any(|step| matches!(step.action, Action::Host(_)))
+            .any(|step| matches!(step.action, StepAction::Host(_)))
     }
 }
 

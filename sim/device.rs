@@ -18,13 +18,15 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::{BodyId, BodyMotion, Drawing, Pose, World};
+use sim_physics::{Plant, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::event::{Code, EventKind};
 use crate::fault::{Fault, FaultHandle, FaultInfo};
 use crate::noise::Noise;
+
+pub use sim_physics::Motion;
 
 pub use action::{Action, Actions, HANDS, Hands, Performed, Place, Push, Undo, actions};
 pub(crate) use framing::with_first;
@@ -189,39 +191,6 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// True pose and motion of a vehicle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
-    /// Place and heading.
-    pub pose: Pose,
-    /// m/s, negative backward.
-    pub forward_speed: f64,
-    /// m/s.
-    pub leftward_speed: f64,
-    /// rad/s, counter-clockwise.
-    pub yaw_rate: f64,
-    /// Length of the path driven so far, m.
-    pub distance: f64,
-    /// With payload, kg.
-    pub mass: f64,
-}
-
-impl Motion {
-    /// Of a body that has driven so far, m, and is so heavy, kg.
-    #[must_use]
-    pub fn of(motion: &BodyMotion, distance: f64, mass: f64) -> Self {
-        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
-        Self {
-            pose: motion.pose(),
-            forward_speed,
-            leftward_speed,
-            yaw_rate,
-            distance,
-            mass,
-        }
-    }
-}
-
 /// Firmware and hardware of one device, tied together.
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
@@ -253,41 +222,20 @@ pub trait Device: Any + Send + Sync {
     /// together than they were sent. Of no concern to firmware without a rule against that.
     fn expect_burst(&mut self, _by: Duration, _until: SimTime) {}
 
-    /// Its body in the world.
-    fn body(&self) -> BodyId;
+    /// Returns its hardware.
+    fn plant(&self) -> &dyn Plant;
 
-    /// How it really stands and moves.
-    fn motion(&self) -> Motion;
-
-    /// How it looks from above, beside its body; of one that does not say, the body is all.
-    fn drawing(&self) -> Drawing {
-        Drawing::default()
-    }
-
-    /// Tells whether nothing of it moves and nothing drives it.
-    fn at_rest(&self) -> bool;
-
-    /// Looks again whether it can stand, after something around it has changed.
-    fn wake(&mut self);
+    /// The same, to change.
+    fn plant_mut(&mut self) -> &mut dyn Plant;
 
     /// Lets time pass for its slow states up to `now`, while nothing in the world moves. Of no
     /// concern to a device without any.
     fn rest_until(&mut self, _now: SimTime) {}
 
-    /// Applies its forces for a step.
-    fn before_step(&mut self, world: &mut World);
-
     /// Takes over what the step, which ended at `now`, has done.
-    fn after_step(&mut self, now: SimTime, world: &mut World);
-
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
-    fn set_push(&mut self, push: [f64; 3]);
-
-    /// Puts a payload on the deck, kg.
-    fn set_payload(&mut self, world: &mut World, mass: f64);
-
-    /// Lifts the vehicle and sets it down elsewhere, standing.
-    fn place(&mut self, world: &mut World, pose: Pose);
+    fn after_step(&mut self, _now: SimTime, world: &mut World) {
+        self.plant_mut().after_step(world);
+    }
 
     /// Replaces all that is wrong with the firmware. This and what follows is only called if the
     /// row has faults of the firmware.

@@ -12,6 +12,7 @@
 mod catalogue;
 mod check;
 mod defaults;
+mod mechanics;
 pub mod parameters;
 
 #[cfg(test)]

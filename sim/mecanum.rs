@@ -13,16 +13,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
-use sim_physics::{BodyId, Drawing, Pose, World};
+use sim_physics::{Plant, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::MOTION;
-use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, TextLines};
+use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, TextLines};
 use crate::event::{EventKind, Told};
 use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
-use crate::mecanum_device::{Action, Link, MecanumDevice};
+use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
 use crate::noise::Noise;
 use crate::rig::Rig;
 pub use settings::MecanumSettings;
@@ -151,7 +151,7 @@ impl Mecanum {
     }
 
     /// Somebody works the remote control.
-    pub fn operate(&mut self, now: SimTime, action: Action) {
+    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.device.operate(now, action);
     }
 
@@ -232,32 +232,12 @@ impl Device for Mecanum {
         Some((at, Arc::new(Told::tipping())))
     }
 
-    fn body(&self) -> BodyId {
-        self.plant.body()
+    fn plant(&self) -> &dyn Plant {
+        &self.plant
     }
 
-    fn drawing(&self) -> Drawing {
-        self.plant().drawing()
-    }
-
-    fn motion(&self) -> Motion {
-        let truth = self.plant.truth();
-        Motion {
-            pose: truth.pose,
-            forward_speed: truth.forward_speed,
-            leftward_speed: truth.leftward_speed,
-            yaw_rate: truth.yaw_rate,
-            distance: truth.distance,
-            mass: truth.mass,
-        }
-    }
-
-    fn at_rest(&self) -> bool {
-        self.plant.at_rest()
-    }
-
-    fn wake(&mut self) {
-        self.plant.wake();
+    fn plant_mut(&mut self) -> &mut dyn Plant {
+        &mut self.plant
     }
 
     fn rest_until(&mut self, now: SimTime) {
@@ -265,10 +245,6 @@ impl Device for Mecanum {
             self.plant.rest(now.since(self.plant_at));
             self.plant_at = now;
         }
-    }
-
-    fn before_step(&mut self, world: &mut World) {
-        self.plant.before_step(world);
     }
 
     fn after_step(&mut self, now: SimTime, world: &mut World) {
@@ -279,18 +255,6 @@ impl Device for Mecanum {
             self.tipped_at = Some(now);
         }
         self.tips = tips;
-    }
-
-    fn set_push(&mut self, [ahead, left, turn]: [f64; 3]) {
-        self.plant.set_push(ahead, left, turn);
-    }
-
-    fn set_payload(&mut self, world: &mut World, mass: f64) {
-        self.plant.set_payload(world, mass);
-    }
-
-    fn place(&mut self, world: &mut World, pose: Pose) {
-        self.plant.place(world, pose);
     }
 
     fn set_defects(&mut self, now: SimTime, defects: Defects) {

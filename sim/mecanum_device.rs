@@ -80,16 +80,16 @@ impl Link {
     }
 }
 
-/// Deed of an operator with the remote control.
+/// Input of an operator with the remote control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Action {
+pub enum OperatorInput {
     /// A key goes down; the car moves so while it is held, in remote-control mode.
     Press(Movement),
     /// The key goes up.
     Release,
 }
 
-impl fmt::Display for Action {
+impl fmt::Display for OperatorInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Press(movement) => write!(f, "{movement} key down"),
@@ -227,17 +227,17 @@ impl MecanumDevice {
     }
 
     /// Somebody works the remote control at `now`.
-    pub fn operate(&mut self, now: SimTime, action: Action) {
+    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
         self.event(now, MecanumEvent::Operated(action));
         match action {
-            Action::Press(movement) => {
+            OperatorInput::Press(movement) => {
                 if self.works() && !self.drive.is_remote() {
                     self.event(now, MecanumEvent::KeyIgnored(movement));
                 }
                 self.drive.set_key(now, Some(movement));
             }
-            Action::Release => self.drive.set_key(now, None),
+            OperatorInput::Release => self.drive.set_key(now, None),
         }
     }
 

@@ -13,18 +13,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
-use sim_physics::{BodyId, Drawing, Pose, World};
+use sim_physics::{Plant, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::device::names::MOTION;
-use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Motion, Setup, StartSpec};
+use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, StartSpec};
 use crate::event::EventKind;
 use crate::fault::parameters::{Key, RailName};
 use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
-use crate::r150_device::vehicle::{self, Action, Start};
+use crate::r150_device::vehicle::{self, OperatorInput, Start};
 use crate::rig::Rig;
 pub use settings::R150Settings;
 use watch::Watch;
@@ -174,7 +174,7 @@ impl R150 {
     }
 
     /// Somebody works a button.
-    pub fn operate(&mut self, now: SimTime, action: Action) {
+    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.device.operate(now, action);
     }
 
@@ -267,32 +267,12 @@ impl Device for R150 {
         self.watch.poll()
     }
 
-    fn body(&self) -> BodyId {
-        self.plant.body()
+    fn plant(&self) -> &dyn Plant {
+        &self.plant
     }
 
-    fn drawing(&self) -> Drawing {
-        self.plant().drawing()
-    }
-
-    fn motion(&self) -> Motion {
-        let truth = self.plant.truth();
-        Motion {
-            pose: truth.pose,
-            forward_speed: truth.forward_speed,
-            leftward_speed: truth.leftward_speed,
-            yaw_rate: truth.yaw_rate,
-            distance: truth.distance,
-            mass: truth.mass,
-        }
-    }
-
-    fn at_rest(&self) -> bool {
-        self.plant.at_rest()
-    }
-
-    fn wake(&mut self) {
-        self.plant.wake();
+    fn plant_mut(&mut self) -> &mut dyn Plant {
+        &mut self.plant
     }
 
     fn rest_until(&mut self, now: SimTime) {
@@ -302,25 +282,9 @@ impl Device for R150 {
         }
     }
 
-    fn before_step(&mut self, world: &mut World) {
-        self.plant.before_step(world);
-    }
-
     fn after_step(&mut self, now: SimTime, world: &mut World) {
         self.plant.after_step(world);
         self.plant_at = now;
-    }
-
-    fn set_push(&mut self, [ahead, left, turn]: [f64; 3]) {
-        self.plant.set_push(ahead, left, turn);
-    }
-
-    fn set_payload(&mut self, world: &mut World, mass: f64) {
-        self.plant.set_payload(world, mass);
-    }
-
-    fn place(&mut self, world: &mut World, pose: Pose) {
-        self.plant.place(world, pose);
     }
 
     fn set_defects(&mut self, now: SimTime, defects: Defects) {

@@ -50,7 +50,7 @@ use protection::Protection;
 use reply::{Reply, SystemInfo};
 use settings::R150FirmwareSettings;
 use speed::Speedometer;
-use vehicle::{Action, Bridges, Start, Vehicle};
+use vehicle::{Bridges, OperatorInput, Start, Vehicle};
 
 /// Most events kept for whoever takes them; the oldest go first.
 const MOST_EVENTS: usize = 1024;
@@ -180,12 +180,12 @@ impl R150Device {
     }
 
     /// Somebody works a button at `now`.
-    pub fn operate(&mut self, now: SimTime, action: Action) {
+    pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
         self.event(now, R150Event::Operated(action));
         match action {
-            Action::AppHolds { power, pwm } => self.control.app_holds(Parts { power, pwm }),
-            Action::AppSets(outputs) => self.control.app_sets(outputs),
+            OperatorInput::AppHolds { power, pwm } => self.control.app_holds(Parts { power, pwm }),
+            OperatorInput::AppSets(outputs) => self.control.app_sets(outputs),
             _ => self.vehicle.operate(action),
         }
         self.power_requested(now);

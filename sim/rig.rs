@@ -146,7 +146,7 @@ impl Rig {
         let outcome = change(&mut self.world);
         for device in 0..self.slots.len() {
             self.rest_to_grid(device);
-            self.slots[device].device.wake();
+            self.slots[device].device.plant_mut().wake();
             self.after_change(device);
         }
         outcome
@@ -179,7 +179,8 @@ impl Rig {
     /// Returns the true pose and motion of a device; `None` if there is no such device.
     #[must_use]
     pub fn motion(&self, device: usize) -> Option<Motion> {
-        self.any_device(device).map(Device::motion)
+        self.any_device(device)
+            .map(|device| device.plant().motion())
     }
 
     /// Returns the distance that a device has driven, m; 0 if there is no such device.
@@ -326,7 +327,7 @@ impl Rig {
             let step = self.world.step_length();
             for slot in &mut self.slots {
                 slot.device.rest_until(now - step);
-                slot.device.before_step(&mut self.world);
+                slot.device.plant_mut().before_step(&mut self.world);
             }
             self.world.step()?;
             for slot in &mut self.slots {
@@ -338,7 +339,7 @@ impl Rig {
                 faults.tick(now, slot.device.as_mut());
             }
         }
-        self.resting = self.slots.iter().all(|slot| slot.device.at_rest());
+        self.resting = self.slots.iter().all(|slot| slot.device.plant().at_rest());
         let pace = if self.resting {
             self.rest_tick()
         } else {

@@ -290,27 +290,27 @@ pub enum Hands {
 
 /// The button of an R150.
 #[must_use]
-pub fn r150_button(button: u8) -> vehicle::Action {
-    use vehicle::Action;
+pub fn r150_button(button: u8) -> vehicle::OperatorInput {
+    use vehicle::OperatorInput;
     let detail = button / 16;
     match button % 16 {
-        0 => Action::Unlock,
-        1 => Action::Lock,
-        2 => Action::ReleaseParking,
-        3 => Action::Park,
-        4 | 5 => Action::Autonomous,
-        6 => Action::Press(Key::Forward),
-        7 => Action::Press(Key::Backward),
-        8 => Action::Press(Key::Left),
-        9 => Action::Press(Key::Right),
-        10 => Action::ReleaseKey,
-        11 => Action::EmergencyStop(true),
-        12 | 13 => Action::EmergencyStop(false),
-        14 => Action::AppHolds {
+        0 => OperatorInput::Unlock,
+        1 => OperatorInput::Lock,
+        2 => OperatorInput::ReleaseParking,
+        3 => OperatorInput::Park,
+        4 | 5 => OperatorInput::Autonomous,
+        6 => OperatorInput::Press(Key::Forward),
+        7 => OperatorInput::Press(Key::Backward),
+        8 => OperatorInput::Press(Key::Left),
+        9 => OperatorInput::Press(Key::Right),
+        10 => OperatorInput::ReleaseKey,
+        11 => OperatorInput::EmergencyStop(true),
+        12 | 13 => OperatorInput::EmergencyStop(false),
+        14 => OperatorInput::AppHolds {
             power: detail & 1 == 1,
             pwm: detail & 2 == 2,
         },
-        _ => Action::AppSets(Outputs {
+        _ => OperatorInput::AppSets(Outputs {
             power: detail * 5,
             pwm: [u16::from(detail) * 70; 4],
         }),
@@ -319,12 +319,12 @@ pub fn r150_button(button: u8) -> vehicle::Action {
 
 /// The key of a car's remote control.
 #[must_use]
-pub fn car_key(button: u8) -> mecanum_device::Action {
+pub fn car_key(button: u8) -> mecanum_device::OperatorInput {
     match Course::from_index(button % 6) {
-        Some(course) => mecanum_device::Action::Press(Movement {
+        Some(course) => mecanum_device::OperatorInput::Press(Movement {
             course,
             negative: button >= 128,
         }),
-        None => mecanum_device::Action::Release,
+        None => mecanum_device::OperatorInput::Release,
     }
 }

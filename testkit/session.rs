@@ -339,15 +339,15 @@ impl Player {
         };
         let rig = &mut self.rig;
         let done = match how {
-            Hands::Push(push) => {
-                rig.with_any_device(device, |own, _, _| own.set_push(scale(push, 3.0)))
-            }
-            Hands::Payload(mass) => {
-                rig.with_any_device(device, |own, world, _| own.set_payload(world, mass.into()))
-            }
-            Hands::Place(pose) => {
-                rig.with_any_device(device, |own, world, _| own.place(world, place(pose)))
-            }
+            Hands::Push(push) => rig.with_any_device(device, |own, _, _| {
+                own.plant_mut().set_push(scale(push, 3.0))
+            }),
+            Hands::Payload(mass) => rig.with_any_device(device, |own, world, _| {
+                own.plant_mut().set_payload(world, mass.into())
+            }),
+            Hands::Place(pose) => rig.with_any_device(device, |own, world, _| {
+                own.plant_mut().place(world, place(pose))
+            }),
             Hands::Load { rail, watts } => rig.with_device(device, |r150: &mut R150, _, _| {
                 let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
                 r150.set_load(rail, Load::Power(watts.into()));

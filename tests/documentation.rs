@@ -112,7 +112,7 @@ fn folder() -> TempDir {
     for name in ["scenarios", "worlds", "docs", "python"] {
         symlink(root.join(name), folder.path().join(name)).unwrap();
     }
-    for block in [&*SCENARIOS, &*CI]
+    for block in [&*SCENARIOS, &*CI, &*README]
         .into_iter()
         .flat_map(|text| blocks(text))
     {
@@ -391,24 +391,19 @@ fn anchor(heading: &str) -> String {
 #[test]
 fn links_lead_to_files_and_headings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let documents = [
-        "docs/scenarios.md",
-        "docs/ci.md",
-        "docs/faults.md",
-        "docs/rust.md",
-    ];
-    for name in documents
-        .into_iter()
-        .chain(["README.md", "ARCHITECTURE.md"])
-    {
-        let text = document(name);
+    let docs = fs::read_dir(root.join("docs")).unwrap();
+    let docs = docs.map(|entry| format!("docs/{}", entry.unwrap().file_name().display()));
+    let docs = docs.filter(|name| name.ends_with(".md"));
+    let others = ["README.md", "ARCHITECTURE.md"].map(str::to_owned);
+    for name in docs.chain(others) {
+        let text = document(&name);
         let links = text.split("](").skip(1);
         let links = links.filter_map(|rest| rest.split_once(')').map(|(link, _)| link));
         for link in links.filter(|link| !link.starts_with("http")) {
             let (path, heading) = link.split_once('#').unwrap_or((link, ""));
             let target = match path {
-                "" => root.join(name),
-                path => root.join(name).with_file_name(path),
+                "" => root.join(&name),
+                path => root.join(&name).with_file_name(path),
             };
             assert!(target.exists(), "{name}: {link} leads nowhere");
             if !heading.is_empty() {

@@ -136,7 +136,6 @@ fn a_client_that_stays_is_answered_whoever_was_there_before() {
 /// What waits for room on the line is read while simulated time catches up, and who comes and goes meanwhile
 /// is told of in order.
 #[test]
-#[ignore = "at a hundred times the speed one first request in some hundred is not answered yet"]
 fn a_client_is_answered_while_what_another_left_is_caught_up_with() {
     let _alone = alone();
     let sim = Sim::start(&[&JSON[..], &["--speed", "100"]].concat());

@@ -419,13 +419,16 @@ fn errors_and_ends_of_what_is_no_file_no_path_or_too_long() {
     let mode = rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR;
     rustix::fs::mknodat(rustix::fs::CWD, &fifo, rustix::fs::FileType::Fifo, mode, 0).unwrap();
     // Nobody writes to it.
-    start(folder, &["check", "pipe"])
-        .wait()
-        .expect_refusal(2, &["scenario file pipe"]);
-    let world = ["--pty", "p", "--world", "pipe"];
-    start(folder, &world)
-        .wait()
-        .expect_refusal(2, &["world file pipe"]);
+    let waiting = [
+        (&["check", "pipe"][..], "scenario file pipe"),
+        (&["--pty", "p", "--world", "pipe"], "world file pipe"),
+        (&["replay", "pipe"], "the trace pipe"),
+        (&["trace", "pipe"], "the trace pipe"),
+    ]
+    .map(|(args, what)| (start(folder, args), what));
+    for (started, what) in waiting {
+        started.wait().expect_refusal(2, &[what, "nothing more"]);
+    }
     // Somebody does, as a shell's <(…).
     let text = short("Piped");
     let writer = std::thread::spawn(move || fs::write(fifo, text).unwrap());

@@ -9,6 +9,8 @@
 )]
 
 mod harness;
+#[path = "lockstep/languages.rs"]
+mod languages;
 
 use std::process::Command;
 use std::time::Instant;
@@ -219,25 +221,54 @@ fn several_clients_drive_at_a_time() {
 
 /// Each run writes down what the simulator holds then, and as much output as is ever shown.
 #[test]
-fn nothing_piles_up_over_many_runs() {
+fn nothing_piles_up_over_a_thousand_runs() {
     let client = format!(
         "{OPEN} sim=/proc/$PPID; set -- $sim/fd/*; \
-         echo $# $(cat $sim/task/*/children | wc -w) $(grep VmRSS $sim/status | tr -dc 0-9) >>levels; \
-         head -c 65536 /dev/zero | tr '\\0' x"
+         echo $# $(cat $sim/task/*/children) $(grep VmRSS $sim/status) >>levels; cat much"
     );
-    let folder = folder();
-    let args = ["-j", "1", "--repeat", "200", "drive.toml"];
+    let folder = Folder::with(&[("drive.toml", DRIVE), ("much", &"x".repeat(1 << 16))]);
+    let args = ["-j", "1", "--repeat", "1000", "drive.toml"];
     run(&folder, &args, &["sh", "-c", &client]).expect_clean();
     let levels = folder.read("levels");
-    let levels: Vec<Vec<u64>> = levels
-        .lines()
-        .map(|line| line.split(' ').map(|word| word.parse().unwrap()).collect())
-        .collect();
-    assert_eq!(levels.len(), 200);
-    let (early, late) = (&levels[20], &levels[199]);
-    assert_eq!(early[..2], late[..2], "descriptors and processes");
-    // The outputs alone would be 12 MB; much less may be the allocator's.
-    assert!(late[2] < early[2] + 4000, "memory: {early:?}, {late:?} kB");
+    let level = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let memory: u64 = words[words.len() - 2].parse().unwrap();
+        // A word for each process.
+        ((words[0].to_owned(), words.len()), memory)
+    };
+    let levels: Vec<_> = levels.lines().map(level).collect();
+    assert_eq!(levels.len(), 1000);
+    let (early, late) = (&levels[20], &levels[999]);
+    assert_eq!(early.0, late.0, "descriptors and processes");
+    // The outputs alone would be 64 MB; much less may be the allocator's.
+    assert!(late.1 < early.1 + 4000, "memory: {early:?}, {late:?} kB");
+}
+
+/// Whether a program is there; if not, it is named.
+fn has(program: &str, arguments: &[&str]) -> bool {
+    let there = Command::new(program).args(arguments).output();
+    let there = there.is_ok_and(|output| output.status.success());
+    if !there {
+        eprintln!(
+            "skipped: {program} {} does not work here",
+            arguments.join(" ")
+        );
+    }
+    there
+}
+
+/// Compiles a client into the folder.
+fn built(folder: &Folder, compiler: &str, arguments: &[&str]) -> String {
+    let binary = folder.file("client");
+    let output = Command::new(compiler)
+        .args(arguments)
+        .arg("-o")
+        .arg(&binary)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{errors}");
+    binary.to_str().unwrap().to_owned()
 }
 
 /// A program in C that runs another for which a call fails as it does where it is forbidden.
@@ -313,174 +344,6 @@ fn the_shipped_clients_pass_and_are_the_same_each_time() {
         let args = ["--twice", "--seed", "5", &drive];
         run(&folder, &args, &[python, &example(client)]).expect_clean();
     }
-}
-
-/// What every client does: two threads, waits with timeouts, a cable that is pulled and comes back.
-/// Its first line of output is what it has counted of the device's replies.
-fn drives(folder: &Folder, client: &[&str]) {
-    let pulled = harness::live::drive_with("{ kind = \"cable-pulled\" }", "1 s");
-    std::fs::write(folder.file("pulled.toml"), pulled).unwrap();
-    let ended = run(
-        folder,
-        &["--twice", "--output", "out", "pulled.toml"],
-        client,
-    );
-    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
-    let output = folder.read("out/pulled.client.log");
-    assert!(output.contains("came back"), "{output}");
-    let trace = folder.read("out/pulled.trace.jsonl");
-    assert_eq!(trace.matches("\"kind\":\"attach\"").count(), 2, "{output}");
-    assert!(trace.contains("\"kind\":\"time\",\"client\":\"lockstep\""));
-}
-
-/// Whether a program is there; if not, it is named.
-fn has(program: &str, arguments: &[&str]) -> bool {
-    let there = Command::new(program).args(arguments).output();
-    let there = there.is_ok_and(|output| output.status.success());
-    if !there {
-        eprintln!(
-            "skipped: {program} {} does not work here",
-            arguments.join(" ")
-        );
-    }
-    there
-}
-
-fn client(name: &str) -> String {
-    format!("{}/tests/clients/{name}", env!("CARGO_MANIFEST_DIR"))
-}
-
-/// Compiles a client into the folder.
-fn built(folder: &Folder, compiler: &str, arguments: &[&str]) -> String {
-    let binary = folder.file("client");
-    let output = Command::new(compiler)
-        .args(arguments)
-        .arg("-o")
-        .arg(&binary)
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{errors}");
-    binary.to_str().unwrap().to_owned()
-}
-
-#[test]
-fn a_client_in_python_with_threads() {
-    let Some(python) = python() else { return };
-    drives(&folder(), &[python, &client("threads.py")]);
-}
-
-#[test]
-fn a_client_in_python_with_asyncio() {
-    let Some(python) = python() else { return };
-    drives(&folder(), &[python, &client("with_asyncio.py")]);
-}
-
-#[test]
-fn a_client_in_cpp_with_threads_and_conditions() {
-    if !has("c++", &["--version"]) {
-        return;
-    }
-    let folder = folder();
-    let source = client("threads.cc");
-    let binary = built(&folder, "c++", &["-std=c++17", "-pthread", &source]);
-    drives(&folder, &[&binary]);
-}
-
-#[test]
-fn a_client_in_cpp_with_asio() {
-    let header = "/usr/include/asio.hpp";
-    if !has("c++", &["--version"]) || !has("test", &["-e", header]) {
-        return;
-    }
-    let folder = folder();
-    let source = client("with_asio.cc");
-    let binary = built(&folder, "c++", &["-std=c++17", "-pthread", &source]);
-    drives(&folder, &[&binary]);
-}
-
-#[test]
-fn a_client_in_cpp_with_asio_of_boost() {
-    let header = "/usr/include/boost/asio.hpp";
-    if !has("c++", &["--version"]) || !has("test", &["-e", header]) {
-        return;
-    }
-    let folder = folder();
-    let source = client("with_asio.cc");
-    let flags = ["-std=c++17", "-pthread", "-DWITH_BOOST", &source];
-    let binary = built(&folder, "c++", &flags);
-    drives(&folder, &[&binary]);
-}
-
-#[test]
-fn a_client_in_rust_with_tokio() {
-    let Some(clients) = std::env::var_os("SIM_TEST_CLIENTS") else {
-        eprintln!("skipped: SIM_TEST_CLIENTS does not say where tests/clients/rust has been built");
-        return;
-    };
-    let binary = std::path::Path::new(&clients).join("with_tokio");
-    drives(&folder(), &[binary.to_str().unwrap()]);
-}
-
-#[test]
-fn a_client_in_rust_with_threads() {
-    if !has("rustc", &["--version"]) {
-        return;
-    }
-    let folder = folder();
-    let binary = built(
-        &folder,
-        "rustc",
-        &["--edition", "2024", &client("threads.rs")],
-    );
-    drives(&folder, &[&binary]);
-}
-
-#[test]
-fn a_client_in_go_is_static() {
-    if !has("go", &["version"]) {
-        return;
-    }
-    let folder = folder();
-    let binary = folder.file("client");
-    let output = Command::new("go")
-        .args(["build", "-o"])
-        .arg(&binary)
-        .arg(client("threads.go"))
-        .env("CGO_ENABLED", "0")
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{errors}");
-    drives(&folder, &[binary.to_str().unwrap()]);
-}
-
-#[test]
-fn a_client_in_node_with_serialport() {
-    if !has("node", &["-e", "require('serialport')"]) {
-        return;
-    }
-    drives(&folder(), &["node", &client("with_serialport.js")]);
-}
-
-#[test]
-fn several_tests_of_pytest_are_one_client() {
-    let Some(python) = python() else { return };
-    if !has(python, &["-m", "pytest", "--version"]) {
-        return;
-    }
-    let folder = folder();
-    let suite = client("pytest_suite.py");
-    let quiet = ["-m", "pytest", "-q", "-p", "no:cacheprovider", &suite];
-    let args = ["--twice", "--output", "out", "drive.toml"];
-    run(&folder, &args, &[&[python], &quiet[..]].concat()).expect_clean();
-    let output = folder.read("out/drive.client.log");
-    assert!(output.contains("5 passed"), "{output}");
-}
-
-#[test]
-fn a_client_in_shell() {
-    drives(&folder(), &["bash", &client("script.sh")]);
 }
 
 #[test]

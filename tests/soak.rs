@@ -211,11 +211,12 @@ fn bad_clients_leave_nothing_behind_and_disturb_nobody() {
         worse.join().unwrap();
         drop(stopping);
         good.join().unwrap();
-        // The last ones may not have been seen to leave.
+        // The last ones may not have been seen to leave, then or now, and the simulator has a port open
+        // itself for a moment after each. What leaks comes to more than that.
         let mut after = Resources::of(sim.pid());
         harness::until("descriptors and threads are as before", || {
             after = Resources::of(sim.pid());
-            (after.descriptors, after.threads) == (before.descriptors, before.threads)
+            after.descriptors <= before.descriptors && after.threads <= before.threads
         });
         (before, after)
     });

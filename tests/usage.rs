@@ -64,6 +64,21 @@ fn help_teaches() {
     ] {
         assert!(help.contains(part), "no {part} in {help}");
     }
+    let commands = help.split_once("Commands:\n").unwrap().1;
+    let commands = commands.split_once("Options:").unwrap().0;
+    let mut count = 0;
+    for line in commands.lines() {
+        // Further lines about a command are indented by more.
+        let line = line.strip_prefix("  ").unwrap_or_default();
+        let name = line.split(' ').next().unwrap_or_default();
+        if !name.is_empty() && name != "help" {
+            let help = run(&[name, "--help"]).expect_clean().out;
+            let example = format!("\n  sim {name} ");
+            assert!(help.contains(&example), "no example in {help}");
+            count += 1;
+        }
+    }
+    assert!(count >= 9);
     assert!(run(&["--version"]).expect_clean().out.starts_with("sim "));
 }
 

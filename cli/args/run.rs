@@ -14,11 +14,12 @@ use crate::exit::Exit;
 const EXAMPLES: &str = "\
 Examples:
   sim run scenarios
-      Every scenario with its scripted client, as fast as the machine goes.
+      Every scenario with the client that is scripted in its file.
   sim run --tag drive scenarios/r150 -- python3 my_client.py
-      Your client instead, in the simulator's time. It opens the port named by $SIM_R150_PORT.
+      Your client instead. It opens the port that $SIM_R150_PORT names. Time is simulated, its own
+      too: 20 seconds take a few tenths of one.
   sim run --time real scenarios/r150 -- python3 my_client.py
-      The same by the wall clock: 20 simulated seconds take 20 seconds.
+      The same in real time: 20 seconds take 20 seconds.
   sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
       A client that takes the port as an argument.
   sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
@@ -39,8 +40,8 @@ pub(crate) struct RunArgs {
     /// Scenario files, or folders of them.
     #[arg(required = true)]
     pub(crate) files: Vec<PathBuf>,
-    /// The client to test, with its arguments. It finds the path of each port in its environment,
-    /// in SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
+    /// The client to test, with its arguments. Its environment has the path of each port, in
+    /// SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
     /// How many scenarios to play at a time [default: one for each core, but 1 with a client in real time].
@@ -53,7 +54,7 @@ pub(crate) struct RunArgs {
     /// Seed of everything random, instead of the file's or a random one.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Play each so many times, each time with the next seed.
+    /// Play each scenario N times, each time with the next seed.
     #[arg(long, value_name = "N", default_value = "1", value_parser = value_parser!(u32).range(1..=100_000))]
     pub(crate) repeat: u32,
     /// Only files whose path contains TEXT.
@@ -62,53 +63,50 @@ pub(crate) struct RunArgs {
     /// Only scenarios with this tag in their file; may be repeated, and one of them is enough.
     #[arg(long, value_name = "TAG", action = ArgAction::Append)]
     pub(crate) tag: Vec<String>,
-    /// Begin no further scenario after the first that fails.
+    /// Stop after the first scenario that fails.
     #[arg(long)]
     pub(crate) fail_fast: bool,
     /// Write the results as JUnit XML, which CI servers show.
     #[arg(long, value_name = "PATH")]
     pub(crate) junit: Option<PathBuf>,
-    /// Write a page to look at: all verdicts; of each the world from above, with the ways of the
-    /// vehicles; and plots and traffic of those that failed. It is one file and needs nothing else.
+    /// Write an HTML page with all verdicts, the world from above, and plots and traffic of what failed.
     #[arg(long, value_name = "PATH")]
     pub(crate) report: Option<PathBuf>,
-    /// Write a trace, a report as JSON, and the client's output of each into this folder.
+    /// Write into this folder, for each scenario, a trace, a report as JSON, and the client's output.
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// Whose time a client has: the simulator's, in which nothing is ever late and the same seed gives
-    /// the same bytes, or the wall clock's.
+    /// The time that a client has.
     #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
     pub(crate) time: TimeArg,
-    /// Where what a client reads as random comes from, with --time lockstep.
+    /// With --time lockstep: where a client's random numbers come from.
     #[arg(long, value_enum, default_value_t = RandomArg::Seed)]
     pub(crate) random: RandomArg,
-    /// The date on which a client begins, in UTC, with --time lockstep.
+    /// With --time lockstep: the date at which a client begins, in UTC.
     #[arg(long, value_name = "DATE", default_value = "2025-01-01 00:00:00", value_parser = date)]
     pub(crate) date: Duration,
-    /// Play each two times and show the first difference, with --time lockstep.
+    /// With --time lockstep: play each scenario two times and show the first difference.
     #[arg(long)]
     pub(crate) twice: bool,
-    /// Simulated seconds for each second of real time, 0.01 to 100; only with --time real
-    /// [default: 1].
+    /// With --time real: simulated seconds for each second of real time, 0.01 to 100 [default: 1].
     #[arg(long, value_name = "X", value_parser = speed)]
     pub(crate) speed: Option<f64>,
     /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
     /// twice its `limit` and 30 s].
     #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
-    /// How long a busy machine may hold the simulator up in all, while a client's clock goes on. When
-    /// it is longer and the scenario fails, it is played once more; and if that goes the same way, it is
-    /// an error of the machine and no failure of the client.
+    /// With --time real: how long a busy machine may hold the simulator up in all. A scenario that fails
+    /// after more than that is played once more; if that goes the same way, it is an error of the machine
+    /// and no failure of the client.
     #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
     pub(crate) max_hold_up: Span,
-    /// Let programs and a page look on and change what happens, as with `sim --control`; each scenario
-    /// with a client has a socket of its own, which the client finds in SIM_CONTROL.
+    /// Let programs and a page look on and change what happens, as `sim --control` does. Each scenario
+    /// has an address of its own, which the client finds in SIM_CONTROL.
     #[arg(long, value_name = "ADDRESS", requires = "client")]
     pub(crate) control: Option<Listen>,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
     pub(crate) list: bool,
-    /// Read everything, say what would be played with which seed and ports, and play nothing.
+    /// Print what would be played, with which seed and ports, and play nothing.
     #[arg(long)]
     pub(crate) dry_run: bool,
 }
@@ -116,22 +114,23 @@ pub(crate) struct RunArgs {
 /// What scenario files are read with.
 #[derive(Debug, Default, Args)]
 pub(crate) struct GivenArgs {
-    /// Play fault files within this job: a scenario file with devices, a world, a limit and the verdicts
-    /// of its mission. It takes the place of the file with the devices that they are based on.
+    /// Play fault files within this job: a scenario file that says what your client is to do, on which
+    /// devices. It takes the place of the job that they name.
     #[arg(long, value_name = "FILE")]
     pub(crate) job: Option<PathBuf>,
-    /// Give a parameter of the files a value, as in --param pwm=300; with several, as in --param
-    /// pwm=300,600,1000, each is a case of its own, and each with each of another parameter.
+    /// Set a parameter of the files, as in --param pwm=300; may be repeated. With several values, as in
+    /// --param pwm=300,600, each is played, in each combination with those of other parameters.
     #[arg(long, value_name = "NAME=VALUE", action = ArgAction::Append)]
     pub(crate) param: Vec<String>,
-    /// Build the world from this file instead of those that the files name.
+    /// Take this world instead of those that the files name.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TimeArg {
-    /// Simulated time, which stands still while the client computes and jumps while it waits.
+    /// The simulator's: it stands still while the client computes and jumps while it waits. Nothing is
+    /// ever late, and the same seed gives the same bytes.
     Lockstep,
     /// Real time, by the system's clocks.
     Real,

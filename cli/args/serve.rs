@@ -12,7 +12,8 @@ use super::{LogFormat, MAX_HOLD_UP, SettingsArgs, some_time, speed};
 
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
-    /// Serve on a pseudo-terminal, and make PATH a link to it while running.
+    /// Serve at PATH, which your client opens as a serial port: a link to a pseudo-terminal, there
+    /// while `sim` runs.
     #[arg(long, value_name = "PATH", conflicts_with = "serial")]
     pub(crate) pty: Option<PathBuf>,
     /// Serve on a real serial port.
@@ -23,10 +24,10 @@ pub(crate) struct ServeArgs {
     /// those that need modem lines. One client at a time; port 0 is any that is free.
     #[arg(long, value_name = "URL", conflicts_with_all = ["pty", "serial"], value_parser = listen)]
     pub(crate) listen: Option<PathBuf>,
-    /// Serve all devices of a rig file, in one world; --pty is the short form for one.
+    /// Serve all devices of a rig file, in one world.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "listen", "serial", "device", "start"])]
     pub(crate) rig: Option<PathBuf>,
-    /// What to be.
+    /// The vehicle to simulate.
     #[arg(long)]
     pub(crate) device: String,
     /// Paths of the links that are there only when they are asked for, by their ids.
@@ -48,17 +49,17 @@ pub(crate) struct ServeArgs {
     /// judge the outcome. The file names the devices; --pty is where the first is served.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
     pub(crate) scenario: Option<PathBuf>,
-    /// How long a busy machine may hold the simulator up in all, while the client's clock goes on. When
-    /// it is longer and the scenario fails, that is an error of the machine: exit code 3.
+    /// With --scenario: how long a busy machine may hold the simulator up in all. A failure after more
+    /// than that is an error of the machine, exit code 3, and none of the client.
     #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
     pub(crate) max_hold_up: Span,
-    /// In which state it begins, if it has a choice [default: the first].
+    /// State in which the device begins, if it has several [default: the first].
     #[arg(long)]
     pub(crate) start: Option<String>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
-    /// Whether bytes take as long on the line as they do on a cable [default: paced on a
-    /// pseudo-terminal, instant on a real serial port, whose cable takes its own time].
+    /// How long bytes take on the line [default: paced; instant with --serial, whose cable takes its
+    /// own time].
     #[arg(long, value_enum)]
     pub(crate) wire: Option<WireArg>,
     /// Seed of everything random; a random one is chosen and printed if not given.
@@ -73,8 +74,8 @@ pub(crate) struct ServeArgs {
     /// Write a trace, which `sim replay` plays again and `sim trace` shows.
     #[arg(long, value_name = "PATH")]
     pub(crate) trace: Option<PathBuf>,
-    /// Let programs and a page look on and change what happens, over HTTP at ADDRESS: 127.0.0.1:0 is
-    /// any free port of this machine. The URL, with a token made anew each time, is printed.
+    /// Let `sim ctl`, programs and a page look on and change what happens, over HTTP at ADDRESS;
+    /// 127.0.0.1:0 is any free port of this machine. Prints the URL, with a new token each time.
     #[arg(long, value_name = "ADDRESS")]
     pub(crate) control: Option<Listen>,
     /// Print every request and reply, in words and hex.

@@ -1,6 +1,10 @@
 //! The `ctl` subcommand: what the control socket offers, from a shell.
 
+use std::io::Write as _;
 use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
@@ -10,37 +14,43 @@ use sim_control::session::Session;
 use sim_settings::Span;
 
 use crate::exit::{Exit, Failure};
-use crate::print::print;
+use crate::print::{complain, print, written};
 use crate::visible;
 
 const EXAMPLES: &str = "\
 Examples:
-  sim ctl fault cable-pulled
-      Breaks something until it is cleared; prints the name of the step.
-  sim ctl fault bit-flips probability=0.01 direction=to-client --for 2s
-      With its parameters, for a time. `sim faults` lists them.
+  sim --pty /tmp/r150 --control 127.0.0.1:0
+      Start a simulator that can be controlled, in another terminal.
+  sim ctl fault cable-pulled --for 2s
+      Break something for a time. `sim faults` lists what can be broken.
+  sim ctl fault bit-flips probability=0.01 direction=to-client
+      Break something until it is cleared.
   sim ctl clear
-      Mends all that was broken from here.
+      Mend all that was broken from here.
   sim ctl get truth.speed_mps truth.at_rest
-      Values of names; `sim names` lists them.
-  sim ctl until 'truth.at_rest' --within 2s
-      Waits in simulated time; exit code 1 if it does not come.
+      Print values. `sim names` lists the names.
+  sim ctl until truth.at_rest --within 2s
+      Wait in simulated time; exit code 1 if it does not come.
   sim ctl operator emergency_stop true
+      Push the emergency stop.
   sim ctl world friction 0.1 --for 5s
+      Make the ground slippery for a time.
   sim ctl pause; sim ctl step-by 50ms; sim ctl go-on; sim ctl speed 0.5
+      Stop time, let 50 ms pass, let it go on, at half speed.
   sim ctl --port /tmp/r150 state
-      Of several simulators the one that serves this port.
-  sim ctl events --names truth.speed_mps --rate 20
-      What happens, as JSON, a line each.";
+      Of several simulators, ask the one that serves this port.";
+
+/// Time between two looks whether what is waited for cannot come.
+const LOOK: Duration = Duration::from_millis(500);
 
 /// Something to do.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CtlArgs {
-    /// The simulator that serves this port; may be left out when one runs, or in a client of `sim run`.
+    /// The simulator that serves this port; not needed if only one runs, or in a client of `sim run`.
     #[arg(long, value_name = "PATH", global = true)]
     port: Option<PathBuf>,
-    /// The simulator at this URL, as it prints it.
+    /// The simulator at this URL, which it has printed.
     #[arg(
         long,
         env = "SIM_CONTROL",
@@ -49,7 +59,7 @@ pub(crate) struct CtlArgs {
         global = true
     )]
     url: Option<String>,
-    /// Which of several devices.
+    /// The device, if there are several.
     #[arg(long, value_name = "NAME", global = true)]
     device: Option<String>,
     #[command(subcommand)]
@@ -59,34 +69,52 @@ pub(crate) struct CtlArgs {
 #[derive(Debug, Subcommand)]
 enum Does {
     /// Break something.
+    #[command(after_help = "\
+Example:
+  sim ctl fault bit-flips probability=0.01 --for 2s
+      Prints the name of the step, which `sim ctl clear NAME` ends.")]
     Fault {
-        /// What, as `sim faults` lists it.
+        /// The fault, as `sim faults` lists it.
         kind: String,
-        /// How, as in probability=0.01.
+        /// Its parameters, as in probability=0.01.
         #[arg(value_name = "NAME=VALUE")]
         parameters: Vec<String>,
         #[command(flatten)]
         lasts: Lasts,
     },
-    /// Have somebody do something to the vehicle, as in `emergency_stop true`.
+    /// Do something to the vehicle by hand, as in `emergency_stop true`.
+    #[command(after_help = "\
+Examples:
+  sim ctl operator lock
+  sim ctl operator emergency_stop true --for 3s
+  sim ctl operator push '{\"ahead\": \"400 N\"}' --for 500ms")]
     Operator {
-        /// What, as in scenario files.
+        /// The action, as in the `operator` steps of scenario files.
         action: String,
-        /// With what, as JSON or a word.
+        /// Its value, as a word or JSON.
+        #[arg(allow_negative_numbers = true)]
         value: Option<String>,
         #[command(flatten)]
         lasts: Lasts,
     },
     /// Change something around the vehicle, as in `friction 0.1`.
+    #[command(after_help = "\
+Examples:
+  sim ctl world friction 0.1 --for 5s
+  sim ctl world add '{\"box\": [{\"at_m\": [3, 0], \"length\": \"0.3 m\", \"width\": \"1 m\"}]}'")]
     World {
-        /// What, as in scenario files.
+        /// The change, as in the `world` steps of scenario files.
         change: String,
-        /// With what, as JSON or a word.
+        /// Its value, as a word or JSON.
+        #[arg(allow_negative_numbers = true)]
         value: String,
         #[command(flatten)]
         lasts: Lasts,
     },
-    /// Have a step done, given as JSON in the form of a scenario file's.
+    /// Do a step of a scenario file, given as JSON.
+    #[command(after_help = "\
+Example:
+  sim ctl step '{\"when\": \"truth.x_m > 1\", \"for\": \"2 s\", \"fault\": {\"kind\": \"cable-pulled\"}}'")]
     Step {
         /// The step.
         step: String,
@@ -96,49 +124,57 @@ enum Does {
     },
     /// End steps before their time and mend what they broke: all that were asked for, or one.
     Clear {
-        /// Its name.
+        /// Name of the step, as `sim ctl steps` lists it.
         name: Option<String>,
     },
     /// List the steps and how far they are.
     Steps,
     /// Print values of names, or list the names.
     Get {
-        /// Names, as `sim names` lists them.
+        /// Names, as in truth.speed_mps.
         names: Vec<String>,
     },
-    /// Wait until a condition holds.
+    /// Wait until a condition holds; exit code 1 if it does not in time.
+    ///
+    /// While time is paused, it goes on waiting.
+    #[command(after_help = "\
+Example:
+  sim ctl until 'truth.at_rest && truth.x_m > 2' --within 10s")]
     Until {
         /// The condition, as in scenario files.
         condition: String,
-        /// In simulated time.
+        /// How long to wait, in simulated time.
         #[arg(long, value_name = "TIME", default_value = "5s")]
         within: Span,
     },
-    /// Let simulated time stand still.
+    /// Stop simulated time.
     Pause,
-    /// Let it go on.
+    /// Let simulated time go on.
     GoOn,
-    /// Let so much pass, and then stand still.
+    /// Let some simulated time pass, as in `50ms`, and stop it then.
     StepBy {
-        /// In simulated time.
+        /// How much.
         time: Span,
     },
-    /// Change how fast it passes.
+    /// Change how fast simulated time passes.
     Speed {
         /// Simulated seconds for each second of real time, 0.01 to 100.
         speed: f64,
     },
-    /// Print what there is, as JSON.
+    /// Print time, devices, world and steps, as JSON.
     State,
-    /// Print what happens, as JSON, until Ctrl-C.
+    /// Print what happens, as JSON, a line each, until Ctrl-C.
+    #[command(after_help = "\
+Example:
+  sim ctl events --names truth.x_m,truth.speed_mps --rate 20 --traffic")]
     Events {
-        /// Also values of these names.
+        /// Print the values of these names, too.
         #[arg(long, value_delimiter = ',')]
         names: Vec<String>,
-        /// So many times a second.
+        /// How often to print them, in times a second of real time.
         #[arg(long, default_value_t = 10.0)]
         rate: f64,
-        /// Also every request and reply.
+        /// Print every request and reply, too.
         #[arg(long)]
         traffic: bool,
     },
@@ -148,7 +184,7 @@ enum Does {
 
 #[derive(Debug, Args)]
 struct Lasts {
-    /// Time that it lasts; until it is cleared unless given.
+    /// How long it lasts, in simulated time [default: until it is cleared].
     #[arg(long = "for", value_name = "TIME")]
     lasts: Option<Span>,
 }
@@ -278,7 +314,7 @@ fn find(args: &CtlArgs) -> Result<String, Failure> {
                 None => String::new(),
             };
             let why = anyhow!(
-                "no simulator runs{which} with --control; start one with `sim --control 127.0.0.1:0`"
+                "no simulator runs{which} with --control; start one with `sim --pty /tmp/r150 --control 127.0.0.1:0`"
             );
             Err(Failure::usage(why))
         }
@@ -323,7 +359,15 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
     } else {
         "/v1/steps"
     };
-    let told = call(client, "POST", path, Some(&step))?;
+    let told = thread::scope(|scope| {
+        let (over, is_over) = mpsc::channel::<()>();
+        if wait {
+            scope.spawn(move || tell_of_pauses(client, &is_over));
+        }
+        let told = call(client, "POST", path, Some(&step));
+        drop(over);
+        told
+    })?;
     if told["state"] == "failed" {
         let why = told["why"].as_str().unwrap_or("the step failed").to_owned();
         return Err(Failure {
@@ -337,6 +381,26 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
         visible::line(&text("name")),
         text("state")
     ))
+}
+
+/// Says on standard error when somebody waits for what does not come while time stands still, until the
+/// other end of `is_over` is dropped.
+fn tell_of_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
+    let mut is_told = false;
+    while let Err(RecvTimeoutError::Timeout) = is_over.recv_timeout(LOOK) {
+        let Ok(state) = client.call("GET", "/v1/state", None) else {
+            return;
+        };
+        let is_paused = state["paused"] == true;
+        if is_paused && !is_told {
+            let t = &state["t"];
+            complain(&format!(
+                "time is paused at {t} s; this waits until it goes on: `sim ctl go-on`, or `sim ctl \
+                 step-by 1s`"
+            ));
+        }
+        is_told = is_paused;
+    }
 }
 
 fn get(client: &Client, names: &[String]) -> Result<Exit, Failure> {
@@ -373,13 +437,14 @@ fn events(client: &Client, names: &[String], rate: f64, traffic: bool) -> Result
     if !names.is_empty() {
         path += &format!("&names={}&rate={rate}", names.join(","));
     }
-    let mut printed = Ok(Exit::Clean);
+    let mut printed = Ok(());
     let told = client.events(&path, |kind, data| {
-        printed = print(&format!("{{\"event\":\"{kind}\",\"data\":{data}}}"));
+        let line = format!("{{\"event\":\"{kind}\",\"data\":{data}}}");
+        printed = writeln!(anstream::stdout(), "{}", visible::line(&line));
         printed.is_ok()
     });
     told.map_err(failed)?;
-    printed
+    written(printed)
 }
 
 fn show(value: &Value) -> Result<Exit, Failure> {
@@ -394,6 +459,13 @@ fn failed(error: CallError) -> Failure {
     match error {
         CallError::Io(..) => Failure::system(error),
         CallError::Url(_) => Failure::usage(error),
-        CallError::Refused { why, .. } => Failure::usage(anyhow!("{}", visible::lines(&why))),
+        CallError::Refused { status, why } => {
+            let error = anyhow!("{}", visible::lines(&why));
+            match status {
+                // It has ended, or there are too many.
+                503 => Failure::system(error),
+                _ => Failure::usage(error),
+            }
+        }
     }
 }

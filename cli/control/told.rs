@@ -124,7 +124,9 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
 
 fn drawing(rig: &Rig, device: usize) -> Drawing {
     let device = rig.any_device(device);
-    device.map(|device| device.drawing()).unwrap_or_default()
+    device
+        .map(|device| device.plant().drawing())
+        .unwrap_or_default()
 }
 
 /// Everything that lies and stands around.
@@ -191,7 +193,7 @@ pub(super) fn picture(run: &Run) -> Value {
     let rig = run.rig();
     let devices = (0..rig.devices()).map(|index| {
         let device = rig.any_device(index);
-        let touching = device.is_some_and(|device| rig.world().is_touching(device.body()));
+        let touching = device.is_some_and(|device| rig.world().is_touching(device.plant().body()));
         let pose = rig
             .motion(index)
             .map(|motion| motion.pose)

@@ -236,9 +236,9 @@ impl Stage {
             .ok_or_else(|| "there is no such port".into())
     }
 
-    /// Tells who listens what has happened, and answers all that is asked over the control socket; says
-    /// whether that was anything.
-    fn settle(&mut self, now: u64) -> Result<bool, Broken> {
+    /// Tells who listens what has happened, and answers what is asked over the control socket; says
+    /// whether that may be what the client waits for. It may have asked something itself if it `ran`.
+    fn settle(&mut self, now: u64, ran: bool) -> Result<bool, Broken> {
         let Some(desk) = &mut self.desk else {
             take(&mut self.run, &mut self.trace);
             return Ok(false);
@@ -246,7 +246,7 @@ impl Stage {
         while let Some(event) = self.run.poll_event() {
             desk.event(&event);
         }
-        let any = desk.settle(&mut self.run)?;
+        let any = desk.settle(&mut self.run, ran)?;
         if desk.wants_time() {
             self.begun_at.get_or_insert(now);
         }
@@ -423,9 +423,10 @@ impl World for Stage {
         ports: &mut [Port],
         now: u64,
         until: Option<u64>,
+        ran: bool,
     ) -> Result<Step, Broken> {
         self.bound_output();
-        if self.settle(now)? {
+        if self.settle(now, ran)? {
             return Ok(Step::To(self.now().max(now)));
         }
         if self.begun_at.is_none() {
@@ -440,7 +441,7 @@ impl World for Stage {
             to = to.min(self.at(now) + ROOM);
         }
         for _ in 0..MOST_INSTANTS {
-            let news = self.follow(ports)? | self.settle(now)?;
+            let news = self.follow(ports)? | self.settle(now, false)?;
             if self.run.finished().is_some() {
                 return Ok(Step::Over);
             }

@@ -12,14 +12,18 @@ export class Link {
   }
 
   async call(method, path, body) {
-    const response = await fetch(path, {
-      method,
-      headers: { Authorization: `Bearer ${this.token}` },
-      body: body === undefined ? undefined : JSON.stringify(body),
-    });
+    const response = await this.#fetch(path, { method, body: body === undefined ? undefined : JSON.stringify(body) });
     const answer = await response.json();
     if (!response.ok) throw new Refusal(answer.error || `refused with ${response.status}`);
     return answer;
+  }
+
+  async #fetch(path, options) {
+    try {
+      return await fetch(path, { ...options, headers: { Authorization: `Bearer ${this.token}` } });
+    } catch {
+      throw new Error("the simulator does not answer; a new one prints a new URL");
+    }
   }
 
   // Hands each event on until the stream ends; gives a way to end it.
@@ -33,10 +37,7 @@ export class Link {
   }
 
   async #read(query, take, signal) {
-    const response = await fetch(`/v1/events?${new URLSearchParams(query)}`, {
-      headers: { Authorization: `Bearer ${this.token}` },
-      signal,
-    });
+    const response = await this.#fetch(`/v1/events?${new URLSearchParams(query)}`, { signal });
     if (!response.ok) throw new Refusal((await response.json()).error);
     const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
     let rest = "";

@@ -1,11 +1,13 @@
 // The page: what there is, what happens, and what one can do.
 
-import { Link } from "./link.js";
+import { Link, Refusal } from "./link.js";
 import { Picture } from "./picture.js";
 import { Charts } from "./charts.js";
 import { faultForms, operatorForms } from "./forms.js";
 
 const MOST_LINES = 1000;
+// Between two tries to reach a simulator that does not answer.
+const AGAIN_MS = 2000;
 const element = (id) => document.getElementById(id);
 const link = new Link();
 const picture = new Picture(element("picture"));
@@ -57,6 +59,14 @@ async function start() {
   showDevices();
   if (!charts.names.length) charts.add(nameOf("truth.speed_mps"), "m/s");
   listen();
+}
+
+function begin() {
+  start().catch((error) => {
+    failed(error);
+    // Who is refused once is refused again.
+    if (!(error instanceof Refusal)) setTimeout(begin, AGAIN_MS);
+  });
 }
 
 function nameOf(name) {
@@ -119,7 +129,7 @@ function listen() {
   if (charts.names.length) Object.assign(query, { names: charts.names.join(","), rate: 20 });
   stop = link.listen(query, take, (error) => {
     tell(error ? error.message : "the simulation has ended", true);
-    setTimeout(() => start().catch(failed), 2000);
+    setTimeout(begin, AGAIN_MS);
   });
   tell("live");
 }
@@ -190,4 +200,4 @@ document.addEventListener("keydown", (event) => {
 
 // For tests and for the curious: what is drawn.
 window.sim = { picture, charts, get state() { return state; } };
-start().catch(failed);
+begin();

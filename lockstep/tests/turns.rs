@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::c_prints;
+use common::{c, c_prints, play, text};
 
 #[test]
 fn who_began_first_goes_first_and_goes_on_until_it_waits() {
@@ -79,25 +79,85 @@ fn one_processor_is_seen_wherever_a_program_looks() {
     c_prints(
         r#"
 #define _GNU_SOURCE
+#include <fcntl.h>
 #include <sched.h>
 #include <stdio.h>
+#include <string.h>
+#include <sys/sendfile.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
 #include <time.h>
 #include <unistd.h>
+static int fd; static long long place;
+static long by_read(char *to, long n) { return read(fd, to, n); }
+static long by_bytes(char *to, long n) { return read(fd, to, 1); }
+static long by_pread(char *to, long n) { n = pread(fd, to, n, place); place += n; return n; }
+static long by_bytes_at_places(char *to, long n) { return pread(fd, to, 1, place++); }
+static long by_readv(char *to, long n) {
+  struct iovec parts[] = {{to, 1}, {to + 1, 0}, {to + 1, n - 1}}; return readv(fd, parts, 3);
+}
+static long by_preadv(char *to, long n) {
+  struct iovec parts[] = {{to, 2}, {to + 2, n - 2}}; n = preadv(fd, parts, 2, place); place += n; return n;
+}
+static long by_preadv2(char *to, long n) {
+  struct iovec part = {to, n}; return preadv2(fd, &part, 1, -1, 0);
+}
+static long all(const char *path, long (*get)(char *, long), char *text) {
+  long n, sum = 0;
+  place = 0; fd = open(path, O_RDONLY); if (fd < 0) return -1;
+  while (sum < 60000 && (n = get(text + sum, 4096)) > 0) sum += n;
+  close(fd); text[sum] = 0; return sum;
+}
+static int count(const char *text, const char *word) {
+  int n = 0; for (; (text = strstr(text, word)); text++) n++; return n;
+}
 int main(void) {
   cpu_set_t set; struct timespec used;
   do clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used); while (used.tv_nsec < 300000000 && !used.tv_sec);
   int r = sched_getaffinity(0, sizeof set, &set); printf("%d %d", r, CPU_COUNT(&set));
   CPU_ZERO(&set); CPU_SET(1000, &set); r = sched_setaffinity(0, sizeof set, &set); printf(" %d", r);
   sched_getaffinity(0, sizeof set, &set); printf(" %d\n", CPU_ISSET(0, &set) && CPU_COUNT(&set) == 1);
+  unsigned here = 7, node = 7; r = syscall(SYS_getcpu, &here, &node, 0);
+  printf("%d %d %u %u\n", sched_getcpu(), r, here, node);
   printf("%ld %ld\n", sysconf(_SC_NPROCESSORS_ONLN), sysconf(_SC_NPROCESSORS_CONF));
-  const char *lists[] = {"online", "possible", "present"}; char path[64], text[64];
-  for (int i = 0; i < 3; i++) {
-    sprintf(path, "/sys/devices/system/cpu/%s", lists[i]);
-    FILE *f = fopen(path, "r"); r = f ? fread(text, 1, 63, f) : 0; text[r] = 0;
-    printf("%s", f ? text : "0\n");
+  long (*ways[])(char *, long) = {by_read, by_bytes, by_pread, by_bytes_at_places, by_readv, by_preadv, by_preadv2};
+  const char *lists[] = {"online", "possible", "present"}; static char path[64], text[65536];
+  for (int way = 0; way < 7; way++) {
+    for (int i = 0; i < 3; i++) {
+      sprintf(path, "/sys/devices/system/cpu/%s", lists[i]);
+      r = all(path, ways[way], text); printf("%d ", r < 0 || !strcmp(text, "0\n"));
+    }
+    r = all("/proc/cpuinfo", ways[way], text); printf("%d ", r < 0 || count(text, "processor\t:") == 1);
+    r = all("/proc/stat", ways[way], text);
+    printf("%d%d\n", r < 0 || count(text, "\ncpu") == 1, r < 0 || count(text, "\nbtime ") == 1);
   }
+  fd = open("/proc/stat", O_RDONLY); printf("%zd\n", sendfile(1, fd, 0, 100));
 }
 "#,
-        "0 1 0 1\n1 1\n0\n0\n0\n",
+        &format!("0 1 0 1\n0 0 0 0\n1 1\n{}-1\n", "1 1 1 1 11\n".repeat(7)),
     );
+}
+
+/// A program that is read through `/dev/urandom` in ways other than the plain one has the seed's.
+#[test]
+fn what_is_random_is_so_however_it_is_read() {
+    let code = r#"
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/uio.h>
+#include <unistd.h>
+int main(void) {
+  unsigned char b[24] = {0}; int fd = open("/dev/urandom", O_RDONLY);
+  struct iovec parts[] = {{b + 8, 3}, {b + 11, 5}};
+  printf("%zd %zd", pread(fd, b, 8, 5), readv(fd, parts, 2)); printf(" %zd:", read(fd, b + 16, 8));
+  for (int i = 0; i < 24; i++) printf("%02x", b[i]);
+}
+"#;
+    let Some((_folder, binary)) = c(code, &[]) else {
+        return;
+    };
+    let [first, again] = [(); 2].map(|()| play(&[text(&binary)]).output);
+    assert!(first.starts_with("8 8 8:"), "{first}");
+    assert_eq!(first, again);
 }

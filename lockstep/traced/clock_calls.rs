@@ -6,7 +6,7 @@ use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::entry::int;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::Wait;
 
 /// Ticks of `times` in a second.
@@ -19,7 +19,7 @@ impl Tracer<'_> {
         call: Call,
         registers: Registers,
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let a = registers.arguments();
         let memory = Memory(tid);
         match call {
@@ -30,7 +30,7 @@ impl Tracer<'_> {
                     _ => a[0],
                 };
                 if !is_real || address == 0 || !rustix::process::geteuid().is_root() {
-                    return Ok(Action::Make);
+                    return Ok(Handling::Make);
                 }
                 let date = memory.read_pair(address)?;
                 let date = match call {
@@ -38,10 +38,10 @@ impl Tracer<'_> {
                     _ => span_micros(date),
                 };
                 let Some(to) = date else {
-                    return Ok(Action::Make);
+                    return Ok(Handling::Make);
                 };
                 self.clocks.set_real(to, self.now);
-                return Ok(Action::Answer(0));
+                return Ok(Handling::Answer(0));
             }
             _ => {}
         }
@@ -51,11 +51,11 @@ impl Tracer<'_> {
         match call {
             Call::ClockGettime => {
                 let Some(shown) = self.clocks.show(int(a[0]), self.now) else {
-                    return Ok(Action::Make);
+                    return Ok(Handling::Make);
                 };
                 let (seconds, nanoseconds) = parts(shown);
                 memory.write_pair(a[1], seconds, nanoseconds)?;
-                Ok(Action::Answer(0))
+                Ok(Handling::Answer(0))
             }
             Call::Gettimeofday => {
                 if a[0] != 0 {
@@ -65,14 +65,14 @@ impl Tracer<'_> {
                 if a[1] != 0 {
                     memory.write(a[1], &[0; 8])?;
                 }
-                Ok(Action::Answer(0))
+                Ok(Handling::Answer(0))
             }
             Call::Time => {
                 let (seconds, _) = parts(self.clocks.real(self.now));
                 if a[0] != 0 {
                     memory.write(a[0], &seconds.to_ne_bytes())?;
                 }
-                Ok(Action::Answer(seconds))
+                Ok(Handling::Answer(seconds))
             }
             _ => {
                 // Processor time is none of what is simulated, and would differ each time.
@@ -80,18 +80,18 @@ impl Tracer<'_> {
                     memory.write(a[0], &[0; 32])?;
                 }
                 let ticks = self.clocks.monotonic(self.now) / (1_000_000_000 / TICKS_A_SECOND);
-                Ok(Action::Answer(i64::try_from(ticks).unwrap_or(i64::MAX)))
+                Ok(Handling::Answer(i64::try_from(ticks).unwrap_or(i64::MAX)))
             }
         }
     }
 
-    pub(crate) fn sleep(&mut self, tid: Tid, call: Call, a: [u64; 6]) -> Result<Action, Halt> {
+    pub(crate) fn sleep(&mut self, tid: Tid, call: Call, a: [u64; 6]) -> Result<Handling, Halt> {
         let (clock, absolute, time, rest) = match call {
             Call::Nanosleep => (libc::CLOCK_MONOTONIC, false, a[0], a[1]),
             _ => (int(a[0]), a[1] & 1 != 0, a[2], a[3]),
         };
         let Some(time) = span(Memory(tid).read_pair(time)?) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let deadline = if absolute {
             self.clocks.when(clock, time, self.now)
@@ -101,9 +101,9 @@ impl Tracer<'_> {
         };
         // A clock of processor time, or none.
         if deadline.is_none() {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
         let rest = (!absolute && rest != 0).then_some(rest);
-        Ok(Action::Hold(Wait::Sleep { rest }, deadline))
+        Ok(Handling::Hold(Wait::Sleep { rest }, deadline))
     }
 }

@@ -3,9 +3,9 @@
 use crate::traced::arch::{self, Registers};
 use crate::traced::call::Call;
 use crate::traced::memory::Memory;
-use crate::traced::process_calls::affinity;
+use crate::traced::one_processor::{affinity, current};
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, OwnClocks, Resume, State};
 use crate::traced::wait::Wait;
 
@@ -16,9 +16,9 @@ impl Tracer<'_> {
         tid: Tid,
         registers: Registers,
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let Some(call) = arch::call(registers.number()) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
         let a = registers.arguments();
@@ -48,6 +48,9 @@ impl Tracer<'_> {
             | Call::Msgrcv => self.lock_call(tid, call, registers),
             Call::Read
             | Call::Readv
+            | Call::Pread
+            | Call::Preadv
+            | Call::Preadv2
             | Call::Write
             | Call::Writev
             | Call::Recvfrom
@@ -73,13 +76,14 @@ impl Tracer<'_> {
                 self.timer_descriptor(tid, process, int(a[0]), Some((a[1], a[2])), a[3])
             }
             Call::TimerfdGettime => self.timer_descriptor(tid, process, int(a[0]), None, a[1]),
-            Call::Getrandom => self.random_bytes(tid, a[0], a[1]),
+            Call::Getrandom => self.random_bytes(tid, &[(a[0], a[1])]),
             Call::Yield => Ok(self.ask(tid, crept).unwrap_or_else(|| {
                 self.give_way(tid);
-                Action::Answer(0)
+                Handling::Answer(0)
             })),
             Call::Getaffinity => affinity(tid, a[1], a[2]),
-            Call::Setaffinity => Ok(Action::Answer(0)),
+            Call::Getcpu => current(tid, a[0], a[1]),
+            Call::Setaffinity => Ok(Handling::Answer(0)),
             // Only after a stop by job control.
             Call::Restart => Ok(failure(libc::EINTR)),
             Call::Kill | Call::Tgkill | Call::PidfdSendSignal => {
@@ -88,14 +92,14 @@ impl Tracer<'_> {
             Call::Exit => Ok(self.exit(tid, process)),
             Call::ExitGroup => {
                 self.is_dying(process);
-                Ok(Action::Make)
+                Ok(Handling::Make)
             }
             Call::Clone => {
                 // The child is traced like all others.
                 let mut registers = registers;
                 registers.set_argument(0, a[0] & !0x0080_0000);
                 registers.set(tid)?;
-                Ok(Action::Make)
+                Ok(Handling::Make)
             }
             Call::Ptrace => {
                 self.refused
@@ -206,6 +210,6 @@ pub(crate) fn int(number: u64) -> i32 {
     low(number).cast_signed()
 }
 
-pub(crate) fn failure(errno: i32) -> Action {
-    Action::Answer(-i64::from(errno))
+pub(crate) fn failure(errno: i32) -> Handling {
+    Handling::Answer(-i64::from(errno))
 }

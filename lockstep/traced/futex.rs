@@ -5,7 +5,7 @@ use std::io;
 use crate::traced::arch::Registers;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, Resume, State};
 use crate::traced::wait::{FutexKey, Wait};
 
@@ -13,7 +13,7 @@ const ALL_BITS: u32 = u32::MAX;
 
 impl Tracer<'_> {
     /// The call `futex`.
-    pub(crate) fn futex(&mut self, tid: Tid, registers: Registers) -> Result<Action, Halt> {
+    pub(crate) fn futex(&mut self, tid: Tid, registers: Registers) -> Result<Handling, Halt> {
         let [address, operation, value, timeout, address2, value3] = registers.arguments();
         let low = |number: u64| u32::try_from(number & 0xFFFF_FFFF).unwrap_or_default();
         let operation = i32::try_from(low(operation)).unwrap_or(-1);
@@ -21,19 +21,19 @@ impl Tracer<'_> {
         let by_date = operation & libc::FUTEX_CLOCK_REALTIME != 0;
         let (value, value3) = (low(value), low(value3));
         if !address.is_multiple_of(4) {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
         let command = operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME);
         match command {
             libc::FUTEX_WAIT | libc::FUTEX_WAIT_BITSET => {
                 if Memory(tid).read_u32(address)? != value {
-                    return Ok(Action::Answer(-i64::from(libc::EAGAIN)));
+                    return Ok(Handling::Answer(-i64::from(libc::EAGAIN)));
                 }
                 let mut deadline = None;
                 if timeout != 0 {
                     let Some(span) = crate::traced::clock::span(Memory(tid).read_pair(timeout)?)
                     else {
-                        return Ok(Action::Make);
+                        return Ok(Handling::Make);
                     };
                     deadline = if command == libc::FUTEX_WAIT {
                         Some(self.now.saturating_add(span))
@@ -45,7 +45,7 @@ impl Tracer<'_> {
                 }
                 let bits = match command {
                     libc::FUTEX_WAIT => ALL_BITS,
-                    _ if value3 == 0 => return Ok(Action::Make),
+                    _ if value3 == 0 => return Ok(Handling::Make),
                     _ => value3,
                 };
                 let wait = Wait::Futex {
@@ -54,7 +54,7 @@ impl Tracer<'_> {
                     expected: value,
                     bits,
                 };
-                Ok(Action::Hold(wait, deadline))
+                Ok(Handling::Hold(wait, deadline))
             }
             libc::FUTEX_WAKE | libc::FUTEX_WAKE_BITSET => {
                 let bits = if command == libc::FUTEX_WAKE {
@@ -64,17 +64,17 @@ impl Tracer<'_> {
                 };
                 let key = self.futex_key(tid, address, private);
                 let woken = self.wake(key, value, bits)?;
-                Ok(Action::Answer(woken))
+                Ok(Handling::Answer(woken))
             }
             libc::FUTEX_REQUEUE | libc::FUTEX_CMP_REQUEUE => {
                 if command == libc::FUTEX_CMP_REQUEUE && Memory(tid).read_u32(address)? != value3 {
-                    return Ok(Action::Answer(-i64::from(libc::EAGAIN)));
+                    return Ok(Handling::Answer(-i64::from(libc::EAGAIN)));
                 }
                 let from = self.futex_key(tid, address, private);
                 let to = self.futex_key(tid, address2, private);
                 let woken = self.wake(from, value, ALL_BITS)?;
                 let moved = self.requeue(from, to, address2, low(timeout));
-                Ok(Action::Answer(woken + moved))
+                Ok(Handling::Answer(woken + moved))
             }
             libc::FUTEX_WAKE_OP => {
                 let from = self.futex_key(tid, address, private);
@@ -84,15 +84,15 @@ impl Tracer<'_> {
                 if others {
                     woken += self.wake(to, low(timeout), ALL_BITS)?;
                 }
-                Ok(Action::Answer(woken))
+                Ok(Handling::Answer(woken))
             }
             libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2 => {
                 self.lock_with_inheritance(tid, registers, command, (timeout, by_date))
             }
             libc::FUTEX_WAIT_REQUEUE_PI | libc::FUTEX_CMP_REQUEUE_PI => {
-                Ok(Action::Answer(-i64::from(libc::ENOSYS)))
+                Ok(Handling::Answer(-i64::from(libc::ENOSYS)))
             }
-            _ => Ok(Action::Make),
+            _ => Ok(Handling::Make),
         }
     }
 
@@ -103,11 +103,11 @@ impl Tracer<'_> {
         registers: Registers,
         command: i32,
         (timeout, by_date): (u64, bool),
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let mut deadline = None;
         if timeout != 0 {
             let Some(span) = crate::traced::clock::span(Memory(tid).read_pair(timeout)?) else {
-                return Ok(Action::Make);
+                return Ok(Handling::Make);
             };
             // The older form always goes by the date.
             let clock = if by_date || command == libc::FUTEX_LOCK_PI {
@@ -133,7 +133,7 @@ impl Tracer<'_> {
             deadline,
             late: -i64::from(libc::ETIMEDOUT),
         };
-        Ok(Action::ToEnd(tried, at_end))
+        Ok(Handling::ToEnd(tried, at_end))
     }
 
     /// Wakes so many who wait there, those first that have waited longest; how many there were.

@@ -66,6 +66,18 @@ impl Memory {
             .collect()
     }
 
+    /// Writes as many of these bytes into the parts of a read as they have room for; how many.
+    pub(crate) fn write_parts(self, parts: &[(u64, u64)], bytes: &[u8]) -> io::Result<usize> {
+        let mut left = bytes;
+        for (address, length) in parts {
+            let length = usize::try_from(*length).unwrap_or(usize::MAX);
+            let (part, rest) = left.split_at(left.len().min(length));
+            self.write(*address, part)?;
+            left = rest;
+        }
+        Ok(bytes.len() - left.len())
+    }
+
     /// Writes two numbers of 64 bits.
     pub(crate) fn write_pair(self, address: u64, first: i64, second: i64) -> io::Result<()> {
         let mut bytes = [0; 16];

@@ -36,12 +36,14 @@ impl Tracer<'_> {
         let step = if self.killed_at.is_some() {
             until.map_or(Step::Never, Step::To)
         } else {
-            self.world.advance(self.ports, self.now, until)?
+            let ran = self.happened != self.advanced;
+            self.world.advance(self.ports, self.now, until, ran)?
         };
         match step {
             Step::To(to) => {
                 self.now = self.now.max(to);
                 self.happened += 1;
+                self.advanced = self.happened;
                 self.fire_timers()?;
             }
             Step::Over => self.ask_to_end(Reason::Over),

@@ -7,7 +7,7 @@ use crate::traced::clock::{span, span_micros};
 use crate::traced::entry::{int, low};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::{Late, Wait};
 
 /// Most descriptors in one call; beyond that the system decides.
@@ -21,7 +21,7 @@ impl Tracer<'_> {
         call: Call,
         a: [u64; 6],
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let memory = Memory(tid);
         let now = self.now;
         let millis = |value: u64| {
@@ -47,7 +47,7 @@ impl Tracer<'_> {
             }
             Call::Ppoll => {
                 let Some(deadline) = at(a[2], span)? else {
-                    return Ok(Action::Make);
+                    return Ok(Handling::Make);
                 };
                 let times = (deadline, mask(a[3])?);
                 self.poll(tid, process, (a[0], a[1]), times, crept)
@@ -56,7 +56,7 @@ impl Tracer<'_> {
                 let is_select = call == Call::Select;
                 let read = if is_select { span_micros } else { span };
                 let Some(deadline) = at(a[4], read)? else {
-                    return Ok(Action::Make);
+                    return Ok(Handling::Make);
                 };
                 // The set of signals lies behind another address.
                 let mask = match (is_select, a[5]) {
@@ -70,7 +70,7 @@ impl Tracer<'_> {
                 let deadline = match call {
                     Call::EpollPwait2 => match at(a[3], span)? {
                         Some(deadline) => deadline,
-                        None => return Ok(Action::Make),
+                        None => return Ok(Handling::Make),
                     },
                     _ => millis(a[3]),
                 };
@@ -92,9 +92,9 @@ impl Tracer<'_> {
         (address, count): (u64, u64),
         (deadline, mask): (Option<u64>, Option<u64>),
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let mut bytes = vec![0; 8 * count];
         Memory(tid).read(address, &mut bytes)?;
@@ -116,9 +116,9 @@ impl Tracer<'_> {
         (count, sets, time, micros): (u64, [u64; 3], u64, bool),
         (deadline, mask): (Option<u64>, Option<u64>),
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let bytes = count.div_ceil(64) * 8;
         let kinds = [
@@ -160,17 +160,17 @@ impl Tracer<'_> {
         late: Late,
         (deadline, mask): (Option<u64>, Option<u64>),
         crept: bool,
-    ) -> Action {
+    ) -> Handling {
         let only_asks = deadline.is_some_and(|deadline| deadline <= self.now);
         let ask = only_asks.then(|| self.ask(tid, crept));
         // Who only asks, and not too much, is told by the system.
         if matches!(ask, Some(None)) || self.is_one_ready(process, &set) {
-            return Action::Make;
+            return Handling::Make;
         }
         if let Some(Some(creeps)) = ask {
             return creeps;
         }
-        Action::Hold(Wait::Poll { set, late, mask }, deadline)
+        Handling::Hold(Wait::Poll { set, late, mask }, deadline)
     }
 }
 

@@ -1,15 +1,12 @@
-//! Calls about other processes: signals, ends, and how many processors there are.
-
-use rustix::fs::SeekFrom;
+//! Calls about other processes: signals and ends.
 
 use crate::traced::arch::Registers;
 use crate::traced::call::Call;
 use crate::traced::clock::span;
-use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::int;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, kernel_state};
 use crate::traced::wait::Wait;
 
@@ -19,7 +16,7 @@ impl Tracer<'_> {
         tid: Tid,
         call: Call,
         a: [u64; 6],
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let memory = Memory(tid);
         let (set, mask, deadline) = match call {
             Call::Pause => (None, None, None),
@@ -29,7 +26,7 @@ impl Tracer<'_> {
                     0 => None,
                     address => match span(memory.read_pair(address)?) {
                         Some(time) => Some(self.now.saturating_add(time)),
-                        None => return Ok(Action::Make),
+                        None => return Ok(Handling::Make),
                     },
                 };
                 (Some(memory.read_u64(a[0])?), None, deadline)
@@ -37,10 +34,10 @@ impl Tracer<'_> {
         };
         // One may wait already.
         self.signalled = true;
-        Ok(Action::Hold(Wait::Signal { set, mask }, deadline))
+        Ok(Handling::Hold(Wait::Signal { set, mask }, deadline))
     }
 
-    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Action {
+    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Handling {
         let a = registers.arguments();
         let (target, signal) = match call {
             Call::Kill => (int(a[0]), int(a[1])),
@@ -53,7 +50,7 @@ impl Tracer<'_> {
                 (pid.unwrap_or(0), int(a[1]))
             }
         };
-        Action::ToEnd(registers, AtEnd::Kill { target, signal })
+        Handling::ToEnd(registers, AtEnd::Kill { target, signal })
     }
 
     /// Those whom SIGKILL has been sent to are gone before anybody goes on.
@@ -77,7 +74,7 @@ impl Tracer<'_> {
     }
 
     /// A thread ends itself.
-    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Action {
+    pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Handling {
         let threads = self.threads.values();
         if threads.filter(|thread| thread.process == process).count() == 1 {
             self.is_dying(process);
@@ -91,46 +88,6 @@ impl Tracer<'_> {
             }
             self.wake_changed_futexes();
         }
-        Action::Make
+        Handling::Make
     }
-}
-
-/// Where the system lists its processors, as numbers and ranges of them.
-const LISTS: [&str; 3] = ["online", "possible", "present"];
-
-/// The lists of processors, by their devices and inodes.
-pub(crate) fn lists_of_processors() -> Vec<(u64, u64)> {
-    let list = |name| rustix::fs::stat(format!("/sys/devices/system/cpu/{name}")).ok();
-    let lists = LISTS.into_iter().filter_map(list);
-    lists.map(|stat| (stat.st_dev, stat.st_ino)).collect()
-}
-
-/// One processor, whatever the machine has: programs start as many threads as they find processors.
-pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Action, Halt> {
-    if length < 8 {
-        return Ok(Action::Make);
-    }
-    Memory(tid).write(into, &1_u64.to_ne_bytes())?;
-    Ok(Action::Answer(8))
-}
-
-/// The same where they are read from a file.
-pub(crate) fn read_processors(
-    tid: Tid,
-    list: &Descriptor,
-    (into, count): (u64, u64),
-) -> Result<Action, Halt> {
-    if rustix::fs::tell(&list.file).is_ok_and(|at| at > 0) {
-        return Ok(Action::Make);
-    }
-    let text = b"0\n";
-    let count = usize::try_from(count).unwrap_or(usize::MAX).min(text.len());
-    Memory(tid).write(into, text.get(..count).unwrap_or_default())?;
-    // Behind whatever it holds, for the read that finds its end.
-    rustix::fs::seek(
-        &list.file,
-        SeekFrom::Start(list.stat.st_size.unsigned_abs()),
-    )
-    .map_err(std::io::Error::from)?;
-    Ok(Action::Answer(i64::try_from(count).unwrap_or(0)))
 }

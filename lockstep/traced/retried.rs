@@ -5,7 +5,7 @@ use crate::traced::call::Call;
 use crate::traced::clock::span;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::AtEnd;
 
 impl Tracer<'_> {
@@ -16,16 +16,16 @@ impl Tracer<'_> {
         call: Call,
         registers: Registers,
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let index = if call == Call::Wait4 { 2 } else { 3 };
         let options = registers.arguments()[index];
         let at_once = u64::from(libc::WNOHANG.unsigned_abs());
         if options & at_once != 0 {
-            return Ok(self.ask(tid, crept).unwrap_or(Action::Make));
+            return Ok(self.ask(tid, crept).unwrap_or(Handling::Make));
         }
         let mut tried = registers;
         tried.set_argument(index, options | at_once);
-        Ok(Action::ToEnd(tried, AtEnd::Child(registers)))
+        Ok(Handling::ToEnd(tried, AtEnd::Child(registers)))
     }
 
     /// Locks and queues, likewise.
@@ -34,7 +34,7 @@ impl Tracer<'_> {
         tid: Tid,
         call: Call,
         registers: Registers,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let a = registers.arguments();
         let no_wait = u64::from(libc::IPC_NOWAIT.unsigned_abs());
         let mut tried = registers;
@@ -58,7 +58,7 @@ impl Tracer<'_> {
                 const LENGTH: usize = 6;
                 let count = usize::try_from(a[2]).unwrap_or(usize::MAX);
                 if count > 500 {
-                    return Ok(Action::Make);
+                    return Ok(Handling::Make);
                 }
                 let mut bytes = vec![0; LENGTH * count];
                 Memory(tid).read(a[1], &mut bytes)?;
@@ -101,6 +101,6 @@ impl Tracer<'_> {
             deadline,
             late: -i64::from(libc::EAGAIN),
         };
-        Ok(Action::ToEnd(tried, at_end))
+        Ok(Handling::ToEnd(tried, at_end))
     }
 }

@@ -6,7 +6,7 @@ use crate::traced::call::request;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::Wait;
 
 /// Most bytes of one write that are taken; the call then says that it was so many.
@@ -21,9 +21,9 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
         (count, into): (usize, Option<u64>),
         crept: bool,
-    ) -> Action {
+    ) -> Handling {
         let Some(port) = self.ports.get_mut(index) else {
-            return Action::Make;
+            return Handling::Make;
         };
         // Room that a former read has made is for what still waits; if that fails, so does the read.
         let _ = port.top_up();
@@ -32,10 +32,10 @@ impl Tracer<'_> {
         let at_once =
             descriptor.is_nonblocking() || (rule.least == Some(0) && rule.patience.is_none());
         if unread == 0 && at_once {
-            return self.ask(tid, crept).unwrap_or(Action::Make);
+            return self.ask(tid, crept).unwrap_or(Handling::Make);
         }
         if count == 0 || at_once || port.can_be_read(rule, count) {
-            return Action::Make;
+            return Handling::Make;
         }
         let patience = rule
             .patience
@@ -52,7 +52,7 @@ impl Tracer<'_> {
             rule,
             into,
         };
-        Action::Hold(wait, deadline)
+        Handling::Hold(wait, deadline)
     }
 
     /// A write to a port: the line takes the bytes, and not the system.
@@ -63,7 +63,7 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
         parts: &[(u64, u64)],
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let mut bytes = Vec::new();
         for (address, length) in parts {
             let length = usize::try_from(*length).unwrap_or(usize::MAX);
@@ -76,7 +76,7 @@ impl Tracer<'_> {
             bytes = port.cooked(&bytes);
         }
         let sent = self.send(index, &bytes)?;
-        let result = |count: usize| Action::Answer(i64::try_from(count).unwrap_or(i64::MAX));
+        let result = |count: usize| Handling::Answer(i64::try_from(count).unwrap_or(i64::MAX));
         if sent == bytes.len() {
             if let Some(thread) = self.threads.get_mut(&tid) {
                 thread.asks = 0;
@@ -87,7 +87,7 @@ impl Tracer<'_> {
             if sent > 0 {
                 return Ok(result(sent.min(count)));
             }
-            let answer = Action::Answer(-i64::from(libc::EAGAIN));
+            let answer = Handling::Answer(-i64::from(libc::EAGAIN));
             return Ok(self.ask(tid, crept).unwrap_or(answer));
         }
         let wait = Wait::PortWrite {
@@ -97,7 +97,7 @@ impl Tracer<'_> {
             sent,
             count,
         };
-        Ok(Action::Hold(wait, None))
+        Ok(Handling::Hold(wait, None))
     }
 
     /// Hands bytes to the world; how many it took.
@@ -134,31 +134,31 @@ impl Tracer<'_> {
         process: Tid,
         (fd, request, argument): (i32, u32, u64),
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         self.look_at_ports()?;
         let port = self
             .descriptor(process, fd)
             .and_then(|descriptor| self.port_of(&descriptor));
         if request == request::FIONREAD {
-            return Ok(self.ask(tid, crept).unwrap_or(Action::Make));
+            return Ok(self.ask(tid, crept).unwrap_or(Handling::Make));
         }
         let Some(index) = port else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let memory = Memory(tid);
         let Some(port) = self.ports.get_mut(index) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         match request {
             request::TCSETSF | request::TCSETAF | request::TCSETSF2 => {
                 port.flush_input();
-                return Ok(Action::Make);
+                return Ok(Handling::Make);
             }
             request::TCFLSH => {
                 if matches!(argument, 0 | 2) {
                     port.flush_input();
                 }
-                return Ok(Action::Make);
+                return Ok(Handling::Make);
             }
             request::TIOCMGET => {
                 memory.write(argument, &(port.modem | modem::READ).to_ne_bytes())?;
@@ -175,7 +175,7 @@ impl Tracer<'_> {
                     self.world.modem_lines(index, self.now, lines)?;
                 }
             }
-            request::TIOCMIWAIT => return Ok(Action::Hold(Wait::Forever, None)),
+            request::TIOCMIWAIT => return Ok(Handling::Hold(Wait::Forever, None)),
             // Counters of changes and errors: none.
             request::TIOCGICOUNT => memory.write(argument, &[0; 80])?,
             request::TIOCGSERIAL => {
@@ -188,9 +188,9 @@ impl Tracer<'_> {
                 memory.write(argument, &bytes)?;
             }
             request::TIOCSSERIAL => {}
-            _ => return Ok(Action::Make),
+            _ => return Ok(Handling::Make),
         }
-        Ok(Action::Answer(0))
+        Ok(Handling::Answer(0))
     }
 
     /// Tells the world which ports have been opened and closed.

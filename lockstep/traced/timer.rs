@@ -11,7 +11,7 @@ use crate::traced::clock::{parts, parts_micros, span, span_micros};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, TimerEvent};
 
 /// Most timers of a run; a program that makes more is told so.
@@ -100,14 +100,14 @@ impl Tracer<'_> {
     }
 
     /// `alarm`: the seconds that were left.
-    pub(crate) fn alarm(&mut self, process: Tid, seconds: u64) -> Action {
+    pub(crate) fn alarm(&mut self, process: Tid, seconds: u64) -> Handling {
         let now = self.now;
         let timer = self.alarm_of(process);
         let left = timer.setting(now).0.div_ceil(1_000_000_000);
         let seconds = seconds & 0xFFFF_FFFF;
         timer.next = (seconds > 0).then(|| now.saturating_add(seconds * 1_000_000_000));
         timer.interval = 0;
-        Action::Answer(i64::try_from(left).unwrap_or(i64::MAX))
+        Handling::Answer(i64::try_from(left).unwrap_or(i64::MAX))
     }
 
     /// `setitimer` and `getitimer` of real time.
@@ -117,14 +117,14 @@ impl Tracer<'_> {
         process: Tid,
         new: Option<u64>,
         old: u64,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let now = self.now;
         let mut setting = None;
         if let Some(new) = new.filter(|new| *new != 0) {
             let interval = span_micros(Memory(tid).read_pair(new)?);
             let value = span_micros(Memory(tid).read_pair(new + 16)?);
             let (Some(interval), Some(value)) = (interval, value) else {
-                return Ok(Action::Make);
+                return Ok(Handling::Make);
             };
             setting = Some((interval, value));
         }
@@ -144,18 +144,22 @@ impl Tracer<'_> {
             let (seconds, micros) = parts_micros(left);
             Memory(tid).write_pair(old + 16, seconds, micros)?;
         }
-        Ok(Action::Answer(0))
+        Ok(Handling::Answer(0))
     }
 
     /// `timer_create`: made by the system, which never sets it.
-    pub(crate) fn timer_create(&mut self, tid: Tid, registers: Registers) -> Result<Action, Halt> {
+    pub(crate) fn timer_create(
+        &mut self,
+        tid: Tid,
+        registers: Registers,
+    ) -> Result<Handling, Halt> {
         let [clock, event, address, ..] = registers.arguments();
         let clock = i32::try_from(clock & 0xFFFF_FFFF).unwrap_or(-1);
         if self.clocks.show(clock, self.now).is_none() {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
         if self.timers.all.len() >= MOST {
-            return Ok(Action::Answer(-i64::from(libc::EAGAIN)));
+            return Ok(Handling::Answer(-i64::from(libc::EAGAIN)));
         }
         let event = if event == 0 {
             TimerEvent {
@@ -175,7 +179,7 @@ impl Tracer<'_> {
             }
         };
         let at_end = AtEnd::TimerCreate { address, event };
-        Ok(Action::ToEnd(registers, at_end))
+        Ok(Handling::ToEnd(registers, at_end))
     }
 
     /// It has been made, by a call whose registers these are.
@@ -209,7 +213,7 @@ impl Tracer<'_> {
         id: u64,
         new: Option<(u64, u64)>,
         old: u64,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let now = self.now;
         let id = i32::try_from(id & 0xFFFF_FFFF).unwrap_or(-1);
         let is_it = |timer: &Timer| {
@@ -217,15 +221,15 @@ impl Tracer<'_> {
                 && matches!(timer.kind, Kind::Posix { id: own, .. } if own == id)
         };
         let Some(timer) = self.timers.find(is_it) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let (setting, kind) = (timer.setting(now), timer.kind);
         let Kind::Posix { clock, .. } = kind else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         if let Some((flags, new)) = new {
             let Some((next, interval)) = self.timer_setting(tid, clock, flags, new)? else {
-                return Ok(Action::Make);
+                return Ok(Handling::Make);
             };
             if let Some(timer) = self.timers.find(is_it) {
                 (timer.next, timer.interval) = (next, interval);
@@ -233,17 +237,17 @@ impl Tracer<'_> {
         }
         write_setting(tid, old, setting)?;
         self.fire_timers()?;
-        Ok(Action::Answer(0))
+        Ok(Handling::Answer(0))
     }
 
     /// `timer_delete`; the system deletes its own.
-    pub(crate) fn timer_delete(&mut self, process: Tid, id: u64) -> Action {
+    pub(crate) fn timer_delete(&mut self, process: Tid, id: u64) -> Handling {
         let id = i32::try_from(id & 0xFFFF_FFFF).unwrap_or(-1);
         self.timers.all.retain(|timer| {
             timer.process != process
                 || !matches!(timer.kind, Kind::Posix { id: own, .. } if own == id)
         });
-        Action::Make
+        Handling::Make
     }
 
     /// `timerfd_settime`, or `timerfd_gettime` without `new`.
@@ -254,10 +258,10 @@ impl Tracer<'_> {
         fd: i32,
         new: Option<(u64, u64)>,
         old: u64,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let now = self.now;
         let Some(descriptor) = self.descriptor(process, fd) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let timer = descriptor.file.as_raw_fd();
         let info = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}"));
@@ -265,7 +269,7 @@ impl Tracer<'_> {
         let clock = info.lines().find_map(|line| line.strip_prefix("clockid:"));
         // Not a timer.
         let Some(clock) = clock.and_then(|clock| clock.trim().parse().ok()) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let known = sys::timer_mark(timer);
         let known = known.filter(|mark| self.timers.find(has_mark(*mark)).is_some());
@@ -273,15 +277,15 @@ impl Tracer<'_> {
             let setting = known.and_then(|mark| self.timers.find(has_mark(mark)));
             let setting = setting.map_or((0, 0), |timer| timer.setting(now));
             write_setting(tid, old, setting)?;
-            return Ok(Action::Answer(0));
+            return Ok(Handling::Answer(0));
         };
         let Some((next, interval)) = self.timer_setting(tid, clock, flags, new)? else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         let mark = match known {
             Some(mark) => mark,
             None if self.timers.all.len() >= MOST => {
-                return Ok(Action::Answer(-i64::from(libc::ENOMEM)));
+                return Ok(Handling::Answer(-i64::from(libc::ENOMEM)));
             }
             None => {
                 self.timers.marks += 1;
@@ -310,7 +314,7 @@ impl Tracer<'_> {
         drop(descriptor);
         write_setting(tid, old, setting)?;
         self.fire_timers()?;
-        Ok(Action::Answer(0))
+        Ok(Handling::Answer(0))
     }
 
     /// A read of a timer descriptor that has run out more than once returns how often.
@@ -319,7 +323,7 @@ impl Tracer<'_> {
         tid: Tid,
         descriptor: &Descriptor,
         into: u64,
-    ) -> Result<Option<Action>, Halt> {
+    ) -> Result<Option<Handling>, Halt> {
         let timer = descriptor.file.as_raw_fd();
         let Some(mark) = sys::timer_mark(timer) else {
             return Ok(None);
@@ -336,7 +340,7 @@ impl Tracer<'_> {
         Memory(tid).write(into, &count.to_ne_bytes())?;
         found.kind = Kind::Descriptor { mark, fd, count: 0 };
         sys::mark_timer(timer, mark, false)?;
-        Ok(Some(Action::Answer(8)))
+        Ok(Some(Handling::Answer(8)))
     }
 
     /// When a setting of a timer has it run out, and its interval; `None` if it is none.

@@ -11,7 +11,7 @@ use crate::port::Port;
 use crate::traced::arch::Registers;
 use crate::traced::clock::Clocks;
 use crate::traced::news::TICK;
-use crate::traced::process_calls::lists_of_processors;
+use crate::traced::one_processor::Lists;
 use crate::traced::processor::Processor;
 use crate::traced::spawn::{self, Starting};
 use crate::traced::sys::{Ticks, Tid};
@@ -47,14 +47,15 @@ pub(crate) struct Tracer<'a> {
     pub(crate) waits: u64,
     /// Counts up whenever something has happened that a wait may be for.
     pub(crate) happened: u64,
+    /// How much had happened when time last went on.
+    pub(crate) advanced: u64,
     /// A signal may have been sent to somebody who waits.
     pub(crate) signalled: bool,
     pub(crate) outside: BTreeSet<String>,
     pub(crate) refused: BTreeSet<String>,
     pub(crate) sleepy: u32,
     pub(crate) processor: Processor,
-    /// Files that list processors, by their devices and inodes.
-    pub(crate) processors: Vec<(u64, u64)>,
+    pub(crate) lists: Lists,
     pub(crate) calls: u64,
     /// Since when somebody waits for the world outside, in real and in simulated time.
     pub(crate) paced: Option<(Instant, u64)>,
@@ -96,7 +97,7 @@ impl From<Broken> for Halt {
     clippy::large_enum_variant,
     reason = "it is looked at once, where it is made"
 )]
-pub(crate) enum Action {
+pub(crate) enum Handling {
     /// It is made.
     Make,
     /// It is not made, and returns this.
@@ -167,12 +168,13 @@ impl<'a> Tracer<'a> {
             turns: 0,
             waits: 0,
             happened: 1,
+            advanced: 0,
             signalled: false,
             outside: BTreeSet::new(),
             refused: BTreeSet::new(),
             sleepy: 0,
             processor: Processor::new(),
-            processors: lists_of_processors(),
+            lists: Lists::new(),
             calls: 0,
             paced: None,
         };

@@ -9,9 +9,8 @@ use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{failure, int};
 use crate::traced::memory::Memory;
-use crate::traced::process_calls::read_processors;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 
@@ -38,8 +37,14 @@ impl Tracer<'_> {
         call: Call,
         registers: Registers,
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let a = registers.arguments();
+        // Without a place it is a read like others.
+        let call = match call {
+            Call::Preadv2 if a[3] == u64::MAX => Call::Readv,
+            Call::Preadv2 => Call::Preadv,
+            _ => call,
+        };
         // Before anything is done with a port, the world knows who has it open.
         self.look_at_ports()?;
         // The end that a port may be at.
@@ -48,16 +53,17 @@ impl Tracer<'_> {
             _ => int(a[0]),
         };
         let Some(descriptor) = self.descriptor(process, fd) else {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         };
         if let Some(index) = self.port_of(&descriptor) {
             return self.port_transfer(tid, (index, &descriptor), call, a, crept);
         }
-        if call == Call::Read && descriptor.is_random() {
-            return self.random_bytes(tid, a[1], a[2]);
+        if let Some(action) = self.own_bytes(tid, process, call, a, &descriptor)? {
+            return Ok(action);
         }
-        if call == Call::Read && self.processors.contains(&descriptor.inode()) {
-            return read_processors(tid, &descriptor, (a[1], a[2]));
+        // Whatever waits has no places, and says so at once.
+        if matches!(call, Call::Pread | Call::Preadv) {
+            return Ok(Handling::Make);
         }
         if call == Call::Read
             && descriptor.is_anonymous()
@@ -67,19 +73,58 @@ impl Tracer<'_> {
             return Ok(action);
         }
         if descriptor.never_waits() && !is_queue(call) {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
         let rule = self.transfer_rule(tid, call, a, &descriptor)?;
         let action = self.may_wait(tid, fd, &descriptor, &rule, crept);
-        if call == Call::Recvmmsg && matches!(action, Action::Make) {
+        if call == Call::Recvmmsg && matches!(action, Handling::Make) {
             // It would wait for the others of the messages that it has room for.
             let mut changed = registers;
             let first_only = u64::from(libc::MSG_WAITFORONE.unsigned_abs());
             changed.set_argument(3, a[3] | first_only);
             changed.set_argument(4, 0);
-            return Ok(Action::ToEnd(changed, AtEnd::Restore(registers)));
+            return Ok(Handling::ToEnd(changed, AtEnd::Restore(registers)));
         }
         Ok(action)
+    }
+
+    /// A read of what the tracer itself says: what is random, and how many processors there are.
+    fn own_bytes(
+        &mut self,
+        tid: Tid,
+        process: Tid,
+        call: Call,
+        a: [u64; 6],
+        descriptor: &Descriptor,
+    ) -> Result<Option<Handling>, Halt> {
+        let from = match call {
+            Call::Splice => self.descriptor(process, int(a[0])),
+            Call::Sendfile => self.descriptor(process, int(a[1])),
+            _ => None,
+        };
+        if from.is_some_and(|from| from.is_random() || self.lists.has(&from)) {
+            // Programs fall back to reading and writing.
+            return Ok(Some(failure(libc::EINVAL)));
+        }
+        let (is_one_part, place) = match call {
+            Call::Read => (true, None),
+            Call::Pread => (true, Some(a[3])),
+            Call::Readv => (false, None),
+            Call::Preadv => (false, Some(a[3])),
+            _ => return Ok(None),
+        };
+        let is_random = descriptor.is_random();
+        if !is_random && !self.lists.has(descriptor) {
+            return Ok(None);
+        }
+        let parts = match is_one_part {
+            true => vec![(a[1], a[2])],
+            false => Memory(tid).read_parts(a[1], a[2])?,
+        };
+        if is_random {
+            return self.random_bytes(tid, &parts).map(Some);
+        }
+        self.lists.read(tid, descriptor, &parts, place)
     }
 
     /// The same on a port.
@@ -90,7 +135,7 @@ impl Tracer<'_> {
         call: Call,
         a: [u64; 6],
         crept: bool,
-    ) -> Result<Action, Halt> {
+    ) -> Result<Handling, Halt> {
         let length = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
         match call {
             // Programs fall back to reading and writing.
@@ -110,7 +155,7 @@ impl Tracer<'_> {
                 let asked = (length(parts.iter().fold(0, add)), None);
                 Ok(self.read_port(tid, index, descriptor, asked, crept))
             }
-            _ => Ok(Action::Make),
+            _ => Ok(Handling::Make),
         }
     }
 
@@ -167,16 +212,20 @@ impl Tracer<'_> {
         Ok(rule)
     }
 
-    pub(crate) fn random_bytes(&mut self, tid: Tid, into: u64, count: u64) -> Result<Action, Halt> {
-        let count = usize::try_from(count)
-            .unwrap_or(usize::MAX)
-            .min(MOST_RANDOM);
-        let mut bytes = vec![0; count];
+    /// Fills these parts of a program's memory with what is random, as far as it goes at a time.
+    pub(crate) fn random_bytes(
+        &mut self,
+        tid: Tid,
+        parts: &[(u64, u64)],
+    ) -> Result<Handling, Halt> {
+        let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
+        let count = usize::try_from(parts.iter().fold(0, add)).unwrap_or(usize::MAX);
+        let mut bytes = vec![0; count.min(MOST_RANDOM)];
         if self.random(&mut bytes).is_none() {
-            return Ok(Action::Make);
+            return Ok(Handling::Make);
         }
-        Memory(tid).write(into, &bytes)?;
-        Ok(Action::Answer(i64::try_from(count).unwrap_or(0)))
+        let written = Memory(tid).write_parts(parts, &bytes)?;
+        Ok(Handling::Answer(i64::try_from(written).unwrap_or(0)))
     }
 
     /// A read or write that may wait.
@@ -187,17 +236,17 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
         rule: &Rule,
         crept: bool,
-    ) -> Action {
+    ) -> Handling {
         let ready = if rule.flags.contains(PollFlags::OUT) {
             descriptor.has_room(rule.room)
         } else {
             descriptor.is_ready(rule.flags)
         };
         if ready {
-            return Action::Make;
+            return Handling::Make;
         }
         if rule.at_once || descriptor.is_nonblocking() {
-            return self.ask(tid, crept).unwrap_or(Action::Make);
+            return self.ask(tid, crept).unwrap_or(Handling::Make);
         }
         let wait = Wait::Descriptor {
             fd,
@@ -206,7 +255,7 @@ impl Tracer<'_> {
             late: rule.late,
             has_more: rule.has_more,
         };
-        Action::Hold(wait, rule.deadline)
+        Handling::Hold(wait, rule.deadline)
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::traced::arch::{self, Registers};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Action, Halt, Tracer};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{Resume, Shown, State, Thread};
 use crate::traced::wait::{Hold, Wait};
 
@@ -52,7 +52,7 @@ impl Tracer<'_> {
                 self.calls += 1;
                 let registers = Registers::of(tid)?;
                 let action = match self.call(tid, registers, crept) {
-                    Err(Halt::Fault) => Action::Make,
+                    Err(Halt::Fault) => Handling::Make,
                     action => action?,
                 };
                 self.act(tid, registers, action)?;
@@ -62,19 +62,19 @@ impl Tracer<'_> {
     }
 
     /// Does with a call what has been decided.
-    fn act(&mut self, tid: Tid, mut registers: Registers, action: Action) -> Result<(), Halt> {
+    fn act(&mut self, tid: Tid, mut registers: Registers, action: Handling) -> Result<(), Halt> {
         match action {
-            Action::Make => {
+            Handling::Make => {
                 self.show_clocks(tid)?;
                 sys::go_on(tid, 0)?;
             }
-            Action::Answer(result) => {
+            Handling::Answer(result) => {
                 registers.answer(result);
                 registers.set(tid)?;
                 self.set_state(tid, State::Ready(Resume::Go(0)));
             }
-            Action::Hold(wait, deadline) => self.hold(tid, registers, wait, deadline),
-            Action::ToEnd(changed, at_end) => {
+            Handling::Hold(wait, deadline) => self.hold(tid, registers, wait, deadline),
+            Handling::ToEnd(changed, at_end) => {
                 changed.set(tid)?;
                 if let Some(thread) = self.threads.get_mut(&tid) {
                     thread.at_end = Some(at_end);
@@ -117,13 +117,13 @@ impl Tracer<'_> {
 
     /// A thread asks and waits for nothing; after many of these each takes a little time. `None` if
     /// it may be answered at once.
-    pub(crate) fn ask(&mut self, tid: Tid, crept: bool) -> Option<Action> {
+    pub(crate) fn ask(&mut self, tid: Tid, crept: bool) -> Option<Handling> {
         let thread = self.threads.get_mut(&tid)?;
         thread.asks = thread.asks.saturating_add(1);
         if crept || thread.asks <= FREE_ASKS {
             return None;
         }
-        Some(Action::Hold(Wait::Creep, Some(self.now + CREEP)))
+        Some(Handling::Hold(Wait::Creep, Some(self.now + CREEP)))
     }
 
     /// A thread lets the others go first.

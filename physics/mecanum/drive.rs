@@ -2,10 +2,10 @@
 
 use super::MecanumPlant;
 use super::encoder::PulseWire;
-use super::faults::WheelFaults;
 use super::motor::{Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
+use crate::faults::MotorFaults;
 use crate::running_gear::{Mass, RunningGear, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Slanted;
@@ -104,7 +104,7 @@ impl Drive {
         &mut self,
         velocity: [f64; 3],
         seconds: f64,
-        faults: &[WheelFaults; WHEELS],
+        faults: &[MotorFaults; WHEELS],
     ) {
         self.gear.follow(velocity, seconds);
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
@@ -202,7 +202,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
             blocked: faults.blocked,
         }
     });
-    let (body, most_friction) = (plant.body.id(), plant.faults.friction);
+    let (body, most_friction) = (plant.body.id(), plant.faults.body.friction);
     drive.gear.step(world, body, &drives, push, most_friction);
     for (index, grip) in grips.iter().enumerate() {
         drive.motor_torque[index] = grip.gain * (grip.speed - drive.gear.wheel_speed[index]);

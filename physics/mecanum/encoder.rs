@@ -1,16 +1,6 @@
 //! The pulses that a motor gives as its wheel turns.
 
-/// State of a wheel's encoder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
-    /// It gives a pulse for each step of the wheel, whichever way that turns.
-    #[default]
-    Working,
-    /// Its wire is off: pulses are lost.
-    Lost,
-    /// The counter hangs; once it is free again it has everything that it missed.
-    Stuck,
-}
+use crate::faults::EncoderState;
 
 /// One PG wire and its counter.
 #[derive(Debug, Clone)]
@@ -65,7 +55,7 @@ impl PulseWire {
     }
 
     /// Lets the wheel turn by `angle` radians.
-    pub(super) fn turn(&mut self, angle: f64, encoder: Encoder) {
+    pub(super) fn turn(&mut self, angle: f64, encoder: EncoderState) {
         self.angle += angle * self.per_radian;
         let edge = if self.angle >= self.edge + 1.0 {
             self.angle.floor()
@@ -81,12 +71,12 @@ impl PulseWire {
         }
         self.edge = edge;
         match encoder {
-            Encoder::Lost => pulses = 0,
-            Encoder::Stuck => {
+            EncoderState::Lost => pulses = 0,
+            EncoderState::Stuck => {
                 self.held_back = self.held_back.wrapping_add(pulses);
                 return;
             }
-            Encoder::Working => {}
+            EncoderState::Working => {}
         }
         self.count = self.count.wrapping_add(pulses).wrapping_add(self.held_back);
         self.held_back = 0;
@@ -120,7 +110,7 @@ mod tests {
                 for _ in 0..pieces {
                     wire.turn(
                         sign * std::f64::consts::TAU / f64::from(pieces),
-                        Encoder::Working,
+                        EncoderState::Working,
                     );
                 }
                 assert_eq!(wire.count(), 60, "{sign} {pieces}");
@@ -134,9 +124,9 @@ mod tests {
             let mut wire = wire();
             for count in 1..=5 {
                 let seconds = wire.next_in(speed).unwrap();
-                wire.turn(speed * seconds * 0.999, Encoder::Working);
+                wire.turn(speed * seconds * 0.999, EncoderState::Working);
                 assert_eq!(wire.count(), count - 1, "{speed}");
-                wire.turn(speed * seconds * 0.002, Encoder::Working);
+                wire.turn(speed * seconds * 0.002, EncoderState::Working);
                 assert_eq!(wire.count(), count, "{speed}");
             }
         }
@@ -146,14 +136,14 @@ mod tests {
     #[test]
     fn turning_back_counts_up_but_trembling_on_the_brink_does_not() {
         let mut wire = wire();
-        wire.turn(5.0 * PULSE, Encoder::Working);
-        wire.turn(-5.0 * PULSE, Encoder::Working);
+        wire.turn(5.0 * PULSE, EncoderState::Working);
+        wire.turn(-5.0 * PULSE, EncoderState::Working);
         assert_eq!(wire.count(), 10);
-        wire.turn(0.51 * PULSE, Encoder::Working);
+        wire.turn(0.51 * PULSE, EncoderState::Working);
         let count = wire.count();
         for _ in 0..100 {
-            wire.turn(-0.02 * PULSE, Encoder::Working);
-            wire.turn(0.02 * PULSE, Encoder::Working);
+            wire.turn(-0.02 * PULSE, EncoderState::Working);
+            wire.turn(0.02 * PULSE, EncoderState::Working);
         }
         assert_eq!(wire.count(), count);
     }
@@ -162,21 +152,21 @@ mod tests {
     fn a_counter_with_a_direction_counts_down() {
         let mut wire = wire();
         wire.set_directed(true);
-        wire.turn(-5.0 * PULSE, Encoder::Working);
+        wire.turn(-5.0 * PULSE, EncoderState::Working);
         assert_eq!(wire.count().cast_signed(), -5);
-        wire.turn(-2.0 * PULSE, Encoder::Stuck);
-        wire.turn(12.0 * PULSE, Encoder::Working);
+        wire.turn(-2.0 * PULSE, EncoderState::Stuck);
+        wire.turn(12.0 * PULSE, EncoderState::Working);
         assert_eq!(wire.count(), 5);
     }
 
     #[test]
     fn a_lost_wire_loses_pulses_and_a_stuck_counter_keeps_them() {
         let mut wire = wire();
-        wire.turn(10.0 * PULSE, Encoder::Lost);
+        wire.turn(10.0 * PULSE, EncoderState::Lost);
         assert_eq!(wire.count(), 0);
-        wire.turn(10.0 * PULSE, Encoder::Stuck);
+        wire.turn(10.0 * PULSE, EncoderState::Stuck);
         assert_eq!(wire.count(), 0);
-        wire.turn(PULSE, Encoder::Working);
+        wire.turn(PULSE, EncoderState::Working);
         assert_eq!(wire.count(), 11);
     }
 }

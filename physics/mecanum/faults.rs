@@ -1,30 +1,10 @@
 //! Deeds of an operator, a scenario or bad luck to the car.
 
-use super::encoder::Encoder;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
 use super::{BOUNDS, MecanumPlant};
-use crate::pose::Pose;
-use crate::vehicle_body::{number, within};
+use crate::faults::{BodyFaults, MotorFaults};
+use crate::vehicle_body::number;
 use crate::world::World;
-
-/// Faults of one wheel.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct WheelFaults {
-    /// It cannot turn at all. Its rollers still can.
-    pub blocked: bool,
-    /// Something drags on it, N·m.
-    pub drag_torque: f64,
-    /// Its motor neither drives nor holds it.
-    pub free_wheeling: bool,
-    /// Its motor holds it all the time.
-    pub brake_stuck_on: bool,
-    /// Its motor does not hold it when it should.
-    pub brake_stuck_open: bool,
-    /// Its motor turns the other way than FR says.
-    pub reversed: bool,
-    /// Its encoder.
-    pub encoder: Encoder,
-}
 
 /// State of an ultrasonic sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,12 +28,8 @@ pub struct MecanumFaults {
     pub unsupplied: bool,
     /// Plugs that have changed places.
     pub swaps: PlugSwaps,
-    /// Most friction that the ground under the wheels gives.
-    pub friction: Option<f64>,
-    /// Payload added, kg.
-    pub payload: f64,
-    /// Push added: ahead, left in N; counter-clockwise in N·m.
-    pub push: [f64; 3],
+    /// What is wrong with it as a body.
+    pub body: BodyFaults,
     /// The ultrasonic sensors, in the order of [`MecanumMeasurements::echoes`].
     pub ultrasonic: [Ultrasonic; ECHOES],
     /// Number that the reader takes any tag for.
@@ -88,11 +64,7 @@ impl MecanumFaults {
     /// can hear them.
     fn within_limits(&self, hearing: f64) -> Self {
         Self {
-            friction: self
-                .friction
-                .map(|friction| number(friction).clamp(0.0, 10.0)),
-            payload: number(self.payload).clamp(0.0, BOUNDS.payload),
-            push: self.push.map(|part| within(part, BOUNDS.push)),
+            body: self.body.within(BOUNDS),
             ultrasonic: self.ultrasonic.map(|sensor| match sensor {
                 Ultrasonic::Ghost(distance) => {
                     Ultrasonic::Ghost(number(distance).clamp(0.0, hearing))
@@ -117,7 +89,7 @@ impl MecanumPlant {
             *offset = offset.wrapping_add(jump);
         }
         self.follow_payload(world);
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of the car as a whole.
@@ -133,49 +105,27 @@ impl MecanumPlant {
     }
 
     /// Replaces all that is wrong with a wheel. Drag is held within 0–1000 N·m.
-    pub fn set_wheel_faults(&mut self, wheel: Wheel, faults: WheelFaults) {
-        self.wheel_faults[wheel.index()] = WheelFaults {
-            drag_torque: number(faults.drag_torque).clamp(0.0, 1e3),
-            ..faults
-        };
+    pub fn set_wheel_faults(&mut self, wheel: Wheel, faults: MotorFaults) {
+        self.wheel_faults[wheel.index()] = faults.within(1e3);
         if faults.blocked {
             self.drive.gear.stop(wheel.index());
         }
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of a wheel.
     #[must_use]
-    pub fn wheel_faults(&self, wheel: Wheel) -> WheelFaults {
+    pub fn wheel_faults(&self, wheel: Wheel) -> MotorFaults {
         self.wheel_faults[wheel.index()]
     }
 
-    /// Puts a payload on the deck, kg, within 0–100.
-    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
-        self.follow_payload(world);
-    }
-
-    fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.body.payload() + self.faults.payload;
+    pub(super) fn follow_payload(&mut self, world: &mut World) {
+        let payload = self.body.payload() + self.faults.body.payload;
         self.drive.set_payload(&self.settings, payload);
         world.set_mass(
             self.body.id(),
             self.drive.gear.mass,
             self.drive.gear.inertia,
         );
-    }
-
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
-    /// is held within ±10 kN.
-    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.body.set_push([ahead, left, turn]);
-    }
-
-    /// Lifts the car and sets it down elsewhere, standing.
-    pub fn place(&mut self, world: &mut World, pose: Pose) {
-        self.body.place(world, pose);
-        self.drive.gear.lift();
-        self.sensors.look(world, self.body.id(), self.body.motion());
     }
 }

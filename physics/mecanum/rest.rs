@@ -20,7 +20,7 @@ impl MecanumPlant {
     /// Ahead, left, counter-clockwise; N and N·m.
     pub(super) fn total_push(&self) -> [f64; 3] {
         let push = self.body.push();
-        std::array::from_fn(|part| push[part] + self.faults.push[part])
+        std::array::from_fn(|part| push[part] + self.faults.body.push[part])
     }
 
     /// Tells whether something is trying to move the car.

@@ -131,11 +131,11 @@ settings! {
         speed_gain: f64 = 10.0, range 0.001..=10000.0,
             assumed "a load of half the limit then costs 1.5 % of full speed";
         /// Moment of inertia of rotor, gear and wheel at the wheel.
-        inertia: f64 = 0.004, unit "kg*m^2", range 0.00001..=10.0,
-            assumed "a small rotor behind a gear of about 1:50";
+        inertia: f64 = 0.0028, unit "kg*m^2", range 0.00001..=10.0,
+            assumed "a rotor of 10 g*cm^2 behind a gear of 1:50, and a wheel of 250 g";
         /// Dry friction of the gear at the wheel.
         gear_friction: f64 = 0.12, unit "N*m", range 0.0..=100.0,
-            assumed "coasting, the car then loses 0.8 m/s^2 forward and twice that sideways; robots of \
+            assumed "coasting, the car then loses 0.9 m/s^2 forward and twice that sideways; robots of \
                      8 to 14 kg that were tuned with Pedro Pathing lose 0.9 and 1.4 to 2.5";
         /// Torque that BK holds.
         brake_torque: f64 = 1.5, unit "N*m", range 0.0..=1000.0,

@@ -3,40 +3,9 @@
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
 use super::{BOUNDS, R150Plant};
-use crate::pose::Pose;
+use crate::faults::{BodyFaults, MotorFaults};
 use crate::vehicle_body::{number, within};
 use crate::world::World;
-
-/// State of a wheel encoder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Encoder {
-    /// It measures.
-    #[default]
-    Working,
-    /// Its cable is off: it reads zero.
-    Lost,
-    /// It repeats what it read last.
-    Stuck,
-}
-
-/// Faults of one side.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SideFaults {
-    /// The wheels cannot turn at all.
-    pub blocked: bool,
-    /// Something drags on the wheels, N·m for the side.
-    pub drag_torque: f64,
-    /// The motor's cable is off: no current, the wheels turn freely.
-    pub motor_disconnected: bool,
-    /// The brake does not hold.
-    pub brake_stuck_open: bool,
-    /// The brake holds all the time.
-    pub brake_stuck_on: bool,
-    /// The motor is wired backwards. Its encoder is not.
-    pub reversed: bool,
-    /// The encoder.
-    pub encoder: Encoder,
-}
 
 /// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking
 /// them away leaves no trace but what they did to charge, fuses and motion meanwhile.
@@ -60,12 +29,8 @@ pub struct R150Faults {
     pub sides_swapped: bool,
     /// Added to what the encoders read, rpm.
     pub encoder_error: Sides<f64>,
-    /// Most friction that the ground under the tyres gives.
-    pub friction: Option<f64>,
-    /// Payload added, kg.
-    pub payload: f64,
-    /// Push added: ahead, left in N; counter-clockwise in N·m.
-    pub push: [f64; 3],
+    /// What is wrong with it as a body.
+    pub body: BodyFaults,
 }
 
 impl R150Faults {
@@ -83,11 +48,7 @@ impl R150Faults {
                 right: within(self.encoder_error.right, 1e5),
                 left: within(self.encoder_error.left, 1e5),
             },
-            friction: self
-                .friction
-                .map(|friction| number(friction).clamp(0.0, 10.0)),
-            payload: number(self.payload).clamp(0.0, BOUNDS.payload),
-            push: self.push.map(|part| within(part, BOUNDS.push)),
+            body: self.body.within(BOUNDS),
             ..*self
         }
     }
@@ -100,7 +61,7 @@ impl R150Plant {
         self.slow.battery.set_missing(self.faults.missing_charge);
         self.follow_payload(world);
         self.solve_network();
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of the vehicle as a whole.
@@ -145,14 +106,8 @@ impl R150Plant {
         self.loads[rail.index()]
     }
 
-    /// Puts a payload on the deck, kg, within 0–1000.
-    pub fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
-        self.follow_payload(world);
-    }
-
-    fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.body.payload() + self.faults.payload;
+    pub(super) fn follow_payload(&mut self, world: &mut World) {
+        let payload = self.body.payload() + self.faults.body.payload;
         self.drive.set_payload(&self.settings, payload);
         world.set_mass(
             self.body.id(),
@@ -161,35 +116,19 @@ impl R150Plant {
         );
     }
 
-    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed. Each
-    /// is held within ±100 kN.
-    pub fn set_push(&mut self, ahead: f64, left: f64, turn: f64) {
-        self.body.set_push([ahead, left, turn]);
-    }
-
-    /// Lifts the vehicle and sets it down elsewhere, standing.
-    pub fn place(&mut self, world: &mut World, pose: Pose) {
-        self.body.place(world, pose);
-        self.drive.gear.lift();
-        self.solve_network();
-    }
-
     /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.
-    pub fn set_side_faults(&mut self, side: Side, faults: SideFaults) {
-        self.side_faults[side] = SideFaults {
-            drag_torque: number(faults.drag_torque).clamp(0.0, 1e5),
-            ..faults
-        };
+    pub fn set_side_faults(&mut self, side: Side, faults: MotorFaults) {
+        self.side_faults[side] = faults.within(1e5);
         if faults.blocked {
             self.drive.gear.stop(side.index());
         }
         self.solve_network();
-        self.wake();
+        self.body.wake();
     }
 
     /// Returns the faults of a side.
     #[must_use]
-    pub fn side_faults(&self, side: Side) -> SideFaults {
+    pub fn side_faults(&self, side: Side) -> MotorFaults {
         self.side_faults[side]
     }
 

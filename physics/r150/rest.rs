@@ -24,11 +24,11 @@ impl R150Plant {
             }
             left -= due;
             self.solve_network();
-            self.wake();
+            self.body.wake();
         }
         if self.slow.advance(&self.flow, left) {
             self.solve_network();
-            self.wake();
+            self.body.wake();
         }
     }
 
@@ -60,6 +60,6 @@ impl R150Plant {
     /// Ahead, left, counter-clockwise; N and N·m.
     pub(super) fn total_push(&self) -> [f64; 3] {
         let push = self.body.push();
-        std::array::from_fn(|part| push[part] + self.faults.push[part])
+        std::array::from_fn(|part| push[part] + self.faults.body.push[part])
     }
 }

@@ -1,10 +1,10 @@
 //! Measurements on the plant.
 
 use super::R150Plant;
-use super::faults::Encoder;
 use super::fuse::FuseId;
 use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
+use crate::faults::EncoderState;
 use crate::running_gear::Energy;
 use crate::traction::GroundForce;
 use crate::world::World;
@@ -91,7 +91,7 @@ impl R150Plant {
 
     pub(super) fn note_encoders(&mut self) {
         for side in Side::BOTH {
-            if self.side_faults[side].encoder != Encoder::Stuck {
+            if self.side_faults[side].encoder != EncoderState::Stuck {
                 self.encoder_rpm[side.index()] = self.motor_rpm(side);
             }
         }
@@ -113,8 +113,8 @@ impl R150Plant {
         // Swapped cables lead to the other side's encoder.
         let side = self.port_of(side);
         let rpm = match self.side_faults[side].encoder {
-            Encoder::Lost => 0.0,
-            Encoder::Working | Encoder::Stuck => self.encoder_rpm[side.index()],
+            EncoderState::Lost => 0.0,
+            EncoderState::Working | EncoderState::Stuck => self.encoder_rpm[side.index()],
         };
         rpm + self.faults.encoder_error[side]
     }

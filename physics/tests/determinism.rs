@@ -7,8 +7,11 @@
 mod common;
 
 use common::TICK;
-use sim_physics::r150::{Load, Rail, Side, SideFaults, Sides};
-use sim_physics::{Ground, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::{Load, Rail, Side, Sides};
+use sim_physics::{
+    Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
+};
 
 const GOLDEN: u64 = 0x3f7c_57f9_a790_7dad;
 
@@ -95,9 +98,9 @@ fn digest() -> u64 {
     scene.drive([(-1.0, 0.6), (1.0, 1.0)], 400, |_| {});
     let slope = Ground::new(0.5, 0.15, 1.0);
     scene.world.set_ground(slope);
-    let dragging = SideFaults {
+    let dragging = MotorFaults {
         drag_torque: 30.0,
-        ..SideFaults::default()
+        ..MotorFaults::default()
     };
     scene.plants[1].set_side_faults(Side::Left, dragging);
     scene.plants[0].set_payload(&mut scene.world, 90.0);

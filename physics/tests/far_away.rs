@@ -7,7 +7,7 @@ mod common;
 
 use car::Car;
 use common::Bench;
-use sim_physics::{MecanumPlantSettings, Pose, World, WorldSettings};
+use sim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldSettings};
 
 /// Ten kilometres out, in a corner of the plane.
 const FAR: Pose = Pose {

@@ -12,8 +12,8 @@ use common::{Bench, FRICTION};
 use sim_physics::mecanum::MecanumFaults;
 use sim_physics::r150::Sides;
 use sim_physics::{
-    BodyShape, Ground, MecanumPlantSettings, Pose, R150Commands, R150Plant, R150PlantSettings,
-    World, WorldSettings,
+    BodyShape, Ground, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
+    R150PlantSettings, World, WorldSettings,
 };
 
 /// A vehicle whose sides are alike.
@@ -307,7 +307,7 @@ fn rows() -> Vec<Row> {
         ),
         ("car, strafe by wheels", strafe_share(0.0), 2, 0.74, 0.92),
         ("the same with 8 kg", strafe_share(8.0), 2, 0.74, 0.92),
-        ("car, coasting forward", coasting(false), 2, 0.6, 1.1),
+        ("car, coasting forward", coasting(false), 2, 0.88, 1.05),
         (
             "car, coasting sideways by forward",
             coasting(true) / coasting(false),

@@ -1,16 +1,20 @@
 //! Whatever is done to a vehicle, its numbers stay numbers, and no wheel has more grip than friction
 //! gives.
 
+#[path = "common/anything.rs"]
+mod anything;
 mod common;
 #[path = "common/ground.rs"]
 mod ground;
 
 use std::time::Duration;
 
+use anything::{any_body_faults, any_motor_faults};
 use common::{Bench, FRICTION};
 use proptest::prelude::*;
-use sim_physics::r150::{Encoder, Load, PwmSource, R150Faults, Rail, Side, SideFaults, Sides};
-use sim_physics::{Ground, Pose, R150PlantSettings};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side, Sides};
+use sim_physics::{Ground, Plant as _, Pose, R150PlantSettings};
 
 /// Something that a client, an operator or a scenario may do.
 #[derive(Debug, Clone)]
@@ -21,7 +25,7 @@ enum Action {
     Payload(f64),
     Push(f64, f64, f64),
     Place(f64, f64, f64),
-    Faults(bool, SideFaults),
+    Faults(bool, MotorFaults),
     Whole(Box<R150Faults>),
     Ground(f64, f64, f64),
     Pwm(usize, f64, f64),
@@ -29,14 +33,11 @@ enum Action {
     Steps(u32),
 }
 
-/// Mostly sensible, sometimes absurd.
+/// Largest of most numbers.
+const USUAL: f64 = 1000.0;
+
 fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        6 => -2.0..2.0,
-        3 => -1000.0..1000.0,
-        1 => -1e7..1e7,
-        1 => prop::sample::select(vec![0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e308, f64::MIN_POSITIVE]),
-    ]
+    anything::any_number(USUAL)
 }
 
 fn any_load() -> impl Strategy<Value = Load> {
@@ -48,39 +49,16 @@ fn any_load() -> impl Strategy<Value = Load> {
     ]
 }
 
-fn any_faults() -> impl Strategy<Value = SideFaults> {
-    let encoder = prop::sample::select(vec![Encoder::Working, Encoder::Lost, Encoder::Stuck]);
-    (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
-        let [
-            blocked,
-            motor_disconnected,
-            brake_stuck_open,
-            brake_stuck_on,
-            reversed,
-        ] = broken;
-        SideFaults {
-            blocked,
-            drag_torque,
-            motor_disconnected,
-            brake_stuck_open,
-            brake_stuck_on,
-            reversed,
-            encoder,
-        }
-    })
-}
-
 fn any_whole() -> impl Strategy<Value = R150Faults> {
     use any_number as n;
     (
         any::<[bool; 6]>(),
-        (n(), n(), n(), n()),
-        (n(), n(), n(), n()),
+        (n(), n(), n(), n(), n()),
+        any_body_faults(USUAL),
         any_load(),
     )
-        .prop_map(|(broken, electrical, mechanical, load)| {
-            let (supply_drop, supply_resistance, missing_charge, celsius) = electrical;
-            let (error, friction, payload, push) = mechanical;
+        .prop_map(|(broken, electrical, body, load)| {
+            let (supply_drop, supply_resistance, missing_charge, celsius, error) = electrical;
             let [power_module, sides_swapped, loaded, fuses_out @ ..] = broken;
             R150Faults {
                 loads: [loaded.then_some(load); 6],
@@ -92,9 +70,7 @@ fn any_whole() -> impl Strategy<Value = R150Faults> {
                 fuses_out: [fuses_out[0], fuses_out[1], fuses_out[2], false],
                 sides_swapped,
                 encoder_error: Sides::from([error, -error]),
-                friction: Some(friction),
-                payload,
-                push: [push, push, -push],
+                body,
             }
         })
 }
@@ -108,7 +84,7 @@ fn any_action() -> impl Strategy<Value = Action> {
         1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
         1 => (-50.0..50.0, -50.0..50.0, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
-        2 => (any::<bool>(), any_faults()).prop_map(|(left, faults)| Action::Faults(left, faults)),
+        2 => (any::<bool>(), any_motor_faults(USUAL)).prop_map(|(left, faults)| Action::Faults(left, faults)),
         2 => any_whole().prop_map(|faults| Action::Whole(Box::new(faults))),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
         1 => (0_usize..6, n(), n()).prop_map(|(input, frequency, duty)| Action::Pwm(input, frequency, duty)),
@@ -128,7 +104,7 @@ fn apply(bench: &mut Bench, action: &Action) {
         }),
         Action::Wire(rail, load) => plant.set_load(Rail::ALL[rail], load),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);

@@ -9,13 +9,14 @@
 mod car;
 
 use car::MOTIONS;
-use sim_physics::mecanum::{Encoder, Plugs, Wheel, WheelFaults, Wiring};
+use sim_physics::faults::{EncoderState, MotorFaults};
+use sim_physics::mecanum::{Plugs, Wheel, Wiring};
 use sim_physics::{
-    MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant,
+    MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
 };
 
-const GOLDEN: u64 = 0x7fb0_719c_5e0f_d0c1;
+const GOLDEN: u64 = 0x2ad1_c2b3_7b8e_a30d;
 
 /// FNV-1a over the bits of every number.
 struct Digest(u64);
@@ -136,10 +137,10 @@ fn digest() -> u64 {
     scene.r150.set_commands(&commands);
     scene.cars[0].set_wheel_faults(
         Wheel::LeftRear,
-        WheelFaults {
+        MotorFaults {
             blocked: true,
-            encoder: Encoder::Stuck,
-            ..WheelFaults::default()
+            encoder: EncoderState::Stuck,
+            ..MotorFaults::default()
         },
     );
     scene.motions([0, 5], 1.0, 600);

@@ -1,6 +1,8 @@
 //! Whatever is done to a car, its numbers stay numbers, and no wheel has more grip than friction gives.
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
+#[path = "common/anything.rs"]
+mod anything;
 #[path = "common/car.rs"]
 mod car;
 #[path = "common/ground.rs"]
@@ -8,21 +10,22 @@ mod ground;
 
 use std::time::Duration;
 
+use anything::{any_body_faults, any_motor_faults};
 use car::Car;
 use proptest::prelude::*;
+use sim_physics::faults::MotorFaults;
 use sim_physics::mecanum::{
-    Encoder, MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, WheelFaults,
-    Wiring,
+    MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, Wiring,
 };
 use sim_physics::{
-    Ground, MecanumCommands, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
+    Ground, MecanumCommands, MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings,
 };
 
 /// Something that a client, an operator or a scenario may do.
 #[derive(Debug, Clone)]
 enum Action {
     Drive([bool; 5], [bool; 5], f64),
-    Faults(usize, WheelFaults),
+    Faults(usize, MotorFaults),
     CarFaults(Box<MecanumFaults>),
     Payload(f64),
     Push(f64, f64, f64),
@@ -32,57 +35,30 @@ enum Action {
     Steps(u32),
 }
 
-/// Mostly sensible, sometimes absurd.
-fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        6 => -2.0..2.0,
-        3 => -100.0..100.0,
-        1 => -1e7..1e7,
-        1 => prop::sample::select(vec![0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e308, f64::MIN_POSITIVE]),
-    ]
-}
+/// Largest of most numbers.
+const USUAL: f64 = 100.0;
 
-fn any_faults() -> impl Strategy<Value = WheelFaults> {
-    let encoder = prop_oneof![
-        Just(Encoder::Working),
-        Just(Encoder::Lost),
-        Just(Encoder::Stuck),
-    ];
-    (any::<[bool; 5]>(), any_number(), encoder).prop_map(|(broken, drag_torque, encoder)| {
-        let [
-            blocked,
-            free_wheeling,
-            brake_stuck_on,
-            brake_stuck_open,
-            reversed,
-        ] = broken;
-        WheelFaults {
-            blocked,
-            drag_torque,
-            free_wheeling,
-            brake_stuck_on,
-            brake_stuck_open,
-            reversed,
-            encoder,
-        }
-    })
+fn any_number() -> impl Strategy<Value = f64> {
+    anything::any_number(USUAL)
 }
 
 fn any_car_faults() -> impl Strategy<Value = MecanumFaults> {
-    use any_number as n;
     let swaps = proptest::collection::vec((0..5_usize, 0..5_usize), 0..4);
-    (any::<[bool; 3]>(), swaps, (n(), n(), n(), n())).prop_map(
-        |([unsupplied, strip_lost, ghosts], swaps, (friction, payload, push, distance))| {
-            MecanumFaults {
+    (
+        any::<[bool; 3]>(),
+        swaps,
+        any_body_faults(USUAL),
+        any_number(),
+    )
+        .prop_map(
+            |([unsupplied, strip_lost, ghosts], swaps, body, distance)| MecanumFaults {
                 unsupplied,
                 swaps: swaps
                     .into_iter()
                     .fold(PlugSwaps::default(), |swaps, (one, other)| {
                         swaps.and(Port::ALL[one], Port::ALL[other])
                     }),
-                friction: Some(friction),
-                payload,
-                push: [push, -push, push],
+                body,
                 ultrasonic: [if ghosts {
                     Ultrasonic::Ghost(distance)
                 } else {
@@ -90,16 +66,15 @@ fn any_car_faults() -> impl Strategy<Value = MecanumFaults> {
                 }; 8],
                 strip_lost,
                 ..MecanumFaults::default()
-            }
-        },
-    )
+            },
+        )
 }
 
 fn any_action() -> impl Strategy<Value = Action> {
     use any_number as n;
     prop_oneof![
         6 => (any::<[bool; 5]>(), any::<[bool; 5]>(), n()).prop_map(|(reverse, brake, voltage)| Action::Drive(reverse, brake, voltage)),
-        2 => (0..WHEELS, any_faults()).prop_map(|(wheel, faults)| Action::Faults(wheel, faults)),
+        2 => (0..WHEELS, any_motor_faults(USUAL)).prop_map(|(wheel, faults)| Action::Faults(wheel, faults)),
         1 => any_car_faults().prop_map(|faults| Action::CarFaults(Box::new(faults))),
         1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
@@ -129,7 +104,7 @@ fn apply(car: &mut Car, action: &Action) {
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
         Action::CarFaults(faults) => plant.set_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
-        Action::Push(ahead, left, turn) => plant.set_push(ahead, left, turn),
+        Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));

@@ -7,7 +7,8 @@ mod car;
 use car::Car;
 use sim_physics::world::{Obstacle, Strip, Tag};
 use sim_physics::{
-    MecanumMeasurements, MecanumPlant, MecanumPlantSettings, Pose, World, WorldMap, WorldSettings,
+    MecanumMeasurements, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World, WorldMap,
+    WorldSettings,
 };
 
 /// A car whose sensors measure exactly.

@@ -6,7 +6,7 @@ mod car;
 
 use car::Car;
 use sim_physics::world::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Tag};
-use sim_physics::{MecanumPlantSettings, Pose, World, WorldMap, WorldSettings};
+use sim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings};
 
 fn at(x: f64, y: f64, heading: f64) -> Pose {
     Pose { x, y, heading }

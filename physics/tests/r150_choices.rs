@@ -2,6 +2,7 @@
 
 mod common;
 
+use sim_physics::Plant as _;
 use std::time::Duration;
 
 use common::Bench;

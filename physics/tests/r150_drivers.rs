@@ -6,8 +6,9 @@ mod common;
 use std::time::Duration;
 
 use common::Bench;
-use sim_physics::r150::{Side, SideFaults};
-use sim_physics::{Ground, R150PlantSettings};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::Side;
+use sim_physics::{Ground, Plant as _, R150PlantSettings};
 
 fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
     let mut settings = R150PlantSettings::default();
@@ -17,9 +18,9 @@ fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
 
 fn blocked(bench: &mut Bench) {
     for side in Side::BOTH {
-        let faults = SideFaults {
+        let faults = MotorFaults {
             blocked: true,
-            ..SideFaults::default()
+            ..MotorFaults::default()
         };
         bench.plant.set_side_faults(side, faults);
     }
@@ -92,7 +93,7 @@ fn ramps_take_their_time() {
 fn a_pushed_motor_with_its_driver_off_is_held_by_the_diodes() {
     let mut bench = Bench::new();
     bench.command(|commands| commands.propulsion_power = false);
-    bench.plant.set_push(900.0, 0.0, 0.0);
+    bench.plant.set_push([900.0, 0.0, 0.0]);
     bench.run(5.0);
     let truth = bench.plant.truth();
     println!(

@@ -5,10 +5,9 @@ mod common;
 use std::time::Duration;
 
 use common::{Bench, TICK};
-use sim_physics::r150::{
-    Encoder, FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side, SideFaults,
-};
-use sim_physics::{R150Measurements, R150PlantSettings};
+use sim_physics::faults::{EncoderState, MotorFaults};
+use sim_physics::r150::{FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side};
+use sim_physics::{Plant as _, R150Measurements, R150PlantSettings};
 
 fn with_load(rail: Rail, load: Load) -> (Bench, R150Measurements) {
     let mut bench = Bench::new();
@@ -182,9 +181,9 @@ fn a_pair_at_full_load_settles_near_70_degrees_with_120_seconds() {
 #[test]
 fn stalled_motors_blow_their_fuses() {
     let mut bench = Bench::unlimited();
-    let blocked = SideFaults {
+    let blocked = MotorFaults {
         blocked: true,
-        ..SideFaults::default()
+        ..MotorFaults::default()
     };
     bench.plant.set_side_faults(Side::Right, blocked);
     bench.plant.set_side_faults(Side::Left, blocked);
@@ -196,7 +195,7 @@ fn stalled_motors_blow_their_fuses() {
     assert_eq!(bench.plant.truth().motor_current.left, 0.0);
     assert!(bench.plant.measurements().module_powered);
     for side in Side::BOTH {
-        bench.plant.set_side_faults(side, SideFaults::default());
+        bench.plant.set_side_faults(side, MotorFaults::default());
     }
     bench.run(1.0);
     assert!(bench.speed().abs() < 1e-3);
@@ -308,16 +307,16 @@ fn encoders_can_lie_while_the_truth_goes_on() {
     let mut bench = Bench::new();
     bench.drive(1.0, 1.0);
     bench.run(2.0);
-    let with = |encoder| SideFaults {
+    let with = |encoder| MotorFaults {
         encoder,
-        ..SideFaults::default()
+        ..MotorFaults::default()
     };
     bench
         .plant
-        .set_side_faults(Side::Right, with(Encoder::Lost));
+        .set_side_faults(Side::Right, with(EncoderState::Lost));
     bench
         .plant
-        .set_side_faults(Side::Left, with(Encoder::Stuck));
+        .set_side_faults(Side::Left, with(EncoderState::Stuck));
     bench.drive(0.5, 0.5);
     bench.run(2.0);
     let rpm = bench.plant.measurements().motor_rpm;

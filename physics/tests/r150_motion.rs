@@ -3,8 +3,9 @@
 mod common;
 
 use common::{Bench, FRICTION};
-use sim_physics::r150::{Side, SideFaults};
-use sim_physics::{Ground, Pose, R150Plant, R150PlantSettings};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::Side;
+use sim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings};
 
 #[test]
 fn full_ahead_on_the_flat_is_1_4_metres_a_second() {
@@ -177,17 +178,17 @@ fn without_the_brake_the_shorted_motors_let_it_creep_and_open_ones_let_it_run() 
 fn pushed_when_released_and_unpowered_it_rolls() {
     let mut bench = Bench::new();
     bench.command(|commands| commands.propulsion_power = false);
-    bench.plant.set_push(200.0, 0.0, 0.0);
+    bench.plant.set_push([200.0, 0.0, 0.0]);
     bench.run(2.0);
     println!("pushed with 200 N for 2 s: {:.3} m/s", bench.speed());
     assert!(bench.speed() > 0.5);
-    bench.plant.set_push(0.0, 0.0, 0.0);
+    bench.plant.set_push([0.0, 0.0, 0.0]);
     bench.run_while(20.0, |bench| !bench.plant.at_rest());
     assert!(bench.plant.at_rest());
     // Parked, the same push does not move it.
     bench.command(|commands| commands.parking_brake = true);
     let from = bench.plant.truth().pose.x;
-    bench.plant.set_push(200.0, 0.0, 0.0);
+    bench.plant.set_push([200.0, 0.0, 0.0]);
     bench.run(2.0);
     assert!((bench.plant.truth().pose.x - from).abs() < 0.02);
 }
@@ -199,9 +200,9 @@ fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
     for side in Side::BOTH {
         bench.plant.set_side_faults(
             side,
-            SideFaults {
+            MotorFaults {
                 blocked: true,
-                ..SideFaults::default()
+                ..MotorFaults::default()
             },
         );
     }
@@ -250,9 +251,9 @@ fn one_blocked_side_pulls_it_around() {
     let mut bench = Bench::new();
     bench.plant.set_side_faults(
         Side::Left,
-        SideFaults {
+        MotorFaults {
             blocked: true,
-            ..SideFaults::default()
+            ..MotorFaults::default()
         },
     );
     bench.drive(1.0, 1.0);

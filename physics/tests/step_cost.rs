@@ -14,8 +14,8 @@ use std::time::Instant;
 use common::{Bench, TICK};
 use sim_physics::mecanum::PortCommand;
 use sim_physics::{
-    BodyShape, MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, R150Commands, R150Plant,
-    R150PlantSettings, World, WorldMap, WorldSettings,
+    BodyShape, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands,
+    R150Plant, R150PlantSettings, World, WorldMap, WorldSettings,
 };
 
 const STEPS: u32 = 200_000;

@@ -179,6 +179,8 @@ class Simulator:
         self._process = process
         self._folder = folder
         self._log_path = log_path
+        # Whether time stands still because of this program.
+        self._has_paused = False
         state = control.state()
         devices = state["devices"]
         #: Whose time it is: ``real``, or ``lockstep`` under ``sim run``, where time goes on while this
@@ -229,9 +231,19 @@ class Simulator:
         expect = {"that": condition, "within": span(within)}
         if message is not None:
             expect["message"] = message
-        over = self.control.add_step({"expect": expect}, wait=True, timeout=3600.0)
+        over = self._wait({"expect": expect})
         if over["state"] != "done":
             raise NotReached(over.get("why") or f"`{condition}` has not come to hold")
+
+    def _wait(self, step: Mapping[str, Json]) -> Json:
+        """Has a step done and waits until it is over, unless this program itself keeps that from coming."""
+        if not self._has_paused:
+            return self.control.add_step(step, wait=True, timeout=3600.0)
+        over = self.control.add_step(step)
+        if over["state"] not in ("done", "failed"):
+            self.control.clear(over["name"])
+            raise ControlError("this would never end: time stands still since pause() or step_by(); go_on() lets it go on")
+        return over
 
     def get(self, name: str) -> Value:
         """The value of a name now; with several devices it begins with one's, as ``car.truth.x_m``."""
@@ -244,20 +256,23 @@ class Simulator:
     def pause(self) -> None:
         """Lets simulated time stand still."""
         self.control.time("pause")
+        self._has_paused = True
 
     def go_on(self) -> None:
         """Lets it go on."""
         self.control.time("go_on")
+        self._has_paused = False
 
     def step_by(self, span_: Seconds) -> None:
         """Lets so much pass, and then stand still; returns when it has passed."""
         self.control.time({"step": span(span_)})
+        self._has_paused = True
 
     def advance(self, span_: Seconds) -> None:
         """Waits for so much simulated time, in whatever time it is."""
         now = self.now
         step = {"at": span(span_), "expect": {"that": "true"}}
-        over = self.control.add_step(step, wait=True, timeout=3600.0)
+        over = self._wait(step)
         if over["state"] != "done":
             raise ControlError(f"{span_} from {now} s have not passed: {over.get('why')}")
 
@@ -269,7 +284,10 @@ class Simulator:
     @property
     def speed(self) -> float:
         """Simulated seconds for each second of real time."""
-        return float(self.control.state()["speed"])
+        speed = self.control.state()["speed"]
+        if speed is None:
+            raise ControlError("time is the client's here: it goes on while the client waits, at no speed")
+        return float(speed)
 
     @speed.setter
     def speed(self, speed: float) -> None:

@@ -62,12 +62,16 @@ def test_a_marker_says_how_it_is_started(sim_r150):
 
 
 def test_time_and_events(sim_mecanum):
-    events = sim_mecanum.events(names=["truth.x_m"], rate=50, timeout=60)
+    events = sim_mecanum.events(names=["truth.x_m"], rate=5, timeout=60)
     assert next(event for event in events if event.kind == "values").data["values"] == {"truth.x_m": 0.0}
     sim_mecanum.pause()
     before = sim_mecanum.now
     sim_mecanum.step_by("30 ms")
     assert sim_mecanum.now - before == pytest.approx(0.03)
+    sim_mecanum.until("t > 0")
+    for wait in [lambda: sim_mecanum.until("truth.x_m > 1"), lambda: sim_mecanum.advance("1 s")]:
+        with pytest.raises(rigsim.ControlError, match="go_on"):
+            wait()
     sim_mecanum.speed = 5
     assert sim_mecanum.speed == 5
     sim_mecanum.go_on()
@@ -96,9 +100,10 @@ def test_a_test_that_fails_shows_and_keeps_what_happened(pytester):
 
 
 def test_a_scenario_judges_a_test(pytester):
-    stand = STAND % "500 ms"
+    # Tests have time enough until it is broken; the rest is played fast.
+    stand = STAND % "70 s"
     (pytester.path / "good.toml").write_text(stand)
-    (pytester.path / "bad.toml").write_text(stand + '[[never]]\nthat = "t > 0.2"\nmessage = "too late"\n')
+    (pytester.path / "bad.toml").write_text(stand + '[[never]]\nthat = "t > 60"\nmessage = "too late"\n')
     pytester.makepyfile(
         """
         import os, pytest
@@ -156,10 +161,15 @@ def test_tests_run_in_parallel(pytester):
 
 
 TEST = """
+import pytest, rigsim
+
 def test_it(sim_r150):
     import os
     file = os.open(sim_r150.port, os.O_RDWR | os.O_NOCTTY)
     assert sim_r150.joined and sim_r150.time == "lockstep"
+    for change in ["pause", "go_on", lambda: sim_r150.step_by(1), lambda: sim_r150.speed]:
+        with pytest.raises(rigsim.ControlError, match="time is the client's"):
+            change() if callable(change) else getattr(sim_r150, change)()
     with sim_r150.fault("mute", direction="to-client"):
         sim_r150.advance("100 s")
     sim_r150.until("t > 200", within="200 s")

@@ -5,7 +5,7 @@ use sim_core::event::{Event, Role};
 
 use super::outcome::Context;
 use super::{MOST_RECENT, Run};
-use crate::scenario::Action;
+use crate::scenario::StepAction;
 
 /// Something that happened.
 #[derive(Debug)]
@@ -62,7 +62,7 @@ impl Run {
             let Some(begun) = state.begun else { continue };
             let said = |what: &str| format!("\"{}\" ({what}), from {begun} s on", step.name);
             match (&step.action, &step.deed) {
-                (Action::Fault(fault), _) if state.has_faults() => armed.push(said(fault.id())),
+                (StepAction::Fault(fault), _) if state.has_faults() => armed.push(said(fault.id())),
                 (_, Some(deed)) if state.has_effects() => others.push(said(deed)),
                 _ => {}
             }

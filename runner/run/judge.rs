@@ -9,7 +9,7 @@ use sim_settings::show_duration;
 use super::Run;
 use super::agenda::Item;
 use crate::condition::{Condition, Situation};
-use crate::scenario::{Action, Rule, Scenario, Trigger};
+use crate::scenario::{Rule, Scenario, StepAction, Trigger};
 
 /// How often it is looked at how near something has come.
 const NEARNESS_EVERY: Duration = Duration::from_millis(20);
@@ -178,7 +178,8 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let waiting = std::mem::take(&mut self.expected);
         for expected in waiting {
-            let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
+            let StepAction::Expect { that, message, .. } = &scenario.steps[expected.step].action
+            else {
                 continue;
             };
             let why = match self.holds(that) {

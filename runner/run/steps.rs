@@ -12,7 +12,7 @@ use super::agenda::Item;
 use super::effects::Undo;
 use super::judge::{Expected, Nearest};
 use super::{MOST_ROUNDS, Run};
-use crate::scenario::{Action, Only, Overlap, Scenario, Step, Times, Trigger};
+use crate::scenario::{Only, Overlap, Scenario, Step, StepAction, Times, Trigger};
 
 /// Progress of a step.
 #[derive(Debug)]
@@ -142,7 +142,7 @@ impl Run {
 
     /// Tells whether a step is played in this kind of run.
     pub(super) fn is_played(&self, step: &Step) -> bool {
-        let host = matches!(step.action, Action::Host(_));
+        let host = matches!(step.action, StepAction::Host(_));
         let replaced = host && !self.has_script(step.device);
         self.is_judged(step.only, step.mission) && !replaced
     }
@@ -282,33 +282,33 @@ impl Run {
 
     fn act(&mut self, index: usize, step: &Step, now: SimTime) {
         let undo = match &step.action {
-            Action::Host(host) => {
+            StepAction::Host(host) => {
                 self.host_acts(index, host, now);
                 None
             }
-            Action::Fault(fault) => self.inject(index, step, fault, now),
-            Action::Clear(other) => {
+            StepAction::Fault(fault) => self.inject(index, step, fault, now),
+            StepAction::Clear(other) => {
                 for number in self.active_faults(*other) {
                     self.clear_fault(*other, number);
                 }
                 None
             }
-            Action::Operator(action) => {
+            StepAction::Operator(action) => {
                 self.note_deed(index, false);
                 self.operate(step.device, action.as_ref())
             }
-            Action::World(action) => {
+            StepAction::World(action) => {
                 self.note_deed(index, false);
                 self.change_world(index, step.device, action, now)
             }
-            Action::Expect { within, .. } => {
+            StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
                 self.expected.push(Expected { step: index, due });
                 self.agenda.plan(due, Item::Look);
                 self.steps[index].pending += 1;
                 None
             }
-            Action::Nothing => None,
+            StepAction::Nothing => None,
         };
         let state = &mut self.steps[index];
         let until = step.until.as_ref().map(|_| SimTime::MAX);
@@ -395,7 +395,7 @@ impl Run {
     fn held_back(&self, device: usize) -> Duration {
         let steps = self.scenario.steps.iter();
         let faults = steps.filter_map(|step| match &step.action {
-            Action::Fault(fault) if step.device == device => Some(fault.holds_back()),
+            StepAction::Fault(fault) if step.device == device => Some(fault.holds_back()),
             _ => None,
         });
         faults.max().unwrap_or_default()
@@ -406,7 +406,7 @@ impl Run {
         steps
             .filter(|(step, state)| step.device == device && !state.faults.is_empty())
             .any(
-                |(step, _)| matches!(&step.action, Action::Fault(fault) if fault.disturbs_requests()),
+                |(step, _)| matches!(&step.action, StepAction::Fault(fault) if fault.disturbs_requests()),
             )
     }
 

@@ -9,7 +9,7 @@ use sim_settings::show_duration;
 use super::Run;
 use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 use super::steps::FaultCounts;
-use crate::scenario::{Action, Trigger};
+use crate::scenario::{StepAction, Trigger};
 
 /// Most failures that are told; further ones are counted.
 const MOST_FAILURES: usize = 50;
@@ -88,7 +88,8 @@ impl Run {
             if endless(expected.step) {
                 continue;
             }
-            let Action::Expect { that, message, .. } = &scenario.steps[expected.step].action else {
+            let StepAction::Expect { that, message, .. } = &scenario.steps[expected.step].action
+            else {
                 continue;
             };
             let why = self.not_held(expected.step, that, message.as_deref());
@@ -106,7 +107,7 @@ impl Run {
         let scenario = Arc::clone(&self.scenario);
         let mut records = Vec::new();
         for (index, step) in scenario.steps.iter().enumerate() {
-            let Action::Fault(fault) = &step.action else {
+            let StepAction::Fault(fault) = &step.action else {
                 continue;
             };
             let Some(begun) = self.steps[index].begun else {

@@ -15,7 +15,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::compose::{Parameters, Texts, put_over};
 use super::document::{ClientText, Document, StepText, TimeText};
-use super::{Action, MOST_STEPS, Rule, Scenario, Step, Times, Trigger};
+use super::{MOST_STEPS, Rule, Scenario, Step, StepAction, Times, Trigger};
 use crate::condition::{Condition, Saved, Scope, Value, identifier};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::{Problems, Put};
@@ -443,7 +443,7 @@ impl Checker<'_> {
                     self.problems.add(at, why);
                 }
             }
-            if let (Action::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
+            if let (StepAction::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
                 && texts[*other].get_ref().fault.is_none()
                 && !self.left_out.lacks(texts[*other].span().start, &["fault"])
             {

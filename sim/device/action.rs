@@ -93,17 +93,23 @@ impl Action for Hands {
         match *self {
             Self::Push(Push { ahead, left, turn }) => {
                 let [ahead, left] = [ahead, left].map(|force| force.map_or(0.0, |force| force.0));
-                device.set_push([ahead, left, turn.map_or(0.0, |torque| torque.0)]);
-                Some(Box::new(|device, _, _| device.set_push([0.0; 3])))
+                device
+                    .plant_mut()
+                    .set_push([ahead, left, turn.map_or(0.0, |torque| torque.0)]);
+                Some(Box::new(|device, _, _| {
+                    device.plant_mut().set_push([0.0; 3])
+                }))
             }
             Self::Payload(mass) => {
-                device.set_payload(world, mass.0);
-                Some(Box::new(|device, world, _| device.set_payload(world, 0.0)))
+                device.plant_mut().set_payload(world, mass.0);
+                Some(Box::new(|device, world, _| {
+                    device.plant_mut().set_payload(world, 0.0)
+                }))
             }
             Self::Place(Place { x, y, heading }) => {
                 let heading = heading.map_or(0.0, |angle| angle.0.to_radians());
                 let (x, y) = (x.0, y.0);
-                device.place(world, Pose { x, y, heading });
+                device.plant_mut().place(world, Pose { x, y, heading });
                 None
             }
         }

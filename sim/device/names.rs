@@ -75,7 +75,7 @@ impl<'a> View<'a> {
     }
 
     fn motion(&self) -> Motion {
-        self.device.motion()
+        self.device.plant().motion()
     }
 }
 
@@ -98,9 +98,9 @@ pub static MOTION: &[NameInfo] = &[
     NameInfo::number("truth.yaw_rate_deg_s", "deg/s", "true yaw rate, counter-clockwise", |v| v.motion().yaw_rate.to_degrees()),
     NameInfo::number("truth.distance_m", "m", "length of the path driven so far", |v| v.motion().distance),
     NameInfo::number("truth.mass_kg", "kg", "mass with payload", |v| v.motion().mass),
-    NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.device.at_rest()),
-    NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.world.is_touching(v.device.body())),
-    NameInfo::number("truth.collisions", "", "how often it has come to touch something", |v| as_number(v.world.collisions(v.device.body()))),
+    NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.device.plant().at_rest()),
+    NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.world.is_touching(v.device.plant().body())),
+    NameInfo::number("truth.collisions", "", "how often it has come to touch something", |v| as_number(v.world.collisions(v.device.plant().body()))),
 ];
 
 /// The length of the velocity; a square root is the same on every machine.

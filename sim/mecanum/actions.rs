@@ -7,7 +7,7 @@ use sim_settings::SimTime;
 
 use super::Mecanum;
 use crate::device::{self, Actions, Device, Performed, actions};
-use crate::mecanum_device::Action;
+use crate::mecanum_device::OperatorInput;
 use crate::mecanum_device::kinematics::{Course, Movement};
 
 pub(super) const OPERATOR: Actions = actions::<Operator>();
@@ -60,15 +60,15 @@ impl device::Action for Operator {
     fn perform(&self, device: &mut dyn Device, _world: &mut World, now: SimTime) -> Performed {
         let car = device.get_mut::<Mecanum>()?;
         match self {
-            Self::Press(key) => car.operate(now, Action::Press(key.movement())),
+            Self::Press(key) => car.operate(now, OperatorInput::Press(key.movement())),
             Self::Release => {
-                car.operate(now, Action::Release);
+                car.operate(now, OperatorInput::Release);
                 return None;
             }
         }
         Some(Box::new(|device, _, now| {
             if let Some(car) = device.get_mut::<Mecanum>() {
-                car.operate(now, Action::Release);
+                car.operate(now, OperatorInput::Release);
             }
         }))
     }

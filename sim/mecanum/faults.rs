@@ -1,8 +1,9 @@
 //! Faults of a mecanum car's hardware and sensors.
 
 use sim_physics::World;
+use sim_physics::faults::MotorFaults;
 use sim_physics::mecanum::{
-    ECHOES, Encoder, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel, WheelFaults,
+    ECHOES, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel,
 };
 
 use super::Mecanum;
@@ -150,7 +151,7 @@ type Echoes = [Option<f64>; ECHOES];
 /// Sum of the effects of all armed faults on one car.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Layer {
-    wheels: [WheelFaults; 4],
+    wheels: [MotorFaults; 4],
     whole: MecanumFaults,
 }
 
@@ -159,6 +160,7 @@ impl Layer {
         let mut layer = Self::default();
         for (fault, echoes) in faults {
             layer.add_to_wheels(fault);
+            fault.add_to_body(&mut layer.whole.body);
             add(&mut layer.whole, fault, echoes);
         }
         layer
@@ -173,19 +175,7 @@ impl Layer {
             .filter(|wheel| has_wheel(motors, *wheel))
         {
             let own = &mut self.wheels[wheel.index()];
-            match fault {
-                Fault::Blocked { .. } => own.blocked = true,
-                Fault::Dragging { torque, .. } => {
-                    own.drag_torque += torque.map_or(USUAL_DRAG, |torque| torque.0.abs());
-                }
-                Fault::FreeWheeling { .. } => own.free_wheeling = true,
-                Fault::EncoderLost { .. } => own.encoder = Encoder::Lost,
-                Fault::EncoderStuck { .. } => own.encoder = Encoder::Stuck,
-                Fault::WiredBackwards { .. } => own.reversed = !own.reversed,
-                Fault::BrakeStuckOn { .. } => own.brake_stuck_on = true,
-                Fault::BrakeStuckOpen { .. } => own.brake_stuck_open = true,
-                _ => {}
-            }
+            fault.add_to_motor(own, USUAL_DRAG);
         }
     }
 
@@ -208,15 +198,6 @@ fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
         Fault::SupplyLost {} => whole.unsupplied = true,
         Fault::PortsSwapped { port, with } => {
             whole.swaps = whole.swaps.and(port_of(*port), port_of(*with));
-        }
-        Fault::Ice { friction } => {
-            let most = whole.friction.unwrap_or(f64::INFINITY);
-            whole.friction = Some(most.min(friction.get()));
-        }
-        Fault::Payload { mass } => whole.payload += mass.0,
-        Fault::Push { ahead, left, turn } => {
-            let [old_ahead, old_left, old_turn] = whole.push;
-            whole.push = [old_ahead + ahead.0, old_left + left.0, old_turn + turn.0];
         }
         Fault::UltrasonicMissing { sensor }
         | Fault::UltrasonicStuck { sensor }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::Action;
+use super::OperatorInput;
 use super::ascii::{self, LineError};
 use super::codec::Decoded;
 use super::kinematics::Movement;
@@ -100,7 +100,7 @@ pub enum MecanumEvent {
         remote: bool,
     },
     /// Somebody pressed a button.
-    Operated(Action),
+    Operated(OperatorInput),
     /// A key has no effect because the board drives.
     KeyIgnored(Movement),
     /// The board lost its supply.

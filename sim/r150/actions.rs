@@ -10,7 +10,7 @@ use super::R150;
 use crate::device::{self, Actions, Device, Performed, actions};
 use crate::fault::parameters::{Key, RailName};
 use crate::r150_device::control::Outputs;
-use crate::r150_device::vehicle::Action;
+use crate::r150_device::vehicle::OperatorInput;
 
 pub(super) const OPERATOR: Actions = actions::<Operator>();
 pub(super) const SURROUNDINGS: Actions = actions::<Surroundings>();
@@ -65,24 +65,27 @@ struct AppSetsText {
 
 impl Operator {
     /// What is pressed, and what undoes it.
-    fn presses(&self) -> (Action, Option<Action>) {
+    fn presses(&self) -> (OperatorInput, Option<OperatorInput>) {
         match self {
-            Self::Unlock => (Action::Unlock, Some(Action::Lock)),
-            Self::Lock => (Action::Lock, Some(Action::Unlock)),
-            Self::ReleaseParking => (Action::ReleaseParking, None),
-            Self::Autonomous => (Action::Autonomous, None),
-            Self::Press(key) => (Action::Press(super::key(*key)), Some(Action::ReleaseKey)),
-            Self::Release => (Action::ReleaseKey, None),
+            Self::Unlock => (OperatorInput::Unlock, Some(OperatorInput::Lock)),
+            Self::Lock => (OperatorInput::Lock, Some(OperatorInput::Unlock)),
+            Self::ReleaseParking => (OperatorInput::ReleaseParking, None),
+            Self::Autonomous => (OperatorInput::Autonomous, None),
+            Self::Press(key) => (
+                OperatorInput::Press(super::key(*key)),
+                Some(OperatorInput::ReleaseKey),
+            ),
+            Self::Release => (OperatorInput::ReleaseKey, None),
             Self::EmergencyStop(pushed_in) => (
-                Action::EmergencyStop(*pushed_in),
-                Some(Action::EmergencyStop(!pushed_in)),
+                OperatorInput::EmergencyStop(*pushed_in),
+                Some(OperatorInput::EmergencyStop(!pushed_in)),
             ),
             Self::AppHolds(AppHoldsText { power, pwm }) => (
-                Action::AppHolds {
+                OperatorInput::AppHolds {
                     power: *power,
                     pwm: *pwm,
                 },
-                Some(Action::AppHolds {
+                Some(OperatorInput::AppHolds {
                     power: false,
                     pwm: false,
                 }),
@@ -92,7 +95,7 @@ impl Operator {
                     power: super::bits(&sets.on),
                     pwm: sets.pwm,
                 };
-                (Action::AppSets(outputs), None)
+                (OperatorInput::AppSets(outputs), None)
             }
         }
     }

@@ -1,7 +1,8 @@
 //! Faults of an R150: its hardware, and what people do to it at the worst time.
 
 use sim_physics::World;
-use sim_physics::r150::{Encoder, FuseId, Load, R150Faults, R150Plant, Side, SideFaults, Sides};
+use sim_physics::faults::MotorFaults;
+use sim_physics::r150::{FuseId, Load, R150Faults, R150Plant, Side, Sides};
 use sim_settings::SimTime;
 
 use super::R150;
@@ -11,7 +12,7 @@ use crate::noise::Noise;
 use crate::r150_device::can::CanFailure;
 use crate::r150_device::command;
 use crate::r150_device::control::Parts;
-use crate::r150_device::vehicle::{Action, Key};
+use crate::r150_device::vehicle::{Key, OperatorInput};
 
 /// Drag on the wheels of a side unless given, N·m.
 const USUAL_DRAG: f64 = 100.0;
@@ -70,7 +71,7 @@ struct Armed {
     fault: Fault,
     noise: Noise,
     /// Actions that undo the operator's deed.
-    undo: Vec<Action>,
+    undo: Vec<OperatorInput>,
     /// Error that interference adds to the encoders now, r/min.
     errors: [f64; 2],
 }
@@ -218,7 +219,7 @@ fn nominal_voltage(rail: RailName) -> f64 {
 /// Sum of the effects of all armed faults on one vehicle.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Layer {
-    sides: Sides<SideFaults>,
+    sides: Sides<MotorFaults>,
     whole: R150Faults,
 }
 
@@ -227,8 +228,9 @@ impl Layer {
     fn of<'f>(faults: impl Iterator<Item = &'f Fault>, errors: [f64; 2]) -> Self {
         let mut layer = Self::default();
         for fault in faults {
-            layer.add(fault);
-            layer.whole.add(fault);
+            layer.add_to_motors(fault);
+            fault.add_to_body(&mut layer.whole.body);
+            add(&mut layer.whole, fault);
         }
         layer.whole.encoder_error = Sides::from(errors);
         layer
@@ -240,7 +242,7 @@ impl Layer {
         errors != std::mem::replace(&mut self.whole.encoder_error, errors)
     }
 
-    fn add(&mut self, fault: &Fault) {
+    fn add_to_motors(&mut self, fault: &Fault) {
         let Some(motors) = fault.motors() else {
             return;
         };
@@ -249,19 +251,7 @@ impl Layer {
             .filter(|side| has_side(motors, *side))
         {
             let own = &mut self.sides[side];
-            match fault {
-                Fault::Blocked { .. } => own.blocked = true,
-                Fault::Dragging { torque, .. } => {
-                    own.drag_torque += torque.map_or(USUAL_DRAG, |torque| torque.0.abs());
-                }
-                Fault::FreeWheeling { .. } => own.motor_disconnected = true,
-                Fault::EncoderLost { .. } => own.encoder = Encoder::Lost,
-                Fault::EncoderStuck { .. } => own.encoder = Encoder::Stuck,
-                Fault::WiredBackwards { .. } => own.reversed = !own.reversed,
-                Fault::BrakeStuckOn { .. } => own.brake_stuck_on = true,
-                Fault::BrakeStuckOpen { .. } => own.brake_stuck_open = true,
-                _ => {}
-            }
+            fault.add_to_motor(own, USUAL_DRAG);
         }
     }
 
@@ -278,51 +268,36 @@ impl Layer {
     }
 }
 
-/// Lets a fault be part of what is wrong as a whole.
-trait Add {
-    fn add(&mut self, fault: &Fault);
-}
-
-impl Add for R150Faults {
-    fn add(&mut self, fault: &Fault) {
-        match fault {
-            Fault::RailLoad {
-                rail,
-                power,
-                resistance,
-                current,
-            } => {
-                let resistance = resistance.map(|resistance| Load::Resistance(resistance.0));
-                let power = power.map(|power| power.0);
-                let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
-                self.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
-            }
-            Fault::RailShort { rail } => self.loads[super::rail(*rail).index()] = Some(Load::Short),
-            Fault::RailOpen { rail } => self.loads[super::rail(*rail).index()] = Some(Load::Open),
-            Fault::SupplySag { by, resistance } => {
-                self.supply_drop += by.0;
-                self.supply_resistance += resistance.0;
-            }
-            Fault::OverTemperature { pair, temperature } => {
-                let least = &mut self.temperature[*pair as usize];
-                *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
-            }
-            Fault::PowerModuleFault {} => self.power_module = true,
-            Fault::BatteryEmpty {} => self.missing_charge = 1.0,
-            Fault::ChargeDrop { by } => self.missing_charge += by.0 / 100.0,
-            Fault::FuseBlown { fuse } => self.fuses_out[*fuse as usize] = true,
-            Fault::SidesSwapped {} => self.sides_swapped = !self.sides_swapped,
-            Fault::Ice { friction } => {
-                let most = self.friction.unwrap_or(f64::INFINITY);
-                self.friction = Some(most.min(friction.get()));
-            }
-            Fault::Payload { mass } => self.payload += mass.0,
-            Fault::Push { ahead, left, turn } => {
-                let [old_ahead, old_left, old_turn] = self.push;
-                self.push = [old_ahead + ahead.0, old_left + left.0, old_turn + turn.0];
-            }
-            _ => {}
+/// Adds what a fault does to the vehicle as a whole.
+fn add(whole: &mut R150Faults, fault: &Fault) {
+    match fault {
+        Fault::RailLoad {
+            rail,
+            power,
+            resistance,
+            current,
+        } => {
+            let resistance = resistance.map(|resistance| Load::Resistance(resistance.0));
+            let power = power.map(|power| power.0);
+            let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
+            whole.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
         }
+        Fault::RailShort { rail } => whole.loads[super::rail(*rail).index()] = Some(Load::Short),
+        Fault::RailOpen { rail } => whole.loads[super::rail(*rail).index()] = Some(Load::Open),
+        Fault::SupplySag { by, resistance } => {
+            whole.supply_drop += by.0;
+            whole.supply_resistance += resistance.0;
+        }
+        Fault::OverTemperature { pair, temperature } => {
+            let least = &mut whole.temperature[*pair as usize];
+            *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
+        }
+        Fault::PowerModuleFault {} => whole.power_module = true,
+        Fault::BatteryEmpty {} => whole.missing_charge = 1.0,
+        Fault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
+        Fault::FuseBlown { fuse } => whole.fuses_out[*fuse as usize] = true,
+        Fault::SidesSwapped {} => whole.sides_swapped = !whole.sides_swapped,
+        _ => {}
     }
 }
 
@@ -414,50 +389,54 @@ fn what(fault: &Fault, r150: &R150) -> String {
 }
 
 /// Nobody drives with this key: it is let go at the same instant.
-const TOUCH: [Action; 2] = [Action::Press(Key::Forward), Action::ReleaseKey];
+const TOUCH: [OperatorInput; 2] = [
+    OperatorInput::Press(Key::Forward),
+    OperatorInput::ReleaseKey,
+];
 
 /// Does it; gives what undoes it, and whether it changed anything.
-fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<Action>, bool) {
+fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, bool) {
     let vehicle = r150.device().vehicle();
     let (locked, parked) = (vehicle.locked(), vehicle.parked());
     let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
     // A key that goes on driving after it is let go is ended by the top button, which does nothing
     // else while the parking brake is off; while it is on, nothing drives.
-    let end_key = (vehicle.key_outlasts_press() && !parked).then_some(Action::ReleaseParking);
+    let end_key =
+        (vehicle.key_outlasts_press() && !parked).then_some(OperatorInput::ReleaseParking);
     let mut undo = Vec::new();
     let mut act = Vec::new();
     // The parking brake can be released in remote mode only.
-    let release = |undo: &mut Vec<Action>| {
+    let release = |undo: &mut Vec<OperatorInput>| {
         undo.extend(TOUCH);
-        undo.push(Action::ReleaseParking);
-        undo.extend(autonomous.then_some(Action::Autonomous));
+        undo.push(OperatorInput::ReleaseParking);
+        undo.extend(autonomous.then_some(OperatorInput::Autonomous));
     };
     let acted = match fault {
         Fault::EmergencyStop {} => {
-            act.push(Action::EmergencyStop(true));
-            undo.push(Action::EmergencyStop(false));
+            act.push(OperatorInput::EmergencyStop(true));
+            undo.push(OperatorInput::EmergencyStop(false));
             !stopped
         }
         Fault::RemoteControlTakesOver { key } => {
             match key {
-                Some(key) => act.push(Action::Press(super::key(*key))),
+                Some(key) => act.push(OperatorInput::Press(super::key(*key))),
                 None => act.extend(TOUCH.into_iter().chain(end_key)),
             }
-            undo.push(Action::ReleaseKey);
+            undo.push(OperatorInput::ReleaseKey);
             undo.extend(end_key);
-            undo.extend(autonomous.then_some(Action::Autonomous));
+            undo.extend(autonomous.then_some(OperatorInput::Autonomous));
             autonomous || key.is_some()
         }
         Fault::Locked {} => {
-            act.push(Action::Lock);
-            undo.push(Action::Unlock);
+            act.push(OperatorInput::Lock);
+            undo.push(OperatorInput::Unlock);
             if !parked {
                 release(&mut undo);
             }
             !locked
         }
         Fault::Parked {} => {
-            act.push(Action::Park);
+            act.push(OperatorInput::Park);
             release(&mut undo);
             !parked
         }
@@ -472,7 +451,7 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<Action>, bool) {
     if matches!(fault, Fault::EmergencyStop {}) {
         // The emergency stop may have locked the vehicle, too.
         let vehicle = r150.device().vehicle();
-        undo.extend((vehicle.locked() && !locked).then_some(Action::Unlock));
+        undo.extend((vehicle.locked() && !locked).then_some(OperatorInput::Unlock));
         if vehicle.parked() && !parked {
             release(&mut undo);
         }
@@ -504,6 +483,6 @@ fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool
         return false;
     }
     let Parts { power, pwm } = wanted;
-    r150.operate(now, Action::AppHolds { power, pwm });
+    r150.operate(now, OperatorInput::AppHolds { power, pwm });
     true
 }

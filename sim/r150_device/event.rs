@@ -8,7 +8,7 @@ use super::control::{POWER_BITS, Parts};
 use super::protection::{Cause, Group};
 use super::reply::Reply;
 use super::settings::ProtectionAction;
-use super::vehicle::{Action, Obstacle};
+use super::vehicle::{Obstacle, OperatorInput};
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +91,7 @@ pub enum R150Event {
     /// The module has started.
     Started,
     /// Somebody pressed a button.
-    Operated(Action),
+    Operated(OperatorInput),
     /// Replies were dropped because too many waited.
     ReplyDropped,
 }

@@ -19,9 +19,9 @@ pub enum Key {
     Right,
 }
 
-/// Deed of an operator or the app.
+/// Input of an operator or the app.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Action {
+pub enum OperatorInput {
     /// Long press of both rear buttons, 解锁.
     Unlock,
     /// Short press of the rear buttons, 上锁.
@@ -49,7 +49,7 @@ pub enum Action {
     AppSets(Outputs),
 }
 
-impl fmt::Display for Action {
+impl fmt::Display for OperatorInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unlock => f.write_str("unlock"),
@@ -164,35 +164,37 @@ impl Vehicle {
     }
 
     /// Works a button; the app's actions are not the vehicle's and change nothing here.
-    pub fn operate(&mut self, action: Action) {
+    pub fn operate(&mut self, action: OperatorInput) {
         if self.key_outlasts_press() {
             match action {
-                Action::AppHolds { .. } | Action::AppSets(_) | Action::ReleaseKey => return,
+                OperatorInput::AppHolds { .. }
+                | OperatorInput::AppSets(_)
+                | OperatorInput::ReleaseKey => return,
                 // A button, whatever else it does, ends what a key before it began.
                 _ => self.key = None,
             }
         }
         match action {
-            Action::Unlock => self.locked = false,
-            Action::Lock => self.lock(),
-            Action::ReleaseParking => self.parked &= !self.top_button_works(),
-            Action::Park => self.parked = true,
-            Action::Autonomous => {
+            OperatorInput::Unlock => self.locked = false,
+            OperatorInput::Lock => self.lock(),
+            OperatorInput::ReleaseParking => self.parked &= !self.top_button_works(),
+            OperatorInput::Park => self.parked = true,
+            OperatorInput::Autonomous => {
                 self.autonomous = true;
                 self.key = None;
             }
-            Action::Press(key) => {
+            OperatorInput::Press(key) => {
                 self.autonomous = false;
                 self.key = Some(key);
             }
-            Action::ReleaseKey => self.key = None,
-            Action::EmergencyStop(pushed_in) => {
+            OperatorInput::ReleaseKey => self.key = None,
+            OperatorInput::EmergencyStop(pushed_in) => {
                 self.emergency_stop = pushed_in;
                 if pushed_in && self.rules.emergency_stop_locks {
                     self.lock();
                 }
             }
-            Action::AppHolds { .. } | Action::AppSets(_) => {}
+            OperatorInput::AppHolds { .. } | OperatorInput::AppSets(_) => {}
         }
     }
 

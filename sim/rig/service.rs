@@ -69,7 +69,7 @@ impl Rig {
         send(now, device, slot, &mut self.events);
         take_events(device, slot.device.as_mut(), &mut self.events);
         self.deadlines.set(device, next(slot));
-        if self.resting && !slot.device.at_rest() {
+        if self.resting && !slot.device.plant().at_rest() {
             self.resting = false;
             self.physics_due = self
                 .physics_due

@@ -1,4 +1,5 @@
 mod agreement;
+mod blind;
 mod mecanum;
 
 use std::time::Duration;

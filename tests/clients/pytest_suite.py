@@ -6,9 +6,13 @@ import pytest
 import serial
 
 
+def connect():
+    return serial.Serial(os.environ["SIM_R150_PORT"], 115200, timeout=0.5)
+
+
 @pytest.fixture
 def port():
-    with serial.Serial(os.environ["SIM_R150_PORT"], 115200, timeout=0.5) as port:
+    with connect() as port:
         yield port
 
 
@@ -24,7 +28,21 @@ def test_the_module_answers(port, times):
     assert port.read(7)[:5] == b"\xAA\x55\x01\x07\x01"
 
 
+def test_the_cable_comes_back():
+    with pytest.raises(serial.SerialException), connect() as port:
+        while True:
+            port.write(b"\xAA\x55\x00\x07\xc7\x84")
+            port.read(7)
+    begun = time.monotonic()
+    while not os.path.exists(os.environ["SIM_R150_PORT"]):
+        time.sleep(0.03)
+    with connect() as port:
+        print("came back after", round(time.monotonic() - begun, 6))
+        assert port.read(1) == b""
+
+
 def test_a_sleep_is_as_long_as_it_says(port):
     begun = time.time()
     time.sleep(1)
     assert time.time() - begun == pytest.approx(1, abs=1e-3)
+    print("processors", os.cpu_count())

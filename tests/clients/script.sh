@@ -19,5 +19,6 @@ for step in $(seq 25); do
     sleep 0.1
 done
 kill $reader
+echo "processors $(nproc --all)"
 echo "bytes $(wc -c <replies)"
 rm replies

@@ -69,6 +69,7 @@ int main() {
             std::printf("came back at %ld us\n", (long)at.count());
         }
     }
+    std::printf("processors %u\n", std::thread::hardware_concurrency());
     std::printf("bytes %ld\n", bytes);
     std::fflush(stdout);
     _exit(0);

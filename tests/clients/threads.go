@@ -4,6 +4,7 @@ package main
 import (
 	"fmt"
 	"os"
+	"runtime"
 	"time"
 )
 
@@ -40,6 +41,7 @@ func main() {
 	for {
 		select {
 		case <-end:
+			fmt.Println("processors", runtime.NumCPU())
 			fmt.Println("bytes", bytes)
 			return
 		case <-tick.C:

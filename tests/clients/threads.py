@@ -56,4 +56,5 @@ while time.monotonic() < start + 2.5:
         print("came back at", round(time.monotonic() - start, 6))
 port.write(frame(0x12, bytes(4)))
 time.sleep(0.2)
+print("processors", os.cpu_count())
 print("bytes", total + listener.count, "losses", losses)

@@ -52,5 +52,6 @@ fn main() {
             }
         }
     }
+    println!("processors {}", std::thread::available_parallelism().unwrap());
     println!("bytes {bytes}");
 }

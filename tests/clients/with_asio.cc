@@ -11,6 +11,7 @@ using asio::error_code;
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <thread>
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
@@ -73,5 +74,6 @@ int main() {
     Client client;
     client.connect();
     client.context.run();
+    std::printf("processors %u\n", std::thread::hardware_concurrency());
     std::printf("bytes %ld\n", client.bytes);
 }

@@ -6,7 +6,6 @@ import termios
 import tty
 
 
-
 def frame(command, parameters=b""):
     crc = 0xFFFF
     for byte in bytes([command]) + parameters:
@@ -63,6 +62,7 @@ async def main():
         await asyncio.gather(driving, return_exceptions=True)
         loop.remove_reader(fd)
         os.close(fd)
+    print("processors", len(os.sched_getaffinity(0)))
     print("bytes", count)
 
 

@@ -29,6 +29,7 @@ async fn work(start: Instant) {
         back = true;
         bytes += drive(&mut port, start).await;
     }
+    println!("processors {}", std::thread::available_parallelism().unwrap());
     println!("bytes {bytes}");
 }
 

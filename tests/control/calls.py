@@ -29,6 +29,9 @@ assert ask(HEARTBEAT, 7)
 assert events.wait("log", lambda log: log["role"] == "request")["line"].count("heartbeat") == 1
 events.wait("log", lambda log: log["role"] == "reply")
 
+# These were for a reader that reads. Whatever is told from here on waits until it is looked for.
+events = Events()
+
 # A fault is there until it is cleared, by its name or with all others.
 fault = step({"fault": {"kind": "mute", "direction": "to-client"}})
 assert fault["state"] == "active" and fault["name"] == "mute" and fault["added"], fault
@@ -54,8 +57,12 @@ call("DELETE", f"/v1/steps/{added['name'].replace(' ', '%20')}")
 assert call("GET", "/v1/state")["world"]["obstacles"] == []
 
 # Conditions are waited for in simulated time.
+call("POST", "/v1/time", "\"pause\"")
 step({"operator": {"push": {"ahead": "3000 N"}}, "for": "500 ms"})
-until("truth.speed_mps > 0.05")
+moves = step({"name": "it moves", "expect": {"that": "truth.speed_mps > 0.05", "within": "60 s"}})
+assert moves["state"] == "active", moves
+call("POST", "/v1/time", "\"go_on\"")
+events.wait("step", lambda one: one["name"] == "it moves" and one["state"] == "done")
 until("truth.at_rest")
 late = step({"expect": {"that": "truth.speed_mps > 9", "within": "50 ms"}}, wait=True)
 assert late["state"] == "failed" and "truth.speed_mps = 0" in late["why"], late

@@ -59,19 +59,23 @@ state()
 names = ",".join(one["name"] for one in patiently(lambda: call("GET", "/v1/names"))["names"][:64])
 wanted = f"?names={names}&rate=60&picture=60"
 deaf = [patiently(lambda: Events(f"{wanted}&traffic=true", buffer=4096)) for _ in range(3)]
-lost = 0
-for attempt in range(5):
+lost = False
+for pause in [0.05, 0.1, 0.2, 0.4, 0.1, 0.2]:
+    # How slow is slow, and not too slow altogether, depends on what else the machine does.
     slow = patiently(lambda: Events(wanted, buffer=4096))
     end = time.monotonic() + PATIENCE
     tail = b""
     while not lost and time.monotonic() < end:
-        chunk = slow.socket.recv(2000)
+        try:
+            chunk = slow.socket.recv(2000)
+        except ConnectionError:
+            chunk = b""
         if not chunk:
-            # It was too slow altogether, as on a busy machine.
+            # It was too slow.
             break
         tail = tail[-200:] + chunk
         lost = b"event: lost\n" in tail
-        time.sleep(0.05)
+        time.sleep(pause)
     if lost:
         break
 assert lost

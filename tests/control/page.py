@@ -116,8 +116,11 @@ def main(program, folder):
     with chromium() as browser:
         looks(browser, simulator, folder)
         presses(browser, simulator)
-    driver.done.set()
-    trace = simulator.stop()
+        driver.done.set()
+        page, wrong = open_page(browser, simulator)
+        trace = simulator.stop()
+        wait("its end is told", lambda: "a new one prints a new URL" in page.inner_text("#state"))
+        assert not wrong, wrong
     added = [line["text"] for line in trace if line["kind"] == "add"]
     assert any("bit-flips" in text and "100 ms" in text for text in added), added
     assert any(line["kind"] == "event" and "emergency stop" in line["text"] for line in trace)

@@ -118,7 +118,7 @@ impl Client {
     }
 
     /// Throws away what has come until a valid reply to `command` stands in the stream, if that
-    /// comes within `patience`.
+    /// comes within `patience`. It may stand behind the beginning of a reply to another client.
     pub fn skip_to(&mut self, command: u8, patience: Duration) -> Option<Vec<u8>> {
         let start = Instant::now();
         loop {
@@ -135,6 +135,11 @@ impl Client {
                     continue;
                 }
                 Parsed::Partial => {}
+            }
+            let is_reply = |at: &usize| matches!(parse(&self.unread[*at..]), Parsed::Frame(found, ..) if found == command);
+            if let Some(at) = (1..self.unread.len()).find(is_reply) {
+                self.unread.drain(..at);
+                continue;
             }
             let left = patience.checked_sub(start.elapsed())?;
             let new = self.read_some(left);

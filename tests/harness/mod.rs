@@ -141,10 +141,12 @@ impl Sim {
 
     /// Waits for a line that contains all of `parts`.
     pub fn wait_line(&self, parts: &[&str]) -> String {
-        let found = self
-            .out
-            .find_line(|line| parts.iter().all(|part| line.contains(part)));
-        found.unwrap_or_else(|| panic!("no line with {parts:?} in\n{}", self.out.text()))
+        self.out.wait_line(parts)
+    }
+
+    /// The same on standard error.
+    pub fn wait_error(&self, parts: &[&str]) -> String {
+        self.err.wait_line(parts)
     }
 
     /// Waits until events with this code have been printed so many times in all; needs

@@ -66,6 +66,12 @@ impl Transcript {
         }
     }
 
+    /// Waits for the first complete line that contains all of `parts`.
+    pub fn wait_line(&self, parts: &[&str]) -> String {
+        let found = self.find_line(|line| parts.iter().all(|part| line.contains(part)));
+        found.unwrap_or_else(|| panic!("no line with {parts:?} in\n{}", self.text()))
+    }
+
     /// Waits for the end of the pipe.
     pub fn whole(&self) -> String {
         let heard = self.0.heard.lock().unwrap();

@@ -94,6 +94,7 @@ impl World for Device {
         ports: &mut [Port],
         now: u64,
         until: Option<u64>,
+        _ran: bool,
     ) -> Result<Step, Broken> {
         let cable = self
             .cable

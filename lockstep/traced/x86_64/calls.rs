@@ -52,6 +52,9 @@ const RULES: &[(i64, Call, Rule)] = &[
     (libc::SYS_sched_yield, Call::Yield, Rule::Stop),
     (libc::SYS_sched_getaffinity, Call::Getaffinity, Rule::Stop),
     (libc::SYS_sched_setaffinity, Call::Setaffinity, Rule::Stop),
+    (libc::SYS_getcpu, Call::Getcpu, Rule::Stop),
+    // It would tell in memory on which processor a thread runs.
+    (libc::SYS_rseq, Call::Refused, Rule::Fail(ENOSYS)),
     // Timers.
     (libc::SYS_alarm, Call::Alarm, Rule::Stop),
     (libc::SYS_setitimer, Call::Setitimer, Rule::If(0, &[0])),
@@ -65,6 +68,9 @@ const RULES: &[(i64, Call, Rule)] = &[
     // What may wait for others, or is of a port.
     (libc::SYS_read, Call::Read, Rule::Stop),
     (libc::SYS_readv, Call::Readv, Rule::Stop),
+    (libc::SYS_pread64, Call::Pread, Rule::Stop),
+    (libc::SYS_preadv, Call::Preadv, Rule::Stop),
+    (libc::SYS_preadv2, Call::Preadv2, Rule::Stop),
     (libc::SYS_write, Call::Write, Rule::Stop),
     (libc::SYS_writev, Call::Writev, Rule::Stop),
     (libc::SYS_recvfrom, Call::Recvfrom, Rule::Stop),

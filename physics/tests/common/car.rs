@@ -3,9 +3,11 @@
 #![allow(unreachable_pub, reason = "shared by including the file")]
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
-use sim_physics::mecanum::{Plugs, WHEELS, Wheel, WheelFaults, Wiring};
+use sim_physics::faults::MotorFaults;
+use sim_physics::mecanum::{Plugs, WHEELS, Wheel, Wiring};
 use sim_physics::{
-    Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Pose, World, WorldSettings,
+    Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
+    WorldSettings,
 };
 
 /// Radius of a wheel, m.
@@ -90,7 +92,7 @@ impl Car {
         self.plant.set_commands(&MecanumCommands::default());
     }
 
-    pub fn fault(&mut self, wheel: Wheel, faults: WheelFaults) {
+    pub fn fault(&mut self, wheel: Wheel, faults: MotorFaults) {
         self.plant.set_wheel_faults(wheel, faults);
     }
 

@@ -6,7 +6,9 @@
 use std::time::Duration;
 
 use sim_physics::r150::Sides;
-use sim_physics::{Ground, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
+use sim_physics::{
+    Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
+};
 
 /// The default ground's friction.
 pub const FRICTION: f64 = 0.8;

@@ -10,7 +10,7 @@ use crate::forgiving::{self, LeftOut};
 use crate::scenario::actions::read_operator;
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
-use crate::scenario::{Action, Only, Step, Times, Trigger, WorldAction};
+use crate::scenario::{Only, Step, StepAction, Times, Trigger, WorldAction};
 use crate::suggest::or_allowed;
 use crate::tables;
 
@@ -23,8 +23,8 @@ const ACTIONS: [&str; 6] = ["host", "fault", "clear", "operator", "world", "expe
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
     /// added must not change what others are called: they are counted by kind.
-    fn name_for(&mut self, index: usize, action: &Action) -> String {
-        let Action::Fault(fault) = action else {
+    fn name_for(&mut self, index: usize, action: &StepAction) -> String {
+        let StepAction::Fault(fault) = action else {
             return format!("step {}", index + 1);
         };
         let count = self.unnamed_faults.entry(fault.id()).or_insert(0);
@@ -146,7 +146,7 @@ impl Checker<'_> {
         text: &StepText,
         at: Range<usize>,
         device: Option<usize>,
-    ) -> Option<Action> {
+    ) -> Option<StepAction> {
         // A step that is added is a text of its own.
         let table = self.tables.of("step", index).unwrap_or(self.tables.root());
         let table = table.clone();
@@ -162,8 +162,8 @@ impl Checker<'_> {
                 };
                 reader.read(host.get_ref(), host.span(), send)
             });
-            actions.push(read.map(Action::Host));
-            let has_script = device.is_none_or(|device| self.scripted[device]);
+            actions.push(read.map(StepAction::Host));
+            let has_script = device.is_none_or(|device| self.scripted.get(device) == Some(&true));
             if text.only == Some(Only::Live) && !has_script {
                 let why = "a real client takes the place of the script, so this never happens; \
                            `client = \"script\"` of a device keeps the script for it";
@@ -175,10 +175,10 @@ impl Checker<'_> {
                 let checked = plan.check_fault(fault.get_ref());
                 self.problems.take(fault.span(), checked)
             });
-            actions.push(checked.map(|()| Action::Fault(fault.get_ref().clone())));
+            actions.push(checked.map(|()| StepAction::Fault(fault.get_ref().clone())));
         }
         if let Some(name) = &text.clear {
-            actions.push(self.step_named(name).map(Action::Clear));
+            actions.push(self.step_named(name).map(StepAction::Clear));
         }
         if let (Some(_), Some(value)) = (&text.operator, table.get("operator")) {
             let read = plan.and_then(|(_, plan)| {
@@ -187,7 +187,7 @@ impl Checker<'_> {
                     read_operator(value, plan.device)
                 })
             });
-            actions.push(read.map(Action::Operator));
+            actions.push(read.map(StepAction::Operator));
         }
         if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
             let read = plan.and_then(|(_, plan)| {
@@ -200,18 +200,18 @@ impl Checker<'_> {
                 let place = self.problems.origin(world.span().start).to_string();
                 self.obstacles.push((name.to_owned(), place));
             }
-            actions.push(read.map(Action::World));
+            actions.push(read.map(StepAction::World));
         }
         if let Some(expect) = &text.expect {
             let that = self.condition(&expect.that);
-            actions.push(that.map(|that| Action::Expect {
+            actions.push(that.map(|that| StepAction::Expect {
                 that,
                 within: expect.within.map(|within| within.0),
                 message: expect.message.clone(),
             }));
         }
         if actions.is_empty() && (text.name.is_some() || !text.remember.is_empty()) {
-            return Some(Action::Nothing);
+            return Some(StepAction::Nothing);
         }
         if actions.len() != 1 && !self.left_out.lacks(at.start, &ACTIONS) {
             let why = "exactly one of `host`, `fault`, `clear`, `operator`, `world` and `expect` \
@@ -222,7 +222,7 @@ impl Checker<'_> {
     }
 
     /// How often, and how long each time lasts.
-    fn timing(&mut self, text: &StepText, at: Range<usize>, action: Option<&Action>) -> Timing {
+    fn timing(&mut self, text: &StepText, at: Range<usize>, action: Option<&StepAction>) -> Timing {
         let every = text.every.as_ref().and_then(|every| self.times(every));
         let no_time = every.is_some_and(|every| every.min.is_zero());
         if let (true, Some(text)) = (no_time, &text.every) {
@@ -241,7 +241,7 @@ impl Checker<'_> {
             (ends.or(text.until.as_ref().map(Spanned::span)), action)
         {
             let can_end = match action {
-                Action::Host(_) | Action::Expect { .. } => {
+                StepAction::Host(_) | StepAction::Expect { .. } => {
                     let with_count = text.lasts.is_some() && text.count.is_some();
                     if !is_repeated || with_count {
                         let why =
@@ -250,10 +250,10 @@ impl Checker<'_> {
                     }
                     true
                 }
-                Action::Fault(_) => true,
-                Action::Clear(_) | Action::Nothing => false,
-                Action::Operator(action) => action.can_end(),
-                Action::World(action) => action.can_end(),
+                StepAction::Fault(_) => true,
+                StepAction::Clear(_) | StepAction::Nothing => false,
+                StepAction::Operator(action) => action.can_end(),
+                StepAction::World(action) => action.can_end(),
             };
             if !can_end {
                 let why = "this cannot be undone after a time";

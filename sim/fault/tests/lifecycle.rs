@@ -1,10 +1,11 @@
 //! Every fault is armed, acts, and ends without a trace.
 
-use sim_physics::mecanum::{MecanumFaults, Wheel, WheelFaults};
-use sim_physics::r150::{R150Faults, Side, SideFaults};
+use sim_physics::faults::MotorFaults;
+use sim_physics::mecanum::{MecanumFaults, Wheel};
+use sim_physics::r150::{R150Faults, Side};
 
 use super::*;
-use crate::r150_device::vehicle::Action;
+use crate::r150_device::vehicle::OperatorInput;
 
 /// A drive on which every fault of an R150 has something to act on; it begins with the rails on.
 fn exercise_r150(rig: &mut Rig, watchdog: bool) {
@@ -15,7 +16,9 @@ fn exercise_r150(rig: &mut Rig, watchdog: bool) {
     if watchdog {
         run(rig, MAIN, MS(700));
     }
-    rig.with_device(0, |r150: &mut R150, _, now| r150.operate(now, Action::Park));
+    rig.with_device(0, |r150: &mut R150, _, now| {
+        r150.operate(now, OperatorInput::Park)
+    });
     run(rig, MAIN, MS(50));
 }
 
@@ -24,7 +27,7 @@ fn settled(rig: &Rig) -> bool {
     *plant.faults() == R150Faults::default()
         && Side::BOTH
             .iter()
-            .all(|side| plant.side_faults(*side) == SideFaults::default())
+            .all(|side| plant.side_faults(*side) == MotorFaults::default())
 }
 
 /// Motors answer, 0x06 answers, the heartbeat answers, with nothing between.
@@ -69,7 +72,7 @@ fn on_the_r150() {
         run(&mut rig, MAIN, MS(700));
         rig.with_device(0, |r150: &mut R150, _, now| {
             if info.id == "brake-stuck-open" {
-                r150.operate(now, Action::Park);
+                r150.operate(now, OperatorInput::Park);
             }
         });
         run(&mut rig, MAIN, MS(100));
@@ -135,7 +138,7 @@ fn on_the_car() {
         let plant = rig.device::<Mecanum>(0).unwrap().plant();
         assert_eq!(*plant.faults(), MecanumFaults::default(), "{}", info.id);
         for wheel in Wheel::ALL {
-            assert_eq!(plant.wheel_faults(wheel), WheelFaults::default());
+            assert_eq!(plant.wheel_faults(wheel), MotorFaults::default());
         }
         let seen = statuses(&run(&mut rig, MAIN, MS(1000)));
         assert!((9..=11).contains(&seen.len()), "{} {}", info.id, seen.len());

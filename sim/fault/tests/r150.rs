@@ -1,7 +1,7 @@
 //! Hardware of the R150, and people.
 
 use super::*;
-use crate::r150_device::vehicle::{Action, Key};
+use crate::r150_device::vehicle::{Key, OperatorInput};
 
 const AB: u32 = 1;
 
@@ -87,7 +87,7 @@ fn a_supply_that_breaks_down_under_the_load_comes_and_goes_with_the_steps_and_no
     );
     // The key is held down however often the module starts anew.
     rig.with_device(0, |r150: &mut R150, _, now| {
-        r150.operate(now, Action::Press(Key::Forward))
+        r150.operate(now, OperatorInput::Press(Key::Forward))
     });
     let steps = 200;
     rig.advance(SimTime::ZERO + rig.world().step_length() * steps)

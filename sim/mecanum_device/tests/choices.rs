@@ -2,7 +2,7 @@
 
 use sim_settings::{SettingValue, Value};
 
-use super::super::Action;
+use super::super::OperatorInput;
 use super::super::kinematics::{Course, Movement};
 use super::super::settings::{
     Acknowledge, AsciiNumbers, AsciiOutOfRange, AsciiSpaces, ByteOrder, Framing, IdleWheels,
@@ -218,9 +218,9 @@ fn motions_may_outlast_the_remote_control() {
         course: Course::Ahead,
         negative: true,
     };
-    bench.device.operate(bench.now, Action::Press(back));
+    bench.device.operate(bench.now, OperatorInput::Press(back));
     bench.run_ms(2000);
-    bench.device.operate(bench.now, Action::Release);
+    bench.device.operate(bench.now, OperatorInput::Release);
     assert_eq!(bench.tenths(), [-5; 4]);
     bench.send(mode(0));
     bench.run_ms(1000);

@@ -1,6 +1,6 @@
 //! Control mode, the remote control, and the supply.
 
-use super::super::Action;
+use super::super::OperatorInput;
 use super::super::kinematics::{Course, Movement};
 use super::*;
 
@@ -23,11 +23,13 @@ fn in_remote_mode_the_operator_drives_and_motions_are_ignored() {
     bench.go(0, 100, 500);
     bench.line("X10\n");
     assert!(!bench.is_driving());
-    bench.device.operate(bench.now, Action::Press(STRAFE_RIGHT));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::Press(STRAFE_RIGHT));
     assert_eq!(bench.device.rotations(), [1, -1, -1, 1]);
     assert!((bench.device.commands().speed_voltage - 0.6).abs() < 1e-12);
     bench.run_ms(2000);
-    bench.device.operate(bench.now, Action::Release);
+    bench.device.operate(bench.now, OperatorInput::Release);
     assert!(!bench.is_driving());
     // Its wheels count as any others.
     bench.run_ms(100);
@@ -49,7 +51,9 @@ fn in_remote_mode_the_operator_drives_and_motions_are_ignored() {
 #[test]
 fn back_in_board_mode_the_key_has_no_effect() {
     let mut bench = Bench::new();
-    bench.device.operate(bench.now, Action::Press(STRAFE_RIGHT));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::Press(STRAFE_RIGHT));
     assert!(!bench.is_driving());
     assert_eq!(bench.codes(), ["operated", "key_ignored"]);
     // A key that is held counts as soon as the mode is right.
@@ -92,4 +96,15 @@ fn without_supply_the_board_is_silent_and_forgets() {
     assert_eq!((status.seq, status.axis_x, status.mile), (0, 0, 0));
     assert!(!bench.is_driving());
     assert_eq!(bench.codes(), ["started"]);
+}
+
+#[test]
+fn the_remote_control_may_drive_at_another_speed() {
+    let mut bench = Bench::with(false, |s| s.remote_speed = 10.0);
+    mode(&mut bench, 1);
+    bench
+        .device
+        .operate(bench.now, OperatorInput::Press(STRAFE_RIGHT));
+    // Of 50 r/min.
+    assert!((bench.device.commands().speed_voltage - 0.2).abs() < 1e-12);
 }

@@ -167,3 +167,35 @@ fn a_reported_mileage_may_count_down_or_begin_anew() {
         assert_eq!(report(&mut bench), reads);
     }
 }
+
+#[test]
+fn status_packets_may_come_more_often() {
+    let mut bench = with(|s| s.status_period = Duration::from_millis(40));
+    bench.run_ms(200);
+    assert_eq!(bench.statuses().len(), 5);
+}
+
+#[test]
+fn a_wheel_may_count_as_standing_sooner() {
+    // At 5 r/min a pulse comes every 200 ms, and none after the last.
+    let speed_after = |timeout, millis| {
+        let mut bench = with(|s| s.speed_timeout = Duration::from_millis(timeout));
+        bench.go(0, 1000, 50);
+        bench.run_ms(2000);
+        bench.stuck = [true; WHEELS];
+        bench.run_ms(millis);
+        bench.last_status().v_x
+    };
+    assert_ne!(speed_after(1000, 500), 0);
+    assert_eq!(speed_after(300, 500), 0);
+}
+
+#[test]
+fn an_ultrasonic_sensor_may_begin_and_end_elsewhere() {
+    let mut bench = with(|s| (s.ultrasonic_nearest, s.ultrasonic_farthest) = (0.1, 2.0));
+    bench.read(|r| {
+        r.echoes[..4].copy_from_slice(&[Some(0.05), Some(1.5), Some(3.0), None]);
+    });
+    bench.run_ms(100);
+    assert_eq!(bench.last_status().ut_f, [100, 1500, 2000, 2000]);
+}

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::super::Action;
+use super::super::OperatorInput;
 use super::super::kinematics::{Course, Movement};
 use super::super::motion::{Change, Motion};
 use super::*;
@@ -140,7 +140,7 @@ proptest! {
                 _ => {
                     let course = Course::from_index(pulses[0].to_le_bytes()[0] % 5).unwrap();
                     let movement = Movement { course, negative: pulses[1] % 2 == 0 };
-                    bench.device.operate(bench.now, Action::Press(movement));
+                    bench.device.operate(bench.now, OperatorInput::Press(movement));
                 }
             }
             bench.run_ms(wait);

@@ -7,7 +7,7 @@ use crate::r150_device::settings::{
     ControlMode, ControlTakenBy, Current48v, HeartbeatBy, MotorsAnswered, MotorsRefusalReply,
     OnHeartbeatLoss, OutOfRange, OverRate, RefusalReply, Voltage12v,
 };
-use crate::r150_device::vehicle::Action;
+use crate::r150_device::vehicle::OperatorInput;
 
 const TIMEOUT: Duration = Duration::from_secs(3);
 const INTERVAL: Duration = Duration::from_millis(50);
@@ -90,11 +90,13 @@ fn a_refused_motor_command_may_be_answered() {
 #[test]
 fn motor_commands_may_be_answered_only_while_they_drive() {
     let mut bench = Bench::with(|s| s.motors_answered = MotorsAnswered::WhenDriving);
-    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::EmergencyStop(true));
     assert_eq!(bench.drive(500, 500), None);
     bench
         .device
-        .operate(bench.now, Action::EmergencyStop(false));
+        .operate(bench.now, OperatorInput::EmergencyStop(false));
     assert_eq!(bench.duty(), [0.5, 0.5], "it took effect all the same");
     // An unanswered command is none that a later one could come too soon after.
     assert!(bench.drive(400, 400).is_some());
@@ -208,7 +210,7 @@ fn it_may_start_in_rs232_mode_and_keep_it_until_a_first_heartbeat_is_lost() {
         power: 0b1,
         pwm: [9; 4],
     };
-    bench.device.operate(bench.now, Action::AppSets(app));
+    bench.device.operate(bench.now, OperatorInput::AppSets(app));
     assert_eq!(bench.device.power_status(), 0);
     assert_eq!(bench.device.control().by_client(), BOTH);
     bench.ask(Request::Heartbeat);
@@ -236,7 +238,7 @@ fn off_on_a_lost_heartbeat_leaves_what_the_app_holds() {
         s.on_heartbeat_loss = OnHeartbeatLoss::Off;
         s.app_pwm = [7; 4];
     });
-    let app_holds_pwm = Action::AppHolds {
+    let app_holds_pwm = OperatorInput::AppHolds {
         power: false,
         pwm: true,
     };
@@ -253,7 +255,7 @@ fn off_on_a_lost_heartbeat_leaves_what_the_app_holds() {
 #[test]
 fn what_the_app_refuses_may_be_silent() {
     let mut bench = Bench::with(|s| s.on_app_in_control = RefusalReply::Silent);
-    let app_holds = Action::AppHolds {
+    let app_holds = OperatorInput::AppHolds {
         power: true,
         pwm: true,
     };

@@ -3,7 +3,7 @@
 use super::*;
 use crate::r150_device::control::Outputs;
 use crate::r150_device::settings::{ControlTakenBy, OnHeartbeatLoss, OnTakeover};
-use crate::r150_device::vehicle::Action;
+use crate::r150_device::vehicle::OperatorInput;
 
 const TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -105,7 +105,7 @@ fn on_heartbeat_loss_holds_or_switches_off_as_set() {
         (OnHeartbeatLoss::Off, 0, [0; 4]),
     ] {
         let mut bench = switched_on(|s| s.on_heartbeat_loss = choice);
-        bench.device.operate(bench.now, Action::AppSets(app));
+        bench.device.operate(bench.now, OperatorInput::AppSets(app));
         assert_eq!(
             bench.device.power_status(),
             0b11,
@@ -149,10 +149,10 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
         power: 0b10_0000,
         pwm: [7; 4],
     };
-    bench.device.operate(bench.now, Action::AppSets(app));
+    bench.device.operate(bench.now, OperatorInput::AppSets(app));
     bench.device.operate(
         bench.now,
-        Action::AppHolds {
+        OperatorInput::AppHolds {
             power: true,
             pwm: true,
         },
@@ -173,7 +173,7 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
     // It may hold one and leave the other.
     bench.device.operate(
         bench.now,
-        Action::AppHolds {
+        OperatorInput::AppHolds {
             power: true,
             pwm: false,
         },
@@ -186,7 +186,7 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
     assert!(!bench.power(0b1));
     bench.device.operate(
         bench.now,
-        Action::AppHolds {
+        OperatorInput::AppHolds {
             power: false,
             pwm: false,
         },

@@ -3,7 +3,7 @@
 use super::*;
 use crate::event::EventKind;
 use crate::r150_device::settings::{OutOfRange, OverRate, RemoteKeyDrives};
-use crate::r150_device::vehicle::{Action, Key, Obstacle};
+use crate::r150_device::vehicle::{Key, Obstacle, OperatorInput};
 
 const WATCHDOG: Duration = Duration::from_millis(500);
 const INTERVAL: Duration = Duration::from_millis(50);
@@ -151,6 +151,25 @@ fn a_client_is_blamed_for_a_rate_over_a_second_and_not_for_a_command() {
 }
 
 #[test]
+fn replies_may_be_further_apart_or_nearer() {
+    for (interval, held) in [
+        (Duration::from_millis(100), true),
+        (Duration::from_millis(10), false),
+    ] {
+        let mut bench = Bench::with(|s| s.motor_reply_interval = interval);
+        assert!(bench.drive(100, 100).is_some());
+        bench.after(Duration::from_millis(20));
+        assert_eq!(bench.drive(100, 100).is_none(), held, "{interval:?}");
+        if held {
+            bench.after(Duration::from_millis(80) - QUANTUM);
+            assert_eq!(bench.reply(), None);
+            bench.after(QUANTUM);
+            assert!(bench.reply().is_some());
+        }
+    }
+}
+
+#[test]
 fn what_the_machine_was_late_by_is_not_held_against_the_client() {
     let mut bench = Bench::new();
     bench
@@ -194,7 +213,9 @@ fn other_over_rates_answer_all_or_none() {
 fn the_emergency_stop_may_cut_the_tail_supply() {
     for cuts in [false, true] {
         let mut bench = Bench::with(|s| s.emergency_stop_cuts_tail = cuts);
-        bench.device.operate(bench.now, Action::EmergencyStop(true));
+        bench
+            .device
+            .operate(bench.now, OperatorInput::EmergencyStop(true));
         assert_eq!(bench.device.commands().tail_power, !cuts);
     }
 }
@@ -202,7 +223,7 @@ fn the_emergency_stop_may_cut_the_tail_supply() {
 #[test]
 fn driving_may_release_the_brake_by_itself() {
     let mut bench = Bench::with(|s| s.driving_needs_release = false);
-    bench.device.operate(bench.now, Action::Park);
+    bench.device.operate(bench.now, OperatorInput::Park);
     assert!(bench.device.commands().parking_brake);
     bench.drive(500, 500);
     assert_eq!(
@@ -296,29 +317,35 @@ fn started_locked_it_says_what_is_missing_until_every_button_is_pressed() {
     );
     assert_eq!(bench.duty(), [0.0, 0.0]);
     // The parking brake cannot be released while it is locked.
-    bench.device.operate(bench.now, Action::ReleaseParking);
+    bench
+        .device
+        .operate(bench.now, OperatorInput::ReleaseParking);
     assert!(bench.device.commands().parking_brake);
-    bench.device.operate(bench.now, Action::Unlock);
+    bench.device.operate(bench.now, OperatorInput::Unlock);
     assert_eq!(obstacles(&mut bench), [Obstacle::Parked, Obstacle::Remote]);
-    bench.device.operate(bench.now, Action::ReleaseParking);
+    bench
+        .device
+        .operate(bench.now, OperatorInput::ReleaseParking);
     assert!(!bench.device.commands().parking_brake);
     assert_eq!(obstacles(&mut bench), [Obstacle::Remote]);
     assert!(
         !bench.device.commands().propulsion_power,
         "released, it can be pushed"
     );
-    bench.device.operate(bench.now, Action::Autonomous);
+    bench.device.operate(bench.now, OperatorInput::Autonomous);
     assert_eq!(obstacles(&mut bench), []);
     assert_eq!(bench.duty(), [0.5, 0.5]);
-    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::EmergencyStop(true));
     assert_eq!(obstacles(&mut bench), [Obstacle::EmergencyStop]);
     assert!(!bench.device.commands().propulsion_power);
     assert!(bench.device.commands().parking_brake);
     bench
         .device
-        .operate(bench.now, Action::EmergencyStop(false));
+        .operate(bench.now, OperatorInput::EmergencyStop(false));
     assert_eq!(obstacles(&mut bench), []);
-    bench.device.operate(bench.now, Action::Lock);
+    bench.device.operate(bench.now, OperatorInput::Lock);
     assert_eq!(obstacles(&mut bench), [Obstacle::Locked, Obstacle::Parked]);
 }
 
@@ -326,14 +353,18 @@ fn started_locked_it_says_what_is_missing_until_every_button_is_pressed() {
 fn the_emergency_stop_leaves_the_rails_on() {
     let mut bench = Bench::new();
     bench.power(0b11_1111);
-    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::EmergencyStop(true));
     assert_eq!(bench.info().power_status, 0b11_1111);
 }
 
 #[test]
 fn the_emergency_stop_may_leave_the_brake_released() {
     let mut bench = Bench::with(|s| s.emergency_stop_brakes = false);
-    bench.device.operate(bench.now, Action::EmergencyStop(true));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::EmergencyStop(true));
     assert!(!bench.device.commands().parking_brake);
     assert!(!bench.device.commands().propulsion_power);
 }
@@ -341,7 +372,7 @@ fn the_emergency_stop_may_leave_the_brake_released() {
 #[test]
 fn locking_may_leave_the_brake_released() {
     let mut bench = Bench::with(|s| s.locking_parks = false);
-    bench.device.operate(bench.now, Action::Lock);
+    bench.device.operate(bench.now, OperatorInput::Lock);
     assert!(!bench.device.commands().parking_brake);
     assert_eq!(obstacles(&mut bench), [Obstacle::Locked]);
 }
@@ -356,13 +387,13 @@ fn any_motion_key_switches_to_remote_mode_and_drives() {
     ] {
         let mut bench = Bench::new();
         bench.drive(1000, 1000);
-        bench.device.operate(bench.now, Action::Press(key));
+        bench.device.operate(bench.now, OperatorInput::Press(key));
         assert_eq!(bench.duty(), duty, "{key:?}");
         bench.after(INTERVAL);
         assert_eq!(obstacles(&mut bench), [Obstacle::Remote]);
-        bench.device.operate(bench.now, Action::ReleaseKey);
+        bench.device.operate(bench.now, OperatorInput::ReleaseKey);
         assert_eq!(bench.duty(), [0.0, 0.0]);
-        bench.device.operate(bench.now, Action::Autonomous);
+        bench.device.operate(bench.now, OperatorInput::Autonomous);
         assert_eq!(
             bench.duty(),
             [0.5, 0.5],
@@ -391,17 +422,17 @@ fn standing_still_is_never_an_event() {
 #[test]
 fn a_motion_key_may_drive_until_the_next_button() {
     let next_buttons = [
-        (Action::Press(Key::Left), [0.5, -0.5]),
-        (Action::Autonomous, [0.0, 0.0]),
-        (Action::Lock, [0.0, 0.0]),
-        (Action::Unlock, [0.0, 0.0]),
-        (Action::ReleaseParking, [0.0, 0.0]),
+        (OperatorInput::Press(Key::Left), [0.5, -0.5]),
+        (OperatorInput::Autonomous, [0.0, 0.0]),
+        (OperatorInput::Lock, [0.0, 0.0]),
+        (OperatorInput::Unlock, [0.0, 0.0]),
+        (OperatorInput::ReleaseParking, [0.0, 0.0]),
     ];
     for (next, duty) in next_buttons {
         let mut bench = Bench::with(|s| s.remote_key_drives = RemoteKeyDrives::UntilNextButton);
         let mut operate = |action| bench.device.operate(bench.now, action);
-        operate(Action::Press(Key::Forward));
-        operate(Action::ReleaseKey);
+        operate(OperatorInput::Press(Key::Forward));
+        operate(OperatorInput::ReleaseKey);
         assert_eq!(bench.duty(), [0.5, 0.5]);
         bench.device.operate(bench.now, next);
         assert_eq!(bench.duty(), duty, "{next}");
@@ -409,9 +440,9 @@ fn a_motion_key_may_drive_until_the_next_button() {
     // Pulled out, the emergency stop does not let it go on.
     let mut bench = Bench::with(|s| s.remote_key_drives = RemoteKeyDrives::UntilNextButton);
     for action in [
-        Action::Press(Key::Forward),
-        Action::EmergencyStop(true),
-        Action::EmergencyStop(false),
+        OperatorInput::Press(Key::Forward),
+        OperatorInput::EmergencyStop(true),
+        OperatorInput::EmergencyStop(false),
     ] {
         bench.device.operate(bench.now, action);
     }
@@ -421,10 +452,12 @@ fn a_motion_key_may_drive_until_the_next_button() {
 #[test]
 fn the_emergency_stop_may_lock_the_vehicle() {
     let mut bench = Bench::with(|s| s.emergency_stop_locks = true);
-    bench.device.operate(bench.now, Action::EmergencyStop(true));
     bench
         .device
-        .operate(bench.now, Action::EmergencyStop(false));
+        .operate(bench.now, OperatorInput::EmergencyStop(true));
+    bench
+        .device
+        .operate(bench.now, OperatorInput::EmergencyStop(false));
     assert_eq!(obstacles(&mut bench), [Obstacle::Locked, Obstacle::Parked]);
 }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::r150_device::reply::sys_status as bit;
-use crate::r150_device::settings::{OvercurrentRecovery, ProtectionAction};
+use crate::r150_device::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 
@@ -92,6 +92,125 @@ fn overcurrent_trips_at_its_time_and_not_one_quantum_before() {
         let info = bench.info();
         assert_eq!((info.sys_status, info.power_status), (status, left_on));
         assert_eq!(bench.codes(), ["overcurrent"]);
+    }
+}
+
+/// One row: with this setting these readings set this status bit after that time, and with the default
+/// they do not by then.
+#[test]
+fn every_limit_threshold_and_delay_may_be_another() {
+    type Row = (
+        fn(&mut ProtectionSettings),
+        fn(&mut R150Measurements),
+        u32,
+        Duration,
+    );
+    let rows: [Row; 15] = [
+        (
+            |s| s.limit_12v = 125.0,
+            |r| r.rail_current[0] = 11.47,
+            bit::OVERCURRENT_AB,
+            MS(200),
+        ),
+        (
+            |s| s.limit_48v = 1000.0,
+            |r| r.rail_current[4] = 25.01,
+            bit::OVERCURRENT_48V,
+            MS(100),
+        ),
+        (
+            |s| s.limit_5v = 1.0,
+            |r| r.rail_current[5] = 1.01,
+            bit::OVERCURRENT_5V,
+            MS(100),
+        ),
+        (
+            |s| s.threshold_12v = 50.0,
+            |r| r.rail_current[2] = 10.43,
+            bit::OVERCURRENT_CD,
+            MS(200),
+        ),
+        (
+            |s| s.threshold_48v = 50.0,
+            |r| r.rail_current[4] = 20.01,
+            bit::OVERCURRENT_48V,
+            MS(100),
+        ),
+        (
+            |s| s.delay_12v = MS(50),
+            |r| r.rail_current[0] = 25.0,
+            bit::OVERCURRENT_AB,
+            MS(50),
+        ),
+        (
+            |s| s.delay_48v = MS(50),
+            |r| r.rail_current[4] = 60.0,
+            bit::OVERCURRENT_48V,
+            MS(50),
+        ),
+        (
+            |s| s.delay_5v = MS(50),
+            |r| r.rail_current[5] = 3.0,
+            bit::OVERCURRENT_5V,
+            MS(50),
+        ),
+        // Three times 250 W by 24 V are 31.25 A, and 2000 W by 96 V 62.5 A.
+        (
+            |s| s.nominal_12v = 24.0,
+            |r| r.rail_current[0] = 31.3,
+            bit::OVERCURRENT_AB,
+            MS(1),
+        ),
+        (
+            |s| s.nominal_48v = 96.0,
+            |r| r.rail_current[4] = 62.6,
+            bit::OVERCURRENT_48V,
+            MS(1),
+        ),
+        (
+            |s| s.short_multiple = 1.5,
+            |r| r.rail_current[0] = 31.3,
+            bit::OVERCURRENT_AB,
+            MS(1),
+        ),
+        (
+            |s| s.short_delay = Duration::from_micros(500),
+            |r| r.rail_current[0] = 80.0,
+            bit::OVERCURRENT_AB,
+            Duration::from_micros(500),
+        ),
+        (
+            |s| (s.undervoltage, s.undervoltage_clear) = (45.0, 46.0),
+            |r| r.bus_voltage = 44.9,
+            bit::POWER_MODULE_FAULT,
+            MS(5),
+        ),
+        (
+            |s| s.undervoltage_delay = MS(2),
+            |r| r.bus_voltage = 38.9,
+            bit::POWER_MODULE_FAULT,
+            MS(2),
+        ),
+        (
+            |s| (s.over_temperature, s.over_temperature_clear) = (60.0, 50.0),
+            |r| r.temperature[1] = 60.1,
+            bit::OVER_TEMPERATURE_CD,
+            QUANTUM,
+        ),
+    ];
+    for (row, (change, readings, status, time)) in rows.into_iter().enumerate() {
+        let mut usual = idle(|_| {});
+        usual.read(readings);
+        usual.after(time);
+        assert_eq!(usual.device.sys_status(), 0, "row {row}, by default");
+        let mut bench = idle(|s| change(&mut s.protection));
+        bench.read(readings);
+        if time > QUANTUM {
+            bench.after(time - QUANTUM);
+            assert_eq!(bench.device.sys_status(), 0, "row {row}");
+        }
+        bench.after(QUANTUM);
+        assert_eq!(bench.device.sys_status(), status, "row {row}");
     }
 }
 
@@ -185,6 +304,37 @@ fn with_retry_a_trip_tries_again_by_itself() {
     bench.after(QUANTUM);
     assert_eq!(bench.device.power_status(), 0b11_1111);
     assert_eq!(bench.device.sys_status(), 0);
+}
+
+#[test]
+fn a_retry_may_come_sooner() {
+    let mut bench = tripped(|s| {
+        s.protection.overcurrent_recovery = OvercurrentRecovery::Retry;
+        s.protection.retry_period = MS(300);
+    });
+    bench.after(MS(300) - QUANTUM);
+    assert_eq!(bench.device.power_status(), 0b11_1100);
+    bench.after(QUANTUM);
+    assert_eq!(bench.device.power_status(), 0b11_1111);
+}
+
+#[test]
+fn heat_may_clear_at_another_temperature() {
+    let mut bench = idle(|s| {
+        (
+            s.protection.over_temperature,
+            s.protection.over_temperature_clear,
+        ) = (60.0, 50.0)
+    });
+    for (celsius, hot) in [(60.1, true), (50.1, true), (49.9, false)] {
+        bench.read(|r| r.temperature = [celsius, 25.0]);
+        let status = bench.device.sys_status();
+        assert_eq!(
+            status == bit::OVER_TEMPERATURE_AB,
+            hot,
+            "{celsius}: {status}"
+        );
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::r150_device::codec::encode;
-use crate::r150_device::vehicle::{Action, Key};
+use crate::r150_device::vehicle::{Key, OperatorInput};
 
 fn frame() -> impl Strategy<Value = Vec<u8>> {
     let command = prop::sample::select(vec![0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x12, 0xF0, 0x99]);
@@ -37,24 +37,24 @@ enum Step {
         volts: f64,
         powered: bool,
     },
-    Operate(Action),
+    Operate(OperatorInput),
 }
 
 fn step() -> impl Strategy<Value = Step> {
     let actions = vec![
-        Action::Unlock,
-        Action::Lock,
-        Action::ReleaseParking,
-        Action::Autonomous,
-        Action::Press(Key::Left),
-        Action::ReleaseKey,
-        Action::EmergencyStop(true),
-        Action::EmergencyStop(false),
-        Action::AppHolds {
+        OperatorInput::Unlock,
+        OperatorInput::Lock,
+        OperatorInput::ReleaseParking,
+        OperatorInput::Autonomous,
+        OperatorInput::Press(Key::Left),
+        OperatorInput::ReleaseKey,
+        OperatorInput::EmergencyStop(true),
+        OperatorInput::EmergencyStop(false),
+        OperatorInput::AppHolds {
             power: true,
             pwm: false,
         },
-        Action::AppHolds {
+        OperatorInput::AppHolds {
             power: false,
             pwm: false,
         },

@@ -1,8 +1,10 @@
 //! The mecanum car in the rig: firmware, line, hardware and world together.
 
+use sim_physics::Plant as _;
 use std::time::Duration;
 
-use sim_physics::mecanum::{Port, Wheel, WheelFaults, Wiring};
+use sim_physics::faults::MotorFaults;
+use sim_physics::mecanum::{Port, Wheel, Wiring};
 use sim_physics::r150::Load;
 use sim_physics::world::Obstacle;
 
@@ -124,6 +126,35 @@ fn a_tall_load_that_would_tip_it_is_told_of_once() {
 }
 
 #[test]
+fn the_ros_link_may_have_another_speed_and_another_stop_bit() {
+    let between_bytes = |change: fn(&mut MecanumSettings)| {
+        let mut rig = car_in(WorldMap::default(), true, change);
+        let now = rig.now();
+        rig.client_sends(MAIN, now, &motion(0, 10, 500)).unwrap();
+        let mut times = Vec::new();
+        while times.len() < 2 {
+            let next = [rig.next_deadline(), rig.next_for_client(ROS)];
+            rig.advance(next.into_iter().flatten().min().unwrap())
+                .unwrap();
+            let mut bytes = Vec::new();
+            rig.client_reads(ROS, &mut bytes);
+            times.extend(bytes.iter().map(|_| rig.now()));
+            read(&mut rig);
+        }
+        times[1].since(times[0]).as_nanos()
+    };
+    let bits = |count: u128, baud: u128| (count * 1_000_000_000).div_ceil(baud);
+    for (change, wanted) in [
+        ((|_| {}) as fn(&mut MecanumSettings), bits(10, 9600)),
+        (|s| s.firmware.ros_baud = 19_200, bits(10, 19_200)),
+        (|s| s.firmware.ros_stop_bits = 2, bits(11, 9600)),
+    ] {
+        let seen = between_bytes(change);
+        assert!(seen.abs_diff(wanted) <= 1, "{seen} ns, not {wanted}");
+    }
+}
+
+#[test]
 fn report_lines_follow_on_the_ros_link() {
     let mut rig = car(true);
     rig.client_sends(ROS, SimTime::from_millis(5), b"X10 \n")
@@ -168,9 +199,9 @@ fn a_strafe_is_shorter_than_odometry_says() {
 fn a_blocked_wheel_keeps_the_motion_running_and_pulls_the_car_off_line() {
     let mut rig = car(false);
     rig.with_device(0, |car: &mut Mecanum, _, _| {
-        let faults = WheelFaults {
+        let faults = MotorFaults {
             blocked: true,
-            ..WheelFaults::default()
+            ..MotorFaults::default()
         };
         car.plant_mut().set_wheel_faults(Wheel::LeftFront, faults);
     });
@@ -212,7 +243,7 @@ fn a_wall_ahead_is_seen_and_stops_the_car_while_odometry_runs_on() {
     assert_eq!(seen.last().unwrap().infra, 1);
     assert!(
         rig.world()
-            .collisions(rig.device::<Mecanum>(0).unwrap().body())
+            .collisions(rig.device::<Mecanum>(0).unwrap().plant().body())
             > 0
     );
 }
@@ -259,7 +290,7 @@ fn a_car_that_is_pushed_back_knows_it_only_by_counters_with_a_direction() {
             settings.firmware.wiring = plugs;
         });
         rig.with_device(0, |car: &mut Mecanum, _, _| {
-            car.plant_mut().set_push(-30.0, 0.0, 0.0)
+            car.plant_mut().set_push([-30.0, 0.0, 0.0])
         });
         let seen = statuses(&run(&mut rig, MAIN, Duration::from_secs(1)));
         let truth =
@@ -310,7 +341,7 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         .unwrap();
     run(&mut rig, MAIN, Duration::from_secs(6));
     let car = rig.device::<Mecanum>(0).unwrap();
-    assert!(rig.world().collisions(car.body()) > 0);
+    assert!(rig.world().collisions(car.plant().body()) > 0);
     assert!(car.truth().pose.x < 0.75, "the R150 is in the way");
 }
 
@@ -388,8 +419,8 @@ fn golden_car() {
     );
     let expected = (
         4859,
-        "0.357 0.037 -0.980".to_owned(),
-        10_009_452_674_183_851_009,
+        "0.356 0.037 -0.980".to_owned(),
+        3_089_834_851_340_755_380,
     );
     assert_eq!(
         seen, expected,

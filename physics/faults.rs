@@ -1,0 +1,67 @@
+//! Faults that vehicles of every kind can have.
+
+use crate::vehicle_body::{Bounds, number, within};
+
+/// State of a wheel encoder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum EncoderState {
+    /// It measures.
+    #[default]
+    Working,
+    /// Its cable is off: it reads zero, and pulses are lost.
+    Lost,
+    /// It repeats what it read last; a counter that is free again has everything that it missed.
+    Stuck,
+}
+
+/// Faults of a motor and of what it drives: the wheels of a side of the R150, a wheel of the car.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MotorFaults {
+    /// What it drives cannot turn at all; rollers of a mecanum wheel still can.
+    pub blocked: bool,
+    /// Something drags on that, N·m.
+    pub drag_torque: f64,
+    /// The motor's cable is off: it neither drives nor holds.
+    pub free_wheeling: bool,
+    /// The brake holds all the time.
+    pub brake_stuck_on: bool,
+    /// The brake does not hold.
+    pub brake_stuck_open: bool,
+    /// The motor turns the other way than it is told. Its encoder is not reversed.
+    pub reversed: bool,
+    /// The encoder.
+    pub encoder: EncoderState,
+}
+
+impl MotorFaults {
+    /// With a drag of at most this, N·m.
+    pub(crate) fn within(self, drag: f64) -> Self {
+        Self {
+            drag_torque: number(self.drag_torque).clamp(0.0, drag),
+            ..self
+        }
+    }
+}
+
+/// Faults of a vehicle as a body. They lie over what was set otherwise.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BodyFaults {
+    /// Most friction that the ground under the wheels gives.
+    pub friction: Option<f64>,
+    /// Payload added, kg.
+    pub payload: f64,
+    /// Push added: ahead, left in N; counter-clockwise in N·m.
+    pub push: [f64; 3],
+}
+
+impl BodyFaults {
+    pub(crate) fn within(&self, bounds: Bounds) -> Self {
+        Self {
+            friction: self
+                .friction
+                .map(|friction| number(friction).clamp(0.0, 10.0)),
+            payload: number(self.payload).clamp(0.0, bounds.payload),
+            push: self.push.map(|part| within(part, bounds.push)),
+        }
+    }
+}

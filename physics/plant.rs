@@ -1,0 +1,101 @@
+//! The hardware of a vehicle, as the world and whoever moves it see it.
+
+use std::time::Duration;
+
+use crate::drawing::Drawing;
+use crate::pose::{BodyMotion, Pose};
+use crate::vehicle_body::VehicleBody;
+use crate::world::{BodyId, World};
+
+/// True pose and motion of a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Place and heading.
+    pub pose: Pose,
+    /// m/s, negative backward.
+    pub forward_speed: f64,
+    /// m/s.
+    pub leftward_speed: f64,
+    /// rad/s, counter-clockwise.
+    pub yaw_rate: f64,
+    /// Length of the path driven so far, m.
+    pub distance: f64,
+    /// With payload, kg.
+    pub mass: f64,
+}
+
+impl Motion {
+    /// Of a body that has driven so far, m, and is so heavy, kg.
+    #[must_use]
+    pub fn of(motion: &BodyMotion, distance: f64, mass: f64) -> Self {
+        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
+        Self {
+            pose: motion.pose(),
+            forward_speed,
+            leftward_speed,
+            yaw_rate,
+            distance,
+            mass,
+        }
+    }
+}
+
+/// Hardware of a vehicle.
+pub trait Plant {
+    /// Returns its body.
+    fn vehicle(&self) -> &VehicleBody;
+
+    /// The same, to change.
+    fn vehicle_mut(&mut self) -> &mut VehicleBody;
+
+    /// Returns its mass with payload, kg.
+    fn mass(&self) -> f64;
+
+    /// Draws it from above, beside its body; of one that does not say, the body is all.
+    fn drawing(&self) -> Drawing {
+        Drawing::default()
+    }
+
+    /// Applies the forces of one step. Call before every [`World::step`].
+    fn before_step(&mut self, world: &mut World);
+
+    /// Takes over what the step did. Call after every [`World::step`].
+    fn after_step(&mut self, world: &mut World);
+
+    /// Lets time pass while it [rests](Self::at_rest) and the world is not stepped. Of no concern to
+    /// hardware without slow states.
+    fn rest(&mut self, _span: Duration) {}
+
+    /// Puts a payload on the deck, kg.
+    fn set_payload(&mut self, world: &mut World, payload: f64);
+
+    /// Lifts it and sets it down elsewhere, standing.
+    fn place(&mut self, world: &mut World, pose: Pose);
+
+    /// Returns its body in the world, for contact queries.
+    fn body(&self) -> BodyId {
+        self.vehicle().id()
+    }
+
+    /// Returns its true pose and motion at the end of the last step.
+    fn motion(&self) -> Motion {
+        let vehicle = self.vehicle();
+        Motion::of(vehicle.motion(), vehicle.distance(), self.mass())
+    }
+
+    /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
+    /// for steps of the world.
+    fn at_rest(&self) -> bool {
+        self.vehicle().is_resting()
+    }
+
+    /// Looks again whether it can stand, after a change around it such as another ground.
+    fn wake(&mut self) {
+        self.vehicle_mut().wake();
+    }
+
+    /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.
+    fn set_push(&mut self, push: [f64; 3]) {
+        self.vehicle_mut().set_push(push);
+    }
+}
