@@ -97,7 +97,7 @@ impl Hub {
     }
 
     /// Takes note of everything that inotify has to report.
-    pub(crate) fn drain(&self) -> Result<(), Errno> {
+    pub(crate) fn drain(&self) -> Result<(), PortErrorKind> {
         let mut buf = [MaybeUninit::<u8>::uninit(); 4096];
         let mut state = self.lock();
         let mut reader = inotify::Reader::new(&self.inotify, &mut buf);
@@ -107,7 +107,7 @@ impl Hub {
                 Ok(event) => state.note(event.wd(), event.events()),
                 Err(Errno::AGAIN) => return Ok(()),
                 Err(Errno::INTR) => continue,
-                Err(errno) => return Err(errno),
+                Err(errno) => return Err(PortErrorKind::call("read")(errno)),
             }
             of_this_read += 1;
             // The reader calls the system once its buffer is used up.
@@ -165,7 +165,7 @@ impl Registration {
         }
     }
 
-    /// Has the waiter report whatever happens at `fd`, until that is closed or
+    /// Has the waiter report `what` happens at `fd`, and nothing else of it, until that is closed or
     /// [`forget`](Self::forget) is called.
     pub(crate) fn watch(
         &self,
@@ -175,18 +175,11 @@ impl Registration {
         // A usize has no more than 64 bits here.
         let data = epoll::EventData::new_u64(self.token as u64);
         let flags = what | epoll::EventFlags::ET;
-        epoll::add(&self.hub.epoll, fd, data, flags).map_err(PortErrorKind::call("epoll_ctl"))
-    }
-
-    /// Has it report something else of `fd`.
-    pub(crate) fn watch_for(
-        &self,
-        fd: impl AsFd,
-        what: epoll::EventFlags,
-    ) -> Result<(), PortErrorKind> {
-        let data = epoll::EventData::new_u64(self.token as u64);
-        let flags = what | epoll::EventFlags::ET;
-        epoll::modify(&self.hub.epoll, fd, data, flags).map_err(PortErrorKind::call("epoll_ctl"))
+        let mut watched = epoll::add(&self.hub.epoll, &fd, data, flags);
+        if watched == Err(Errno::EXIST) {
+            watched = epoll::modify(&self.hub.epoll, &fd, data, flags);
+        }
+        watched.map_err(PortErrorKind::call("epoll_ctl"))
     }
 
     pub(crate) fn forget(&self, fd: impl AsFd) {
@@ -234,7 +227,7 @@ impl Registration {
 
     /// Takes note of everything that inotify has to report by now.
     pub(crate) fn drain(&self) -> Result<(), PortErrorKind> {
-        self.hub.drain().map_err(PortErrorKind::call("read"))
+        self.hub.drain()
     }
 
     /// Whether, as far as can be told from counting, the last one who had the node open has closed

@@ -216,10 +216,8 @@ impl PtyPort {
 
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
-        match self.client {
-            Client::Nobody => return self.arrival().map(Some),
-            Client::New => return Ok(Some(self.attach())),
-            Client::Attached | Client::Replaced => {}
+        if !self.is_attached() {
+            return self.arrival().map(Some);
         }
         // In this order: what is counted was there before any departure that is not noted yet.
         let unread = if buf.is_empty() {
@@ -250,15 +248,16 @@ impl PtyPort {
         for _ in 0..MOST_READS {
             match self.pair.read(buf)? {
                 Read::Bytes(n) => {
-                    self.seen = self.seen.saturating_sub(n);
+                    let old = self.seen.min(n);
+                    self.seen -= old;
                     self.counters.received(n);
                     // Whoever wrote these has been reported by now. If that is somebody who came in
                     // another's place, this is told first, so that what is answered is not lost with
-                    // what was on its way to the other.
+                    // what was on its way to the other. What was there before is the other's.
                     self.drain()?;
                     self.notice_handover()?;
                     if self.client == Client::Replaced {
-                        self.held.extend_from_slice(&buf[..n]);
+                        self.held.extend_from_slice(&buf[old..n]);
                         return Ok(Some(self.hand_over()));
                     }
                     return Ok(Some(Event::Data(n)));
@@ -288,16 +287,12 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        if !self.has_departed() && !self.pair.has_client()? {
+        if self.client == Client::Nobody && !self.has_departed() && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
-        Ok(self.attach())
-    }
-
-    fn attach(&mut self) -> Event {
         self.client = Client::Attached;
         self.counters.attached += 1;
-        Event::Attached
+        Ok(Event::Attached)
     }
 
     /// Takes note of one client having left and another having come between two looks.
@@ -341,7 +336,7 @@ impl PtyPort {
         {
             let what = if wanted { BOTH } else { IN };
             registration
-                .watch_for(&self.pair, what)
+                .watch(&self.pair, what)
                 .map_err(|kind| self.error("watch", kind))?;
             self.watches_room = wanted;
         }

@@ -197,12 +197,7 @@ impl Waiter {
         };
         for event in &*events {
             match event.data.u64() {
-                INOTIFY => {
-                    self.hub
-                        .drain()
-                        .map_err(PortErrorKind::call("read"))
-                        .map_err(waiting)?;
-                }
+                INOTIFY => self.hub.drain().map_err(waiting)?,
                 SIGNALS => {
                     self.wake.signal = self.signals.as_mut().and_then(Signals::take);
                 }

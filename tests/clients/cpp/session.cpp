@@ -1,4 +1,4 @@
-// A client on Boost.Asio: session PORT
+// A client on Boost.Asio: session PORT, or session HOST PORT for a connection
 
 #include <boost/asio.hpp>
 #include <chrono>
@@ -26,8 +26,8 @@ static Bytes frame(unsigned char command, Bytes parameters) {
     return bytes;
 }
 
-static void ask(asio::io_context &context, asio::serial_port &port, const Bytes &request,
-                std::size_t length) {
+template <class Port>
+static void ask(asio::io_context &context, Port &port, const Bytes &request, std::size_t length) {
     Bytes reply(length);
     bool done = false;
     asio::write(port, asio::buffer(request));
@@ -41,23 +41,33 @@ static void ask(asio::io_context &context, asio::serial_port &port, const Bytes 
     }
 }
 
+template <class Port> static void drive(asio::io_context &context, Port &port) {
+    ask(context, port, frame(0xF0, {}), 14);
+    for (int i = 0; i < 3; i++) {
+        ask(context, port, frame(0x12, {200, 0, 200, 0}), 14);
+        std::this_thread::sleep_for(60ms);
+    }
+    ask(context, port, frame(0x12, {0, 0, 0, 0}), 14);
+}
+
 int main(int count, char **arguments) {
     if (count < 2) return 2;
     using port_base = asio::serial_port_base;
     for (int round = 0; round < 2; round++) {
         asio::io_context context;
+        if (count > 2) {
+            asio::ip::tcp::socket socket(context);
+            asio::connect(socket, asio::ip::tcp::resolver(context).resolve(arguments[1], arguments[2]));
+            drive(context, socket);
+            continue;
+        }
         asio::serial_port port(context, arguments[1]);
         port.set_option(port_base::baud_rate(115200));
         port.set_option(port_base::character_size(8));
         port.set_option(port_base::parity(port_base::parity::none));
         port.set_option(port_base::stop_bits(port_base::stop_bits::one));
         ::tcflush(port.native_handle(), TCIOFLUSH);
-        ask(context, port, frame(0xF0, {}), 14);
-        for (int i = 0; i < 3; i++) {
-            ask(context, port, frame(0x12, {200, 0, 200, 0}), 14);
-            std::this_thread::sleep_for(60ms);
-        }
-        ask(context, port, frame(0x12, {0, 0, 0, 0}), 14);
+        drive(context, port);
         port.set_option(port_base::baud_rate(9600));
         asio::write(port, asio::buffer(frame(0xF0, {})));
         std::this_thread::sleep_for(200ms);

@@ -1,14 +1,22 @@
-// A client on node-serialport: session.js PORT
+// A client on node-serialport, or on node's own sockets: session.js PORT|tcp://HOST:PORT
 
-const { SerialPort } = require('serialport');
+const net = require('net');
 
 const VERSION = Buffer.from('AA5500F0F707', 'hex');
 
 const open = (path, baudRate) =>
   new Promise((resolve, reject) => {
+    const { SerialPort } = require('serialport');
     const port = new SerialPort({ path, baudRate }, (error) =>
       error ? reject(error) : resolve(port));
   });
+const connect = (url) =>
+  new Promise((resolve, reject) => {
+    const { hostname, port } = new URL(url);
+    const socket = net.connect(port, hostname, () => resolve(socket));
+    socket.on('error', reject);
+  });
+const disconnect = (socket) => new Promise((resolve) => socket.once('close', resolve).destroy());
 const close = (port) =>
   new Promise((resolve, reject) => port.close((error) => (error ? reject(error) : resolve())));
 const update = (port, baudRate) =>
@@ -49,15 +57,26 @@ function ask(port, request, length) {
   });
 }
 
+async function drive(port) {
+  await ask(port, VERSION, 14);
+  for (let i = 0; i < 3; i++) {
+    await ask(port, frame(0x12, [200, 0, 200, 0]), 14);
+    await pause(60);
+  }
+  await ask(port, frame(0x12, [0, 0, 0, 0]), 14);
+}
+
 async function main(path) {
   for (let round = 0; round < 2; round++) {
-    const port = await open(path, 115200);
-    await ask(port, VERSION, 14);
-    for (let i = 0; i < 3; i++) {
-      await ask(port, frame(0x12, [200, 0, 200, 0]), 14);
-      await pause(60);
+    if (path.startsWith('tcp:')) {
+      // Which has no speed.
+      const socket = await connect(path);
+      await drive(socket);
+      await disconnect(socket);
+      continue;
     }
-    await ask(port, frame(0x12, [0, 0, 0, 0]), 14);
+    const port = await open(path, 115200);
+    await drive(port);
     await update(port, 9600);
     port.write(VERSION);
     await pause(200);
