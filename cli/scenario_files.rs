@@ -204,6 +204,13 @@ impl<'a> Given<'a> {
                 let why = anyhow!("--param {text}: wanted NAME=VALUE, as in --param pwm=300");
                 Failure::usage(why)
             })?;
+            if let Some((_, before)) = parameters.iter().find(|(known, _)| known == name) {
+                let both = format!("{},{values}", before.join(","));
+                let why = anyhow!(
+                    "--param {name} is given twice; for a case of each value: --param {name}={both}"
+                );
+                return Err(Failure::usage(why));
+            }
             let values = values.split(',').map(str::to_owned).collect();
             parameters.push((name.to_owned(), values));
         }
@@ -238,8 +245,10 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
     let mut errors = Vec::new();
     let mut loaded = Vec::new();
     let mut used = BTreeSet::new();
+    let mut others = Vec::new();
     for path in files {
-        match catch_unwind(AssertUnwindSafe(|| load_cases(given, path, &mut used))) {
+        let load = || load_cases(given, path, &mut used, &mut others);
+        match catch_unwind(AssertUnwindSafe(load)) {
             Ok(Ok(cases)) => loaded.extend(cases),
             Ok(Err(failure)) => errors.push(format!("{:#}", failure.error)),
             Err(panic) => loaded.push(Loaded::broken(path, &given.base, words_of_panic(&*panic))),
@@ -255,8 +264,20 @@ pub(crate) fn load_all(given: &Given<'_>, files: &[PathBuf]) -> Result<Vec<Loade
             "--param {name}: no file has a parameter of this name"
         ));
     }
+    let left_out = match others.as_slice() {
+        [] => None,
+        [one] => Some(format!(
+            "{one} has devices of its own, so it is no fault file for --job"
+        )),
+        [first, rest @ ..] => Some(format!(
+            "{first} and {} more have devices of their own, so they are no fault files for --job",
+            rest.len()
+        )),
+    };
     if errors.is_empty() && loaded.is_empty() {
-        errors.push("no scenario file is there: nothing to run".to_owned());
+        errors.push(left_out.unwrap_or_else(|| "no scenario file is there: nothing to run".into()));
+    } else if let Some(left_out) = left_out {
+        complain(&format!("{left_out}: left out"));
     }
     if errors.is_empty() {
         Ok(loaded)
@@ -269,8 +290,13 @@ fn load_cases(
     given: &Given<'_>,
     path: &Path,
     used: &mut BTreeSet<String>,
+    others: &mut Vec<String>,
 ) -> Result<Vec<Loaded>, Failure> {
     let files = read_files(given, path)?;
+    if files.is_no_fault_file() {
+        others.push(visible::name(path));
+        return Ok(Vec::new());
+    }
     if let Some(kind) = files.other_kind() {
         let shown = visible::name(path);
         complain(&format!("{shown} looks like a {kind} file and is left out"));

@@ -147,9 +147,7 @@ impl Condition {
     /// Tells whether all that it speaks of has a value by now: what steps remember has none before.
     #[must_use]
     pub fn is_known(&self, situation: Situation<'_>) -> bool {
-        let known = |index: usize| situation.saved.get(index).is_some_and(Option::is_some);
-        let mut origins = self.names.values();
-        origins.all(|origin| !matches!(origin, Origin::Saved(index) if !known(*index)))
+        self.names.values().all(|origin| origin.is_known(situation))
     }
 
     /// As it was written.
@@ -207,6 +205,13 @@ impl Condition {
 }
 
 impl Origin {
+    fn is_known(self, situation: Situation<'_>) -> bool {
+        let Self::Saved(index) = self else {
+            return true;
+        };
+        situation.saved.get(index).is_some_and(Option::is_some)
+    }
+
     fn read(self, situation: Situation<'_>) -> Reading {
         match self {
             Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),

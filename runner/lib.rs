@@ -6,6 +6,8 @@
 
 mod assemble;
 pub mod condition;
+mod forgiving;
+mod problems;
 pub mod report;
 pub mod rig_file;
 pub mod run;

@@ -29,9 +29,7 @@ mod check;
 mod compose;
 mod document;
 mod files;
-mod forgiving;
 mod host;
-mod problems;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -54,6 +52,7 @@ pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
 use crate::condition::{Condition, Saved, Value};
+use crate::problems::MOST_ERRORS;
 use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
 
@@ -139,6 +138,8 @@ pub(crate) struct Step {
     pub mission: bool,
     pub device: usize,
     pub action: StepAction,
+    /// What it does to a vehicle or its world, in the words of the file: `world add`.
+    pub deed: Option<String>,
 }
 
 impl Step {
@@ -222,6 +223,8 @@ pub(crate) struct Rule {
 pub(crate) struct Response {
     pub to: Cause,
     pub then: Condition,
+    /// Nothing is said if it is never due.
+    pub may_not_trigger: bool,
     pub within: Duration,
     pub until: Option<Duration>,
     pub message: Option<String>,
@@ -344,7 +347,7 @@ impl Scenario {
                 let why = format!("no obstacle is named `{name}`; {hint}");
                 format!("{place}: {}", shorten(why))
             })
-            .take(problems::MOST_ERRORS)
+            .take(MOST_ERRORS)
             .collect();
         if unknown.is_empty() {
             Ok(())

@@ -4,6 +4,8 @@ use sim_settings::{Origin, Source, shorten};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::problems::MOST_ERRORS;
+use crate::rig_file::RigFileError;
 use crate::suggest::{improve, plain};
 
 /// Where the number of a file is in a place; below it is the place in the file.
@@ -37,16 +39,17 @@ impl<'t> Sources<'t> {
 
     /// A line about something that is wrong there.
     pub(crate) fn wrong(&self, at: usize, why: &str) -> String {
-        let key = self.key_at(at).map(|key| format!("`{}`: ", shorten(key)));
-        let why = shorten(why.replace('\n', " "));
+        let key = self.key_at(at);
+        // Who knows the end of the key by itself says it, too.
+        let own = why.strip_prefix('`').and_then(|why| why.split_once("`: "));
+        let own = own.filter(|(own, _)| key.as_ref().is_some_and(|key| key.ends_with(own)));
+        let why = shorten(own.map_or(why, |(_, why)| why).replace('\n', " "));
+        let key = key.map(|key| format!("`{}`: ", shorten(key)));
         format!("{}: {}{why}", self.place(at), key.unwrap_or_default())
     }
 
-    /// The same error of the TOML reader, with its place and key; `at` is the place of one that has
-    /// none.
+    /// The same error of the TOML reader about what is there, with its place and key.
     pub(crate) fn syntax(&self, at: usize, error: &toml::de::Error) -> String {
-        let own = error.span().filter(|span| *span != (0..0));
-        let at = own.map_or(at, |span| span.start);
         let message = plain(&error.message().replace('\n', " "));
         let improved = improve(&message);
         // What it may have meant must not be cut off with the rest of a long list.
@@ -54,10 +57,19 @@ impl<'t> Sources<'t> {
         self.wrong(at, &message) + hint
     }
 
+    /// Name of the first of the files.
+    pub(crate) fn name(&self) -> &'t str {
+        self.0.first().map_or("", |source| source.file)
+    }
+
     /// The tables of one of the files.
-    pub(crate) fn tables(&self, number: usize) -> Result<DeTable<'t>, String> {
+    pub(crate) fn tables(&self, number: usize) -> Result<DeTable<'t>, RigFileError> {
         let text = self.0.get(number).map_or("", |source| source.text);
-        let table = DeTable::parse(text).map_err(|error| {
+        let (table, mut errors) = DeTable::parse_recoverable(text);
+        if errors.is_empty() {
+            return Ok(numbered_table(table.into_inner(), number << SHIFT));
+        }
+        let wrong = |error: &toml::de::Error| {
             let at = error.span().map_or(0, |span| span.start);
             let rest = text.get(at..).unwrap_or_default();
             let in_key = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
@@ -71,8 +83,10 @@ impl<'t> Sources<'t> {
             };
             let message = error.message().replace("duplicate key", &twice);
             self.wrong(at | number << SHIFT, &message)
-        })?;
-        Ok(numbered_table(table.into_inner(), number << SHIFT))
+        };
+        errors.sort_by_key(|error| error.span().map_or(0, |span| span.start));
+        let lines = errors.iter().take(MOST_ERRORS).map(wrong).collect();
+        Err(RigFileError(lines))
     }
 }
 

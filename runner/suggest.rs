@@ -21,8 +21,11 @@ pub(crate) fn nearest<S: AsRef<str>>(word: &str, known: impl IntoIterator<Item =
     best.map(|(_, candidate)| candidate)
 }
 
-/// `; did you mean …?`, or what is allowed.
+/// `did you mean …?` and what is allowed, if anything is.
 pub(crate) fn or_allowed(word: &str, allowed: &[&str]) -> String {
+    if allowed.is_empty() {
+        return "there is none".to_owned();
+    }
     let list = allowed.join(", ");
     nearest(word, allowed).map_or_else(
         || format!("allowed: {list}"),

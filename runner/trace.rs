@@ -39,7 +39,7 @@ pub use onlooker::Onlooker;
 pub use record::{Header, Hexed, PortRecord, Record, TextRecord};
 pub use replay::{Difference, Replay, ReplayError};
 
-use crate::run::{Failure, RunOptions};
+use crate::run::RunOptions;
 use crate::scenario::Scenario;
 
 /// Version of the form of a trace.
@@ -237,11 +237,11 @@ impl Recorder {
         });
     }
 
-    pub(crate) fn failure(&mut self, failure: &Failure) {
+    pub(crate) fn failure(&mut self, at: SimTime, step: Option<&str>, what: &str) {
         self.write(&Record::Failure {
-            t: failure.at.as_nanos(),
-            step: failure.step.clone(),
-            what: failure.what.clone(),
+            t: at.as_nanos(),
+            step: step.map(str::to_owned),
+            what: what.to_owned(),
         });
     }
 

@@ -157,8 +157,26 @@ fn a_fault_file_is_played_within_any_job() {
         &folder,
         &["run", "--job", "job.toml", "other.toml"],
         2,
-        &["other.toml has devices of its own"],
+        &["other.toml has devices of its own, so it is no fault file for --job"],
     );
+    // Among fault files, they are named once and left out.
+    let among = prints(
+        &folder,
+        &[
+            "check",
+            "--job",
+            "job.toml",
+            "job.toml",
+            "other.toml",
+            "faults",
+        ],
+        0,
+        &[
+            "job.toml and 1 more have devices of their own, so they are no fault files for --job: left out",
+            "well-formed",
+        ],
+    );
+    assert_eq!(among.lines().count(), 2, "{among}");
     prints(
         &folder,
         &["check", "faults"],
@@ -259,6 +277,12 @@ fn parameters_multiply_to_cases() {
         &["run", "--param", "pmw=4", "job.toml"],
         2,
         &["--param pmw: no file has a parameter"],
+    );
+    prints(
+        &folder,
+        &["run", "--param", "pwm=4", "--param", "pwm=5,6", "job.toml"],
+        2,
+        &["--param pwm is given twice; for a case of each value: --param pwm=4,5,6"],
     );
     let misspelt = JOB.replace("left = \"${pwm}\"", "left = \"${pmw}\"");
     fs::write(folder.path().join("job.toml"), misspelt).unwrap();

@@ -251,6 +251,72 @@ fn what_never_held_says_how_near_it_came() {
 }
 
 #[test]
+fn what_is_true_or_false_comes_no_nearer() {
+    let printed = fails(
+        "[[step]]\nname = \"never\"\nwhen = \"mode.locked\"\noperator = \"lock\"\n\
+         [[step]]\nat = \"1 s\"\nexpect = { that = \"mode.locked\", within = \"1 s\" }\n",
+        &[
+            "\"never\": it never began: `mode.locked` never held\n",
+            "expected `mode.locked`, but mode.locked = false\n",
+        ],
+    );
+    assert!(!printed.contains("nearest"), "{printed}");
+}
+
+#[test]
+fn a_rule_of_which_nothing_is_asked_is_named() {
+    let rules = "[[response]]\nwhenever = \"truth.x_m > 50\"\nthen = \"truth.at_rest\"\n\
+                 [[response]]\nwhenever = \"truth.x_m > 0.5\"\nthen = \"truth.speed_mps > 0\"\n\
+                 [[response]]\nstep = \"maybe\"\nthen = \"truth.at_rest\"\n\
+                 [[always]]\nthat = \"truth.at_rest\"\nfrom = \"20 s\"\n\
+                 [[always]]\nthat = \"truth.at_rest\"\nafter = \"stop\"\nfrom = \"2 s\"\n\
+                 [[step]]\nname = \"maybe\"\nwhen = \"t > 100\"\nmay_not_trigger = true\noperator = \"lock\"\n";
+    let printed = passes(rules);
+    let named = [
+        "  not judged: always `truth.at_rest`: the run ended before\n",
+        "  not judged: response `truth.at_rest`: `truth.x_m > 50` never came\n",
+        "  not judged: response `truth.at_rest`: \"maybe\" never happened\n",
+    ];
+    assert!(named.iter().all(|line| printed.contains(line)), "{printed}");
+    assert_eq!(printed.matches("not judged").count(), 3, "{printed}");
+    let may = rules.replace("[[response]]\n", "[[response]]\nmay_not_trigger = true\n");
+    assert_eq!(passes(&may).matches("not judged").count(), 1);
+}
+
+#[test]
+fn each_failure_tells_what_came_before_it_and_what_was_in_effect() {
+    let printed = fails(
+        "[[step]]\nname = \"box\"\nat = \"1 s\"\nfor = \"2 s\"\n\
+         world = { add = { box = [{ name = \"b\", at_m = [30, 0], length = \"1 m\", width = \"1 m\" }] } }\n\
+         [[step]]\nname = \"push\"\nat = \"3500 ms\"\noperator = { push = { ahead = \"1 N\" } }\n\
+         [[never]]\nthat = \"t > 1.2\"\n[[never]]\nthat = \"t > 3.8\"\n",
+        &[],
+    );
+    let (_, first) = printed.split_once("never `t > 1.2`").unwrap();
+    let (first, second) = first.split_once("never `t > 3.8`").unwrap();
+    let (first_has, second_has) = (
+        [
+            "in effect then: \"box\" (world add), from 1.000000 s on",
+            "1.000000 == step \"box\": world add\n",
+        ],
+        [
+            "in effect then: \"push\" (operator push), from 3.500000 s on",
+            "3.000000 == step \"box\": world add, undone\n",
+            "3.500000 == step \"push\": operator push\n",
+        ],
+    );
+    assert!(
+        first_has.iter().all(|line| first.contains(line)),
+        "{printed}"
+    );
+    assert!(
+        second_has.iter().all(|line| second.contains(line)),
+        "{printed}"
+    );
+    assert!(!second.contains("world add), from"), "{printed}");
+}
+
+#[test]
 fn what_a_line_holds_back_is_no_fault_of_the_client() {
     // Twenty commands a second, which is as many as are answered.
     let held_back = |fault: &str| {

@@ -144,6 +144,34 @@ fn any_name_is_computed_anew_though_the_recording_does_not_hold_it() {
         "what was reported is known, too"
     );
 
+    // What steps remember has no value before, and parameters have theirs.
+    let remembering = two().replacen("[[device]]", "[parameters]\npwm = 300\n[[device]]", 1).replacen(
+        "[[step]]",
+        "[[step]]\nname = \"here\"\nat = \"1 s\"\nremember = { x0 = \"first.truth.x_m\" }\n[[step]]",
+        1,
+    );
+    std::fs::write(folder.path().join("saved.toml"), remembering).unwrap();
+    let output = ["run", "--seed", "1", "--output", ".", "saved.toml"];
+    folder.sim(&output).expect_clean();
+    let names = "saved.x0,param.pwm,first.truth.x_m";
+    let args = [
+        "trace",
+        "saved.trace.jsonl",
+        "--every",
+        "900ms",
+        "--csv",
+        names,
+    ];
+    let csv = folder.sim(&args).expect_clean().out;
+    let rows: Vec<Vec<&str>> = csv
+        .lines()
+        .skip(1)
+        .map(|row| row.split(',').collect())
+        .collect();
+    assert_eq!((rows[1][0], rows[1][1]), ("", "300"), "{csv}");
+    let [saved, x]: [f64; 2] = [0, 2].map(|column| rows[2][column].parse().unwrap());
+    assert!(0.0 < saved && saved < x, "{csv}");
+
     let wrong = folder.sim(&["trace", "drive.trace.jsonl", "--csv", "first.truth.speed"]);
     wrong.expect_refusal(2, &["did you mean `first.truth.speed_mps`?"]);
 }

@@ -226,6 +226,7 @@ pub(super) fn values(run: &Run, probes: &[Probe]) -> Value {
             let value = match probe.read(run) {
                 ProbeValue::Number(number) => json!(number),
                 ProbeValue::Flag(flag) => json!(flag),
+                ProbeValue::Unknown => Value::Null,
             };
             (probe.name.clone(), value)
         })

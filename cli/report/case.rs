@@ -62,6 +62,7 @@ pub(super) fn shown(
             p.note { "No picture: the recording could not be played again, " (readable(why)) }
         }
         (faults(outcome))
+        @for what in &outcome.not_judged { p.note { "Not judged: " (readable(what)) } }
         (report(outcome))
         @if let Some(Ok(film)) = film.as_ref().filter(|_| detail == Detail::Full) {
             (plots::plots(film).map_err(Failure::system)?)
@@ -152,12 +153,13 @@ fn report(outcome: &Outcome) -> Markup {
 
 fn traffic(film: &Film) -> Markup {
     html! {
-        @if !film.lines.is_empty() {
+        @let lines = film.lines();
+        @if !lines.is_empty() {
             details {
                 summary {
                     "Traffic and events around " (format!("{:.2} s", film.failed_at().unwrap_or(0.0)))
                 }
-                pre { @for line in &film.lines { (readable(line)) "\n" } }
+                pre { @for line in lines { (readable(line)) "\n" } }
                 @if film.more_lines > 0 { p.note { (film.more_lines) " lines more" } }
             }
         }

@@ -73,7 +73,7 @@ pub(super) struct Film<'a> {
     pub(super) passing: Vec<Feature>,
     changes: Option<u64>,
     /// Traffic and events around the failure.
-    pub(super) lines: Vec<String>,
+    lines: Vec<(SimTime, String)>,
     pub(super) more_lines: usize,
     /// It ends before the run does.
     pub(super) is_cut: Cell<bool>,
@@ -173,6 +173,27 @@ impl<'a> Film<'a> {
         next.min(self.times.len().saturating_sub(1))
     }
 
+    /// The traffic and the events around the failure, in their order.
+    pub(super) fn lines(&self) -> Vec<&str> {
+        // Steps are told by the recording, which is ahead.
+        let mut lines: Vec<&(SimTime, String)> = self.lines.iter().collect();
+        lines.sort_by_key(|(at, _)| *at);
+        lines.into_iter().map(|(_, line)| line.as_str()).collect()
+    }
+
+    fn is_near_failure(&self, at: SimTime) -> bool {
+        let failed_at = self.wanted.failed_at.filter(|_| self.wanted.values);
+        failed_at.is_some_and(|failed| failed <= at + AROUND[0] && at <= failed + AROUND[1])
+    }
+
+    fn note_line(&mut self, at: SimTime, line: String) {
+        if self.lines.len() < MOST_LINES {
+            self.lines.push((at, line));
+        } else {
+            self.more_lines += 1;
+        }
+    }
+
     fn note_features(&mut self, run: &Run) {
         let world = run.rig().world();
         if self.changes.replace(world.changes()) == Some(world.changes()) {
@@ -228,7 +249,14 @@ fn is_shown(name: &str, unit: &str) -> bool {
 }
 
 impl Onlooker for Film<'_> {
-    fn record(&mut self, _: &Record) {}
+    fn record(&mut self, record: &Record) {
+        if let Record::Step { t, step, what } = record {
+            let at = SimTime::from_nanos(*t);
+            if self.is_near_failure(at) {
+                self.note_line(at, format!("{at:>12} == step \"{step}\" {what}"));
+            }
+        }
+    }
 
     fn has_enough(&self) -> bool {
         self.is_cut.set(self.is_cut.get() || self.wanted.is_over());
@@ -239,15 +267,8 @@ impl Onlooker for Film<'_> {
         if let Some(fault) = event.kind.get() {
             self.note_fault(event, fault);
         }
-        let Some(failed_at) = self.wanted.failed_at.filter(|_| self.wanted.values) else {
-            return;
-        };
-        if failed_at <= event.at + AROUND[0] && event.at <= failed_at + AROUND[1] {
-            if self.lines.len() < MOST_LINES {
-                self.lines.push(self.words.plain(event));
-            } else {
-                self.more_lines += 1;
-            }
+        if self.is_near_failure(event.at) {
+            self.note_line(event.at, self.words.plain(event));
         }
     }
 

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use quick_junit::{NonSuccessKind, Property, Report, TestCase, TestCaseStatus, TestSuite};
+use sim_runner::Outcome;
 
 use crate::exit::Failure;
 use crate::visible;
@@ -160,6 +161,9 @@ fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
         for line in tell::client_report(&played.outcome) {
             properties.push(("sim.client_report", line));
         }
+        for what in &played.outcome.not_judged {
+            properties.push(("sim.not_judged", what.clone()));
+        }
         if let Some(held_up) = played.held_up {
             let seconds = |time: Duration| format!("{:.3}", time.as_secs_f64());
             properties.push(("sim.held_up_s", seconds(held_up.total)));
@@ -188,10 +192,19 @@ fn test_case(case: &Case<'_>, result: Option<&CaseResult>) -> TestCase {
             test.set_system_out(text(&client.output));
         }
         if !played.outcome.passed {
-            test.set_system_err(text(&played.outcome.traffic.join("\n")));
+            test.set_system_err(text(&surroundings(&played.outcome)));
         }
     }
     test
+}
+
+/// What happened before each failure.
+fn surroundings(outcome: &Outcome) -> String {
+    let lines = outcome.failures.iter().flat_map(|failure| {
+        let before = failure.context.before.iter().cloned();
+        before.chain([format!("FAILED {failure}")])
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 fn status(result: Option<&CaseResult>) -> TestCaseStatus {

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 use sim_core::event::Hex;
 use sim_embed::serve::HeldUp;
+use sim_runner::run::Failure;
 use sim_runner::{DevicePlan, Outcome, PlannedLink, Scenario};
 use sim_settings::show_duration;
 
@@ -15,8 +16,10 @@ use sim_embed::ports;
 
 use super::case::{Case, CaseResult, Played, Verdict};
 
-/// How many of the last lines of traffic are shown of a scenario that failed.
+/// How many of the last lines of traffic are shown before a failure.
 const TRAFFIC: usize = 12;
+/// Of how many failures what came before them is shown.
+const CONTEXTS: usize = 5;
 /// How many of the last lines of the client's output are shown of a scenario that failed.
 const OUTPUT: usize = 30;
 /// How much is shown of one of them.
@@ -129,6 +132,7 @@ fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
             let _ = write!(text, "\n  client report: {}", visible::line(&line));
         }
     }
+    text += &not_judged(outcome);
     if let Some(held_up) = played.held_up.and_then(machines_part) {
         let _ = write!(text, "\n  {held_up}");
     }
@@ -140,15 +144,6 @@ fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
             "\n  what follows may be the machine's doing (--max-hold-up), also in a second try:";
     }
     text += &failures(outcome);
-    for fault in &outcome.armed {
-        let _ = write!(text, "\n  armed then: {}", visible::line(fault));
-    }
-    if !outcome.traffic.is_empty() {
-        text += "\n  the last that happened before:";
-    }
-    for line in last(&outcome.traffic, TRAFFIC) {
-        let _ = write!(text, "\n    {}", visible::line(line));
-    }
     if let Some(client) = &played.client {
         let lines: Vec<String> = client.output.lines().map(shortened).collect();
         if lines.is_empty() {
@@ -181,13 +176,54 @@ pub(crate) fn shortened(line: &str) -> String {
 
 fn failures(outcome: &Outcome) -> String {
     let mut text = String::new();
-    for failure in &outcome.failures {
+    for (index, failure) in outcome.failures.iter().enumerate() {
         let _ = write!(text, "\n  {}", visible::line(&failure.to_string()));
+        // What is found at one instant has the same surroundings.
+        let next = outcome.failures.get(index + 1);
+        let told = next.is_some_and(|next| next.at == failure.at);
+        if index < CONTEXTS && !told {
+            text += &context(&outcome.failures[..=index]);
+        }
     }
     if outcome.more_failures > 0 {
         let _ = write!(text, "\n  and {} more", outcome.more_failures);
     }
     text
+}
+
+/// The surroundings of the last of these failures, which it may share with others before it.
+fn context(failures: &[Failure]) -> String {
+    let mut text = String::new();
+    let Some(Failure { at, context, .. }) = failures.last() else {
+        return text;
+    };
+    for fault in &context.armed {
+        let _ = write!(text, "\n  armed then: {}", visible::line(fault));
+    }
+    for deed in &context.in_effect {
+        let _ = write!(text, "\n  in effect then: {}", visible::line(deed));
+    }
+    let same = failures
+        .iter()
+        .rev()
+        .take_while(|failure| failure.at == *at);
+    let before: Vec<&[String]> = same
+        .map(|failure| failure.context.before.as_slice())
+        .collect();
+    let before: Vec<&String> = before.into_iter().rev().flatten().collect();
+    if !before.is_empty() {
+        text += "\n  the last that happened before:";
+    }
+    for line in &before[before.len().saturating_sub(TRAFFIC)..] {
+        let _ = write!(text, "\n    {}", visible::line(line));
+    }
+    text
+}
+
+/// Rules and responses that had no occasion to be broken.
+pub(crate) fn not_judged(outcome: &Outcome) -> String {
+    let line = |what: &String| format!("\n  not judged: {}", visible::line(what));
+    outcome.not_judged.iter().map(line).collect()
 }
 
 /// What an outcome was worth: `3 of 3 faults hit, 214 requests, 9.3 m`.
@@ -271,7 +307,7 @@ pub(crate) fn verdict_text(outcome: &Outcome, held_up: HeldUp, is_spoilt: bool) 
     if is_spoilt {
         text += "\n  what follows may be the machine's doing (--max-hold-up):";
     }
-    text + &failures(outcome)
+    text + &not_judged(outcome) + &failures(outcome)
 }
 
 /// The same for programs.
@@ -293,6 +329,9 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
                 "time_s": failure.at.as_secs_f64(),
                 "step": failure.step,
                 "what": failure.what,
+                "before": failure.context.before,
+                "armed": failure.context.armed,
+                "in_effect": failure.context.in_effect,
             })
         })
         .collect();
@@ -333,7 +372,8 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         "failures": failures,
         "more_failures": outcome.more_failures,
         "faults": faults,
-        "armed": outcome.armed,
+        "armed": outcome.failures.first().map_or(&[][..], |failure| &failure.context.armed),
+        "not_judged": outcome.not_judged,
         "client_report": report,
     })
 }

@@ -70,6 +70,7 @@ impl Onlooker for Values {
         let cell = |probe: &Probe| match probe.read(run) {
             ProbeValue::Number(number) => number.to_string(),
             ProbeValue::Flag(flag) => flag.to_string(),
+            ProbeValue::Unknown => String::new(),
         };
         let cells: Vec<String> = self.probes.iter().map(cell).collect();
         if self.written.is_ok() {

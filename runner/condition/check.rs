@@ -126,8 +126,15 @@ fn type_of_call(
         return Err(unknown_function(&name));
     }
     let mut types = Vec::with_capacity(call.args.len());
+    let mut wrong = Vec::new();
     for argument in &mut call.args {
-        types.push(type_of(argument, scope, found)?);
+        match type_of(argument, scope, found) {
+            Ok(own) => types.push(own),
+            Err(why) => wrong.push(why),
+        }
+    }
+    if !wrong.is_empty() {
+        return Err(wrong.join("; "));
     }
     let all = |wanted: Type, gives: Type| match types.iter().find(|got| **got != wanted) {
         None => Ok(gives),

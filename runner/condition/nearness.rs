@@ -9,6 +9,24 @@ use super::{Condition, Situation, Value};
 const FAR: f64 = 1.0;
 
 impl Condition {
+    /// Tells whether it can be nearer to holding and farther from it: it compares.
+    #[must_use]
+    pub(crate) fn is_gradual(&self) -> bool {
+        fn compares(part: &Expr) -> bool {
+            const SIGNS: [&str; 6] = [
+                operators::LESS,
+                operators::LESS_EQUALS,
+                operators::GREATER,
+                operators::GREATER_EQUALS,
+                operators::EQUALS,
+                operators::NOT_EQUALS,
+            ];
+            matches!(part, Expr::Call(call) if SIGNS.contains(&call.func_name.as_str())
+                || call.args.iter().any(|part| compares(&part.expr)))
+        }
+        compares(&self.expression.expr)
+    }
+
     /// Distance from holding, 0 at most; larger is nearer. Numbers that are compared count by how
     /// far they are apart, as a part of the larger one; of what must hold together, all that does
     /// not counts.

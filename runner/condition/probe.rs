@@ -26,15 +26,18 @@ pub enum ProbeValue {
     Number(f64),
     /// True or false.
     Flag(bool),
+    /// No step has remembered it yet.
+    Unknown,
 }
 
 impl ProbeValue {
-    /// The number; true is 1.
+    /// The number; true is 1, and what is not known is no number.
     #[must_use]
     pub fn number(self) -> f64 {
         match self {
             Self::Number(number) => number,
             Self::Flag(flag) => f64::from(u8::from(flag)),
+            Self::Unknown => f64::NAN,
         }
     }
 }
@@ -44,8 +47,8 @@ impl Probe {
     ///
     /// # Errors
     /// Says what names there are.
-    fn parse(name: &str, devices: &Devices<'_>) -> Result<Self, String> {
-        let (origin, unit) = Scope::of(devices).look_up(name)?;
+    fn parse(name: &str, scope: &Scope<'_>) -> Result<Self, String> {
+        let (origin, unit) = scope.look_up(name)?;
         let device = match origin {
             Origin::Time | Origin::Saved(_) | Origin::Fixed(_) => None,
             Origin::Device(device, _) => Some(device),
@@ -75,6 +78,9 @@ impl Probe {
     /// Its value now.
     #[must_use]
     pub fn read(&self, run: &Run) -> ProbeValue {
+        if !self.origin.is_known(run.situation()) {
+            return ProbeValue::Unknown;
+        }
         match self.origin.read(run.situation()) {
             Reading::Number(number) => ProbeValue::Number(number),
             Reading::Flag(flag) => ProbeValue::Flag(flag),
@@ -83,12 +89,12 @@ impl Probe {
 }
 
 impl Run {
-    /// A name of the devices of the run, as conditions write it.
+    /// A name of the devices, parameters and remembered values of the run, as conditions write it.
     ///
     /// # Errors
     /// Says what names there are.
     pub fn probe(&self, name: &str) -> Result<Probe, String> {
-        Probe::parse(name, &self.devices())
+        self.in_scope(|scope| Probe::parse(name, scope))
     }
 
     /// Every name of every device, the device's own name before it.

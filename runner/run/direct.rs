@@ -56,7 +56,7 @@ impl Run {
     /// # Errors
     /// In words, when the expression makes no sense.
     pub fn value(&self, expression: &str) -> Result<Value, String> {
-        self.parse(expression, Condition::parse_value)?
+        self.in_scope(|scope| Condition::parse_value(expression, scope))?
             .value(self.situation())
     }
 
@@ -65,14 +65,11 @@ impl Run {
     /// # Errors
     /// In words, when the condition makes no sense.
     pub fn condition(&self, text: &str) -> Result<Condition, String> {
-        self.parse(text, Condition::parse)
+        self.in_scope(|scope| Condition::parse(text, scope))
     }
 
-    fn parse(
-        &self,
-        text: &str,
-        parse: fn(&str, &Scope<'_>) -> Result<Condition, String>,
-    ) -> Result<Condition, String> {
+    /// Reads something in which names stand, as they are in the scenario.
+    pub(crate) fn in_scope<T>(&self, read: impl FnOnce(&Scope<'_>) -> T) -> T {
         let devices = &self.scenario.rig.devices;
         let devices: Vec<_> = devices
             .iter()
@@ -84,7 +81,7 @@ impl Run {
             saved: &self.scenario.saved,
             parameters: &self.scenario.parameters,
         };
-        parse(text, &scope)
+        read(&scope)
     }
 
     /// Adds a step, written as a `[[step]]` of scenario files: `fault = { kind = "cable-pulled" }`.

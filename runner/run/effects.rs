@@ -114,7 +114,10 @@ impl Run {
         match undo {
             Undo::Nothing => {}
             Undo::Fault(number) => self.clear_fault(index, number),
-            Undo::Effect(undo) => undo(&mut self.rig),
+            Undo::Effect(undo) => {
+                self.note_deed(index, true);
+                undo(&mut self.rig);
+            }
         }
     }
 }

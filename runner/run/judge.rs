@@ -1,20 +1,16 @@
-//! Conditions as the run goes on, and the verdict at its end.
+//! Conditions as the run goes on.
 
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::{Event, Role};
+use sim_core::event::Event;
 use sim_settings::show_duration;
 
+use super::Run;
 use super::agenda::Item;
-use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
-use super::steps::FaultCounts;
-use super::{MOST_RECENT, Run};
 use crate::condition::{Condition, Situation};
 use crate::scenario::{Rule, Scenario, StepAction, Trigger};
 
-/// Most failures that are told; further ones are counted.
-const MOST_FAILURES: usize = 50;
 /// How often it is looked at how near something has come.
 const NEARNESS_EVERY: Duration = Duration::from_millis(20);
 /// Time after a fault of the line in which its traces may still come.
@@ -36,13 +32,6 @@ pub(super) struct Nearest {
     found: String,
 }
 
-/// Surroundings of a failure.
-#[derive(Debug)]
-pub(super) struct Context {
-    traffic: Vec<String>,
-    armed: Vec<String>,
-}
-
 /// Progress of a condition over time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RuleState {
@@ -52,6 +41,8 @@ pub(super) struct RuleState {
     broken: Option<SimTime>,
     /// It is looked at no more: it was violated, or does not count.
     closed: bool,
+    /// It has been looked at.
+    looked_at: bool,
 }
 
 pub(super) fn rule_states(scenario: &Scenario) -> Vec<RuleState> {
@@ -60,6 +51,7 @@ pub(super) fn rule_states(scenario: &Scenario) -> Vec<RuleState> {
         until: SimTime::MAX,
         broken: None,
         closed: false,
+        looked_at: false,
     };
     vec![state; scenario.rules.len()]
 }
@@ -132,6 +124,9 @@ impl Run {
 
     /// Takes note of how near what a step waits for has come.
     fn note_nearness(&mut self, index: usize, condition: &Condition, now: SimTime) {
+        if !condition.is_gradual() {
+            return;
+        }
         // Often enough to tell, and seldom enough to cost nothing.
         let before = self.steps[index].nearest.as_ref();
         if before.is_some_and(|before| now < before.looked + NEARNESS_EVERY) {
@@ -152,7 +147,7 @@ impl Run {
     }
 
     /// The nearest that what a step waits for has come, in words.
-    fn nearest(&self, index: usize) -> String {
+    pub(super) fn nearest(&self, index: usize) -> String {
         let nearest = self.steps[index].nearest.as_ref();
         nearest.map_or_else(String::new, |nearest| {
             format!("; it came nearest at {} s: {}", nearest.at, nearest.found)
@@ -212,7 +207,9 @@ impl Run {
             if state.closed || !open {
                 continue;
             }
-            let what = match self.look(&rule.that) {
+            let looked = self.look(&rule.that);
+            self.rules[index].looked_at |= !matches!(looked, Ok(None));
+            let what = match looked {
                 Ok(None) => continue,
                 Ok(Some(holds)) if holds == rule.must_hold => {
                     self.rules[index].broken = None;
@@ -231,11 +228,7 @@ impl Run {
                 Err(why) => why,
             };
             self.rules[index].closed = true;
-            self.note_failure(Failure {
-                at: now,
-                step: None,
-                what,
-            });
+            self.note_failure(now, None, what);
         }
     }
 
@@ -270,7 +263,12 @@ impl Run {
         condition.explain(self.situation())
     }
 
-    fn not_held(&self, step: usize, condition: &Condition, message: Option<&str>) -> String {
+    pub(super) fn not_held(
+        &self,
+        step: usize,
+        condition: &Condition,
+        message: Option<&str>,
+    ) -> String {
         let (found, nearest) = (self.explain(condition), self.nearest(step));
         let text = format!("expected `{}`, but {found}{nearest}", condition.text());
         with_message(message, &text)
@@ -285,228 +283,24 @@ impl Run {
             .is_some_and(|until| event.at <= *until + blame.looks_back());
         disturbed && blame.spares_disturbed() || self.lateness.excuses(event)
     }
+}
 
-    pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {
-        let step = Some(self.scenario.steps[index].name.clone());
-        let state = &mut self.steps[index];
-        state.failure.get_or_insert_with(|| what.clone());
-        self.note_failure(Failure { at, step, what });
-    }
-
-    pub(super) fn note_failure(&mut self, failure: Failure) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.failure(&failure);
+impl RuleState {
+    /// Why it was never looked at until now, if it was not.
+    pub(super) fn not_judged(self, rule: &Rule, now: SimTime) -> Option<&'static str> {
+        let waits = rule.after.is_some() && self.from.is_none();
+        let early = self.from.is_some_and(|from| from > now);
+        match self.looked_at {
+            true => None,
+            false if waits => Some("what it comes after was never done"),
+            false if early => Some("the run ended before"),
+            false => Some("what it speaks of was never remembered"),
         }
-        if self.context.is_none() && self.outcome.is_none() {
-            self.context = Some(self.context());
-        }
-        if let Some(outcome) = &mut self.outcome {
-            outcome.passed = false;
-            outcome.failures.push(failure);
-        } else if self.failures.len() < MOST_FAILURES {
-            self.failures.push(failure);
-        } else {
-            self.more_failures += 1;
-        }
-    }
-
-    /// The run is over: what did not come, and what came of it all.
-    pub(super) fn finish(&mut self) {
-        let now = self.rig.now();
-        self.fail_what_waits(now);
-        let faults = self.close_faults(now);
-        self.fail_what_never_began(now);
-        self.judge_reports(now);
-        let passed = self.failures.is_empty();
-        let context = self.context.take().unwrap_or_else(|| self.context());
-        let outcome = Outcome {
-            passed,
-            title: self.scenario.title.clone(),
-            seed: self.options.seed,
-            ended_at: now,
-            failures: std::mem::take(&mut self.failures),
-            more_failures: self.more_failures,
-            faults,
-            devices: self
-                .scenario
-                .rig
-                .devices
-                .iter()
-                .zip(&self.observed)
-                .enumerate()
-                .map(|(device, (plan, observed))| DeviceReport {
-                    name: plan.name.clone(),
-                    report: observed.report().clone(),
-                    distance_m: self.rig.distance_m(device),
-                })
-                .collect(),
-            traffic: context.traffic,
-            armed: context.armed,
-        };
-        if let Some(recorder) = &mut self.recorder {
-            recorder.end(now, outcome.passed);
-        }
-        self.outcome = Some(outcome);
-    }
-
-    /// What is repeated without end is cut off somewhere; anything else had to come in time.
-    fn fail_what_waits(&mut self, now: SimTime) {
-        let scenario = std::sync::Arc::clone(&self.scenario);
-        let endless = |step: usize| scenario.steps[step].is_endless();
-        for expected in std::mem::take(&mut self.expected) {
-            if endless(expected.step) {
-                continue;
-            }
-            let StepAction::Expect { that, message, .. } = &scenario.steps[expected.step].action
-            else {
-                continue;
-            };
-            let why = self.not_held(expected.step, that, message.as_deref());
-            let why = format!("the run ended before its time was up: {why}");
-            self.fail_step(expected.step, now, why);
-        }
-        let unanswered = self.unanswered().into_iter();
-        for (step, why) in unanswered.filter(|(step, _)| !endless(*step)) {
-            let why = format!("the run ended before its time was up: {why}");
-            self.fail_step(step, now, why);
-        }
-    }
-
-    fn close_faults(&mut self, now: SimTime) -> Vec<FaultRecord> {
-        let scenario = std::sync::Arc::clone(&self.scenario);
-        let mut records = Vec::new();
-        for (index, step) in scenario.steps.iter().enumerate() {
-            let StepAction::Fault(fault) = &step.action else {
-                continue;
-            };
-            let Some(begun) = self.steps[index].begun else {
-                continue;
-            };
-            // One that is over by itself takes its number along.
-            for number in self.active_faults(index) {
-                self.clear_fault(index, number);
-            }
-            let FaultCounts { armed, hit, hits } = self.steps[index].fault_counts();
-            if armed > 0 && hit == 0 && !step.may_not_trigger {
-                let why = format!(
-                    "the fault {} was there from {begun} s on and never hit anything; \
-                     if that is all right, say `may_not_trigger = true`",
-                    fault.id()
-                );
-                self.fail_step(index, now, why);
-            }
-            records.push(FaultRecord {
-                step: step.name.clone(),
-                id: fault.id(),
-                armed,
-                hit,
-                hits,
-            });
-        }
-        records
-    }
-
-    fn fail_what_never_began(&mut self, now: SimTime) {
-        let scenario = std::sync::Arc::clone(&self.scenario);
-        for (index, step) in scenario.steps.iter().enumerate() {
-            let begun = self.steps[index].begun.is_some();
-            if begun || step.may_not_trigger || !self.is_played(step) {
-                continue;
-            }
-            let why = match &step.trigger {
-                Trigger::At(_) => {
-                    let at = self.steps[index].planned.unwrap_or(now);
-                    format!("it was to begin at {at} s, the run ended before")
-                }
-                Trigger::When(condition) => {
-                    let nearest = self.nearest(index);
-                    format!("it never began: `{}` never held{nearest}", condition.text())
-                }
-                Trigger::After(other) => {
-                    let name = &scenario.steps[*other].name;
-                    format!("it never began: \"{name}\" was not done in time")
-                }
-            };
-            let delay = match step.delay.max {
-                Duration::ZERO => String::new(),
-                delay => format!(", or not {} before the end", show_duration(delay)),
-            };
-            self.fail_step(index, now, why + &delay);
-        }
-    }
-
-    fn judge_reports(&mut self, now: SimTime) {
-        let scenario = std::sync::Arc::clone(&self.scenario);
-        let Some(demand) = &scenario.demand else {
-            return;
-        };
-        if !self.counts(demand.only) {
-            return;
-        }
-        for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.observed[index]
-                .report()
-                .held_against_client()
-                .filter(|(code, _)| match &demand.allowed {
-                    Some(allowed) => !allowed.iter().any(|kind| kind == code),
-                    None => demand.forbidden.iter().any(|kind| kind == code),
-                })
-                .map(|(code, tally)| {
-                    format!(
-                        "{code} × {}, first at {} s: {}",
-                        tally.held_against_client, tally.first_at, tally.first
-                    )
-                })
-                .collect();
-            for what in found {
-                let what = format!("client report of {}: {what}", plan.name);
-                self.note_failure(Failure {
-                    at: now,
-                    step: None,
-                    what,
-                });
-            }
-        }
-    }
-
-    /// What has happened lastly, and what is armed.
-    fn context(&self) -> Context {
-        let steps = self.scenario.steps.iter().zip(&self.steps);
-        let armed = steps.filter_map(|(step, state)| match &step.action {
-            StepAction::Fault(fault) if state.has_faults() => {
-                let begun = state.begun?;
-                Some(format!(
-                    "\"{}\" ({}), from {begun} s on",
-                    step.name,
-                    fault.id()
-                ))
-            }
-            _ => None,
-        });
-        Context {
-            armed: armed.collect(),
-            traffic: self.traffic(),
-        }
-    }
-
-    fn traffic(&self) -> Vec<String> {
-        debug_assert!(self.recent.len() <= MOST_RECENT);
-        let devices = &self.scenario.rig.devices;
-        let line = |event: &Event| {
-            let name = devices.get(event.device).map_or("?", |plan| &plan.name);
-            let mark = match event.kind.role() {
-                Role::Request => "->",
-                Role::Reply => "<-",
-                _ => " .",
-            };
-            format!("{:>12} {name} {mark} {}", event.at, event.kind)
-        };
-        self.recent.iter().map(line).collect()
     }
 }
 
 impl Rule {
-    fn words(&self) -> String {
+    pub(super) fn words(&self) -> String {
         let word = if self.must_hold { "always" } else { "never" };
         let longer = match self.longer_than {
             Duration::ZERO => String::new(),

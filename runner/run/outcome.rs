@@ -24,10 +24,21 @@ pub struct Outcome {
     pub faults: Vec<FaultRecord>,
     /// Counts of what happened at each device; the client report is in it.
     pub devices: Vec<DeviceReport>,
-    /// The last events before the first failure, or before the end without one, in words.
-    pub traffic: Vec<String>,
-    /// The faults that were armed at the first failure, in words.
+    /// Rules and responses of which nothing was asked, with the reason, in words.
+    pub not_judged: Vec<String>,
+    /// Surroundings of the end.
+    pub last: Context,
+}
+
+/// Surroundings of a failure, in words.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Context {
+    /// The last that happened before, since the failure before.
+    pub before: Vec<String>,
+    /// The faults that were armed.
     pub armed: Vec<String>,
+    /// Whatever else steps had changed and not undone.
+    pub in_effect: Vec<String>,
 }
 
 /// Something that was not as the file says.
@@ -39,6 +50,8 @@ pub struct Failure {
     pub step: Option<String>,
     /// Description, and the values that it was found by.
     pub what: String,
+    /// Surroundings of it.
+    pub context: Context,
 }
 
 impl Outcome {
@@ -49,6 +62,7 @@ impl Outcome {
             at: self.ended_at,
             step: None,
             what,
+            context: std::mem::take(&mut self.last),
         });
     }
 }

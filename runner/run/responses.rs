@@ -8,7 +8,6 @@ use sim_settings::show_duration;
 use super::Run;
 use super::agenda::Item;
 use super::judge::with_message;
-use super::outcome::Failure;
 use crate::scenario::{Cause, Response};
 
 /// How many responses to one cause are waited for at a time; further ones are not judged.
@@ -19,6 +18,8 @@ const MOST_PENDING: usize = 1000;
 pub(super) struct ResponseState {
     /// Set while its cause holds.
     caused: bool,
+    /// It was to come at least once.
+    pub(super) was_due: bool,
     pending: Vec<Pending>,
 }
 
@@ -57,6 +58,7 @@ impl Run {
             return;
         }
         let (since, came) = (now, false);
+        self.responses[index].was_due = true;
         self.responses[index].pending.push(Pending { since, came });
         for end in [Some(response.within), response.until]
             .into_iter()
@@ -100,12 +102,40 @@ impl Run {
         });
         for pending in failed {
             let what = self.not_answered(response, pending);
-            self.note_failure(Failure {
-                at: now,
-                step: None,
-                what,
-            });
+            self.note_failure(now, None, what);
         }
+    }
+
+    /// Responses and rules that were to be judged and that nothing was asked of, in words.
+    pub(super) fn not_judged(&self) -> Vec<String> {
+        let now = self.rig.now();
+        let rules = self.scenario.rules.iter().zip(&self.rules);
+        let rules = rules.filter(|(rule, _)| self.is_judged(rule.only, rule.mission));
+        let rules = rules.filter_map(|(rule, state)| {
+            let why = state.not_judged(rule, now)?;
+            let after = rule.after.map(|after| &self.scenario.steps[after]);
+            let may_not = after.is_some_and(|step| step.may_not_trigger);
+            (!may_not).then(|| format!("{}: {why}", rule.words()))
+        });
+        let responses = self.scenario.responses.iter().zip(&self.responses);
+        let responses = responses.filter(|(response, state)| {
+            !state.was_due
+                && !response.may_not_trigger
+                && self.is_judged(response.only, response.mission)
+        });
+        let responses = responses.map(|(response, _)| {
+            let then = response.then.text();
+            match &response.to {
+                Cause::Whenever(cause) => {
+                    format!("response `{then}`: `{}` never came", cause.text())
+                }
+                Cause::Step(step) => {
+                    let step = &self.scenario.steps[*step].name;
+                    format!("response `{then}`: \"{step}\" never happened")
+                }
+            }
+        });
+        rules.chain(responses).collect()
     }
 
     fn not_answered(&self, response: &Response, pending: Pending) -> String {

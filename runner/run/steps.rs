@@ -114,6 +114,11 @@ impl StepState {
         !self.faults.is_empty()
     }
 
+    /// Tells whether something that it did to a vehicle or its world is not undone.
+    pub(super) fn has_effects(&self) -> bool {
+        self.effects > 0 || self.standing.is_some()
+    }
+
     pub(super) fn fault_counts(&self) -> FaultCounts {
         self.counts
     }
@@ -288,8 +293,14 @@ impl Run {
                 }
                 None
             }
-            StepAction::Operator(action) => self.operate(step.device, action.as_ref()),
-            StepAction::World(action) => self.change_world(index, step.device, action, now),
+            StepAction::Operator(action) => {
+                self.note_deed(index, false);
+                self.operate(step.device, action.as_ref())
+            }
+            StepAction::World(action) => {
+                self.note_deed(index, false);
+                self.change_world(index, step.device, action, now)
+            }
             StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
                 self.expected.push(Expected { step: index, due });

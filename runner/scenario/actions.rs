@@ -27,36 +27,44 @@ pub(crate) enum WorldAction {
     Device(Arc<dyn Action>),
 }
 
+/// Changes that there are around any vehicle.
+const AROUND: [&str; 4] = ["add", "move", "remove", "friction"];
+
 /// Reads what an operator does to a device.
 pub(super) fn read_operator(
     value: &Spanned<DeValue<'_>>,
     device: &DeviceSpec,
 ) -> Result<Arc<dyn Action>, toml::de::Error> {
     let all = [Some(&HANDS), device.operator.as_ref()];
-    let all: Vec<&Actions> = all.into_iter().flatten().collect();
-    read_one_of(value, device, &all)
+    read_one_of(value, device, all.into_iter().flatten(), &[])
 }
 
-/// Reads an action of the first of `all` that has one of its name.
-fn read_one_of(
+/// Reads an action of the first of `all` that has one of its name; others are known, too.
+fn read_one_of<'a>(
     value: &Spanned<DeValue<'_>>,
     device: &DeviceSpec,
-    all: &[&Actions],
+    all: impl Iterator<Item = &'a Actions>,
+    others: &[&str],
 ) -> Result<Arc<dyn Action>, toml::de::Error> {
-    let names = |actions: &Actions| {
-        let mut generator = schemars::SchemaGenerator::default();
-        schema::names(vec![(actions.schema)(&mut generator)])
-    };
     let name = tables::name_of(value).unwrap_or_default();
-    let has = |actions: &&&Actions| names(actions).iter().any(|known| known == name);
-    let Some(actions) = all.iter().find(has) else {
-        let names: Vec<String> = all.iter().flat_map(|actions| names(actions)).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let allowed = or_allowed(name, &names);
-        let why = format!("{} has no `{name}`; {allowed}", device.title);
-        return Err(serde::de::Error::custom(why));
+    let mut known: Vec<String> = others.iter().map(|name| (*name).to_owned()).collect();
+    for actions in all {
+        let mut generator = schemars::SchemaGenerator::default();
+        let names = schema::names(vec![(actions.schema)(&mut generator)]);
+        if names.iter().any(|own| own == name) {
+            return (actions.read)(ValueDeserializer::from(value.clone())).map(Arc::from);
+        }
+        known.extend(names);
+    }
+    let known: Vec<&str> = known.iter().map(String::as_str).collect();
+    let why = match name {
+        "" => format!("one thing is done by a step; allowed: {}", known.join(", ")),
+        name => {
+            let allowed = or_allowed(name, &known);
+            format!("{} has no `{name}`; {allowed}", device.title)
+        }
     };
-    (actions.read)(ValueDeserializer::from(value.clone())).map(Arc::from)
+    Err(serde::de::Error::custom(why))
 }
 
 impl WorldAction {
@@ -65,9 +73,9 @@ impl WorldAction {
         device: &DeviceSpec,
     ) -> Result<Self, toml::de::Error> {
         let name = tables::name_of(value).unwrap_or_default();
-        if !["add", "move", "remove", "friction"].contains(&name) {
-            let own: Vec<&Actions> = device.surroundings.iter().collect();
-            return read_one_of(value, device, &own).map(Self::Device);
+        if !AROUND.contains(&name) {
+            let own = device.surroundings.iter();
+            return read_one_of(value, device, own, &AROUND).map(Self::Device);
         }
         let wrong = |why: String| serde::de::Error::custom(why);
         match tables::read(value)? {

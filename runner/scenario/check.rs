@@ -14,25 +14,29 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::compose::{Parameters, Texts, put_over};
-use super::document::{ClientText, StepText, TimeText};
-use super::forgiving::{self, Read};
-use super::problems::Problems;
+use super::document::{ClientText, Document, StepText, TimeText};
 use super::{MOST_STEPS, Rule, Scenario, Step, StepAction, Times, Trigger};
 use crate::condition::{Condition, Saved, Scope, Value, identifier};
+use crate::forgiving::{self, LeftOut};
+use crate::problems::{Problems, Put};
 use crate::rig_file::{RigFileError, RigPlan, RigText};
 use crate::sources::{MOST_FILES, Sources};
-use crate::suggest::{improve, nearest, plain};
+use crate::suggest::nearest;
 use crate::tables::{self, Tables};
 
 pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
     let sources = Sources(texts.files);
     let mut problems = Problems::new(sources);
     let (root, parameters) = composed(sources, texts, &mut problems)?;
+    let (parameters, text_parameters) = (parameters.values(), parameters.texts());
     let mut tables = Tables(root);
     let scripted = scripts(&mut tables.0, &mut problems);
-    let Some(Read { document, broken }) = forgiving::read(&mut tables.0, &mut problems) else {
+    let mut left_out = LeftOut::default();
+    let document = forgiving::read_table(&mut tables.0, &mut left_out, &mut problems);
+    let Some(document) = document else {
         return Err(problems.into_error());
     };
+    let document: Document = document;
     let rig_text = RigText {
         schema: document.schema,
         world: document.world,
@@ -43,15 +47,13 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
     if rig_text.device.is_empty() {
         let why = "a scenario has 1 to 1000 [[device]] tables; a fault file is played within a job, which \
                    has them: `--job FILE`, or `base` in the file";
-        problems.add_lines([format!("{}: {why}", sources.place(0))]);
+        problems.add_to_file(why);
         return Err(problems.into_error());
     }
-    let (rig, wrong) = RigPlan::check(sources, &tables, base, rig_text);
-    problems.add_lines(wrong);
-    let Some(mut rig) = rig else {
+    let Some(mut rig) = RigPlan::check(&mut problems, &tables, base, rig_text) else {
         return Err(problems.into_error());
     };
-    problems.add_lines(set_all(texts.set, &mut rig));
+    set_all(texts.set, &mut rig, &mut problems);
     let (limit, takes) = (document.limit.get_ref().0, document.takes);
     if limit.is_zero() {
         problems.add(document.limit.span(), "a run takes some time");
@@ -68,6 +70,7 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
             .collect(),
         scripted: &scripted,
         parameters: &parameters,
+        text_parameters,
         tables,
         names: BTreeMap::new(),
         limit,
@@ -75,6 +78,8 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         obstacles: Vec::new(),
         unnamed_faults: BTreeMap::new(),
         saved: Vec::new(),
+        not_saved: Vec::new(),
+        left_out,
         problems,
     };
     checker.check_device_names();
@@ -83,11 +88,9 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
     let rules = document.always.len() + document.never.len() + document.response.len();
     if document.step.len() > MOST_STEPS || rules > MOST_STEPS {
         let why = format!("at most {MOST_STEPS} steps and {MOST_STEPS} conditions over time");
-        checker.problems.add(0..0, &why);
+        checker.problems.add_to_file(&why);
         return Err(checker.problems.into_error());
     }
-    // Of what could not be read whole, nothing else is said.
-    let is_whole = |at: Range<usize>| !broken.contains(&at.start);
     let remembered: Vec<_> = document
         .step
         .iter()
@@ -99,8 +102,7 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         .zip(remembered)
         .enumerate()
         .map(|(index, (text, remember))| {
-            let step = is_whole(text.span()).then(|| checker.step(index, text));
-            let step = step.flatten()?;
+            let step = checker.step(index, text)?;
             Some(Step { remember, ..step })
         })
         .collect();
@@ -111,7 +113,7 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
                 .iter()
                 .filter_map(|text| text.get_ref().name.as_deref()),
         );
-        for text in texts.iter().filter(|text| is_whole(text.span())) {
+        for text in texts {
             rules.extend(checker.rule(text.get_ref(), must_hold));
         }
     }
@@ -121,17 +123,14 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
             .clone()
             .filter_map(|text| text.get_ref().name.as_deref()),
     );
-    let responses = responses.filter(|text| is_whole(text.span()));
     let responses: Vec<_> = responses
-        .filter_map(|text| checker.response(text.get_ref()))
+        .filter_map(|text| checker.response(text))
         .collect();
     let demand = document
         .client_report
         .as_ref()
         .map(|text| checker.demand(text));
-    if let Some(steps) = steps.iter().map(Option::as_ref).collect::<Option<Vec<_>>>() {
-        checker.check_order(&steps, &document.step, &rules);
-    }
+    checker.check_order(&steps, &document.step, &rules);
     let (obstacles, saved) = (checker.obstacles, checker.saved);
     checker.problems.into_result()?;
     let owned = |source: &Source<'_>| (source.file.to_owned(), source.text.to_owned());
@@ -162,12 +161,12 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
     })
 }
 
-/// The tables of all files as one, with parameters filled in; and those that are no texts.
+/// The tables of all files as one, with parameters filled in.
 fn composed<'t>(
     sources: Sources<'t>,
     texts: Texts<'t>,
     problems: &mut Problems<'_>,
-) -> Result<(DeTable<'t>, BTreeMap<String, Value>), RigFileError> {
+) -> Result<(DeTable<'t>, Parameters<'t>), RigFileError> {
     if texts.files.len() > MOST_FILES {
         let why = format!("at most {MOST_FILES} files are based on one another");
         return Err(RigFileError(vec![why]));
@@ -180,7 +179,7 @@ fn composed<'t>(
     for table in tables {
         match table {
             Ok(table) => root = put_over(root, table),
-            Err(line) => wrong.push(line),
+            Err(RigFileError(lines)) => wrong.extend(lines),
         }
     }
     if !wrong.is_empty() {
@@ -188,7 +187,7 @@ fn composed<'t>(
     }
     let parameters = Parameters::read(&root, texts.parameters, problems);
     parameters.fill(&mut root, problems);
-    Ok((root, parameters.values()))
+    Ok((root, parameters))
 }
 
 /// Takes out of the devices' tables whether each has the script for a client.
@@ -208,9 +207,8 @@ fn scripts(root: &mut DeTable<'_>, problems: &mut Problems<'_>) -> Vec<bool> {
     scripted
 }
 
-/// Puts settings over those of the file, for each device; and says what is wrong with them.
-fn set_all(assignments: &[String], rig: &mut RigPlan) -> Vec<String> {
-    let mut wrong = Vec::new();
+/// Puts settings over those of the file, for each device; and tells what is wrong with them.
+fn set_all(assignments: &[String], rig: &mut RigPlan, problems: &mut Problems<'_>) {
     for text in assignments {
         let read = parse_assignment("--set", text);
         let result = read.and_then(|(key, value)| {
@@ -219,9 +217,9 @@ fn set_all(assignments: &[String], rig: &mut RigPlan) -> Vec<String> {
             let origin = || Origin::Flag(format!("--set {text}"));
             all.try_for_each(|settings| set(settings, &key, &value, origin()))
         });
-        wrong.extend(result.err().map(|error| error.to_string()));
+        let error = result.err().map(|error| (0, error.to_string()));
+        problems.add_all(error);
     }
-    wrong
 }
 
 /// The device that is meant where none is named: the only one, or the only one for a real client.
@@ -243,15 +241,17 @@ pub(super) fn read_step(
     source: Source<'_>,
     scenario: &Scenario,
 ) -> Result<(Step, Vec<Saved>), RigFileError> {
-    let mut text: StepText = toml::from_str(source.text).map_err(|error| {
-        let line = source.syntax(&error).to_string();
-        RigFileError(vec![improve(&plain(&line))])
-    })?;
+    let sources = Sources(&[source]);
+    let mut problems = Problems::new(sources);
+    let mut tables = Tables(sources.tables(0)?);
+    let text = forgiving::read_table(&mut tables.0, &mut LeftOut::default(), &mut problems);
+    let mut text: StepText = match text {
+        Some(text) if problems.is_empty() => text,
+        _ => return Err(problems.into_error()),
+    };
     if text.at.is_none() && text.when.is_none() && text.after.is_none() {
         text.at = Some(Spanned::new(0..0, TimeText::Exactly(Span::default())));
     }
-    let sources = Sources(&[source]);
-    let table = sources.tables(0).map_err(|line| RigFileError(vec![line]))?;
     let devices = scenario.rig.devices.iter();
     let names = scenario.steps.iter().enumerate();
     let mut checker = Checker {
@@ -259,14 +259,17 @@ pub(super) fn read_step(
         devices: devices.map(|d| (d.name.as_str(), d.device)).collect(),
         scripted: &scenario.scripted,
         parameters: &scenario.parameters,
-        tables: Tables(table),
+        text_parameters: Vec::new(),
+        tables,
         names: names.map(|(at, step)| (step.name.clone(), at)).collect(),
         limit: scenario.limit,
         takes: scenario.limit,
         obstacles: Vec::new(),
         unnamed_faults: BTreeMap::new(),
         saved: scenario.saved.clone(),
-        problems: Problems::new(sources),
+        not_saved: Vec::new(),
+        left_out: LeftOut::default(),
+        problems,
     };
     let whole = 0..source.text.len();
     if let Some(name) = &text.name
@@ -295,6 +298,8 @@ struct Checker<'a> {
     /// Which devices have the script for a client in any case.
     scripted: &'a [bool],
     parameters: &'a BTreeMap<String, Value>,
+    /// Parameters that are texts, which no condition can speak of.
+    text_parameters: Vec<(String, Put)>,
     tables: Tables<'a>,
     /// Steps by their names.
     names: BTreeMap<String, usize>,
@@ -307,6 +312,9 @@ struct Checker<'a> {
     unnamed_faults: BTreeMap<&'static str, usize>,
     /// What steps remember.
     saved: Vec<Saved>,
+    /// What they would remember if it made sense.
+    not_saved: Vec<String>,
+    left_out: LeftOut,
     problems: Problems<'a>,
 }
 
@@ -333,7 +341,7 @@ impl Checker<'_> {
                     .map(|other| format!("conditions cannot tell \"{name}\" from \"{other}\""))
             };
             if let Some(why) = why {
-                self.problems.add(0..0, &why);
+                self.problems.add_to_file(&why);
             }
         }
     }
@@ -361,6 +369,17 @@ impl Checker<'_> {
 
     fn condition(&mut self, text: &Spanned<String>) -> Option<Condition> {
         let condition = Condition::parse(text.get_ref(), &self.scope());
+        let speaks_of =
+            |(name, _): &&(String, Put)| text.get_ref().contains(&format!("param.{name}"));
+        if let (Err(_), Some((_, put))) = (&condition, self.text_parameters.iter().find(speaks_of))
+        {
+            self.problems.comes_from(text.span().start, put.clone());
+        }
+        let not_saved = |name: &String| text.get_ref().contains(&format!("saved.{name}"));
+        if condition.is_err() && self.not_saved.iter().any(not_saved) {
+            // That what it speaks of makes no sense has been told.
+            return None;
+        }
         self.problems.take(text.span(), condition)
     }
 
@@ -409,12 +428,13 @@ impl Checker<'_> {
     /// What steps and conditions wait for has to come.
     fn check_order(
         &mut self,
-        steps: &[&Step],
+        steps: &[Option<Step>],
         texts: &[Spanned<StepText>],
         rules: &[(Rule, Option<Range<usize>>)],
     ) {
         let mut waits = Vec::new();
         for (index, (step, text)) in steps.iter().zip(texts).enumerate() {
+            let Some(step) = step else { continue };
             let at = text.get_ref().after.as_ref().map(Spanned::span);
             if let (Trigger::After(other), Some(at)) = (&step.trigger, at) {
                 waits.push((*other, at.clone()));
@@ -424,7 +444,8 @@ impl Checker<'_> {
                 }
             }
             if let (StepAction::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
-                && !matches!(steps[*other].action, StepAction::Fault(_))
+                && texts[*other].get_ref().fault.is_none()
+                && !self.left_out.lacks(texts[*other].span().start, &["fault"])
             {
                 let why = format!("\"{}\" is no fault", name.get_ref());
                 self.problems.add(name.span(), &why);
@@ -435,9 +456,16 @@ impl Checker<'_> {
             .filter_map(|(rule, at)| Some((rule.after?, at.clone()?)));
         waits.extend(of_rules);
         for (other, at) in waits {
-            if steps[other].is_endless() {
-                let name = &steps[other].name;
-                let why = format!("\"{name}\" is repeated without end, so it is never done");
+            // What ends it may be what was left out.
+            let is_whole = self.left_out.is_whole(texts[other].span().start);
+            if let Some(step) = steps[other]
+                .as_ref()
+                .filter(|step| is_whole && step.is_endless())
+            {
+                let why = format!(
+                    "\"{}\" is repeated without end, so it is never done",
+                    step.name
+                );
                 self.problems.add(at, &why);
             }
         }
@@ -445,12 +473,12 @@ impl Checker<'_> {
 }
 
 /// Tells whether following what a step waits for leads back to it.
-fn comes_back(steps: &[&Step], start: usize) -> bool {
+fn comes_back(steps: &[Option<Step>], start: usize) -> bool {
     let mut at = start;
     for _ in 0..steps.len() {
-        match steps[at].trigger {
-            Trigger::After(other) if other == start => return true,
-            Trigger::After(other) => at = other,
+        match steps[at].as_ref().map(|step| &step.trigger) {
+            Some(Trigger::After(other)) if *other == start => return true,
+            Some(Trigger::After(other)) => at = *other,
             _ => return false,
         }
     }

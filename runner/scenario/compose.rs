@@ -6,8 +6,8 @@ use sim_settings::Source;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::problems::Problems;
 use crate::condition::Value;
+use crate::problems::{Problems, Put};
 use crate::suggest::or_allowed;
 
 /// The files of a scenario, and what is given with them.
@@ -120,9 +120,9 @@ fn deeply<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanned
     Spanned::new(span, DeValue::Table(base))
 }
 
-/// The parameters of a scenario by their names.
+/// The parameters of a scenario by their names, and where their values come from.
 #[derive(Debug, Default)]
-pub(super) struct Parameters<'t>(BTreeMap<String, DeValue<'t>>);
+pub(super) struct Parameters<'t>(BTreeMap<String, (DeValue<'t>, Put)>);
 
 impl<'t> Parameters<'t> {
     /// Those of the tables, with the values that are given.
@@ -148,18 +148,21 @@ impl<'t> Parameters<'t> {
                     let why = "a parameter is a text, a number, true or false";
                     problems.add(value.span(), why);
                 }
-                value => {
-                    all.insert(name.get_ref().to_string(), value.clone());
+                own => {
+                    let put = Put::At(value.span().start);
+                    all.insert(name.get_ref().to_string(), (own.clone(), put));
                 }
             }
         }
         for (name, text) in given {
+            let flag = format!("--param {name}={text}");
             match all.get_mut(name) {
-                Some(value) => *value = plain(text),
+                Some(value) => *value = (plain(text), Put::Flag(flag)),
                 None => {
                     let known: Vec<&str> = all.keys().map(String::as_str).collect();
                     let hint = or_allowed(name, &known);
-                    problems.add(0..0, &format!("no parameter is named `{name}`; {hint}"));
+                    let why = format!("{flag}: no parameter is named `{name}`; {hint}");
+                    problems.add_all([(0, why)]);
                 }
             }
         }
@@ -174,7 +177,15 @@ impl<'t> Parameters<'t> {
             _ => None,
         };
         let all = self.0.iter();
-        all.filter_map(|(name, own)| Some((name.clone(), value(own)?)))
+        all.filter_map(|(name, (own, _))| Some((name.clone(), value(own)?)))
+            .collect()
+    }
+
+    /// Those that are texts, and where their values come from.
+    pub(super) fn texts(&self) -> Vec<(String, Put)> {
+        let texts = self.0.iter().filter(|(_, (own, _))| own.is_str());
+        texts
+            .map(|(name, (_, put))| (name.clone(), put.clone()))
             .collect()
     }
 
@@ -195,35 +206,42 @@ impl<'t> Parameters<'t> {
                 }
             }
             DeValue::String(text) if text.contains("${") => match self.filled(text) {
-                Ok(filled) => *value.get_mut() = filled,
+                Ok((filled, put)) => {
+                    problems.comes_from(span.start, put);
+                    *value.get_mut() = filled;
+                }
                 Err(why) => problems.add(span, &why),
             },
             _ => {}
         }
     }
 
-    /// A text that is one parameter has its value, be it a number; others get texts put in.
-    fn filled(&self, text: &str) -> Result<DeValue<'t>, String> {
+    /// A text that is one parameter has its value, be it a number; others get texts put in. What is wrong
+    /// with it then comes from the last of them.
+    fn filled(&self, text: &str) -> Result<(DeValue<'t>, Put), String> {
         let mut filled = String::new();
         let mut rest = text;
+        let mut from = None;
         while let Some((before, behind)) = rest.split_once("${") {
             let (name, after) = behind
                 .split_once('}')
                 .ok_or("`${` begins the name of a parameter, and `}` has to end it")?;
-            let value = self.0.get(name).ok_or_else(|| {
+            let (value, put) = self.0.get(name).ok_or_else(|| {
                 let known: Vec<&str> = self.0.keys().map(String::as_str).collect();
                 let hint = or_allowed(name, &known);
                 format!("no parameter is named `{name}`; {hint}")
             })?;
             if before.is_empty() && after.is_empty() && filled.is_empty() {
-                return Ok(value.clone());
+                return Ok((value.clone(), put.clone()));
             }
             filled += before;
             filled += &shown(value);
+            from = Some(put);
             rest = after;
         }
         filled += rest;
-        Ok(DeValue::String(filled.into()))
+        let from = from.cloned().ok_or("it names no parameter")?;
+        Ok((DeValue::String(filled.into()), from))
     }
 }
 

@@ -444,6 +444,9 @@ pub(crate) struct ResponseText {
     pub until: Option<Spanned<Span>>,
     /// Words for it if it does not.
     pub message: Option<String>,
+    /// Nothing is said if it is never due. Otherwise the verdict says so, and passes all the same.
+    #[serde(default)]
+    pub may_not_trigger: bool,
     /// In which runs it counts; in all unless given.
     pub only: Option<Only>,
     /// It is a verdict of the mission, which does not count where that may fail.

@@ -23,6 +23,8 @@ pub struct ScenarioFiles {
     parameters: BTreeSet<String>,
     keys: BTreeSet<String>,
     world: Option<PathBuf>,
+    /// There is a job, and the first has devices of its own.
+    is_no_fault_file: bool,
 }
 
 impl ScenarioFiles {
@@ -30,8 +32,7 @@ impl ScenarioFiles {
     /// the `job`, if there is one.
     ///
     /// # Errors
-    /// Those of `read`; and if files are based on one another in a circle, or if there is a job and the
-    /// first file has devices of its own.
+    /// Those of `read`; and if files are based on one another in a circle.
     pub fn read<E: From<RigFileError>>(
         path: &Path,
         job: Option<&Path>,
@@ -42,6 +43,7 @@ impl ScenarioFiles {
             parameters: BTreeSet::new(),
             keys: BTreeSet::new(),
             world: None,
+            is_no_fault_file: false,
         };
         let mut wanted_job = job;
         let mut next = Some(path.to_owned());
@@ -56,10 +58,8 @@ impl ScenarioFiles {
             let (name, text) = read(&path)?;
             let glance = Glance::at(&text);
             let has_devices = glance.keys.contains("device");
-            if has_devices && all.files.is_empty() && job.is_some() {
-                let why =
-                    format!("{name} has devices of its own, so it is no fault file for --job");
-                return Err(RigFileError(vec![why]).into());
+            if has_devices && all.files.is_empty() {
+                all.is_no_fault_file = wanted_job.take().is_some();
             }
             if let Some(job) = wanted_job.filter(|_| has_devices) {
                 next = Some(job.to_owned());
@@ -94,6 +94,12 @@ impl ScenarioFiles {
         self.parameters.contains(name)
     }
 
+    /// Tells whether there is a job although the first has devices of its own.
+    #[must_use]
+    pub fn is_no_fault_file(&self) -> bool {
+        self.is_no_fault_file
+    }
+
     /// The kind of file that the first looks like, if it is no scenario.
     #[must_use]
     pub fn other_kind(&self) -> Option<&'static str> {
@@ -113,7 +119,7 @@ impl ScenarioFiles {
     /// the files' settings change those of `base`.
     ///
     /// # Errors
-    /// As [`Scenario::parse`].
+    /// As [`Scenario::parse`]; and if there is a job for what is no fault file.
     pub fn compose(
         &self,
         parameters: &[(String, String)],
@@ -122,6 +128,10 @@ impl ScenarioFiles {
     ) -> Result<Scenario, RigFileError> {
         let files = self.files.iter();
         let files: Vec<Source<'_>> = files.map(|(file, text)| Source { file, text }).collect();
+        if let Some(first) = files.first().filter(|_| self.is_no_fault_file) {
+            let why = "has devices of its own, so it is no fault file for a job";
+            return Err(RigFileError(vec![format!("{} {why}", first.file)]));
+        }
         let texts = Texts {
             files: &files,
             parameters,

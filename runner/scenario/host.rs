@@ -1,14 +1,16 @@
 //! Deeds and expectations of the scripted client.
 
+use std::ops::Range;
 use std::time::Duration;
 
-use sim_core::device::host::{Field, Fields};
+use sim_core::device::host::{Field, Fields, Message};
 use sim_core::rig::PortId;
 use toml::de::{DeValue, ValueDeserializer};
 use toml::{Spanned, Value};
 
 use super::document::{HostText, PortText, ReplyText};
-use super::problems::Problems;
+use crate::forgiving::{self, LeftOut};
+use crate::problems::Problems;
 use crate::rig_file::DevicePlan;
 use crate::suggest::or_allowed;
 
@@ -82,110 +84,130 @@ pub(crate) fn matches_fields(
     Ok(())
 }
 
-impl HostAction {
-    pub(super) fn read(
-        text: &HostText,
-        at: std::ops::Range<usize>,
-        send: Option<&Spanned<DeValue<'_>>>,
-        (device, plan): (usize, &DevicePlan),
-        problems: &mut Problems<'_>,
-    ) -> Option<Self> {
-        let spec = plan.device;
-        let message = match (send, plan.own_settings()) {
-            (Some(send), Some(settings)) => {
-                let read = (spec.host.read)(ValueDeserializer::from(send.clone()), settings);
-                Some(problems.read(send.span(), read)?)
-            }
-            _ => None,
-        };
-        let link = match (&text.link, &message) {
-            (Some(name), _) => {
-                let all: Vec<&str> = spec.links.iter().map(|link| link.id).collect();
-                let found = spec.link(name.get_ref()).ok_or_else(|| {
-                    let allowed = or_allowed(name.get_ref(), &all);
-                    format!("{} has no link `{}`; {allowed}", spec.title, name.get_ref())
-                });
-                problems.take(name.span(), found)?
-            }
-            (None, Some(message)) => message.link,
-            (None, None) => 0,
-        };
-        if let Some(message) = message.as_ref().filter(|message| message.link != link) {
-            let of = |index: usize| spec.links.get(index).map_or("?", |link| link.id);
-            let why = format!("this is a command of the {} link", of(message.link));
-            problems.add(at, &why);
-            return None;
-        }
-        if link >= plan.ports.len() {
-            problems.add(at, &plan.lacks_link(link));
-            return None;
-        }
-        let mut does = Vec::new();
-        let command = message.as_ref().and_then(|message| message.command);
-        does.extend(message.map(|message| HostDoes::Send(message.bytes)));
-        if let Some(bytes) = &text.bytes {
-            let bytes = problems.take(bytes.span(), read_hex(bytes.get_ref()))?;
-            does.push(HostDoes::Send(bytes));
-        }
-        does.extend(text.port.map(|port| match port {
-            PortText::Open => HostDoes::Open,
-            PortText::Close => HostDoes::Close,
-        }));
-        does.extend(text.baud.map(HostDoes::Baud));
-        let expect = match &text.expect {
-            Some(expect) => {
-                let names = (spec.host.fields)(link, command);
-                Some(ReplyWanted::read(expect, &names, command, problems)?)
-            }
-            None => None,
-        };
-        if does.len() > 1 || (does.is_empty() && expect.is_none()) {
-            let why = "exactly one of `send`, `bytes`, `port` and `baud` says what to do; \
-                       without any, `expect` has to be there";
-            problems.add(at, why);
-            return None;
-        }
-        Some(Self {
-            port: PortId { device, link },
-            does: does.pop().unwrap_or(HostDoes::Nothing),
-            expect,
-        })
-    }
+/// Reads what the scripted client of a device does.
+pub(super) struct HostReader<'r, 'p> {
+    /// Index and plan of the device.
+    pub plan: (usize, &'r DevicePlan),
+    /// Some of it could not be read.
+    pub is_cut: bool,
+    pub problems: &'r mut Problems<'p>,
 }
 
-impl ReplyWanted {
-    fn read(
+impl HostReader<'_, '_> {
+    /// Reads it, and tells all that is wrong with it.
+    pub(super) fn read(
+        mut self,
+        text: &HostText,
+        at: Range<usize>,
+        send: Option<&Spanned<DeValue<'_>>>,
+    ) -> Option<HostAction> {
+        let (device, plan) = self.plan;
+        let message = send.and_then(|send| self.message(send));
+        let link = match &text.link {
+            Some(name) => self.link(name),
+            None => Some(message.as_ref().map_or(0, |message| message.link)),
+        };
+        if let (Some(message), Some(link)) = (&message, link)
+            && message.link != link
+        {
+            let of = |index: usize| plan.device.links.get(index).map_or("?", |link| link.id);
+            let why = format!("this is a command of the {} link", of(message.link));
+            self.problems.add(at.clone(), &why);
+        } else if let Some(link) = link.filter(|link| *link >= plan.ports.len()) {
+            self.problems.add(at.clone(), &plan.lacks_link(link));
+        }
+        let command = message.as_ref().and_then(|message| message.command);
+        let mut does = Vec::new();
+        if send.is_some() {
+            does.push(message.map(|message| HostDoes::Send(message.bytes)));
+        }
+        if let Some(bytes) = &text.bytes {
+            let bytes = self.problems.take(bytes.span(), read_hex(bytes.get_ref()));
+            does.push(bytes.map(HostDoes::Send));
+        }
+        if let Some(port) = text.port {
+            does.push(Some(match port {
+                PortText::Open => HostDoes::Open,
+                PortText::Close => HostDoes::Close,
+            }));
+        }
+        does.extend(text.baud.map(|baud| Some(HostDoes::Baud(baud))));
+        // Which fields there are is said by the command.
+        let is_known = link.is_some() && (send.is_none() || matches!(does[..], [Some(_), ..]));
+        let names = is_known.then(|| (plan.device.host.fields)(link.unwrap_or(0), command));
+        let expect = text.expect.as_ref();
+        let expect = expect.map(|expect| self.reply(expect, names.as_deref(), command));
+        if (does.len() > 1 || (does.is_empty() && expect.is_none())) && !self.is_cut {
+            let why = "exactly one of `send`, `bytes`, `port` and `baud` says what to do; \
+                       without any, `expect` has to be there";
+            self.problems.add(at, why);
+        }
+        Some(HostAction {
+            port: PortId {
+                device,
+                link: link?,
+            },
+            does: does.pop().unwrap_or(Some(HostDoes::Nothing))?,
+            expect: expect.flatten(),
+        })
+    }
+
+    fn message(&mut self, send: &Spanned<DeValue<'_>>) -> Option<Message> {
+        let (_, plan) = self.plan;
+        let settings = plan.own_settings()?;
+        let (send, left_out) = (&mut send.clone(), &mut LeftOut::default());
+        forgiving::read(send, left_out, self.problems, &|send| {
+            (plan.device.host.read)(ValueDeserializer::from(send.clone()), settings)
+        })
+    }
+
+    fn link(&mut self, name: &Spanned<String>) -> Option<usize> {
+        let spec = self.plan.1.device;
+        let found = spec.link(name.get_ref()).ok_or_else(|| {
+            let all: Vec<&str> = spec.links.iter().map(|link| link.id).collect();
+            let allowed = or_allowed(name.get_ref(), &all);
+            format!("{} has no link `{}`; {allowed}", spec.title, name.get_ref())
+        });
+        self.problems.take(name.span(), found)
+    }
+
+    /// What has to come back, whose fields have these names if they are known.
+    fn reply(
+        &mut self,
         text: &ReplyText,
-        names: &[&str],
+        names: Option<&[&str]>,
         command: Option<u8>,
-        problems: &mut Problems<'_>,
-    ) -> Option<Self> {
-        let wanted = match (&text.reply, &text.bytes, text.silence) {
-            (None, None, false) => Wanted::Any,
-            (None, None, true) => Wanted::Silence,
-            (None, Some(bytes), false) => {
-                Wanted::Bytes(problems.take(bytes.span(), read_hex(bytes.get_ref()))?)
-            }
-            (Some(reply), None, false) => {
-                let mut fields = Vec::new();
-                for (name, value) in reply.get_ref() {
-                    let field = if names.contains(&name.as_str()) {
-                        read_field(value).map_err(|why| format!("`{name}`: {why}"))
-                    } else {
+    ) -> Option<ReplyWanted> {
+        let wanted = [text.reply.is_some(), text.bytes.is_some(), text.silence];
+        if wanted.into_iter().filter(|is_there| *is_there).count() > 1 {
+            let why = "only one of `reply`, `bytes` and `silence` can be expected";
+            self.problems.add(text.within.span(), why);
+        }
+        let wanted = if let Some(reply) = &text.reply {
+            let mut fields = Vec::new();
+            for (name, value) in reply.get_ref() {
+                let field = match names.filter(|names| !names.contains(&name.as_str())) {
+                    None => read_field(value).map_err(|why| format!("`{name}`: {why}")),
+                    Some(names) => {
                         let allowed = or_allowed(name, names);
                         Err(format!("that reply has no field `{name}`; {allowed}"))
-                    };
-                    fields.push((name.clone(), problems.take(reply.span(), field)?));
-                }
-                Wanted::Fields(fields)
+                    }
+                };
+                let field = self.problems.take(reply.span(), field);
+                fields.extend(field.map(|field| (name.clone(), field)));
             }
-            _ => {
-                let why = "only one of `reply`, `bytes` and `silence` can be expected";
-                problems.add(text.within.span(), why);
-                return None;
-            }
+            Wanted::Fields(fields)
+        } else if let Some(bytes) = &text.bytes {
+            Wanted::Bytes(
+                self.problems
+                    .take(bytes.span(), read_hex(bytes.get_ref()))?,
+            )
+        } else if text.silence {
+            Wanted::Silence
+        } else {
+            Wanted::Any
         };
-        Some(Self {
+        Some(ReplyWanted {
             within: text.within.get_ref().0,
             command,
             wanted,

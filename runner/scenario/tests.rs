@@ -354,7 +354,165 @@ fn what_the_whole_file_lacks_is_told() {
 fn several_errors_are_told_at_once() {
     let bad = "[[step]]\nat = \"1s\"\nexpect = { that = \"x\" }\n".repeat(30);
     let error = parse(&format!("{HEAD}{R150}{bad}")).unwrap_err();
-    assert_eq!(error.lines().count(), 20);
+    let lines: Vec<&str> = error.lines().collect();
+    assert_eq!(lines.len(), 21);
+    assert_eq!(lines[20], "s.toml: and 10 more");
+}
+
+/// Each is what follows [`HEAD`] and a device, so the first line of it is the seventh; and the place and
+/// key of each error, of which there are no others.
+#[test]
+fn no_error_of_a_table_hides_another_or_brings_one_about() {
+    let mut wrong = Vec::new();
+    for (more, expected) in [
+        (
+            "[[step]]\nat = \"1 V\"\nfor = 3\nwhen = \"truth.sped > 1\"\ndelay = { min = \"2s\", max = \"1s\" }\n\
+             host = { send = { set_motors = { right = \"x\", left = 700000, up = 3 } }, \
+             expect = { within = 3, reply = { sucess = true } } }\n",
+            &[
+                "8:6: `step.at`",
+                "9:7: `step.for`",
+                "10:8: `step.when`",
+                "11:9: `step.delay`",
+                "12:42: `step.host.send.set_motors.right`",
+                "12:54: `step.host.send.set_motors.left`",
+                "12:62: `step.host.send.set_motors.up`",
+                "12:94: `step.host.expect.within`",
+            ][..],
+        ),
+        (
+            "[[step]]\nat = \"1s\"\nafter = \"x\"\nevery = \"0s\"\nprobability = 2\nuntil = \"t\"\n\
+             remember = { a = \"truth.no\", 1b = \"t\" }\nexpect = { that = \"saved.a > 1\", whithin = \"1s\" }\n",
+            &[
+                "7:1: `step`: exactly one of `at`",
+                "9:9: `step.after`",
+                "10:9: `step.every`",
+                "11:15: `step.probability`",
+                "12:9: `step.until`",
+                "13:18: `step.remember.a`",
+                "13:30: `step.remember.1b`",
+                "14:34: `step.expect.whithin`",
+            ],
+        ),
+        (
+            "[[step]]\nat = \"1s\"\nfault = { kind = \"bit-flips\", probability = 3, direcion = \"up\", count = \"x\" }\n",
+            &[
+                "9:45: `step.fault.probability`",
+                "9:48: `step.fault.direcion`",
+                "9:73: `step.fault.count`",
+            ],
+        ),
+        (
+            "[[step]]\nat = \"1s\"\nfault = { kind = \"bit-flip\", probability = 3 }\n\
+             [[step]]\nat = \"1s\"\nfault = { kind = \"rail-load\" }\n",
+            &["9:18: `step.fault.kind`", "12:9: `step.fault`"],
+        ),
+        (
+            "[[step]]\nat = \"1s\"\nworld = { add = { box = [{ at_m = [1], length = \"1 V\", width = \"1 m\" }], bx = [] } }\n\
+             [[step]]\nat = \"1s\"\noperator = { push = { ahead = \"1 V\", lef = \"1 N\" } }\n",
+            &[
+                "9:35: `step.world.add.box.at_m`",
+                "9:49: `step.world.add.box.length`",
+                "9:74: `step.world.add.bx`",
+                "12:31: `step.operator.push.ahead`",
+                "12:38: `step.operator.push.lef`",
+            ],
+        ),
+        (
+            "pose = { x = \"1 V\", y = \"2 V\" }\nname = 3\nros = true\n\
+             [[step]]\nat = \"1s\"\noperator = \"lok\"\n",
+            &[
+                "7:14: `device.pose.x`",
+                "7:25: `device.pose.y`",
+                "8:8: `device.name`",
+                "9:7: `device.ros`",
+                "12:12: `step.operator`",
+            ],
+        ),
+        (
+            "[[always]]\nthat = 3\nafter = \"x\"\nuntl = \"1s\"\n\
+             [[response]]\nwhenever = \"truth.a > 1 && truth.b > 1\"\nwithin = 1\n",
+            &[
+                "8:8: `always.that`",
+                "9:9: `always.after`",
+                "10:1: `always.untl`",
+                "11:1: `response`: missing field `then`",
+                "12:12: `response.whenever`: no name `truth.a`",
+                "13:10: `response.within`",
+            ],
+        ),
+        (
+            "[[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"1s\"\nfor = 3\nhost = { send = \"version\" }\n\
+             [[step]]\nafter = \"a\"\noperator = \"lock\"\n[[step]]\nat = \"1s\"\nclear = \"f\"\n\
+             [[step]]\nname = \"f\"\nat = \"1s\"\nfault = 3\n",
+            &["11:7: `step.for`", "22:9: `step.fault`"],
+        ),
+    ] {
+        let error = parse(&format!("{HEAD}{R150}{more}")).expect_err(more);
+        let places = error
+            .lines()
+            .map(|line| line.strip_prefix("s.toml:").unwrap());
+        let as_expected = places.clone().count() == expected.len()
+            && places
+                .zip(expected)
+                .all(|(line, place)| line.starts_with(place));
+        if !as_expected {
+            wrong.push(format!("{more}{error}\n{expected:#?}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn all_that_is_no_toml_is_told() {
+    let error = parse("schema = \ntitle = \"t\ngood_client = \"g\"\n[[step]\nlimit = \"9s\"\n");
+    let error = error.unwrap_err();
+    let places: Vec<&str> = error.lines().map(|line| &line[..9]).collect();
+    assert_eq!(places, ["s.toml:1:", "s.toml:2:", "s.toml:4:"], "{error}");
+}
+
+#[test]
+fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
+    let base = format!(
+        "{HEAD}settings = {{ r150 = {{ heartbeat_timeout = \"${{hb}}\" }} }}\n{R150}\
+         [parameters]\npwm = 300\nwait = \"1 s\"\nhb = \"5 s\"\n\
+         [[step]]\nat = \"${{wait}}\"\nhost = {{ send = {{ set_motors = {{ right = \"${{pwm}}\", left = 1 }} }} }}\n\
+         [[always]]\nthat = \"param.pwm < 500\"\n"
+    );
+    let child = "schema = 1\nbase = \"b.toml\"\n[parameters]\npwm = \"fast\"\nhb = \"5 V\"\n";
+    let [file, base_file] = ["c.toml", "b.toml"];
+    let files = [
+        Source { file, text: child },
+        Source {
+            file: base_file,
+            text: &base,
+        },
+    ];
+    let given = [("wait".to_owned(), "3 x".to_owned())];
+    let texts = Texts {
+        files: &files,
+        parameters: &given,
+        set: &[],
+    };
+    let settings = SimSettings::new(sim_core::SHIPPED);
+    let error = Scenario::compose(texts, &settings).unwrap_err().to_string();
+    let lines: Vec<&str> = error.lines().collect();
+    let expected = [
+        ("--param wait=3 x: `step.at`: ", "; it is in b.toml:13:6"),
+        (
+            "c.toml:4:7: `parameters.pwm`: invalid type: string \"fast\"",
+            "; it is `step.host.send.set_motors.right` of b.toml:14:42",
+        ),
+        (
+            "c.toml:4:7: `parameters.pwm`: no parameter that is a number",
+            "; it is `always.that` of b.toml:16:8",
+        ),
+        ("c.toml:5:6: `r150.heartbeat_timeout`: ", "from 1ms to 1h"),
+    ];
+    assert_eq!(lines.len(), expected.len(), "{error}");
+    for (line, (begins, ends)) in lines.iter().zip(expected) {
+        assert!(line.starts_with(begins) && line.ends_with(ends), "{error}");
+    }
 }
 
 #[test]

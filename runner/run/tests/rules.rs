@@ -123,11 +123,10 @@ fn an_outcome_shows_the_last_traffic_and_every_device_s_report() {
     let outcome = r150("4s", DRIVE);
     assert_eq!(outcome.devices[0].name, "r150");
     assert!(outcome.devices[0].report.requests > 30);
-    assert!(outcome.traffic.len() <= MOST_RECENT && outcome.traffic.len() > 10);
+    let last = &outcome.last.before;
+    assert!(last.len() <= MOST_RECENT && last.len() > 10);
     assert!(
-        outcome
-            .traffic
-            .iter()
+        last.iter()
             .any(|line| line.contains("r150 -> 0x12 set_motors"))
     );
     assert_eq!(outcome.ended_at, SimTime::from_secs(4));

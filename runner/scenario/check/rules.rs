@@ -17,20 +17,23 @@ impl Checker<'_> {
         let mut seen = BTreeSet::new();
         for name in names.filter(|name| !seen.insert(*name)) {
             let why = format!("two rules of a kind are named \"{name}\"");
-            self.problems.add(0..0, &why);
+            self.problems.add_to_file(&why);
         }
     }
 
-    pub(super) fn response(&mut self, text: &ResponseText) -> Option<Response> {
-        let to = match (&text.whenever, &text.step) {
-            (Some(whenever), None) => self.condition(whenever).map(Cause::Whenever),
-            (None, Some(name)) => self.step_named(name).map(Cause::Step),
-            _ => {
-                let why = "exactly one of `whenever` and `step` says what this is a response to";
-                self.problems.add(text.then.span(), why);
-                None
-            }
-        };
+    pub(super) fn response(&mut self, spanned: &Spanned<ResponseText>) -> Option<Response> {
+        let (text, at) = (spanned.get_ref(), spanned.span());
+        let whenever = text.whenever.as_ref();
+        let whenever = whenever.map(|whenever| self.condition(whenever).map(Cause::Whenever));
+        let step = text.step.as_ref();
+        let step = step.map(|name| self.step_named(name).map(Cause::Step));
+        if whenever.is_some() == step.is_some()
+            && !self.left_out.lacks(at.start, &["whenever", "step"])
+        {
+            let why = "exactly one of `whenever` and `step` says what this is a response to";
+            self.problems.add(at, why);
+        }
+        let to = whenever.or(step).flatten();
         let then = self.condition(&text.then);
         let within = text.within.unwrap_or_default().0;
         if let Some(until) = text.until.as_ref().filter(|u| u.get_ref().0 < within) {
@@ -39,6 +42,7 @@ impl Checker<'_> {
         Some(Response {
             to: to?,
             then: then?,
+            may_not_trigger: text.may_not_trigger,
             within,
             until: text.until.as_ref().map(|until| until.get_ref().0),
             message: text.message.clone(),
@@ -53,10 +57,8 @@ impl Checker<'_> {
         must_hold: bool,
     ) -> Option<(Rule, Option<Range<usize>>)> {
         let that = self.condition(&text.that);
-        let after = match &text.after {
-            Some(name) => Some(self.step_named(name)?),
-            None => None,
-        };
+        let after = text.after.as_ref();
+        let after = after.and_then(|name| self.step_named(name));
         let from = text.from.unwrap_or_default().0;
         let until = text.until.as_ref().map(|until| until.get_ref().0);
         if let Some(spanned) = &text.until

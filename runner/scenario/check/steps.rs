@@ -1,20 +1,24 @@
 //! What a step says.
 
 use std::ops::Range;
-use std::time::Duration;
 
 use toml::Spanned;
 
 use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved};
+use crate::forgiving::{self, LeftOut};
 use crate::scenario::actions::read_operator;
 use crate::scenario::document::{StepText, TimeText};
-use crate::scenario::{HostAction, Only, Step, StepAction, Times, Trigger, WorldAction};
+use crate::scenario::host::HostReader;
+use crate::scenario::{Only, Step, StepAction, Times, Trigger, WorldAction};
 use crate::suggest::or_allowed;
 use crate::tables;
 
 /// Times between repetitions, their number, and how long each lasts.
 type Timing = (Option<Times>, Option<u32>, Option<Times>);
+
+/// The keys of which one says what a step does.
+const ACTIONS: [&str; 6] = ["host", "fault", "clear", "operator", "world", "expect"];
 
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
@@ -35,44 +39,47 @@ impl Checker<'_> {
         let text = spanned.get_ref();
         let at = spanned.span();
         let device = self.device(text, at.clone());
-        let action = device.and_then(|device| self.action(index, text, at.clone(), device));
-        let trigger = self.trigger(text, at);
-        let (action, trigger, device) = (action?, trigger?, device?);
-        let (every, count, lasts) = self.timing(text, &action)?;
-        let until = match &text.until {
-            Some(until) => Some(self.condition(until)?),
-            None => None,
-        };
+        let action = self.action(index, text, at.clone(), device);
+        let trigger = self.trigger(text, at.clone());
+        let (every, count, lasts) = self.timing(text, at, action.as_ref());
+        let until = text.until.as_ref().map(|until| self.condition(until));
+        let delay = text.delay.as_ref().and_then(|delay| self.times(delay));
         if let Some(probability) = &text.probability
             && !(0.0..=1.0).contains(probability.get_ref())
         {
             let why = "out of range; allowed: 0 to 1";
             self.problems.add(probability.span(), why);
         }
+        let action = action?;
         let name = match &text.name {
             Some(name) => name.get_ref().clone(),
             None => self.name_for(index, &action),
         };
         Some(Step {
             name,
-            trigger,
-            delay: match &text.delay {
-                Some(delay) => self.times(delay)?,
-                None => Times::default(),
-            },
+            trigger: trigger?,
+            delay: delay.unwrap_or_default(),
             every,
             overlap: text.overlap,
             count,
             lasts,
-            until,
+            until: until.flatten(),
             remember: Vec::new(),
             probability: text.probability.as_ref().map(|p| *p.get_ref()),
             may_not_trigger: text.may_not_trigger,
             only: text.only,
             mission: text.mission,
-            device,
+            device: device?,
             action,
+            deed: self.deed(index),
         })
+    }
+
+    fn deed(&self, index: usize) -> Option<String> {
+        // A step that is added is a text of its own.
+        let table = self.tables.of("step", index).unwrap_or(self.tables.root());
+        let deed = |key: &str| Some(format!("{key} {}", tables::name_of(table.get(key)?)?));
+        ["operator", "world"].into_iter().find_map(deed)
     }
 
     fn device(&mut self, text: &StepText, at: Range<usize>) -> Option<usize> {
@@ -80,12 +87,11 @@ impl Checker<'_> {
             // What is about no device in particular is said to be the first one's.
             let matters = text.host.is_some() || text.fault.is_some() || text.operator.is_some();
             let usual = usual_device(self.scripted);
-            if matters && usual.is_none() {
+            if matters && usual.is_none() && !self.left_out.lacks(at.start, &["device"]) {
                 let why = "`device` has to say which of several devices is meant";
                 self.problems.add(at, why);
-                return None;
             }
-            return Some(usual.unwrap_or(0));
+            return usual.or((!matters).then_some(0));
         };
         let found = self
             .devices
@@ -100,33 +106,38 @@ impl Checker<'_> {
     }
 
     fn trigger(&mut self, text: &StepText, at: Range<usize>) -> Option<Trigger> {
-        match (&text.at, &text.when, &text.after) {
-            (Some(time), None, None) if text.delay.is_none() => {
-                let times = match time.get_ref() {
-                    TimeText::Share(share) => {
-                        let at = self.takes.mul_f64(*share);
-                        Times { min: at, max: at }
-                    }
-                    _ => self.times(time)?,
-                };
-                if times.max > self.limit {
-                    self.problems.add(time.span(), "later than the run lasts");
-                }
-                Some(Trigger::At(times))
-            }
-            (None, Some(condition), None) => self.condition(condition).map(Trigger::When),
-            (None, None, Some(name)) => self.step_named(name).map(Trigger::After),
-            (Some(_), None, None) => {
-                self.problems
-                    .add(at, "`delay` goes with `when` and `after`");
-                None
-            }
-            _ => {
-                let why = "exactly one of `at`, `when` and `after` says when the step begins";
-                self.problems.add(at, why);
-                None
-            }
+        let mut triggers = Vec::new();
+        if let Some(time) = &text.at {
+            triggers.push(self.start(time).map(Trigger::At));
         }
+        if let Some(condition) = &text.when {
+            triggers.push(self.condition(condition).map(Trigger::When));
+        }
+        if let Some(name) = &text.after {
+            triggers.push(self.step_named(name).map(Trigger::After));
+        }
+        if triggers.len() != 1 && !self.left_out.lacks(at.start, &["at", "when", "after"]) {
+            let why = "exactly one of `at`, `when` and `after` says when the step begins";
+            self.problems.add(at, why);
+        } else if let (Some(_), Some(delay)) = (&text.at, &text.delay) {
+            let why = "`delay` goes with `when` and `after`";
+            self.problems.add(delay.span(), why);
+        }
+        triggers.pop().flatten()
+    }
+
+    fn start(&mut self, time: &Spanned<TimeText>) -> Option<Times> {
+        let times = match time.get_ref() {
+            TimeText::Share(share) => {
+                let at = self.takes.mul_f64(*share);
+                Times { min: at, max: at }
+            }
+            _ => self.times(time)?,
+        };
+        if times.max > self.limit {
+            self.problems.add(time.span(), "later than the run lasts");
+        }
+        Some(times)
     }
 
     fn action(
@@ -134,44 +145,59 @@ impl Checker<'_> {
         index: usize,
         text: &StepText,
         at: Range<usize>,
-        device: usize,
+        device: Option<usize>,
     ) -> Option<StepAction> {
-        let plan = &self.rig.devices[device];
         // A step that is added is a text of its own.
         let table = self.tables.of("step", index).unwrap_or(self.tables.root());
         let table = table.clone();
+        let plan = device.map(|device| (device, &self.rig.devices[device]));
         let mut actions = Vec::new();
         if let Some(host) = &text.host {
-            let (own, at) = (host.get_ref(), host.span());
-            let link_at = at.clone();
             let send = tables::table(&table, "host").and_then(|host| host.get("send"));
-            let read = HostAction::read(own, link_at, send, (device, plan), &mut self.problems);
+            let read = plan.and_then(|plan| {
+                let reader = HostReader {
+                    plan,
+                    is_cut: self.left_out.is_cut(at.start, "host"),
+                    problems: &mut self.problems,
+                };
+                reader.read(host.get_ref(), host.span(), send)
+            });
             actions.push(read.map(StepAction::Host));
-            if text.only == Some(Only::Live) && !self.scripted.get(device).copied().unwrap_or(false)
-            {
+            let has_script = device.is_none_or(|device| self.scripted.get(device) == Some(&true));
+            if text.only == Some(Only::Live) && !has_script {
                 let why = "a real client takes the place of the script, so this never happens; \
                            `client = \"script\"` of a device keeps the script for it";
-                self.problems.add(at, why);
+                self.problems.add(host.span(), why);
             }
         }
         if let Some(fault) = &text.fault {
-            let checked = plan.check_fault(fault.get_ref());
-            let checked = self.problems.take(fault.span(), checked);
+            let checked = plan.and_then(|(_, plan)| {
+                let checked = plan.check_fault(fault.get_ref());
+                self.problems.take(fault.span(), checked)
+            });
             actions.push(checked.map(|()| StepAction::Fault(fault.get_ref().clone())));
         }
         if let Some(name) = &text.clear {
             actions.push(self.step_named(name).map(StepAction::Clear));
         }
-        if let (Some(operator), Some(value)) = (&text.operator, table.get("operator")) {
-            let read = read_operator(value, plan.device);
-            let read = self.problems.read(operator.span(), read);
+        if let (Some(_), Some(value)) = (&text.operator, table.get("operator")) {
+            let read = plan.and_then(|(_, plan)| {
+                let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
+                forgiving::read(value, left_out, &mut self.problems, &|value| {
+                    read_operator(value, plan.device)
+                })
+            });
             actions.push(read.map(StepAction::Operator));
         }
         if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
-            let read = WorldAction::read(value, plan.device);
-            let read = self.problems.read(world.span(), read);
+            let read = plan.and_then(|(_, plan)| {
+                let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
+                forgiving::read(value, left_out, &mut self.problems, &|value| {
+                    WorldAction::read(value, plan.device)
+                })
+            });
             if let Some(name) = read.as_ref().and_then(WorldAction::obstacle) {
-                let place = self.problems.place(world.span());
+                let place = self.problems.origin(world.span().start).to_string();
                 self.obstacles.push((name.to_owned(), place));
             }
             actions.push(read.map(StepAction::World));
@@ -187,69 +213,55 @@ impl Checker<'_> {
         if actions.is_empty() && (text.name.is_some() || !text.remember.is_empty()) {
             return Some(StepAction::Nothing);
         }
-        if actions.len() != 1 {
+        if actions.len() != 1 && !self.left_out.lacks(at.start, &ACTIONS) {
             let why = "exactly one of `host`, `fault`, `clear`, `operator`, `world` and `expect` \
                        says what the step does";
             self.problems.add(at, why);
-            return None;
         }
         actions.pop().flatten()
     }
 
     /// How often, and how long each time lasts.
-    fn timing(&mut self, text: &StepText, action: &StepAction) -> Option<Timing> {
-        let every = match &text.every {
-            Some(every) => Some(self.times(every)?),
-            None => None,
-        };
-        if let (
-            Some(Times {
-                min: Duration::ZERO,
-                ..
-            }),
-            Some(text),
-        ) = (every, &text.every)
-        {
+    fn timing(&mut self, text: &StepText, at: Range<usize>, action: Option<&StepAction>) -> Timing {
+        let every = text.every.as_ref().and_then(|every| self.times(every));
+        let no_time = every.is_some_and(|every| every.min.is_zero());
+        if let (true, Some(text)) = (no_time, &text.every) {
             self.problems.add(text.span(), "some time has to pass");
-            return None;
         }
+        let is_repeated = text.every.is_some() || self.left_out.lacks(at.start, &["every"]);
         if let Some(count) = &text.count
-            && (every.is_none() || *count.get_ref() == 0)
+            && (!is_repeated || *count.get_ref() == 0)
         {
             let why = "is at least 1 and needs `every`";
             self.problems.add(count.span(), why);
-            return None;
+        }
+        let lasts = text.lasts.as_ref().and_then(|lasts| self.times(lasts));
+        let ends = text.lasts.as_ref().map(Spanned::span);
+        if let (Some(ends), Some(action)) =
+            (ends.or(text.until.as_ref().map(Spanned::span)), action)
+        {
+            let can_end = match action {
+                StepAction::Host(_) | StepAction::Expect { .. } => {
+                    let with_count = text.lasts.is_some() && text.count.is_some();
+                    if !is_repeated || with_count {
+                        let why =
+                            "says how long this is repeated: it needs `every`, and no `count`";
+                        self.problems.add(ends.clone(), why);
+                    }
+                    true
+                }
+                StepAction::Fault(_) => true,
+                StepAction::Clear(_) | StepAction::Nothing => false,
+                StepAction::Operator(action) => action.can_end(),
+                StepAction::World(action) => action.can_end(),
+            };
+            if !can_end {
+                let why = "this cannot be undone after a time";
+                self.problems.add(ends, why);
+            }
         }
         let count = text.count.as_ref().map(|count| *count.get_ref());
-        let lasts = match &text.lasts {
-            Some(lasts) => Some((self.times(lasts)?, lasts.span())),
-            None => None,
-        };
-        let until = text.until.as_ref().map(Spanned::span);
-        let Some(end_at) = lasts.as_ref().map(|(_, at)| at.clone()).or(until) else {
-            return Some((every, count, None));
-        };
-        let ends = match action {
-            StepAction::Host(_) | StepAction::Expect { .. } => {
-                let with_count = lasts.is_some() && count.is_some();
-                if every.is_none() || with_count {
-                    let why = "says how long this is repeated: it needs `every`, and no `count`";
-                    self.problems.add(end_at, why);
-                    return None;
-                }
-                true
-            }
-            StepAction::Fault(_) => true,
-            StepAction::Clear(_) | StepAction::Nothing => false,
-            StepAction::Operator(action) => action.can_end(),
-            StepAction::World(action) => action.can_end(),
-        };
-        if !ends {
-            let why = "this cannot be undone after a time";
-            self.problems.add(end_at, why);
-            return None;
-        }
-        Some((every, count, lasts.map(|(lasts, _)| lasts)))
+        (every, count, lasts)
     }
 
     /// What a step remembers, which those behind it may remember something of.
@@ -257,10 +269,11 @@ impl Checker<'_> {
         let mut remembered = Vec::new();
         for (name, value) in &text.remember {
             let read = Condition::parse_typed(value.get_ref(), &self.scope());
+            let own = name.get_ref();
             let Some((value, is_flag)) = self.problems.take(value.span(), read) else {
+                self.not_saved.push(own.clone());
                 continue;
             };
-            let own = name.get_ref();
             let known = self.saved.iter().position(|saved| saved.name == *own);
             let letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
             let index = known.unwrap_or(self.saved.len());

@@ -1,0 +1,154 @@
+//! One instant of a run, and when the next one is.
+
+use sim_core::SimTime;
+use sim_core::rig::{PortId, Rig};
+
+use super::context::Recent;
+use super::{MOST_EVENTS, MOST_ROUNDS, MOST_UNREAD, NANOSECOND, Run, RunError};
+
+impl Run {
+    /// When there is next something to look at, be it only the end; while nobody follows every
+    /// byte, that is not all that happens. Everything up to the present has happened.
+    pub(super) fn next_instant(&self) -> SimTime {
+        let now = self.rig.now();
+        let watched = self.is_watched().then(|| {
+            let step = self.rig.world().step_length();
+            now.next_multiple(step)
+        });
+        let devices = self.follows_bytes.then(|| self.next_of_devices());
+        let first = [watched, devices, self.agenda.next()];
+        first.into_iter().flatten().fold(self.limit, SimTime::min)
+    }
+
+    /// When a device or a line next does something.
+    pub(super) fn next_of_devices(&self) -> SimTime {
+        let next = self.rig.next_deadline().unwrap_or(SimTime::MAX);
+        next.max(self.rig.now() + NANOSECOND)
+    }
+
+    /// Does all that belongs to one instant; `act` is what a client does.
+    pub(super) fn instant(
+        &mut self,
+        at: SimTime,
+        act: impl FnOnce(&mut Rig),
+    ) -> Result<(), RunError> {
+        self.rig.approach(at)?;
+        let mut look = at.as_nanos().is_multiple_of(self.physics_step());
+        look |= self.run_agenda(at);
+        act(&mut self.rig);
+        self.rig.advance(at)?;
+        look |= self.take_events();
+        self.read_ports(at);
+        if look {
+            self.judge(at);
+        }
+        self.settle(at, look)
+    }
+
+    /// Does all that comes of events that the devices brought about by themselves.
+    pub(super) fn follow_up(&mut self, at: SimTime) -> Result<(), RunError> {
+        self.take_events();
+        self.read_ports(at);
+        self.judge(at);
+        self.settle(at, true)
+    }
+
+    /// Does what steps set off at the same instant.
+    fn settle(&mut self, at: SimTime, mut look: bool) -> Result<(), RunError> {
+        let mut rounds = 1;
+        while self.agenda.is_due(at) {
+            rounds += 1;
+            if rounds > MOST_ROUNDS {
+                return Err(RunError::Stuck { at });
+            }
+            look |= self.run_agenda(at);
+            self.rig.advance(at)?;
+            look |= self.take_events();
+            self.read_ports(at);
+            if look {
+                self.judge(at);
+            }
+        }
+        self.sample(at);
+        Ok(())
+    }
+
+    pub(super) fn physics_step(&self) -> u64 {
+        let step = self.rig.world().step_length().as_nanos();
+        u64::try_from(step).unwrap_or(u64::MAX).max(1)
+    }
+
+    /// Takes note of what the rig tells; says whether it told anything.
+    fn take_events(&mut self) -> bool {
+        let mut any = false;
+        while let Some(event) = self.rig.poll_event() {
+            any = true;
+            if !self.follows_bytes {
+                // Before the next reply comes, so that the line does not fill up.
+                for index in self.ports_of(event.device) {
+                    self.read_port(index, event.at);
+                }
+            }
+            let excused = self.is_excused(&event);
+            let distance = self.rig.distance_m(event.device);
+            if let Some(observed) = self.observed.get_mut(event.device) {
+                observed.note(&event, distance, excused);
+            }
+            if let Some(recorder) = &mut self.recorder {
+                recorder.event(&event);
+            }
+            self.remember_recent(Recent::Event(event.clone()));
+            if self.events.len() >= MOST_EVENTS {
+                self.events.pop_front();
+                self.events_lost += 1;
+            }
+            self.events.push_back(event);
+        }
+        any
+    }
+
+    /// Takes what has arrived at the clients' ends.
+    fn read_ports(&mut self, at: SimTime) {
+        if self.follows_bytes {
+            for index in 0..self.ports.len() {
+                self.read_port(index, at);
+            }
+        }
+    }
+
+    /// The ports of a device, as indices.
+    pub(super) fn ports_of(&self, device: usize) -> std::ops::Range<usize> {
+        let bound = |device| self.first_ports.get(device).copied().unwrap_or_default();
+        bound(device)..bound(device.saturating_add(1))
+    }
+
+    /// A port as an index.
+    pub(super) fn port_at(&self, port: PortId) -> Option<usize> {
+        self.ports_of(port.device).nth(port.link)
+    }
+
+    pub(super) fn read_port(&mut self, index: usize, at: SimTime) {
+        let port = self.ports[index];
+        let unread = &mut self.unread[index];
+        let before = unread.len();
+        self.rig.client_reads(port, unread);
+        if unread.len() == before {
+            return;
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.device_sent(at, port, &unread[before..]);
+        }
+        if !self.hosts.contains_key(&port) {
+            unread.truncate(MOST_UNREAD);
+        } else {
+            let bytes = std::mem::take(unread);
+            self.host_reads(at, port, &bytes);
+        }
+    }
+
+    fn sample(&mut self, at: SimTime) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.sample(at, &self.rig);
+        }
+    }
+}
