@@ -206,6 +206,9 @@ impl<'a> Case<'a> {
             words.extend(["--timeout".into(), show_duration(timeout).into()]);
         }
         let mut flag = |flag: &str, value: OsString| words.extend([flag.into(), value]);
+        if let Some(listen) = &self.control {
+            flag("--control", listen.to_string().into());
+        }
         if let Some(job) = &self.args.given.job {
             flag("--job", job.into());
         }

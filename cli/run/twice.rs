@@ -78,10 +78,9 @@ fn difference(what: &str, first: &[u8], second: &[u8]) -> Option<String> {
                 let shown =
                     |line: Option<&str>| line.map_or("(its end)".to_owned(), tell::shortened);
                 return Some(format!(
-                    "the second run differs first in line {number} of the {what}\n    first:  {}\n    \
-                     second: {}",
-                    shown(one),
-                    shown(other)
+                    "the second run differs first in line {number} of the {what}: {}; the first has {}",
+                    shown(other),
+                    shown(one)
                 ));
             }
         }

@@ -283,8 +283,15 @@ except BlockingIOError: print("again", at())
 a, b = socket.socketpair()
 threading.Timer(1, lambda: b.send(b"pair")).start()
 print(a.recv(10), at())
+# As most servers listen where there is IPv6.
+both = socket.has_dualstack_ipv6()
+family = socket.AF_INET6 if both else socket.AF_INET
+server = socket.create_server(("", 0), family=family, dualstack_ipv6=both)
+client = socket.create_connection(("127.0.0.1", server.getsockname()[1]))
+threading.Timer(2, lambda: client.send(b"mapped")).start()
+print(server.accept()[0].recv(10), at())
 "#,
-        "b'HELLO' 2.0\ntimeout 9.0\nagain 12.0\nb'pair' 13.0\n",
+        "b'HELLO' 2.0\ntimeout 9.0\nagain 12.0\nb'pair' 13.0\nb'mapped' 15.0\n",
     );
 }
 

@@ -242,11 +242,12 @@ impl Tracer<'_> {
         match rustix::net::getpeername(file).ok().flatten() {
             Some(peer) => {
                 let peer = SocketAddr::try_from(peer).ok()?;
-                let is_ours = peer.ip().is_loopback() && self.is_of_run(is_stream, peer, own);
+                let is_ours =
+                    peer.ip().to_canonical().is_loopback() && self.is_of_run(is_stream, peer, own);
                 (!is_ours).then(|| format!("{word} {peer}"))
             }
             // Whoever listens waits for those of the run; nobody else is told of it.
-            None if is_stream || own.ip().is_loopback() => None,
+            None if is_stream || own.ip().to_canonical().is_loopback() => None,
             None => Some(format!("{word} {own}")),
         }
     }
