@@ -472,8 +472,14 @@ impl Server {
                     self.set_line(token)?;
                 }
                 Event::Detached => {
-                    // Unless another has taken its place and hears this, nobody does.
-                    self.deliver(token)?;
+                    // Another may have taken its place already, and hears what has arrived.
+                    if self.ports[token]
+                        .port
+                        .as_ref()
+                        .is_some_and(Port::is_attached)
+                    {
+                        self.deliver(token)?;
+                    }
                     self.run.detach(id, now)?;
                     room = self.run.room(id).min(buffer.len());
                 }

@@ -131,7 +131,8 @@ impl Port {
         }
     }
 
-    /// Tells whether a client is attached, as far as events were reported.
+    /// Tells whether a client is attached, as far as events were reported. One that has come in another's
+    /// place is so from when that one is said to have left.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         match self {

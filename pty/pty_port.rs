@@ -122,10 +122,10 @@ impl PtyPort {
         self.pair.slave()
     }
 
-    /// Tells whether a client is attached, as far as events were reported.
+    /// Tells whether a client is attached, as far as events were reported; one in another's place is.
     #[must_use]
     pub fn is_attached(&self) -> bool {
-        matches!(self.client, Client::Attached | Client::Replaced)
+        self.client != Client::Nobody
     }
 
     /// Totals since the port was opened.
@@ -168,7 +168,7 @@ impl PtyPort {
     ///
     /// When the system refuses.
     pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
-        if self.client == Client::Nobody {
+        if !self.is_attached() {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
             return Ok(Written {
                 accepted: 0,
@@ -216,7 +216,7 @@ impl PtyPort {
 
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
-        if !self.is_attached() {
+        if matches!(self.client, Client::Nobody | Client::New) {
             return self.arrival().map(Some);
         }
         // In this order: what is counted was there before any departure that is not noted yet.

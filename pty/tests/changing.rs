@@ -227,6 +227,39 @@ fn a_change_of_clients_is_told_to_a_caller_without_room() {
     assert_eq!(bench.expect_bytes(5), b"hello");
 }
 
+/// Of what one read gives, what was there when the caller had no room is the first one's.
+#[test]
+fn what_waits_together_is_told_apart_as_far_as_it_was_seen() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    first.send(b"waits");
+    assert_eq!(bench.waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
+    assert_eq!(bench.port.read(&mut []).unwrap(), Event::Idle);
+    drop(first);
+    let second = bench.client();
+    second.send(b"hello");
+    assert_eq!(all(&mut bench), (CHANGE.to_vec(), b"hello".to_vec()));
+}
+
+#[test]
+fn what_is_sent_while_a_change_of_clients_is_told_is_the_next_one_s() {
+    let mut bench = Bench::unlinked();
+    let first = bench.client();
+    bench.expect(Event::Attached);
+    bench.expect_quiet();
+    drop(first);
+    let second = bench.client();
+    bench.expect(Event::Detached);
+    assert_eq!(bench.port.write(b"rest").unwrap().accepted, 4);
+    bench.expect(Event::Attached);
+    assert_eq!(second.receive(4), b"rest");
+    drop(second);
+    bench.expect(Event::Detached);
+    assert_eq!(bench.port.write(b"rest").unwrap().dropped, 4);
+}
+
 /// Tells a thread to end, also when the test fails.
 struct Stop<'a>(&'a AtomicBool);
 
