@@ -36,9 +36,11 @@ const TELL_EVERY: Duration = Duration::from_millis(20);
 /// Events of the log that wait until then.
 const MOST_UNTOLD: usize = 128;
 /// Time for which a client in the simulator's time may be kept waiting for what is asked and told
-/// meanwhile. Each time that it was not enough halves it until it is, so that a flood takes twice this
-/// of the client's real time in all, and not this at each of its waits.
+/// meanwhile. Each time that it was not enough halves it, until it is, so that a flood does not take this
+/// much real time at each of the client's waits.
 const SETTLE: Duration = Duration::from_secs(2);
+/// The least that is left of it: once the flood is over, it is enough for whatever the client asks.
+const LEAST_SETTLE: Duration = Duration::from_millis(10);
 
 /// Answers requests between two steps of a run.
 ///
@@ -198,7 +200,7 @@ impl Desk {
             any = true;
             let left = self.patience.saturating_sub(begun.elapsed());
             if left.is_zero() {
-                self.patience /= 2;
+                self.patience = LEAST_SETTLE.max(self.patience / 2);
                 return Ok(true);
             }
             if let Some(request) = settling.request(&self.control, left) {
