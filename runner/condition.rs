@@ -276,6 +276,9 @@ fn unreadable(text: &str, at: usize) -> String {
         _ if before.ends_with(|letter: char| letter.is_ascii_digit()) => {
             "a number has no unit; `sim names` lists the units of names"
         }
+        _ if word.starts_with(|letter: char| letter.is_ascii_digit()) => {
+            "this is no number, or one that is too large"
+        }
         _ => OPERATORS,
     };
     let rest: String = letters[start..].iter().take(20).collect();

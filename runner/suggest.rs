@@ -34,7 +34,8 @@ pub(crate) fn or_allowed(word: &str, allowed: &[&str]) -> String {
 }
 
 /// What the TOML reader says of its own types, and what that means in a file.
-const PLAIN: [(&str, &str); 10] = [
+const PLAIN: [(&str, &str); 11] = [
+    ("` as i128,", "`,"),
     (
         "invalid type: map, expected a sequence",
         "a list belongs here, also of one: `[{ … }]` instead of `{ … }`",

@@ -105,6 +105,29 @@ fn a_case_that_failed_is_shown_with_its_world_plots_and_traffic() {
 }
 
 #[test]
+fn each_failure_is_shown_with_what_was_so_then() {
+    let drive = DRIVE.to_owned()
+        + "[[step]]\nname = \"slip\"\nat = \"300 ms\"\nworld = { friction = 0.5 }\n\
+           [[step]]\nname = \"twice\"\nat = \"600 ms\"\nfault = { kind = \"reply-twice\" }\n\
+           [[never]]\nthat = \"t > 0.5\"\n[[never]]\nthat = \"t > 0.8\"\n";
+    let folder = Folder::with(&[("drive.toml", &drive)]);
+    let told = folder.sim(&["run", "--seed", "1", "--report", "r.html", "drive.toml"]);
+    assert_eq!(told.code(), Some(1), "{}", told.err);
+    let page = folder.read("r.html");
+    let (_, first) = page.split_once("never `t &gt; 0.5`").unwrap();
+    let (first, second) = first.split_once("never `t &gt; 0.8`").unwrap();
+    let slip = "in effect then: &quot;slip&quot; (world friction), from 0.300000 s on";
+    let twice = "armed then: &quot;twice&quot; (reply-twice), from 0.600000 s on";
+    assert!(first.contains(slip) && !first.contains(twice), "{first}");
+    assert!(second.contains(slip) && second.contains(twice), "{second}");
+    assert_eq!(
+        count(&page, "What happened before, since the failure above"),
+        1
+    );
+    assert!(page.contains("== step &quot;slip&quot; begun"), "{page}");
+}
+
+#[test]
 fn foreign_text_is_no_markup_and_nothing_is_fetched() {
     let files = [("drive.toml", &*hostile()), ("world.toml", WORLD)];
     let folder = Folder::with(&files);

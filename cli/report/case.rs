@@ -7,6 +7,7 @@ use maud::{Markup, html};
 use sim_core::SimTime;
 use sim_core::device::Devices;
 use sim_runner::Outcome;
+use sim_runner::run::Context;
 
 use super::film::{Film, Wanted};
 use super::{map, plots};
@@ -51,7 +52,7 @@ pub(super) fn shown(
     let inside = html! {
         p.about { code { (readable(&case.command())) } }
         @if case.is_live() { p.about { "The client had " (case.time_word()) " time." } }
-        @if !outcome.failures.is_empty() { (failures(outcome)) }
+        @if !outcome.failures.is_empty() { (failures(outcome, detail)) }
         @if let Some(Ok(film)) = &film {
             figure.world {
                 (map::map(film, &format!("{title}, from above")))
@@ -104,17 +105,35 @@ fn film<'a>(
     }
 }
 
-fn failures(outcome: &Outcome) -> Markup {
+fn failures(outcome: &Outcome, detail: Detail) -> Markup {
     html! {
         ul.failures {
-            @for failure in &outcome.failures {
+            @for (index, failure) in outcome.failures.iter().enumerate() {
                 li {
                     b { (seconds(failure.at)) }
                     @if let Some(step) = &failure.step { " “" (readable(step)) "”" }
                     ": " (readable(&failure.what))
+                    // The traffic around the first is shown with the plots.
+                    @if detail == Detail::Full { (context(&failure.context, index > 0)) }
                 }
             }
             @if outcome.more_failures > 0 { li { "and " (outcome.more_failures) " more" } }
+        }
+    }
+}
+
+/// What was so at a failure and, if it is wanted, what came before it.
+fn context(context: &Context, wants_before: bool) -> Markup {
+    let before = context.before.iter().filter(|_| wants_before);
+    let before: Vec<&String> = before.collect();
+    html! {
+        @for fault in &context.armed { p.note { "armed then: " (readable(fault)) } }
+        @for deed in &context.in_effect { p.note { "in effect then: " (readable(deed)) } }
+        @if !before.is_empty() {
+            details {
+                summary { "What happened before, since the failure above" }
+                pre { @for line in before { (readable(line)) "\n" } }
+            }
         }
     }
 }

@@ -127,7 +127,11 @@ impl<'o> Replay<'o> {
     /// When it is no header, or the scenario in it cannot be read any more.
     pub fn begin(devices: Devices, line: &str) -> Result<Self, ReplayError> {
         let malformed = |why| ReplayError::Malformed { line: 1, why };
-        let Record::Header(header) = read(line, 1)? else {
+        let record = read(line, 1).map_err(|error| match error {
+            ReplayError::Malformed { why, .. } => malformed(format!("no trace begins so: {why}")),
+            other => other,
+        })?;
+        let Record::Header(header) = record else {
             return Err(malformed("a trace begins with its header".to_owned()));
         };
         if header.format != FORMAT {
