@@ -430,6 +430,11 @@ fn no_error_of_a_table_hides_another_or_brings_one_about() {
             ],
         ),
         (
+            "[[device]]\nkind = \"mecanum\"\nros = 3\n\
+             [[step]]\nat = \"1s\"\ndevice = \"mecanum\"\nhost = { send = { line = \"X10\" } }\n",
+            &["9:7: `device.ros`"],
+        ),
+        (
             "[[always]]\nthat = 3\nafter = \"x\"\nuntl = \"1s\"\n\
              [[response]]\nwhenever = \"truth.a > 1 && truth.b > 1\"\nwithin = 1\n",
             &[
