@@ -20,6 +20,8 @@ pub(crate) struct Problems<'t> {
     told: BTreeSet<usize>,
     /// Values that were put in the place of others, by where they stand.
     put: BTreeMap<usize, Put>,
+    /// The same of values of which they are only a part.
+    put_into: BTreeMap<usize, Put>,
 }
 
 /// Where a value comes from that stands for a parameter.
@@ -38,12 +40,18 @@ impl<'t> Problems<'t> {
             lines: Vec::new(),
             told: BTreeSet::new(),
             put: BTreeMap::new(),
+            put_into: BTreeMap::new(),
         }
     }
 
     /// The value that stands at `at` comes from somewhere else, and so does what is wrong with it.
     pub(crate) fn comes_from(&mut self, at: usize, origin: Put) {
         self.put.insert(at, origin);
+    }
+
+    /// The value that stands at `at` has something in it that comes from somewhere else.
+    pub(crate) fn comes_partly_from(&mut self, at: usize, origin: Put) {
+        self.put_into.insert(at, origin);
     }
 
     /// Something is wrong at a place of the files.
@@ -118,7 +126,13 @@ impl<'t> Problems<'t> {
             format!("{}{}", key.unwrap_or_default(), sources.place(at))
         };
         let text = match self.put.get(&at) {
-            None => line(sources, at),
+            None => {
+                let part = self.put_into.get(&at).map(|put| match put {
+                    Put::At(own) => format!("; a part of it is from {}", sources.place(*own)),
+                    Put::Flag(flag) => format!("; a part of it is from {flag}"),
+                });
+                line(sources, at) + &part.unwrap_or_default()
+            }
             Some(Put::At(own)) => format!("{}; it is {}", line(sources, *own), stands()),
             Some(Put::Flag(flag)) => {
                 let line = line(sources, at);

@@ -133,16 +133,18 @@ fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
     drop(client);
 
     let finished = sim.stop().expect_clean();
+    let whole = finished.json().pop().unwrap();
     let summary = finished.summary();
     let find = |code: &str| harness::with_code(summary["events"].as_array().unwrap(), code);
-    assert!(find("overrun")[0]["client_faults"].as_u64() > Some(0));
-    assert!(
-        find("overrun")[0]["first"]
-            .as_str()
-            .unwrap()
-            .contains("bytes lost")
-    );
-    assert!(find("line_full")[0]["count"].as_u64() > Some(0));
+    // Unless all of it came while the machine held the simulator up, which is then not held against it.
+    let is_excused = whole["excused"].as_u64() > Some(0);
+    let overrun = find("overrun");
+    assert!(is_excused || !overrun.is_empty(), "{whole}");
+    for told in &overrun {
+        assert!(told["client_faults"].as_u64() > Some(0), "{told}");
+        assert!(told["first"].as_str().unwrap().contains("bytes lost"));
+    }
+    assert!(is_excused || !find("line_full").is_empty(), "{whole}");
     assert!(find("bad_crc").is_empty() && find("noise").is_empty());
 }
 

@@ -118,7 +118,7 @@ pub(crate) struct GivenArgs {
     /// devices. It takes the place of the job that they name.
     #[arg(long, value_name = "FILE")]
     pub(crate) job: Option<PathBuf>,
-    /// Set a parameter of the files, as in --param pwm=300; may be repeated. With several values, as in
+    /// Set a parameter of the files, as in --param pwm=300; once for each. With several values, as in
     /// --param pwm=300,600, each is played, in each combination with those of other parameters.
     #[arg(long, value_name = "NAME=VALUE", action = ArgAction::Append)]
     pub(crate) param: Vec<String>,

@@ -113,7 +113,11 @@ impl OwnText {
         for (value, key) in own {
             match text.own_key(&value, &key) {
                 Ok(()) => {}
-                Err(Some(error)) => drop(problems.read::<()>(value.span(), Err(error))),
+                Err(Some(error)) => {
+                    problems.read::<()>(value.span(), Err(error));
+                    // It may have been a link, which nothing else is to miss then.
+                    text.ports.resize(device.links.len(), None);
+                }
                 Err(None) => {
                     let able = devices.iter().filter(|device| has_key(device, &key));
                     let able: Vec<&str> = able.map(|device| device.title).collect();

@@ -206,8 +206,11 @@ impl<'t> Parameters<'t> {
                 }
             }
             DeValue::String(text) if text.contains("${") => match self.filled(text) {
-                Ok((filled, put)) => {
-                    problems.comes_from(span.start, put);
+                Ok((filled, put, is_whole)) => {
+                    match is_whole {
+                        true => problems.comes_from(span.start, put),
+                        false => problems.comes_partly_from(span.start, put),
+                    }
                     *value.get_mut() = filled;
                 }
                 Err(why) => problems.add(span, &why),
@@ -216,9 +219,9 @@ impl<'t> Parameters<'t> {
         }
     }
 
-    /// A text that is one parameter has its value, be it a number; others get texts put in. What is wrong
-    /// with it then comes from the last of them.
-    fn filled(&self, text: &str) -> Result<(DeValue<'t>, Put), String> {
+    /// A text that is one parameter has its value, be it a number; others get texts put in. Says as well
+    /// where the value, or the last of these texts, comes from, and which of both it is.
+    fn filled(&self, text: &str) -> Result<(DeValue<'t>, Put, bool), String> {
         let mut filled = String::new();
         let mut rest = text;
         let mut from = None;
@@ -232,7 +235,7 @@ impl<'t> Parameters<'t> {
                 format!("no parameter is named `{name}`; {hint}")
             })?;
             if before.is_empty() && after.is_empty() && filled.is_empty() {
-                return Ok((value.clone(), put.clone()));
+                return Ok((value.clone(), put.clone(), true));
             }
             filled += before;
             filled += &shown(value);
@@ -241,7 +244,7 @@ impl<'t> Parameters<'t> {
         }
         filled += rest;
         let from = from.cloned().ok_or("it names no parameter")?;
-        Ok((DeValue::String(filled.into()), from))
+        Ok((DeValue::String(filled.into()), from, false))
     }
 }
 

@@ -430,6 +430,11 @@ fn no_error_of_a_table_hides_another_or_brings_one_about() {
             ],
         ),
         (
+            "[[device]]\nkind = \"mecanum\"\nros = 3\n\
+             [[step]]\nat = \"1s\"\ndevice = \"mecanum\"\nhost = { send = { line = \"X10\" } }\n",
+            &["9:7: `device.ros`"],
+        ),
+        (
             "[[always]]\nthat = 3\nafter = \"x\"\nuntl = \"1s\"\n\
              [[response]]\nwhenever = \"truth.a > 1 && truth.b > 1\"\nwithin = 1\n",
             &[
@@ -477,7 +482,8 @@ fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
         "{HEAD}settings = {{ r150 = {{ heartbeat_timeout = \"${{hb}}\" }} }}\n{R150}\
          [parameters]\npwm = 300\nwait = \"1 s\"\nhb = \"5 s\"\n\
          [[step]]\nat = \"${{wait}}\"\nhost = {{ send = {{ set_motors = {{ right = \"${{pwm}}\", left = 1 }} }} }}\n\
-         [[always]]\nthat = \"param.pwm < 500\"\n"
+         [[always]]\nthat = \"param.pwm < 500\"\n\
+         [[never]]\nthat = \"t > ${{pwm}}\"\n"
     );
     let child = "schema = 1\nbase = \"b.toml\"\n[parameters]\npwm = \"fast\"\nhb = \"5 V\"\n";
     let [file, base_file] = ["c.toml", "b.toml"];
@@ -508,6 +514,10 @@ fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
             "; it is `always.that` of b.toml:16:8",
         ),
         ("c.toml:5:6: `r150.heartbeat_timeout`: ", "from 1ms to 1h"),
+        (
+            "b.toml:18:8: `never.that`: no name `fast`",
+            "; a part of it is from c.toml:4:7",
+        ),
     ];
     assert_eq!(lines.len(), expected.len(), "{error}");
     for (line, (begins, ends)) in lines.iter().zip(expected) {
