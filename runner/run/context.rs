@@ -59,8 +59,8 @@ impl Run {
         let mut armed = Vec::new();
         let mut others = Vec::new();
         for (step, state) in self.scenario.steps.iter().zip(&self.steps) {
-            let Some(begun) = state.begun else { continue };
-            let said = |what: &str| format!("\"{}\" ({what}), from {begun} s on", step.name);
+            let Some(since) = state.since else { continue };
+            let said = |what: &str| format!("\"{}\" ({what}), from {since} s on", step.name);
             match (&step.action, &step.deed) {
                 (StepAction::Fault(fault), _) if state.has_faults() => armed.push(said(fault.id())),
                 (_, Some(deed)) if state.has_effects() => others.push(said(deed)),

@@ -22,6 +22,8 @@ pub(super) struct StepState {
     /// Time at which it is to begin, if a time says so.
     pub(super) planned: Option<SimTime>,
     pub(super) begun: Option<SimTime>,
+    /// Time since which its fault, or what else it did, goes on; or went on last.
+    pub(super) since: Option<SimTime>,
     pub(super) done: Option<SimTime>,
     times: u32,
     /// Time at which its repetitions end, if they have such an end.
@@ -70,6 +72,7 @@ impl StepState {
             watching: matches!(step.trigger, Trigger::When(_)),
             planned: None,
             begun: None,
+            since: None,
             done: None,
             times: 0,
             ends: None,
@@ -289,6 +292,12 @@ impl Run {
     }
 
     fn act(&mut self, index: usize, step: &Step, now: SimTime) {
+        let state = &self.steps[index];
+        let goes_on = match &step.action {
+            // Another step may have cleared it before its time.
+            StepAction::Fault(_) => state.has_faults(),
+            _ => state.has_effects(),
+        };
         let undo = match &step.action {
             StepAction::Host(host) => {
                 self.host_acts(index, host, now);
@@ -319,6 +328,9 @@ impl Run {
             StepAction::Nothing => None,
         };
         let state = &mut self.steps[index];
+        if undo.is_some() && !goes_on {
+            state.since = Some(now);
+        }
         let until = step.until.as_ref().map(|_| SimTime::MAX);
         let ends = step.lasts.map(|lasts| now + state.draw(lasts)).or(until);
         match (undo, ends) {

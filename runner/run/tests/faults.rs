@@ -89,6 +89,31 @@ fn a_fault_comes_and_goes_as_often_as_it_is_to() {
 }
 
 #[test]
+fn what_goes_on_is_told_with_the_time_since_which_it_does() {
+    let last = "[[step]]\nat = \"3.2s\"\nexpect = { that = \"truth.x_m > 1\" }\n";
+    let repeated = |more: &str, what: &str| {
+        let step = "[[step]]\nname = \"again\"\nat = \"1s\"\nevery = \"1s\"\n";
+        let outcome = r150("4s", &format!("{step}{more}{what}\n{last}"));
+        let context = &outcome.failures[0].context;
+        [context.armed.clone(), context.in_effect.clone()].concat()
+    };
+    let ice = "fault = { kind = \"ice\" }\nmay_not_trigger = true";
+    let load = "operator = { payload = \"50 kg\" }";
+    for (what, called) in [(ice, "ice"), (load, "operator payload")] {
+        let told = |since| [format!("\"again\" ({called}), from {since} s on")];
+        assert_eq!(repeated("for = \"500ms\"\n", what), told("3.000000"));
+        // Without an end, the first time goes on.
+        assert_eq!(repeated("", what), told("1.000000"));
+    }
+    // One that another step clears before its time.
+    let clear = "[[step]]\nat = \"2.5s\"\nclear = \"f\"\n";
+    let timing = "at = \"1s\"\nevery = \"1s\"\n";
+    let outcome = fault(timing, "kind = \"ice\"", &format!("{clear}{last}"));
+    let armed = &outcome.failures[0].context.armed;
+    assert_eq!(*armed, ["\"f\" (ice), from 3.000000 s on"]);
+}
+
+#[test]
 fn a_fault_that_the_device_cannot_have_is_refused_with_its_line() {
     let refused = |device: &str, fault: &str| {
         let text = text(
