@@ -17,6 +17,7 @@ use anyhow::Context as _;
 use rustix::event::{PollFd, PollFlags, Timespec};
 
 use crate::supervise::{ClientEnd, GRACE, end_orphans};
+use crate::visible;
 
 /// How much of it goes into a file.
 const MOST_FILED: usize = 1 << 26;
@@ -66,7 +67,7 @@ impl Output {
 
     /// The end of an output as text, before which so much is left out.
     pub(crate) fn ended(left_out: u64, bytes: &[u8]) -> String {
-        let text = String::from_utf8_lossy(bytes).into_owned();
+        let text = visible::bytes(bytes);
         match left_out {
             0 => text,
             left_out => format!("({left_out} bytes before this are left out)\n{text}"),

@@ -23,9 +23,18 @@ pub(crate) fn line(text: &str) -> Cow<'_, str> {
 /// The name of a file or a word of a command, whatever its bytes are; no two look the same, but for
 /// those that have backslashes in them.
 pub(crate) fn name<N: AsRef<OsStr> + ?Sized>(name: &N) -> String {
+    valid(name.as_ref().as_bytes(), line)
+}
+
+/// Bytes as text, those escaped that are none. What is text is not made safe yet.
+pub(crate) fn bytes(bytes: &[u8]) -> String {
+    valid(bytes, |text| Cow::Borrowed(text))
+}
+
+fn valid(bytes: &[u8], shown: impl Fn(&str) -> Cow<'_, str>) -> String {
     let mut text = String::new();
-    for chunk in name.as_ref().as_bytes().utf8_chunks() {
-        text += &line(chunk.valid());
+    for chunk in bytes.utf8_chunks() {
+        text += &shown(chunk.valid());
         for byte in chunk.invalid() {
             // Writing to a string cannot fail.
             let _ = write!(text, "\\x{byte:02x}");

@@ -34,15 +34,7 @@ impl Target {
             return Err(anyhow!("it is a folder"));
         }
         if !metadata.is_file() {
-            // A named pipe that nobody reads would keep this waiting for ever.
-            let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
-            let stream = OpenOptions::new()
-                .write(true)
-                .custom_flags(nonblocking)
-                .open(path)?;
-            let flags = rustix::fs::fcntl_getfl(&stream)?;
-            rustix::fs::fcntl_setfl(&stream, flags - rustix::fs::OFlags::NONBLOCK)?;
-            return Ok(Self::Stream(stream));
+            return Ok(Self::Stream(create(path)?));
         }
         let mut begin = Vec::new();
         File::open(path)?.take(GLANCE).read_to_end(&mut begin)?;
@@ -55,6 +47,20 @@ impl Target {
              path"
         ))
     }
+}
+
+/// Opens a file to be written anew, or a stream. A named pipe that nobody reads is an error, since it
+/// would keep this waiting for ever.
+pub(crate) fn create(path: &Path) -> io::Result<File> {
+    let nonblocking = rustix::fs::OFlags::NONBLOCK;
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true);
+    let file = options
+        .custom_flags(nonblocking.bits().cast_signed())
+        .open(path)?;
+    let flags = rustix::fs::fcntl_getfl(&file)?;
+    rustix::fs::fcntl_setfl(&file, flags - nonblocking)?;
+    Ok(file)
 }
 
 /// Writes a file beside `path` and moves it there. A link is followed; what is there keeps its

@@ -177,13 +177,7 @@ impl R150Plant {
         let on = self.commands.propulsion_power && !open;
         let bus = self.flow.bus.max(LOWEST_SUPPLY);
         let duty = if faults.reversed { -duty } else { duty };
-        let port = driver.port(on, duty, bus, motor);
-        // A battery that takes no charge leaves the drivers nowhere to feed back to.
-        let feeds_back = port.duty * (port.duty * bus - port.back_emf) < 0.0;
-        MotorPort {
-            connected: port.connected && !(feeds_back && self.slow.battery.is_full()),
-            ..port
-        }
+        driver.port(on, duty, bus, motor)
     }
 
     /// Lets the drivers' duties follow what the firmware wants up to so many seconds into the step
@@ -246,6 +240,7 @@ impl R150Plant {
                 voltage: (battery.open_circuit() - self.faults.supply_drop).max(LOWEST_SUPPLY),
                 resistance: battery.resistance() + self.faults.supply_resistance,
             },
+            takes_charge: !battery.is_full(),
             motors: Side::BOTH.map(|side| self.motor_port(side)),
             tail: fuse_whole(FuseId::Tail) && self.commands.tail_power,
             rail_on: self.commands.rail_on,

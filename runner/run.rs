@@ -47,6 +47,7 @@ mod host;
 mod instant;
 mod judge;
 mod lateness;
+mod layers;
 mod outcome;
 mod responses;
 mod steps;
@@ -62,7 +63,7 @@ use sim_core::event::Event;
 use sim_core::line::{ClientLine, Wire};
 use sim_core::report::Report;
 use sim_core::rig::{PortId, Rig, RigError};
-use sim_physics::{Ground, WorldMap};
+use sim_physics::WorldMap;
 use sim_settings::Source;
 
 pub use direct::{StepError, StepReport};
@@ -76,6 +77,7 @@ use context::Recent;
 use host::HostPort;
 use judge::{Expected, RuleState};
 use lateness::Lateness;
+use layers::Layers;
 use responses::ResponseState;
 use steps::StepState;
 
@@ -169,8 +171,8 @@ pub struct Run {
     last_in_effect: Option<(Vec<String>, Vec<String>)>,
     failures: Vec<Failure>,
     more_failures: u64,
-    /// The ground as the settings have it.
-    ground: Ground,
+    /// What steps have changed that can be brought back.
+    layers: Layers,
     limit: SimTime,
     outcome: Option<Outcome>,
 }
@@ -207,12 +209,6 @@ impl Run {
             .collect();
         let first = |device| ports.partition_point(|port| port.device < device);
         let first_ports = (0..=scenario.rig.devices.len()).map(first).collect();
-        let settings = &scenario.rig.settings.world;
-        let ground = Ground::new(
-            settings.friction,
-            settings.slope.to_radians(),
-            settings.uphill.to_radians(),
-        );
         let recorder = options
             .trace
             .then(|| Recorder::new(&scenario, world, options));
@@ -242,7 +238,7 @@ impl Run {
             last_in_effect: None,
             failures: Vec::new(),
             more_failures: 0,
-            ground,
+            layers: Layers::default(),
             limit: SimTime::ZERO + scenario.limit,
             outcome: None,
             scenario,

@@ -28,7 +28,7 @@ use crate::noise::Noise;
 
 pub use sim_physics::Motion;
 
-pub use action::{Action, Actions, HANDS, Hands, Performed, Place, Push, Undo, actions};
+pub use action::{Action, Actions, Change, HANDS, Hands, Performed, Place, Push, actions};
 pub(crate) use framing::with_first;
 pub use framing::{Framing, TextLines};
 pub use host::HostSpec;

@@ -303,6 +303,12 @@ impl MecanumDevice {
         self.drive.is_remote()
     }
 
+    /// The key of the remote control that is held.
+    #[must_use]
+    pub fn key(&self) -> Option<Movement> {
+        self.drive.key()
+    }
+
     /// The motion that runs.
     #[must_use]
     pub fn running(&self) -> Option<&Motion> {

@@ -308,6 +308,8 @@ fn results_replace_nothing_but_results() {
     ended.expect_refusal(2, &["cannot write results to pipe"]);
     let ended = start(folder, &["run", "--report", "pipe", "a.toml"]).wait();
     ended.expect_refusal(2, &["cannot write the report pipe"]);
+    let ended = start(folder, &["--pty", "port", "--trace", "pipe"]).wait();
+    ended.expect_refusal(3, &["cannot write the trace pipe"]);
     for (flag, end) in [("--junit", "</testsuites>"), ("--report", "</html>")] {
         let ended = start(folder, &["run", flag, "/dev/stdout", "a.toml"]).wait();
         assert!(ended.out.contains(end), "{}", ended.out);

@@ -119,7 +119,7 @@ fn client_end(end: End) -> ClientEnd {
 }
 
 fn failure(case: &Case<'_>, error: Error) -> Failure {
-    let client = case.client.first().map(|name| name.display().to_string());
+    let client = case.client.first().map(visible::name);
     let client = client.unwrap_or_default();
     match error {
         Error::NotStarted(why) => {

@@ -9,6 +9,7 @@ use sim_runner::Run;
 
 use crate::exit::Failure;
 use crate::visible;
+use crate::whole_file;
 
 /// A trace file; the first error is kept for the end.
 pub(crate) struct TraceFile {
@@ -20,7 +21,7 @@ pub(crate) struct TraceFile {
 impl TraceFile {
     /// Replaces what is there.
     pub(crate) fn create(path: PathBuf) -> Result<Self, Failure> {
-        let file = File::create(&path)
+        let file = whole_file::create(&path)
             .with_context(|| format!("cannot write the trace {}", visible::name(&path)))
             .map_err(Failure::system)?;
         Ok(Self {

@@ -138,6 +138,12 @@ impl R150Plant {
         self.slow.fuses[fuse.index()].is_blown() || self.faults.fuses_out[fuse.index()]
     }
 
+    /// Returns what is wired to a PWM input, 0–3.
+    #[must_use]
+    pub fn pwm_source(&self, input: usize) -> PwmSource {
+        self.pwm_sources.get(input).copied().unwrap_or_default()
+    }
+
     /// Wires a source to a PWM input, 0–3.
     pub fn set_pwm_source(&mut self, input: usize, source: PwmSource) {
         if let Some(wired) = self.pwm_sources.get_mut(input) {

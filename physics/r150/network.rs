@@ -9,7 +9,9 @@
 //! ```
 //!
 //! which is a quadratic with a closed solution, so nothing iterates and nothing can diverge. Where
-//! the constant power exceeds what the source can give, the loads get the most that it can.
+//! the constant power exceeds what the source can give, the loads get the most that it can. Where the
+//! source takes no charge, a brake resistor on the bus turns what the bridges feed back and no load
+//! wants into heat: the bus then stays at `U`.
 
 use super::settings::RailSettings;
 use super::signals::{Load, RAILS, Rail};
@@ -37,6 +39,8 @@ pub(super) struct MotorPort {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Demand {
     pub(super) source: Source,
+    /// Set if current can flow into the source.
+    pub(super) takes_charge: bool,
     pub(super) motors: [MotorPort; 2],
     /// Set if the tail supply is whole.
     pub(super) tail: bool,
@@ -83,12 +87,12 @@ pub(super) fn solve(demand: &Demand, settings: &RailSettings) -> Flow {
     if demand.tail {
         module = module_loads(demand, settings, &mut flow);
     }
-    let (mut bus, mut given) = bus_voltage(demand.source, drives.plus(module));
+    let (mut bus, mut given) = bus_voltage(demand, drives.plus(module));
     flow.module_powered = demand.tail && bus >= settings.minimum_voltage;
     if !flow.module_powered && demand.tail {
         flow = Flow::default();
         module = Sum::default();
-        (bus, given) = bus_voltage(demand.source, drives);
+        (bus, given) = bus_voltage(demand, drives);
     }
     // Below the knee of the supply every electronic load gets the same share of its power.
     let power_to_current = given / bus;
@@ -109,7 +113,15 @@ pub(super) fn solve(demand: &Demand, settings: &RailSettings) -> Flow {
 }
 
 /// The bus under these loads, and the share of the constant power that it can give.
-fn bus_voltage(source: Source, sum: Sum) -> (f64, f64) {
+fn bus_voltage(demand: &Demand, sum: Sum) -> (f64, f64) {
+    let source = demand.source;
+    let (bus, given) = free_bus_voltage(source, sum);
+    let surplus = bus > source.voltage && !demand.takes_charge;
+    (if surplus { source.voltage } else { bus }, given)
+}
+
+/// The same without a brake resistor.
+fn free_bus_voltage(source: Source, sum: Sum) -> (f64, f64) {
     let divider = 1.0 + source.resistance * sum.conductance;
     let open = (source.voltage + source.resistance * sum.injected) / divider;
     let resistance = source.resistance / divider;

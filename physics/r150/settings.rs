@@ -171,9 +171,11 @@ sim_settings::settings! {
         /// Internal resistance of one pack.
         pack_resistance: f64 = 0.03, unit "ohm", range 0.0005..=10.0,
             assumed "about 2.3 mohm a cell, a pack for high currents";
-        /// Charge from which on the battery takes no more: drivers then feed nothing back.
+        /// Charge from which on the battery takes no more: a brake resistor then turns what
+        /// the drivers feed back into heat.
         charge_limit: f64 = 100.0, unit "%", range 0.0..=100.0,
-            assumed "its management opens the path to a full battery";
+            assumed "its management opens the path to a full battery; a vehicle must brake all the \
+                     same, and a resistor with a chopper is the usual way";
         /// Resistance of the wiring from the packs to the bus.
         wiring_resistance: f64 = 0.005, unit "ohm", range 0.0005..=10.0,
             assumed "short thick cables and a connector";

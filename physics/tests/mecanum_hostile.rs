@@ -205,7 +205,8 @@ proptest! {
             let motion = mass * (truth.forward_speed.powi(2) + truth.leftward_speed.powi(2))
                 + yaw_inertia * truth.yaw_rate.powi(2)
                 + inertia * turning;
-            ground::check_energy(car.plant.energy(), motion / 2.0);
+            let strain = ground::most_strain(mass * 9.81, friction, [stiffness, drag], relaxation);
+            ground::check_energy(car.plant.energy(), motion / 2.0, strain);
         }
     }
 

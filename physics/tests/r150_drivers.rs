@@ -91,20 +91,22 @@ fn ramps_take_their_time() {
 
 #[test]
 fn a_pushed_motor_with_its_driver_off_is_held_by_the_diodes() {
-    let mut bench = Bench::new();
-    bench.command(|commands| commands.propulsion_power = false);
-    bench.plant.set_push([900.0, 0.0, 0.0]);
-    bench.run(5.0);
-    let truth = bench.plant.truth();
-    println!(
-        "pushed with 900 N: {:.2} m/s, {:.0} A",
-        bench.speed(),
-        truth.battery_current
-    );
-    // No-load speed is 1.4 m/s; what is above it feeds the battery.
-    assert!(bench.speed() < 3.0);
-    assert!(truth.battery_current < -15.0);
-    assert!(truth.motor_current.right < -10.0);
+    for charge in [80.0, 100.0] {
+        let mut bench = with(|s| s.battery.initial_soc = charge);
+        bench.command(|commands| commands.propulsion_power = false);
+        bench.plant.set_push([900.0, 0.0, 0.0]);
+        bench.run(5.0);
+        let truth = bench.plant.truth();
+        println!(
+            "pushed with 900 N at {charge} %: {:.2} m/s, {:.0} A",
+            bench.speed(),
+            truth.battery_current
+        );
+        // No-load speed is 1.4 m/s; what is above it feeds the battery, or the brake resistor.
+        assert!(bench.speed() < 3.0);
+        assert_eq!(truth.battery_current < -15.0, charge < 100.0);
+        assert!(truth.motor_current.right < -10.0);
+    }
 }
 
 #[test]
@@ -177,33 +179,70 @@ fn every_figure_of_the_warming_counts() {
     );
 }
 
+/// Charge at the start and the limit of the charge, %, of a battery that is full from the start.
+const FULL: [(f64, f64); 3] = [(100.0, 100.0), (80.0, 80.0), (85.0, 80.0)];
+
+fn charged((charge, limit): (f64, f64), degrees: f64) -> Bench {
+    let mut bench = with(|s| {
+        s.battery.initial_soc = charge;
+        s.battery.charge_limit = limit;
+    });
+    bench
+        .world
+        .set_ground(Ground::new(0.8, degrees.to_radians(), 0.0));
+    bench.plant.wake();
+    bench
+}
+
 #[test]
-fn a_full_battery_takes_no_charge_downhill() {
-    let downhill = |charge: f64, limit: f64| {
-        let mut bench = with(|s| {
-            s.battery.initial_soc = charge;
-            s.battery.charge_limit = limit;
-        });
-        bench
-            .world
-            .set_ground(Ground::new(0.8, -15.0_f64.to_radians(), 0.0));
-        bench.plant.wake();
-        bench.drive(0.5, 0.5);
+fn a_full_battery_takes_no_charge_downhill_and_its_motors_brake_all_the_same() {
+    let downhill = |charge, degrees, duty| {
+        let mut bench = charged(charge, degrees);
+        bench.drive(duty, duty);
         let mut least = f64::INFINITY;
         for _ in 0..600 {
             bench.step();
             least = least.min(bench.plant.truth().battery_current);
         }
-        (least, bench.plant.truth().soc)
+        (least, bench.plant.truth().soc, bench.speed())
     };
-    let (current, _) = downhill(80.0, 100.0);
-    assert!(current < -1.0, "{current} A");
-    for (charge, limit) in [(100.0, 100.0), (85.0, 80.0)] {
-        let (current, soc) = downhill(charge, limit);
-        println!("at {charge} % of {limit} %: {current:.2} A, {soc:.5}");
-        assert!(soc <= charge / 100.0);
-        // Only what a motor gives that turns faster than the bus allows could flow.
-        assert!(current > -0.5, "{current} A");
+    for degrees in [-5.0, -10.0, -15.0] {
+        for duty in [0.0, 0.5, 1.0] {
+            let (current, _, speed) = downhill((80.0, 100.0), degrees, duty);
+            println!("{degrees} deg at {duty}: {current:.2} A, {speed:.2} m/s");
+            if degrees < -12.0 && duty > 0.0 {
+                assert!(current < -1.0, "it feeds the battery: {current} A");
+            }
+            for charge in FULL {
+                let (current, soc, full) = downhill(charge, degrees, duty);
+                println!("  {charge:?}: {current:.2} A, {soc:.5}, {full:.2} m/s");
+                assert!(soc <= charge.0 / 100.0);
+                assert!(current > -1e-9, "{current} A");
+                // A full battery has 6 % more voltage.
+                let more = 1.1 * speed.abs() + 0.02;
+                assert!(full.abs() < more, "{full} m/s after {speed} m/s");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stop_takes_as_far_with_a_full_battery() {
+    let stop = |charge| {
+        let mut bench = charged(charge, 0.0);
+        bench.drive(1.0, 1.0);
+        bench.run(4.0);
+        let from = bench.plant.truth().distance;
+        bench.drive(0.0, 0.0);
+        bench.run(3.0);
+        assert!(bench.speed().abs() < 1e-3);
+        bench.plant.truth().distance - from
+    };
+    let usual = stop((80.0, 100.0));
+    for charge in FULL {
+        let full = stop(charge);
+        println!("{charge:?}: {full:.3} m after {usual:.3} m");
+        assert!(full < 1.15 * usual);
     }
 }
 

@@ -135,7 +135,7 @@ fn within(world: &WorldSettings, settings: &R150PlantSettings) -> (World, R150Pl
     (world, plant)
 }
 
-/// Drives with all rails loaded, over a slope, with a payload and brakes, and into a wall.
+/// Drives with all rails loaded, over a slope, with a payload and brakes, into a wall, and pushed.
 fn drives(settings: &R150PlantSettings) -> Vec<String> {
     let mut story = Story::new(settings);
     story.bench.command(|commands| commands.rail_on = [true; 6]);
@@ -167,9 +167,17 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
         .bench
         .command(|commands| commands.parking_brake = false);
     story.drive(1.0, 1.0, 4.0);
+    // Pushed on while no output takes what it feeds back.
     story
         .bench
-        .command(|commands| commands.propulsion_power = false);
+        .command(|commands| commands.rail_on = [false; 6]);
+    story.bench.plant.set_push([-900.0, 0.0, 0.0]);
+    story.drive(-0.5, -0.5, 1.0);
+    story.bench.plant.set_push([0.0; 3]);
+    story.bench.command(|commands| {
+        commands.rail_on = [true; 6];
+        commands.propulsion_power = false;
+    });
     story.run(3.0);
     let starved = R150Faults {
         supply_drop: 40.0,

@@ -21,6 +21,12 @@ impl World {
         ground
     }
 
+    /// The ground outside of the areas that have one of their own.
+    #[must_use]
+    pub fn ground(&self) -> Ground {
+        self.ground
+    }
+
     /// The friction under places of a body, ahead and left of its middle, m. Every wheel stands on
     /// its own ground, while the body as a whole is pulled down the slope under its middle.
     #[must_use]

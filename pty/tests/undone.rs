@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 use common::{Bench, Client, until};
 use rustix::ffi::c_int;
 use rustix::fs::{Mode, fchmod};
-use rustix::ioctl::{Setter, ioctl};
+use rustix::ioctl::{NoArg, Setter, ioctl};
 use rustix::process::geteuid;
 use rustix::termios::{
     Action, ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios, Winsize,
@@ -82,6 +82,7 @@ const DEEDS: &[Deed] = &[
     }),
     ("locked settings", lock_settings),
     ("another line discipline", set_null_discipline),
+    ("hung up for all", hang_up),
 ];
 
 #[expect(unsafe_code, reason = "no library wraps this call")]
@@ -104,6 +105,12 @@ fn set_null_discipline(client: &Client) {
     const N_NULL: c_int = 27;
     // SAFETY: TIOCSETD reads one int, which lives for the call. Not every system has or allows it.
     let _ = unsafe { ioctl(client, Setter::<0x5423, c_int>::new(N_NULL)) };
+}
+
+#[expect(unsafe_code, reason = "no library wraps this call")]
+fn hang_up(client: &Client) {
+    // SAFETY: TIOCVHANGUP takes no argument. It is for privileged clients alone.
+    let _ = unsafe { ioctl(client, NoArg::<0x5437>::new()) };
 }
 
 /// As a client that does nothing about settings finds the port.
@@ -160,6 +167,34 @@ fn settle(bench: &mut Bench) {
     while !bench.waiter.wait(Some(moment)).unwrap().ready().is_empty() {
         let _ = bench.port.read(&mut buf).unwrap();
     }
+}
+
+/// It may come while we ourselves have the node open.
+#[test]
+fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
+    let mut bench = Bench::unlinked();
+    let fresh = bench.client().termios();
+    bench.expect(Event::Attached);
+    bench.expect(Event::Detached);
+    let path = bench.port.path().to_owned();
+    let hanging_up = std::thread::spawn(move || {
+        for _ in 0..3000 {
+            // It may be hung up while it is being opened.
+            if let Ok(client) = Client::try_open(&path) {
+                hang_up(&client);
+            }
+        }
+    });
+    let mut buf = [0; 64];
+    while !hanging_up.is_finished() {
+        let _ = bench.port.read(&mut buf).unwrap();
+    }
+    hanging_up.join().unwrap();
+    until("all have left", || {
+        settle(&mut bench);
+        !bench.port.is_attached()
+    });
+    expect_sound(&mut bench, &fresh, "hanging up");
 }
 
 /// Nobody was seen to leave, and the next one is there already.

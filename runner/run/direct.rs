@@ -117,6 +117,9 @@ impl Run {
         let scenario = Arc::make_mut(&mut self.scenario);
         scenario.saved = saved;
         if index < scenario.steps.len() {
+            if let Some(effect) = self.steps[index].standing_effect() {
+                self.layers.keep(effect);
+            }
             scenario.steps[index] = step;
             self.steps[index] = state;
         } else {

@@ -1,40 +1,24 @@
 //! Effects of steps on vehicles and on the world around them, and their end.
 
-use std::fmt;
-
 use sim_core::SimTime;
-use sim_core::device::Action;
+use sim_core::device::{Action, Change};
 use sim_core::rig::Rig;
-use sim_physics::world::ObstacleError;
+use sim_physics::world::{Obstacle, ObstacleError};
 use sim_physics::{Ground, Pose, World};
 
 use super::Run;
+use super::layers::{Changed, Restore};
 use crate::scenario::WorldAction;
 
 /// End of the effect of a step.
+#[derive(Debug, Clone, Copy)]
 pub(super) enum Undo {
     /// Nothing is left to be undone: a repetition's time is over.
     Nothing,
     /// The step's fault with this number ends.
     Fault(u64),
-    /// Something in the rig goes back to what it was.
-    Effect(Box<dyn FnOnce(&mut Rig) + Send>),
-}
-
-impl fmt::Debug for Undo {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Nothing => "Nothing",
-            Self::Fault(_) => "Fault",
-            Self::Effect(_) => "Effect",
-        })
-    }
-}
-
-impl Undo {
-    fn in_world(undo: impl FnOnce(&mut World) + Send + 'static) -> Self {
-        Self::Effect(Box::new(move |rig| rig.with_world(undo)))
-    }
+    /// What this effect has changed goes back to what it was.
+    Effect(u64),
 }
 
 impl Run {
@@ -43,10 +27,14 @@ impl Run {
         let done = self
             .rig
             .with_any_device(device, |own, world, now| action.perform(own, world, now));
-        let undo = done.flatten()?;
-        Some(Undo::Effect(Box::new(move |rig| {
-            rig.with_any_device(device, undo);
-        })))
+        let Change { of, restore } = done.flatten()?;
+        let restore = restore.map(|restore| -> Restore {
+            Box::new(move |rig: &mut Rig| {
+                rig.with_any_device(device, restore);
+            })
+        });
+        let of = (Some(device), of);
+        Some(Undo::Effect(self.layers.add(vec![Changed { of, restore }])))
     }
 
     pub(super) fn change_world(
@@ -56,18 +44,12 @@ impl Run {
         action: &WorldAction,
         now: SimTime,
     ) -> Option<Undo> {
-        match action {
+        let changes = match action {
             WorldAction::Add(map) => {
                 let added = self.rig.with_world(|world| world.add_map(map));
                 self.or_fail(index, now, added)?;
-                let names: Vec<String> = action.brings().map(str::to_owned).collect();
-                // Another step may have taken it away or put one of its name there meanwhile; then
-                // that is what counts.
-                Some(Undo::in_world(move |world| {
-                    for name in &names {
-                        let _ = world.remove_obstacle(name);
-                    }
-                }))
+                let names = action.brings();
+                names.flat_map(|name| presence(name, None)).collect()
             }
             WorldAction::Move {
                 obstacle,
@@ -78,25 +60,26 @@ impl Run {
                 let moved = self.rig.with_world(change);
                 let Pose { x, y, heading } = self.or_fail(index, now, moved)?;
                 let name = obstacle.clone();
-                Some(Undo::in_world(move |world| {
+                // It is not there if who brought it has taken it away.
+                vec![in_world(place_of(obstacle), true, move |world| {
                     let _ = world.move_obstacle(&name, [x, y], Some(heading));
-                }))
+                })]
             }
             WorldAction::Remove(obstacle) => {
                 let removed = self.rig.with_world(|world| world.remove_obstacle(obstacle));
-                let obstacle = self.or_fail(index, now, removed)?;
-                Some(Undo::in_world(|world| {
-                    let _ = world.add_obstacle(obstacle);
-                }))
+                let removed = self.or_fail(index, now, removed)?;
+                presence(obstacle, Some(removed)).into()
             }
             WorldAction::Friction(friction) => {
-                let usual = self.ground;
-                let ground = usual.with_friction_of(&Ground::flat(*friction));
+                let before = self.rig.world().ground();
+                let ground = before.with_friction_of(&Ground::flat(*friction));
                 self.rig.with_world(|world| world.set_ground(ground));
-                Some(Undo::in_world(move |world| world.set_ground(usual)))
+                let restore = move |world: &mut World| world.set_ground(before);
+                vec![in_world("friction".to_owned(), before != ground, restore)]
             }
-            WorldAction::Device(action) => self.operate(device, action.as_ref()),
-        }
+            WorldAction::Device(action) => return self.operate(device, action.as_ref()),
+        };
+        Some(Undo::Effect(self.layers.add(changes)))
     }
 
     fn or_fail<T>(
@@ -114,10 +97,44 @@ impl Run {
         match undo {
             Undo::Nothing => {}
             Undo::Fault(number) => self.clear_fault(index, number),
-            Undo::Effect(undo) => {
+            Undo::Effect(effect) => {
                 self.note_deed(index, true);
-                undo(&mut self.rig);
+                for restore in self.layers.take(effect) {
+                    restore(&mut self.rig);
+                }
             }
         }
+    }
+}
+
+/// Coming or going of an obstacle, which was as given or not there `before`.
+fn presence(name: &str, before: Option<Obstacle>) -> [Changed; 2] {
+    let owned = name.to_owned();
+    let there = in_world(format!("obstacle {name}"), true, move |world| {
+        // There may be another of its name now, or none at all.
+        let _ = world.remove_obstacle(&owned);
+        if let Some(before) = before {
+            let _ = world.add_obstacle(before);
+        }
+    });
+    // Wherever one of its name was before, it is another place that counts from now on.
+    let place = in_world(place_of(name), false, |_| {});
+    [there, place]
+}
+
+fn place_of(obstacle: &str) -> String {
+    format!("place of {obstacle}")
+}
+
+/// Change of something in the world.
+fn in_world(
+    of: String,
+    changed: bool,
+    restore: impl FnOnce(&mut World) + Send + 'static,
+) -> Changed {
+    let restore: Restore = Box::new(move |rig| rig.with_world(restore));
+    Changed {
+        of: (None, of),
+        restore: changed.then_some(restore),
     }
 }

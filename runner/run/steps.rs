@@ -88,6 +88,14 @@ impl StepState {
         }
     }
 
+    /// Effect of it that lasts until it is cleared.
+    pub(super) fn standing_effect(&self) -> Option<u64> {
+        match self.standing {
+            Some(Undo::Effect(effect)) => Some(effect),
+            _ => None,
+        }
+    }
+
     /// Tells whether nothing of it goes on or is still to come.
     pub(super) fn is_over(&self) -> bool {
         self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
@@ -319,7 +327,14 @@ impl Run {
                 state.effects += 1;
                 self.agenda.plan(ends, Item::End(index, undo));
             }
-            (Some(undo), None) => state.standing = Some(undo),
+            (Some(undo), None) => {
+                // What it did the last time goes on in what it does now.
+                if let Some(Undo::Effect(last)) = state.standing.replace(undo) {
+                    for restore in self.layers.take(last) {
+                        restore(&mut self.rig);
+                    }
+                }
+            }
             (None, _) => {}
         }
     }

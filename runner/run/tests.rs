@@ -1,4 +1,5 @@
 mod faults;
+mod layers;
 mod rules;
 mod steps;
 mod traces;

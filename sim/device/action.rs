@@ -10,18 +10,44 @@ use toml::de::ValueDeserializer;
 
 use super::Device;
 
-/// End of the effect of something that was done.
-pub type Undo = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send>;
+/// Brings something back to how it was.
+pub type Restore = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send>;
 
-/// Something that was done, and what ends it if it can be ended.
-pub type Performed = Option<Undo>;
+/// Change of something that stays until it is changed again.
+pub struct Change {
+    /// What was changed: other actions that change the same have the same here.
+    pub of: String,
+    /// Brings back what was before; none if that was no other.
+    pub restore: Option<Restore>,
+}
+
+impl Change {
+    /// A change of something from what it was `before` to what it is `now`.
+    pub fn of<T: PartialEq + Send + 'static>(
+        of: impl Into<String>,
+        before: T,
+        now: &T,
+        restore: impl FnOnce(T, &mut dyn Device, &mut World, SimTime) + Send + 'static,
+    ) -> Self {
+        let changed = before != *now;
+        let restore: Restore =
+            Box::new(move |device, world, now| restore(before, device, world, now));
+        Self {
+            of: of.into(),
+            restore: changed.then_some(restore),
+        }
+    }
+}
+
+/// What an action has changed, unless nothing brings it back.
+pub type Performed = Option<Change>;
 
 /// Something that can be done to a device.
 pub trait Action: fmt::Debug + Send + Sync {
     /// Does it.
     fn perform(&self, device: &mut dyn Device, world: &mut World, now: SimTime) -> Performed;
 
-    /// Tells whether it can be undone after a time.
+    /// Tells whether it can be said to last for a time.
     fn can_end(&self) -> bool;
 }
 
@@ -93,18 +119,24 @@ impl Action for Hands {
         match *self {
             Self::Push(Push { ahead, left, turn }) => {
                 let [ahead, left] = [ahead, left].map(|force| force.map_or(0.0, |force| force.0));
+                let before = device.plant().vehicle().push();
                 device
                     .plant_mut()
                     .set_push([ahead, left, turn.map_or(0.0, |torque| torque.0)]);
-                Some(Box::new(|device, _, _| {
-                    device.plant_mut().set_push([0.0; 3])
-                }))
+                let now = device.plant().vehicle().push();
+                let restore = |push, device: &mut dyn Device, _: &mut World, _| {
+                    device.plant_mut().set_push(push);
+                };
+                Some(Change::of("push", before, &now, restore))
             }
             Self::Payload(mass) => {
+                let before = device.plant().vehicle().payload();
                 device.plant_mut().set_payload(world, mass.0);
-                Some(Box::new(|device, world, _| {
-                    device.plant_mut().set_payload(world, 0.0)
-                }))
+                let now = device.plant().vehicle().payload();
+                let restore = |payload, device: &mut dyn Device, world: &mut World, _| {
+                    device.plant_mut().set_payload(world, payload);
+                };
+                Some(Change::of("payload", before, &now, restore))
             }
             Self::Place(Place { x, y, heading }) => {
                 let heading = heading.map_or(0.0, |angle| angle.0.to_radians());

@@ -6,7 +6,7 @@ use sim_physics::World;
 use sim_settings::SimTime;
 
 use super::Mecanum;
-use crate::device::{self, Actions, Device, Performed, actions};
+use crate::device::{self, Actions, Change, Device, Performed, actions};
 use crate::mecanum_device::OperatorInput;
 use crate::mecanum_device::kinematics::{Course, Movement};
 
@@ -16,7 +16,7 @@ pub(super) const OPERATOR: Actions = actions::<Operator>();
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Operator {
-    /// Mecanum car: a motion key of the remote control goes down; with `for`, up again after that.
+    /// Mecanum car: a motion key of the remote control goes down.
     Press(CarKey),
     /// The motion key goes up.
     Release,
@@ -59,18 +59,23 @@ impl CarKey {
 impl device::Action for Operator {
     fn perform(&self, device: &mut dyn Device, _world: &mut World, now: SimTime) -> Performed {
         let car = device.get_mut::<Mecanum>()?;
-        match self {
-            Self::Press(key) => car.operate(now, OperatorInput::Press(key.movement())),
-            Self::Release => {
-                car.operate(now, OperatorInput::Release);
-                return None;
-            }
-        }
-        Some(Box::new(|device, _, now| {
-            if let Some(car) = device.get_mut::<Mecanum>() {
-                car.operate(now, OperatorInput::Release);
-            }
-        }))
+        let input = match self {
+            Self::Press(key) => OperatorInput::Press(key.movement()),
+            Self::Release => OperatorInput::Release,
+        };
+        let held = car.device().key();
+        let before = held.map_or(OperatorInput::Release, OperatorInput::Press);
+        car.operate(now, input);
+        Some(Change::of(
+            "key",
+            before,
+            &input,
+            |before, device, _, now| {
+                if let Some(car) = device.get_mut::<Mecanum>() {
+                    car.operate(now, before);
+                }
+            },
+        ))
     }
 
     fn can_end(&self) -> bool {

@@ -87,6 +87,10 @@ impl Locomotion {
         self.go_on(now, changed);
     }
 
+    pub fn key(&self) -> Option<Movement> {
+        self.key
+    }
+
     pub fn set_key(&mut self, now: SimTime, key: Option<Movement>) {
         self.key = key;
         if self.remote && key.is_some() {

@@ -7,9 +7,9 @@ use sim_physics::r150::{Load, PwmSource};
 use sim_settings::{Frequency, Percent, Power, Resistance, SimTime, Voltage};
 
 use super::R150;
-use crate::device::{self, Actions, Device, Performed, actions};
+use crate::device::{self, Actions, Change, Device, Performed, actions};
 use crate::fault::parameters::{Key, RailName};
-use crate::r150_device::control::Outputs;
+use crate::r150_device::control::{Outputs, Parts};
 use crate::r150_device::vehicle::OperatorInput;
 
 pub(super) const OPERATOR: Actions = actions::<Operator>();
@@ -27,11 +27,11 @@ enum Operator {
     ReleaseParking,
     /// R150: long press of the middle button.
     Autonomous,
-    /// R150: a motion key of the remote control goes down; with `for`, up again after that.
+    /// R150: a motion key of the remote control goes down.
     Press(Key),
     /// The motion key goes up.
     Release,
-    /// R150: the emergency stop goes in (true) or out; with `for`, the other way after that.
+    /// R150: the emergency stop goes in (true) or out.
     EmergencyStop(bool),
     /// R150: the app takes or leaves control.
     AppHolds(AppHoldsText),
@@ -64,57 +64,72 @@ struct AppSetsText {
 }
 
 impl Operator {
-    /// What is pressed, and what undoes it.
-    fn presses(&self) -> (OperatorInput, Option<OperatorInput>) {
+    fn input(&self) -> OperatorInput {
         match self {
-            Self::Unlock => (OperatorInput::Unlock, Some(OperatorInput::Lock)),
-            Self::Lock => (OperatorInput::Lock, Some(OperatorInput::Unlock)),
-            Self::ReleaseParking => (OperatorInput::ReleaseParking, None),
-            Self::Autonomous => (OperatorInput::Autonomous, None),
-            Self::Press(key) => (
-                OperatorInput::Press(super::key(*key)),
-                Some(OperatorInput::ReleaseKey),
-            ),
-            Self::Release => (OperatorInput::ReleaseKey, None),
-            Self::EmergencyStop(pushed_in) => (
-                OperatorInput::EmergencyStop(*pushed_in),
-                Some(OperatorInput::EmergencyStop(!pushed_in)),
-            ),
-            Self::AppHolds(AppHoldsText { power, pwm }) => (
-                OperatorInput::AppHolds {
-                    power: *power,
-                    pwm: *pwm,
-                },
-                Some(OperatorInput::AppHolds {
-                    power: false,
-                    pwm: false,
-                }),
-            ),
-            Self::AppSets(sets) => {
-                let outputs = Outputs {
-                    power: super::bits(&sets.on),
-                    pwm: sets.pwm,
-                };
-                (OperatorInput::AppSets(outputs), None)
-            }
+            Self::Unlock => OperatorInput::Unlock,
+            Self::Lock => OperatorInput::Lock,
+            Self::ReleaseParking => OperatorInput::ReleaseParking,
+            Self::Autonomous => OperatorInput::Autonomous,
+            Self::Press(key) => OperatorInput::Press(super::key(*key)),
+            Self::Release => OperatorInput::ReleaseKey,
+            Self::EmergencyStop(pushed_in) => OperatorInput::EmergencyStop(*pushed_in),
+            Self::AppHolds(AppHoldsText { power, pwm }) => OperatorInput::AppHolds {
+                power: *power,
+                pwm: *pwm,
+            },
+            Self::AppSets(sets) => OperatorInput::AppSets(Outputs {
+                power: super::bits(&sets.on),
+                pwm: sets.pwm,
+            }),
         }
+    }
+}
+
+/// What an input changes that stays, and the input that would make it what it is now.
+fn is_now(r150: &R150, input: OperatorInput) -> Option<(&'static str, OperatorInput)> {
+    let (vehicle, control) = (r150.device().vehicle(), r150.device().control());
+    match input {
+        OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked() => {
+            Some(("lock", OperatorInput::Lock))
+        }
+        OperatorInput::Unlock | OperatorInput::Lock => Some(("lock", OperatorInput::Unlock)),
+        OperatorInput::Press(_) | OperatorInput::ReleaseKey => {
+            let held = vehicle.held_key();
+            let key = held.map_or(OperatorInput::ReleaseKey, OperatorInput::Press);
+            Some(("key", key))
+        }
+        OperatorInput::EmergencyStop(_) => {
+            let stop = OperatorInput::EmergencyStop(vehicle.emergency_stop());
+            Some(("emergency stop", stop))
+        }
+        OperatorInput::AppHolds { .. } => {
+            let Parts { power, pwm } = control.held_by_app();
+            Some(("app holds", OperatorInput::AppHolds { power, pwm }))
+        }
+        OperatorInput::AppSets(_) => Some(("app sets", OperatorInput::AppSets(control.of_app()))),
+        OperatorInput::ReleaseParking | OperatorInput::Park | OperatorInput::Autonomous => None,
     }
 }
 
 impl device::Action for Operator {
     fn perform(&self, device: &mut dyn Device, _world: &mut World, now: SimTime) -> Performed {
-        let (action, end) = self.presses();
-        device.get_mut::<R150>()?.operate(now, action);
-        let end = end?;
-        Some(Box::new(move |device, _, now| {
+        let r150 = device.get_mut::<R150>()?;
+        let input = self.input();
+        let before = is_now(r150, input);
+        r150.operate(now, input);
+        let (of, before) = before?;
+        Some(Change::of(of, before, &input, |before, device, _, now| {
             if let Some(r150) = device.get_mut::<R150>() {
-                r150.operate(now, end);
+                r150.operate(now, before);
             }
         }))
     }
 
     fn can_end(&self) -> bool {
-        self.presses().1.is_some()
+        !matches!(
+            self,
+            Self::ReleaseParking | Self::Autonomous | Self::Release
+        )
     }
 }
 
@@ -122,9 +137,9 @@ impl device::Action for Operator {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Surroundings {
-    /// R150: wires a load to a rail; with `for`, what was there before after that.
+    /// R150: wires a load to a rail.
     Load(LoadText),
-    /// R150: wires a signal to a PWM input; with `for`, nothing after that.
+    /// R150: wires a signal to a PWM input.
     PwmSignal(SignalText),
 }
 
@@ -239,19 +254,24 @@ impl device::Action for Surroundings {
             Self::Load(LoadText { rail, load }) => {
                 let rail = super::rail(rail);
                 let before = r150.set_load(rail, load);
-                Some(Box::new(move |device, _, _| {
+                let now = r150.plant().load(rail);
+                let of = format!("load {}", rail.index());
+                Some(Change::of(of, before, &now, move |load, device, _, _| {
                     if let Some(r150) = device.get_mut::<R150>() {
-                        r150.set_load(rail, before);
+                        r150.set_load(rail, load);
                     }
                 }))
             }
             Self::PwmSignal(SignalText { input, source }) => {
+                let before = r150.plant().pwm_source(input);
                 r150.set_pwm_source(input, source);
-                Some(Box::new(move |device, _, _| {
+                let of = format!("pwm input {input}");
+                let restore = move |source, device: &mut dyn Device, _: &mut World, _| {
                     if let Some(r150) = device.get_mut::<R150>() {
-                        r150.set_pwm_source(input, PwmSource::None);
+                        r150.set_pwm_source(input, source);
                     }
-                }))
+                };
+                Some(Change::of(of, before, &source, restore))
             }
         }
     }

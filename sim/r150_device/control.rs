@@ -133,6 +133,12 @@ impl Control {
         self.held_by_app
     }
 
+    /// The set-points of the app, in effect where it has control.
+    #[must_use]
+    pub fn of_app(&self) -> Outputs {
+        self.app
+    }
+
     /// The set-points in effect.
     #[must_use]
     pub fn outputs(&self) -> Outputs {

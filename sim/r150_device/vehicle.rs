@@ -233,6 +233,12 @@ impl Vehicle {
         self.rules.remote_key_drives == RemoteKeyDrives::UntilNextButton
     }
 
+    /// The motion key that is held. One that outlasts its press is not known to be.
+    #[must_use]
+    pub fn held_key(&self) -> Option<Key> {
+        self.key.filter(|_| !self.key_outlasts_press())
+    }
+
     /// Tells whether it is in autonomous mode.
     #[must_use]
     pub fn autonomous(&self) -> bool {
