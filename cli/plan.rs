@@ -41,6 +41,7 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
     };
     let mut loaded = scenario_files::load(file, &given)?;
     let scenario = Arc::make_mut(&mut loaded.scenario);
+    gather_ptys(&mut scenario.rig, args);
     let Some(first) = scenario.rig.devices.first_mut() else {
         return Err(Failure::usage(anyhow!("the scenario has no device")));
     };
@@ -85,7 +86,18 @@ fn from_file(devices: Devices, file: &Path, args: &ServeArgs) -> Result<RigPlan,
         config::apply_flags(&args.settings, &mut device.settings)?;
         config::check(&device.settings)?;
     }
+    gather_ptys(&mut rig, args);
     Ok(rig)
+}
+
+/// Forgets where a file places pseudo-terminals that are all to be in the folder of `--pty-folder`.
+fn gather_ptys(rig: &mut RigPlan, args: &ServeArgs) {
+    if args.pty_folder.is_some() {
+        let ports = rig.devices.iter_mut().flat_map(|device| &mut device.ports);
+        for port in ports {
+            port.take_if(|path| !ListenAddress::is_url(path));
+        }
+    }
 }
 
 fn from_flags(devices: Devices, args: &ServeArgs) -> Result<RigPlan, Failure> {

@@ -35,6 +35,7 @@ use junit::Junit;
 use pool::Audience;
 
 pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
+pub(crate) use live::NO_PORT_OPENED;
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
 pub(crate) use trace_file::TraceFile;
 

@@ -42,8 +42,12 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
         session.finish(None)?;
         return Ok(Exit::Clean);
     }
-    let run = session.server.run_mut();
     let broken_off = ended == Ended::Signal;
+    let nobody_came = session.nobody_came();
+    let run = session.server.run_mut();
+    if nobody_came {
+        run.fail(run::NO_PORT_OPENED.to_owned());
+    }
     if broken_off {
         run.fail("a signal ended it before the scenario's end".to_owned());
     }
@@ -87,11 +91,15 @@ impl Session {
         let mut waiter = Waiter::new().map_err(Failure::system)?;
         waiter.catch_signals().map_err(Failure::system)?;
         let serial = args.serial.as_deref();
+        let elsewhere = match &args.pty_folder {
+            Some(folder) => Elsewhere::In(folder),
+            None => Elsewhere::Unlinked,
+        };
         let ports = open_all(
             &loaded.scenario,
             &loaded.folder(),
             serial,
-            &Elsewhere::Unlinked,
+            &elsewhere,
             args.pty_setup(),
         )
         .map_err(Failure::system)?;
@@ -169,6 +177,12 @@ impl Session {
             self.print_summary(None);
             Failure::system(error)
         })
+    }
+
+    /// Tells whether there were ports and no client has opened any; they are closed by now.
+    fn nobody_came(&self) -> bool {
+        let mut counters = self.counters.iter();
+        !self.counters.is_empty() && counters.all(|(_, port)| port.attached == 0)
     }
 
     /// Prints the summary, and the verdict if there is one; ends the trace.

@@ -27,6 +27,10 @@ pub(crate) struct ServeArgs {
     /// Serve all devices of a rig file, in one world.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "listen", "serial", "device", "start"])]
     pub(crate) rig: Option<PathBuf>,
+    /// With --rig or --scenario: serve every pseudo-terminal in FOLDER, under the name of its device,
+    /// wherever the file wants it; so one file can be served several times at once.
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["pty", "listen", "serial", "device"])]
+    pub(crate) pty_folder: Option<PathBuf>,
     /// The vehicle to simulate.
     #[arg(long)]
     pub(crate) device: String,

@@ -127,12 +127,12 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
 }
 
 /// The reason of a scenario whose client has opened no port.
+pub(crate) const NO_PORT_OPENED: &str = "the client ended without having opened a port";
+
+/// The same of a client that was started here.
 pub(crate) fn no_port_opened(case: &Case<'_>) -> String {
     let variables = super::tell::variables(&case.loaded.scenario).join(", ");
-    format!(
-        "the client ended without having opened a port; it finds the paths of all in its environment: \
-         {variables}"
-    )
+    format!("{NO_PORT_OPENED}; it finds the paths of all in its environment: {variables}")
 }
 
 /// Environment of the client.

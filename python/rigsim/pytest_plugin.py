@@ -57,11 +57,19 @@ def pytest_configure(config: pytest.Config) -> None:
     )
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_call(item: pytest.Item) -> None:
+    # The test itself has passed by now.
+    maker: Optional[Maker] = getattr(item, _MAKER, None)
+    if item.get_closest_marker("scenario") and not (maker and maker.made):
+        pytest.fail("the scenario of this test happened to nothing: it uses no simulator, as sim_r150", pytrace=False)
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: "pytest.CallInfo[None]") -> Iterator[None]:
     outcome: Any = yield
     report = outcome.get_result()
-    if report.when == "call" and report.failed:
+    if report.when != "teardown" and report.failed:
         item.stash[_FAILED] = True
     if report.when == "teardown" and item.stash.get(_FAILED, False):
         # Only now all of it is printed. The word is what pytest shows sections of this phase by.
@@ -99,41 +107,88 @@ class Maker:
         self._request = request
         self._folder = folder
         self.made: List[Simulator] = []
+        # Devices that were asked for of a simulator that was joined.
+        self._asked_for: List[str] = []
         #: Where log, trace and picture of those that failed are, by their number.
         self.kept: Dict[int, Path] = {}
         setattr(request.node, _MAKER, self)
 
-    def __call__(self, device: str = "r150", *, rig: "Optional[str | Path]" = None, **options: Any) -> Simulator:
-        """A simulator of one device, or of a rig file. Under ``sim run`` it is the one that plays this
-        test, whatever its devices are."""
-        if joinable():
-            simulator = connect()
-            if rig is None and not any(own.kind == device for own in simulator.devices.values()):
-                pytest.fail(f"the scenario that is being played has no {device}", pytrace=False)
-            self.made.append(simulator)
-            return simulator
+    def __call__(self, device: Optional[str] = None, *, rig: "Optional[str | Path]" = None, **options: Any) -> Simulator:
+        """A simulator of one device, an R150 unless named, or of a rig file. Under ``sim run`` it is the one that plays this
+        test, if that is what the test asks for."""
         config = self._request.config
-        chosen: Dict[str, Any] = {
-            "settings": dict(one.partition("=")[::2] for one in config.getoption("--sim-set")),
-            "seed": config.getoption("--sim-seed"),
-            "world": config.getoption("--sim-world") if rig is None else None,
-            "speed": config.getoption("--sim-speed"),
-        }
         marker = self._request.node.get_closest_marker("sim")
-        for more in (marker.kwargs if marker else {}, options):
-            settings = {**chosen["settings"], **more.get("settings", {})}
-            chosen.update(more, settings=settings)
-        if chosen["seed"] is None:
-            chosen["seed"] = 1
-        if chosen["speed"] is None:
-            chosen["speed"] = 1.0
+        asked: Dict[str, Dict[str, Any]] = {
+            "the options of pytest": {
+                "settings": dict(one.partition("=")[::2] for one in config.getoption("--sim-set")),
+                "seed": config.getoption("--sim-seed"),
+                "world": config.getoption("--sim-world"),
+                "speed": config.getoption("--sim-speed"),
+            },
+            "its sim marker": dict(marker.kwargs) if marker else {},
+            "its call of sim()": {**options, "rig": rig},
+        }
         scenario = self._request.node.get_closest_marker("scenario")
-        if scenario is not None and rig is None:
+        if joinable():
+            return self._join(device, asked, scenario)
+        chosen: Dict[str, Any] = {"settings": {}}
+        for more in asked.values():
+            settings = {**chosen["settings"], **(more.get("settings") or {})}
+            chosen.update({key: value for key, value in more.items() if value is not None}, settings=settings)
+        chosen.setdefault("seed", 1)
+        if scenario is not None:
+            own = [
+                f"a {key} of its own"
+                for key in ("rig", "world", "scenario")
+                if asked["its call of sim()"].get(key) or asked["its sim marker"].get(key)
+            ]
+            if self.made:
+                own.append("a second simulator")
+            if own:
+                why = f"its scenario marker names all devices and their world; it cannot have {' and '.join(own)}"
+                pytest.fail(why, pytrace=False)
             chosen["scenario"] = _scenario_file(self._request, scenario)
-            chosen.pop("world")
+            chosen.pop("world", None)
+        elif "rig" in chosen and asked["the options of pytest"]["world"] == chosen.get("world"):
+            # That is for simulators of one device.
+            chosen.pop("world", None)
         folder = self._folder / f"sim{len(self.made) + 1}"
         folder.mkdir()
-        simulator = start(device, rig=rig, folder=folder, trace=folder / "trace.jsonl", **chosen)
+        simulator = start(device or "r150", folder=folder, trace=folder / "trace.jsonl", **chosen)
+        self.made.append(simulator)
+        if scenario is not None and device is not None:
+            _want_kind(simulator, device)
+        return simulator
+
+    def _join(
+        self, device: Optional[str], asked: Dict[str, Dict[str, Any]], scenario: Optional[pytest.Mark]
+    ) -> Simulator:
+        """The simulator of the `sim run` around this test, which has to be what was asked for."""
+        simulator = connect()
+        run = {"seed": simulator.control.state()["seed"]}
+        if simulator.time == "real":
+            run["speed"] = simulator.speed
+        else:
+            # Simulated time has no speed; a test cannot notice.
+            for one in asked.values():
+                one.pop("speed", None)
+        refused = [
+            f"{key} {value!r} ({by})"
+            for by, one in asked.items()
+            for key, value in one.items()
+            if value is not None and value != {} and run.get(key, run) != value
+        ]
+        if scenario is not None:
+            refused.append(f"scenario {', '.join(map(str, scenario.args))} (its scenario marker)")
+        if refused:
+            pytest.fail(
+                f"this test asks for {' and '.join(refused)}, and cannot have it: it runs inside `sim run`, which "
+                "has a scenario of its own. Run it with pytest alone, or put what it asks for into that scenario",
+                pytrace=False,
+            )
+        if device is not None:
+            _want_kind(simulator, device, self._asked_for.count(device))
+            self._asked_for.append(device)
         self.made.append(simulator)
         return simulator
 
@@ -156,7 +211,8 @@ class Maker:
                 except ControlError:
                     # It is gone already; its trace is there.
                     pass
-            if simulator.close() == 1:
+            # Whatever else it ends with, it has not passed.
+            if simulator.close() != 0:
                 verdicts.append(simulator.verdict or simulator.log)
             if failed or verdicts:
                 self._keep(simulator, number)
@@ -170,6 +226,15 @@ class Maker:
             return
         draw(own / "trace.jsonl", self._worlds.get(number), own / "picture.svg")
         self.kept[number] = _keep_files(self._request, own, f"sim{number}-")
+
+
+def _want_kind(simulator: Simulator, kind: str, taken: int = 0) -> None:
+    """Fails a test whose scenario does not have one more device of a kind than those that are taken."""
+    kinds = [device.kind for device in simulator.devices.values()]
+    if kinds.count(kind) <= taken:
+        pytest.fail(
+            f"the scenario has no {'further ' if taken else ''}{kind} for this test; it has {', '.join(kinds)}", pytrace=False
+        )
 
 
 def _keep_files(request: pytest.FixtureRequest, folder: Path, before: str = "") -> Path:

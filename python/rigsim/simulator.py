@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -25,6 +26,8 @@ Seconds = Union[str, float]
 _READY_WITHIN = 60.0
 _END_WITHIN = 30.0
 _REST_WITHIN = 120.0
+# How often it is looked whether a scenario has begun.
+_LOOKS = 50
 
 
 def program() -> str:
@@ -181,6 +184,7 @@ class Simulator:
         self._log_path = log_path
         # Whether time stands still because of this program.
         self._has_paused = False
+        self._is_closed = False
         state = control.state()
         devices = state["devices"]
         #: Whose time it is: ``real``, or ``lockstep`` under ``sim run``, where time goes on while this
@@ -199,9 +203,13 @@ class Simulator:
 
     def __getattr__(self, name: str) -> Any:
         # With one device the simulator is as good as the device.
-        if name.startswith("_") or len(self.__dict__.get("devices", ())) != 1:
-            raise AttributeError(name)
-        return getattr(self.device, name)
+        devices = self.__dict__.get("devices", {})
+        if len(devices) == 1 and not name.startswith("_"):
+            return getattr(self.device, name)
+        if any(hasattr(device, name) for device in devices.values()):
+            which = " or ".join(f"simulator[{own!r}].{name}" for own in devices)
+            raise AttributeError(f"there are several devices: {which}")
+        raise AttributeError(f"a simulator has no {name}")
 
     @property
     def joined(self) -> bool:
@@ -216,8 +224,8 @@ class Simulator:
     @property
     def verdict(self) -> str:
         """What it has said of the scenario; empty without one, or before its end."""
-        _, found, verdict = self.log.partition("\nFAILED")
-        return f"FAILED{verdict}" if found else ""
+        found = re.search(r"^(FAILED|SPOILT): .*", self.log, re.MULTILINE | re.DOTALL)
+        return found.group() if found else ""
 
     @property
     def log(self) -> str:
@@ -305,19 +313,24 @@ class Simulator:
         return self.control.events(names=names, rate=rate, traffic=traffic, timeout=timeout)
 
     def close(self) -> int:
-        """Ends a simulator that was started here; gives its exit code."""
-        process, self._process = self._process, None
-        if process is None:
+        """Ends a simulator that was started here; gives its exit code, however often it is called."""
+        if self._process is None:
             return 0
+        if not self._is_closed:
+            self._is_closed = True
+            self._end(self._process)
+        return self._process.wait()
+
+    def _end(self, process: "subprocess.Popen[bytes]") -> None:
         try:
             if self._scenario and process.poll() is None:
                 self._play_the_rest(process)
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-            return process.wait(_END_WITHIN)
+            process.wait(_END_WITHIN)
         except subprocess.TimeoutExpired:
             process.kill()
-            return process.wait()
+            process.wait()
         finally:
             if self._folder is not None:
                 self._folder.cleanup()
@@ -325,9 +338,14 @@ class Simulator:
     def _play_the_rest(self, process: "subprocess.Popen[bytes]") -> None:
         """The rest of a scenario shows what becomes of the vehicle; if it has begun at all."""
         try:
-            if self.now > 0:
-                self.control.time({"speed": 100})
-                self.control.time("go_on")
+            self.control.time({"speed": 100})
+            self.control.time("go_on")
+            # A client that has just come is seen with the first question; time passes until the next.
+            looks = 0
+            while self.now == 0 and looks < _LOOKS:
+                time.sleep(0.01)
+                looks += 1
+            if looks < _LOOKS:
                 process.wait(_REST_WITHIN)
         except (ControlError, subprocess.TimeoutExpired):
             # It has ended by now, or is ended.
@@ -359,8 +377,8 @@ def start(
     Either one ``device``, or the devices of a ``rig`` file or of a ``scenario``, whose steps happen then.
     One device is served on the network if ``listen`` says where, as ``rfc2217://127.0.0.1:0``.
     ``settings`` are those of ``sim config``, as ``{"r150.heartbeat_timeout": "5s"}``; ``arguments`` go to
-    ``sim`` as they are. Ports and log are in ``folder``, or in a new one that goes with the simulator;
-    ``trace`` is written if it is named.
+    ``sim`` as they are. Pseudo-terminals and log are in ``folder``, or in a new one that goes with the
+    simulator, whatever paths a rig file or a scenario has; ``trace`` is written if it is named.
     """
     own = None
     if folder is None:
@@ -368,16 +386,19 @@ def start(
         folder = own.name
     place = Path(folder).absolute()
     ready, log = place / "ready", place / "sim.log"
+    ports = place / "ports"
     command = [program(), "--control", "127.0.0.1:0", "--ready-file", str(ready), "--speed", repr(speed), "-v"]
+    if rig is not None or scenario is not None:
+        ports.mkdir(exist_ok=True)
     if rig is not None:
-        command += ["--rig", str(rig)]
+        command += ["--rig", str(rig), "--pty-folder", str(ports)]
     elif scenario is not None:
-        command += ["--scenario", str(scenario), "--pty", str(place / "port")]
+        command += ["--scenario", str(scenario), "--pty-folder", str(ports)]
     else:
         command += ["--device", device]
         command += ["--pty", str(place / device)] if listen is None else ["--listen", listen]
-        if world is not None:
-            command += ["--world", str(world)]
+    if world is not None:
+        command += ["--world", str(world)]
     if seed is not None:
         command += ["--seed", str(seed)]
     for key, value in (settings or {}).items():

@@ -124,6 +124,57 @@ def test_a_scenario_judges_a_test(pytester):
     result.stdout.fnmatch_lines(["*too late*"])
 
 
+def test_a_scenario_that_was_not_played_fails_its_test(pytester):
+    (pytester.path / "stand.toml").write_text(STAND % "70 s")
+    pytester.makepyfile(
+        """
+        import pytest
+
+        pytestmark = pytest.mark.scenario("stand.toml")
+
+        def test_that_opens_no_port(sim_r150):
+            assert sim_r150.port
+
+        def test_that_opens_no_port_in_time_that_passes(sim_r150):
+            sim_r150.until("t > 0.01", within="60 s")
+
+        def test_that_closes_it_itself(sim_r150):
+            sim_r150.close()
+
+        def test_without_a_simulator():
+            pass
+
+        def test_of_another_device(sim_mecanum):
+            pass
+
+        def test_with_a_rig(sim):
+            sim(rig="rig.toml")
+        """
+    )
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    # What comes to light after a test is an error beside its pass.
+    result.assert_outcomes(passed=3, failed=2, errors=4)
+    said = result.stdout.str()
+    assert said.count("the client ended without having opened a port") >= 3
+    for part in ["it uses no simulator", "has no mecanum", "a rig of its own"]:
+        assert part in said
+
+
+def test_rigs_are_served_side_by_side(sim, tmp_path):
+    rig = tmp_path / "rig.toml"
+    device = '[[device]]\nkind = "%s"\nname = "%s"\nport = "%s"\n'
+    port = tmp_path / "port"
+    rig.write_text("schema = 1\n" + device % ("r150", "one", port) + device % ("mecanum", "two", f"{port}-2"))
+    first, second = sim(rig=rig), sim(rig=rig)
+    assert first["one"].port != second["one"].port and not port.exists()
+    assert ask(first["one"].port)[3] == ask(second["one"].port)[3] == 0x07
+    assert rigsim.find(second["two"].port).control.url == second.control.url
+    with pytest.raises(AttributeError, match=r"simulator\['one'\].ports or simulator\['two'\].ports"):
+        first.ports
+    with pytest.raises(AttributeError, match="has no prots"):
+        first.prots
+
+
 def test_a_scenario_is_a_test(pytester):
     for name, rule in {"good": "", "bad": '[[never]]\nthat = "t > 0.2"\nmessage = "too late"\n'}.items():
         (pytester.path / f"{name}.toml").write_text(STAND % "500 ms" + rule)
@@ -191,3 +242,56 @@ def test_the_fixtures_join_the_run_that_plays_them(tmp_path):
     assert "not repeatable" not in ended.stdout
     ended = run()
     assert ended.returncode == 1 and "--control 127.0.0.1:0" in ended.stdout, ended.stdout + ended.stderr
+
+
+REFUSED = """
+import pytest
+
+@pytest.mark.scenario("cable.toml")
+def test_scenario(sim_r150): pass
+
+@pytest.mark.sim(settings={"world.slope": "1 deg"})
+def test_settings(sim_r150): pass
+
+def test_seed(sim): sim("r150", seed=9)
+
+def test_world(sim): sim("r150", world="yard.toml")
+
+def test_rig(sim): sim(rig="rig.toml")
+
+def test_two(sim): sim("r150"), sim("r150")
+
+def test_other(sim_mecanum): pass
+
+@pytest.mark.sim(seed=1, speed=4)
+def test_what_the_run_has(sim_r150): open(sim_r150.port, "rb", buffering=0).close()
+"""
+
+
+def test_what_the_run_around_a_test_does_not_have_is_refused(tmp_path):
+    (tmp_path / "stand.toml").write_text(STAND % "10 min")
+    (tmp_path / "test_it.py").write_text(REFUSED)
+
+    def run(*flags):
+        client = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *flags, "test_it.py"]
+        command = [rigsim.program(), "run", "--seed", "1", "--control", "127.0.0.1:0", "--output", "out"]
+        command += ["stand.toml", "--", *client]
+        ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+        assert ended.returncode == 1, ended.stdout + ended.stderr
+        return (tmp_path / "out" / "stand.client.log").read_text()
+
+    said = run()
+    assert "4 failed, 1 passed, 3 errors" in said, said
+    for part in [
+        "asks for scenario cable.toml (its scenario marker), and cannot have it",
+        "settings {'world.slope': '1 deg'} (its sim marker)",
+        "seed 9 (its call of sim())",
+        "world 'yard.toml' (its call of sim())",
+        "rig 'rig.toml' (its call of sim())",
+        "no further r150",
+        "no mecanum for this test; it has r150",
+    ]:
+        assert part in said, said
+    said = run("--sim-set", "world.slope=1 deg", "--sim-seed", "9", "-k", "has")
+    assert "settings {'world.slope': '1 deg'} (the options of pytest)" in said, said
+    assert "seed 9 (the options of pytest)" in said, said
