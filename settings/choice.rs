@@ -1,6 +1,6 @@
 //! Settings that are one of a few words.
 
-/// Declares an enum whose variants are words in files and flags.
+/// Declares enums whose variants are words in files and flags.
 ///
 /// ```
 /// sim_settings::choices! {
@@ -16,12 +16,12 @@
 /// ```
 #[macro_export]
 macro_rules! choices {
-    (
+    ($(
         $(#[$meta:meta])*
         $vis:vis enum $name:ident {
             $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
         }
-    ) => {
+    )+) => { $(
         $(#[$meta])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         $vis enum $name {
@@ -78,5 +78,5 @@ macro_rules! choices {
                 $crate::private::schemars::json_schema!({"enum": words})
             }
         }
-    };
+    )+ };
 }

@@ -1,6 +1,6 @@
 //! The declaration of a group of settings.
 
-/// Declares a group of settings: a struct with defaults that files and flags can change.
+/// Declares groups of settings: structs with defaults that files and flags can change.
 ///
 /// ```
 /// use std::time::Duration;
@@ -12,8 +12,6 @@
 ///         /// Charge at the start.
 ///         initial_soc: f64 = 80.0, unit "%", range 0.0..=100.0, assumed "a typical charge";
 ///     }
-/// }
-/// settings! {
 ///     /// The module.
 ///     pub struct Module {
 ///         /// Silence after which control goes back.
@@ -31,9 +29,9 @@
 /// ```
 #[macro_export]
 macro_rules! settings {
-    (
+    ($(
         $(#[doc = $doc:literal])*
-        $vis:vis struct $name:ident {
+        pub struct $name:ident {
             $(
                 $(#[doc = $field_doc:literal])+
                 $field:ident : $ty:ty = $default:expr
@@ -49,10 +47,10 @@ macro_rules! settings {
                 $( $(#[doc = $group_doc:literal])* $group:ident : $group_ty:ty ),* $(,)?
             }
         )?
-    ) => {
+    )+) => { $(
         $(#[doc = $doc])*
         #[derive(Debug, Clone, PartialEq)]
-        $vis struct $name {
+        pub struct $name {
             $( $(#[doc = $field_doc])+ pub $field: $ty, )*
             $( $( $(#[doc = $group_doc])* pub $group: $group_ty, )* )?
         }
@@ -126,7 +124,7 @@ macro_rules! settings {
                 }
             }
         }
-    };
+    )+ };
     (@unit) => { "" };
     (@unit $unit:literal) => { $unit };
     (@range) => { None };

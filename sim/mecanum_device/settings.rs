@@ -189,9 +189,7 @@ settings! {
         /// Belief of the firmware about the wheels; the real ones are the plant's.
         odometry: OdometrySettings,
     }
-}
 
-settings! {
     /// Belief of the firmware about the wheels.
     pub struct OdometrySettings {
         /// Encoder pulses for one revolution of a wheel.
