@@ -40,7 +40,7 @@ macro_rules! choices {
         }
 
         impl $crate::SettingValue for $name {
-            type Bound = Self;
+            type Bound = std::convert::Infallible;
 
             fn read(value: &$crate::Value, _unit: &str) -> Result<Self, String> {
                 // `--set key=false` arrives as a boolean, which may be meant as the word.
@@ -60,11 +60,7 @@ macro_rules! choices {
                 format!("\"{}\"", self.word())
             }
 
-            fn within(&self, bounds: &$crate::Bounds<Self>) -> bool {
-                bounds.contains(self)
-            }
-
-            fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self>>) -> String {
+            fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self::Bound>>) -> String {
                 let words: Vec<String> =
                     Self::ALL.iter().map(|choice| format!("\"{}\"", choice.word())).collect();
                 words.join(", ")
@@ -72,7 +68,7 @@ macro_rules! choices {
 
             fn schema(
                 _unit: &str,
-                _bounds: Option<&$crate::Bounds<Self>>,
+                _bounds: Option<&$crate::Bounds<Self::Bound>>,
             ) -> $crate::private::schemars::Schema {
                 let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.word()).collect();
                 $crate::private::schemars::json_schema!({"enum": words})
