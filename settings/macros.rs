@@ -23,9 +23,9 @@
 ///         pack: Pack,
 ///     }
 /// }
-/// let mut keys = Vec::new();
-/// Module::default().visit("r150", &mut |entry| keys.push(entry.key));
-/// assert_eq!(keys, ["r150.timeout", "r150.pack.initial_soc"]);
+/// let entries = Module::default().entries();
+/// let keys = entries.iter().map(|entry| entry.key.as_str());
+/// assert!(keys.eq(["timeout", "pack.initial_soc"]));
 /// ```
 #[macro_export]
 macro_rules! settings {
@@ -66,10 +66,10 @@ macro_rules! settings {
 
         impl $crate::Settings for $name {
             #[allow(unused_variables, reason = "a group may have no fields")]
-            fn visit(&self, prefix: &str, visit: &mut dyn FnMut($crate::Entry)) {
+            fn list(&self, prefix: &str, entries: &mut Vec<$crate::Entry>) {
                 let defaults = Self::default();
                 $(
-                    visit($crate::Entry {
+                    entries.push($crate::Entry {
                         key: $crate::join(prefix, stringify!($field)),
                         doc: concat!($($field_doc, "\n"),+).to_owned(),
                         value: $crate::SettingValue::show(&self.$field, $crate::settings!(@unit $($unit)?)),
@@ -86,10 +86,10 @@ macro_rules! settings {
                     });
                 )*
                 $( $(
-                    $crate::Settings::visit(
+                    $crate::Settings::list(
                         &self.$group,
                         &$crate::join(prefix, stringify!($group)),
-                        visit,
+                        entries,
                     );
                 )* )?
             }

@@ -256,8 +256,9 @@ mod tests {
                 }
             }
         };
-        MecanumFirmwareSettings::default().visit("", &mut look);
-        sim_physics::MecanumPlantSettings::default().visit("", &mut look);
+        let firmware = MecanumFirmwareSettings::default().entries();
+        let plant = sim_physics::MecanumPlantSettings::default().entries();
+        firmware.into_iter().chain(plant).for_each(&mut look);
         assert_eq!(missing, [] as [&str; 0]);
     }
 }
