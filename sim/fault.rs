@@ -21,7 +21,16 @@ mod tests;
 use std::borrow::Cow;
 use std::fmt;
 
-pub use catalogue::{Fault, catalogue};
+pub use catalogue::{
+    ElectricalFault, FaultKind, FirmwareFault, MechanicalFault, OperatorFault, ProtocolFault,
+    SensorFault, WireFault, catalogue,
+};
+
+use catalogue::Written;
+pub(crate) use mechanics::MotorState;
+use parameters::{Direction, LinkName, Motors, Probability};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Serialize};
 
 use crate::event::{Code, EventKind, Level, Role, code};
 
@@ -118,17 +127,55 @@ impl ParameterInfo {
     }
 }
 
+/// Something that goes wrong. In files a table with the fault's id as `kind` and its parameters
+/// beside it.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(from = "Written", into = "Written")]
+pub struct Fault {
+    /// What goes wrong.
+    pub kind: FaultKind,
+    /// On what it acts, and how often.
+    pub scope: Scope,
+}
+
+/// Parameters that many faults take. What a fault does not take has its default.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Scope {
+    /// Motors, or wheels of a car.
+    pub motors: Option<Motors>,
+    /// The command to whose replies it keeps.
+    pub command: Option<u8>,
+    /// Probability of each time.
+    pub probability: Probability,
+    /// Number of times that it acts at most.
+    pub count: Option<u64>,
+    /// Direction in which it acts.
+    pub direction: Direction,
+    /// The link on which it acts, if it says so.
+    pub link: Option<LinkName>,
+}
+
 impl Fault {
+    /// Returns the row of the catalogue.
+    #[must_use]
+    pub fn info(&self) -> &'static FaultInfo {
+        self.kind.info()
+    }
+
     /// Its `kind` in files.
     #[must_use]
     pub fn id(&self) -> &'static str {
         self.info().id
     }
+}
 
-    /// At what level it acts.
-    #[must_use]
-    pub fn level(&self) -> FaultLevel {
-        self.info().level
+impl JsonSchema for Fault {
+    fn schema_name() -> Cow<'static, str> {
+        "Fault".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        Written::json_schema(generator)
     }
 }
 

@@ -14,12 +14,12 @@ use sim_settings::SimTime;
 
 use crate::defects::Defects;
 use crate::device::Device;
-use crate::fault::{Fault, FaultHandle, FaultLevel};
+use crate::fault::{Fault, FaultHandle, FaultKind, FirmwareFault};
 use crate::noise::Noise;
-use protocol::FrameFault;
+use protocol::FramesAtWork;
 use stage::Stage;
 use tally::Tally;
-use wire::WireFault;
+use wire::WireAtWork;
 
 /// An armed fault.
 struct Armed {
@@ -34,10 +34,10 @@ struct Armed {
 
 /// What a fault keeps while it is armed.
 enum Work {
-    Wire(WireFault),
-    Frames(FrameFault),
+    Wire(WireAtWork),
+    Frames(FramesAtWork),
     /// Number of times that the defect had shown when last looked at.
-    Firmware(u64),
+    Firmware(FirmwareFault, u64),
     /// Effect when last looked at; the device keeps the rest.
     Device(bool),
 }
@@ -92,29 +92,26 @@ impl Injection {
         stream: impl Fn(&str) -> Noise,
     ) {
         let mut tally = Tally::default();
-        let (work, acted) = match fault.level() {
-            FaultLevel::Wire => {
-                let Some(wire) = WireFault::new(fault, link, now, stream) else {
-                    return;
-                };
+        let (work, acted) = match &fault.kind {
+            FaultKind::Wire(kind) => {
+                let wire = WireAtWork::new(kind, &fault.scope, link, now, stream);
                 (Work::Wire(wire), false)
             }
-            FaultLevel::Protocol => {
+            FaultKind::Protocol(kind) => {
                 let framing = device.framing(link);
-                let Some(own) = FrameFault::new(fault, now, framing, stream("frames")) else {
-                    return;
-                };
+                let own = FramesAtWork::new(kind, &fault.scope, now, framing, stream("frames"));
                 (Work::Frames(own), false)
             }
-            FaultLevel::Firmware => {
-                let acted = matches!(fault, Fault::Reset { boot } if device.reset(now, boot.0));
-                let shown = firmware::count(&device.defect_counts(), fault);
-                (Work::Firmware(shown.map_or(0, |(count, _)| count)), acted)
+            FaultKind::Firmware(kind) => {
+                let acted =
+                    matches!(kind, FirmwareFault::Reset { boot } if device.reset(now, boot.0));
+                let (count, _) = firmware::count(&device.defect_counts(), kind);
+                (Work::Firmware(kind.clone(), count), acted)
             }
-            FaultLevel::Electrical
-            | FaultLevel::Mechanical
-            | FaultLevel::Operator
-            | FaultLevel::Sensor => {
+            FaultKind::Electrical(_)
+            | FaultKind::Mechanical(_)
+            | FaultKind::Operator(_)
+            | FaultKind::Sensor(_) => {
                 let acted = device.arm(now, handle, fault, stream("device"));
                 (Work::Device(false), acted)
             }
@@ -144,7 +141,7 @@ impl Injection {
         match &ended.work {
             Work::Wire(wire) if wire.stalls() => self.release(now, ended.link),
             Work::Device(_) => device.disarm(now, handle),
-            Work::Wire(_) | Work::Frames(_) | Work::Firmware(_) => {}
+            Work::Wire(_) | Work::Frames(_) | Work::Firmware(..) => {}
         }
         Some((ended.name, ended.fault.id()))
     }
@@ -154,7 +151,9 @@ impl Injection {
         device.apply_faults(world);
         let mut defects = Defects::default();
         for armed in &self.armed {
-            firmware::add(&mut defects, &armed.fault);
+            if let Work::Firmware(fault, _) = &armed.work {
+                firmware::add(&mut defects, fault);
+            }
         }
         if defects != std::mem::replace(&mut self.defects, defects) {
             device.set_defects(now, defects);
@@ -178,13 +177,11 @@ impl Injection {
         for armed in &mut self.armed {
             match &mut armed.work {
                 Work::Wire(_) | Work::Frames(_) => {}
-                Work::Firmware(counted) => {
-                    let shown = firmware::count(&device.defect_counts(), &armed.fault);
-                    if let Some((count, what)) = shown {
-                        let more = count.saturating_sub(*counted);
-                        armed.tally.hit_times(more, || what.to_owned());
-                        *counted = count;
-                    }
+                Work::Firmware(fault, counted) => {
+                    let (count, what) = firmware::count(&device.defect_counts(), fault);
+                    let more = count.saturating_sub(*counted);
+                    armed.tally.hit_times(more, || what.to_owned());
+                    *counted = count;
                 }
                 Work::Device(acted) => {
                     let acts = device.acts(armed.handle);

@@ -29,37 +29,66 @@ use super::parameters::{
     Direction, EchoSensor, FuseName, HexBytes, Key, LinkName, Motors, PairName, PortName,
     Probability, RailName, WrongLength,
 };
-use super::{FaultInfo, FaultLevel, ParameterInfo};
+use super::{Fault, FaultInfo, FaultLevel, ParameterInfo, Scope};
 
-/// Declares the type [`Fault`] and its catalogue.
+/// Declares the type [`Fault`], one of its kinds for each level, and the catalogue.
 ///
-/// A parameter without `#[serde(…)]` must be given. What many faults take stands behind their own
-/// parameters: `only` some command's replies, with what `chance`, how often at `most`, which `way`,
-/// `on` which link; each with its description, and where they differ with its default.
+/// A parameter without `#[serde(…)]` must be given. What many faults take is their [`Scope`]: the
+/// `motors` that they are about, `only` some command's replies, with what `chance`, how often at
+/// `most`, which `way`, `on` which link; each with its description, and where they differ with its
+/// default.
 macro_rules! faults {
     ({} $(
-        $(#[doc = $summary:literal])+
-        $variant:ident = $id:literal, $level:ident, $everywhere:literal,
-        sees $sees:literal, counts $counts:literal,
-        { $(
-            $(#[doc = $about:literal])+
-            $(#[serde($($serde:tt)*)])?
-            $field:ident: $type:ty,
-        )* }
-        $(only $only:literal)?
-        $(chance $chance:literal $usual_chance:literal)?
-        $(most $most:literal)?
-        $(way $way:literal $usual_way:literal)?
-        $(on $on:literal)?
+        $(#[doc = $of_level:literal])+
+        $level:ident $of:ident { $(
+            $(#[doc = $summary:literal])+
+            $variant:ident = $id:literal, $everywhere:literal,
+            sees $sees:literal, counts $counts:literal,
+            $(motors $motors:literal $(or $usual_motors:literal)?)?
+            { $(
+                $(#[doc = $about:literal])+
+                $(#[serde($($serde:tt)*)])?
+                $field:ident: $type:ty,
+            )* }
+            $(only $only:literal)?
+            $(chance $chance:literal $usual_chance:literal)?
+            $(most $most:literal)?
+            $(way $way:literal $usual_way:literal)?
+            $(on $on:literal)?
+        )+ }
     )+) => {
+        /// What goes wrong, by its level, with the parameters of its own.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum FaultKind { $(
+            $(#[doc = $of_level])+
+            $level($of),
+        )+ }
+
+        $(
+            $(#[doc = $of_level])+
+            #[derive(Debug, Clone, PartialEq)]
+            pub enum $of { $(
+                $(#[doc = $summary])+
+                $variant { $(
+                    $(#[doc = $about])+
+                    $field: $type,
+                )* },
+            )+ }
+        )+
+
         /// Something that goes wrong. In files a table with the fault's id as `kind` and its
         /// parameters beside it.
-        #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
+        #[derive(Deserialize, Serialize, JsonSchema)]
         #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-        pub enum Fault { $(
+        pub(super) enum Written { $( $(
             $(#[doc = $summary])+
             #[serde(rename = $id)]
             $variant {
+                $(
+                    #[doc = $motors]
+                    $( #[serde(default = $usual_motors)] )?
+                    motors: Motors,
+                )?
                 $(
                     $(#[doc = $about])+
                     $(#[serde($($serde)*)])?
@@ -91,72 +120,78 @@ macro_rules! faults {
                     link: LinkName,
                 )?
             },
-        )+ }
+        )+ )+ }
 
-        impl Fault {
+        impl From<Written> for Fault {
+            fn from(written: Written) -> Self {
+                let mut scope = Scope::default();
+                let kind = match written { $( $(
+                    Written::$variant {
+                        $( motors: taken!($motors motors), )?
+                        $( $field, )*
+                        $( command: taken!($only command), )?
+                        $( probability: taken!($chance probability), )?
+                        $( count: taken!($most count), )?
+                        $( direction: taken!($way direction), )?
+                        $( link: taken!($on link), )?
+                    } => {
+                        $( scope.motors = Some(taken!($motors motors)); )?
+                        $( scope.command = taken!($only command); )?
+                        $( scope.probability = taken!($chance probability); )?
+                        $( scope.count = taken!($most count); )?
+                        $( scope.direction = taken!($way direction); )?
+                        $( scope.link = Some(taken!($on link)); )?
+                        FaultKind::$level($of::$variant { $($field),* })
+                    },
+                )+ )+ };
+                Self { kind, scope }
+            }
+        }
+
+        impl From<Fault> for Written {
+            fn from(Fault { kind, scope }: Fault) -> Self {
+                match kind { $( $(
+                    FaultKind::$level($of::$variant { $($field),* }) => Self::$variant {
+                        $( motors: taken!($motors scope.motors.unwrap_or(Motors::All)), )?
+                        $( $field, )*
+                        $( command: taken!($only scope.command), )?
+                        $( probability: taken!($chance scope.probability), )?
+                        $( count: taken!($most scope.count), )?
+                        $( direction: taken!($way scope.direction), )?
+                        $( link: taken!($on scope.link.unwrap_or_default()), )?
+                    },
+                )+ )+ }
+            }
+        }
+
+        impl FaultKind {
             /// Returns the row of the catalogue.
             #[must_use]
             pub fn info(&self) -> &'static FaultInfo {
                 let mut place = 0;
-                $(
-                    if let Self::$variant { .. } = self {
+                $( $(
+                    if let Self::$level($of::$variant { .. }) = self {
                         return &CATALOGUE[place];
                     }
                     place += 1;
-                )+
+                )+ )+
                 &CATALOGUE[place % CATALOGUE.len()]
-            }
-
-            /// The command to whose replies it keeps, if it keeps to one.
-            #[must_use]
-            pub fn command(&self) -> Option<u8> {
-                match self {
-                    $( $( Self::$variant { command, .. } => taken!($only *command), )? )+
-                    _ => None,
-                }
-            }
-
-            /// Returns the probability of each time; 1 if that is not said.
-            #[must_use]
-            pub fn probability(&self) -> Probability {
-                match self {
-                    $( $( Self::$variant { probability, .. } => taken!($chance *probability), )? )+
-                    _ => Probability::ALWAYS,
-                }
-            }
-
-            /// Returns the number of times that it acts at most.
-            #[must_use]
-            pub fn most(&self) -> Option<u64> {
-                match self {
-                    $( $( Self::$variant { count, .. } => taken!($most *count), )? )+
-                    _ => None,
-                }
-            }
-
-            /// Returns the direction in which it acts; both if that is not said.
-            #[must_use]
-            pub fn direction(&self) -> Direction {
-                match self {
-                    $( $( Self::$variant { direction, .. } => taken!($way *direction), )? )+
-                    _ => Direction::Both,
-                }
-            }
-
-            /// The link on which it acts, if it says so.
-            pub(super) fn own_link(&self) -> Option<LinkName> {
-                match self {
-                    $( $( Self::$variant { link, .. } => taken!($on Some(link.clone())), )? )+
-                    _ => None,
-                }
             }
         }
 
-        const CATALOGUE: &[FaultInfo] = &[$( FaultInfo {
+        const CATALOGUE: &[FaultInfo] = &[$( $( FaultInfo {
             id: $id,
             level: FaultLevel::$level,
             everywhere: $everywhere,
             parameters: &[
+                $( ParameterInfo {
+                    name: "motors",
+                    description: $motors,
+                    required: {
+                        let usual: &[&str] = &[$($usual_motors)?];
+                        usual.is_empty()
+                    },
+                }, )?
                 $( ParameterInfo {
                     name: stringify!($field),
                     description: concat!($($about),+).trim_ascii_start(),
@@ -174,12 +209,15 @@ macro_rules! faults {
             client_sees: $sees,
             counts: $counts,
             summary: concat!($($summary),+).trim_ascii_start(),
-        } ),+];
+        } ),+ ),+];
     };
 }
 
 /// The value of a parameter that a fault has, as its description says.
 macro_rules! taken {
+    ($about:literal $value:ident) => {
+        $value
+    };
     ($about:literal $value:expr) => {
         $value
     };

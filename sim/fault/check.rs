@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
-use super::parameters::{Direction, LinkName, Motors};
-use super::{Fault, FaultLevel};
+use super::parameters::{Direction, LinkName};
+use super::{
+    Fault, FaultKind, FirmwareFault, MechanicalFault, ProtocolFault, SensorFault, WireFault,
+};
 
 impl Fault {
     /// Checks that its parameters make sense on any device.
@@ -11,60 +13,66 @@ impl Fault {
     /// # Errors
     /// Says in a sentence why not.
     pub fn check(&self) -> Result<(), String> {
-        match self {
-            Self::WrongLength { by: 0, .. } => {
-                Err("`by`: 0 bytes more is the right length".to_owned())
-            }
-            _ => Ok(()),
+        if let FaultKind::Protocol(ProtocolFault::WrongLength { by: 0, .. }) = self.kind {
+            return Err("`by`: 0 bytes more is the right length".to_owned());
         }
+        Ok(())
     }
 
     /// Names its target in words.
     #[must_use]
     pub fn in_words(&self) -> String {
-        match (self, self.motors()) {
-            (_, Some(motors)) => format!("motors {motors}"),
-            (
-                Self::UltrasonicMissing { sensor }
-                | Self::UltrasonicStuck { sensor }
-                | Self::UltrasonicGhost { sensor, .. },
-                None,
+        if let Some(motors) = self.scope.motors {
+            return format!("motors {motors}");
+        }
+        match &self.kind {
+            FaultKind::Sensor(
+                SensorFault::UltrasonicMissing { sensor }
+                | SensorFault::UltrasonicStuck { sensor }
+                | SensorFault::UltrasonicGhost { sensor, .. },
             ) => format!("ultrasonic {sensor}"),
-            (Self::PortsSwapped { port, with }, None) => format!("ports {port} and {with}"),
-            (other, None) => other.info().counts.trim_end_matches('.').to_owned(),
+            FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => {
+                format!("ports {port} and {with}")
+            }
+            other => other.info().counts.trim_end_matches('.').to_owned(),
         }
     }
 
     /// The link on which it acts, if it acts on one: the main one unless it says otherwise.
     #[must_use]
     pub fn link(&self) -> Option<LinkName> {
-        let on_link = matches!(self.level(), FaultLevel::Wire | FaultLevel::Protocol);
-        on_link.then(|| self.own_link().unwrap_or_default())
-    }
-
-    /// The motors or wheels that it is about, if it is about any.
-    #[must_use]
-    pub fn motors(&self) -> Option<Motors> {
-        match self {
-            Self::Blocked { motors }
-            | Self::Dragging { motors, .. }
-            | Self::FreeWheeling { motors }
-            | Self::EncoderLost { motors }
-            | Self::EncoderStuck { motors }
-            | Self::EncoderNoisy { motors, .. }
-            | Self::WiredBackwards { motors }
-            | Self::BrakeStuckOn { motors }
-            | Self::BrakeStuckOpen { motors } => Some(*motors),
-            _ => None,
+        match self.kind {
+            FaultKind::Wire(_) | FaultKind::Protocol(_) => {
+                Some(self.scope.link.clone().unwrap_or_default())
+            }
+            FaultKind::Firmware(_)
+            | FaultKind::Electrical(_)
+            | FaultKind::Mechanical(_)
+            | FaultKind::Operator(_)
+            | FaultKind::Sensor(_) => None,
         }
     }
 
     /// By how much bytes of a client may still be late when it has ended.
     #[must_use]
     pub fn holds_back(&self) -> Duration {
-        match self {
-            Self::Delay { by, jitter, .. } => by.0 + jitter.0,
-            _ => Duration::ZERO,
+        let FaultKind::Wire(fault) = &self.kind else {
+            return Duration::ZERO;
+        };
+        match fault {
+            WireFault::Delay { by, jitter } => by.0 + jitter.0,
+            // Later by less than a client may be anyway, or not at all.
+            WireFault::BitFlips {}
+            | WireFault::DroppedBytes {}
+            | WireFault::DuplicatedBytes {}
+            | WireFault::InsertedBytes {}
+            | WireFault::Burst { .. }
+            | WireFault::Fragmentation { .. }
+            | WireFault::Stall {}
+            | WireFault::Mute {}
+            | WireFault::IdleNoise { .. }
+            | WireFault::CablePulled {}
+            | WireFault::WrongBaud { .. } => Duration::ZERO,
         }
     }
 
@@ -72,14 +80,20 @@ impl Fault {
     /// looks like is not held against the client.
     #[must_use]
     pub fn disturbs_requests(&self) -> bool {
-        match self.level() {
-            FaultLevel::Wire => self.direction() != Direction::ToClient,
-            FaultLevel::Firmware => matches!(self, Self::Reset { .. } | Self::Hang { .. }),
-            FaultLevel::Protocol
-            | FaultLevel::Electrical
-            | FaultLevel::Mechanical
-            | FaultLevel::Operator
-            | FaultLevel::Sensor => false,
+        match &self.kind {
+            FaultKind::Wire(_) => self.scope.direction != Direction::ToClient,
+            FaultKind::Firmware(fault) => match fault {
+                FirmwareFault::Reset { .. } | FirmwareFault::Hang {} => true,
+                FirmwareFault::SlowReplies { .. }
+                | FirmwareFault::StuckStatus {}
+                | FirmwareFault::FrozenSensors {}
+                | FirmwareFault::WatchdogOff {} => false,
+            },
+            FaultKind::Protocol(_)
+            | FaultKind::Electrical(_)
+            | FaultKind::Mechanical(_)
+            | FaultKind::Operator(_)
+            | FaultKind::Sensor(_) => false,
         }
     }
 }

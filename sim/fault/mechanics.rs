@@ -2,24 +2,43 @@
 
 use sim_physics::faults::{BodyFaults, EncoderState, MotorFaults};
 
-use super::Fault;
+use super::MechanicalFault;
 
-impl Fault {
+/// What a motor, or the wheels that it turns, does.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MotorState {
+    /// It is driven.
+    pub(crate) driven: bool,
+    /// Its wheels turn.
+    pub(crate) turns: bool,
+    /// An encoder that repeats what it gave is wrong.
+    pub(crate) repeats_wrongly: bool,
+    /// Its brake should hold.
+    pub(crate) braked: bool,
+}
+
+impl MechanicalFault {
     /// Adds what it does to a motor that it is about; it drags with `usual_drag`, N·m, unless it
     /// says otherwise.
     pub(crate) fn add_to_motor(&self, own: &mut MotorFaults, usual_drag: f64) {
         match self {
-            Self::Blocked { .. } => own.blocked = true,
-            Self::Dragging { torque, .. } => {
+            Self::Blocked {} => own.blocked = true,
+            Self::Dragging { torque } => {
                 own.drag_torque += torque.map_or(usual_drag, |torque| torque.0.abs());
             }
-            Self::FreeWheeling { .. } => own.free_wheeling = true,
-            Self::EncoderLost { .. } => own.encoder = EncoderState::Lost,
-            Self::EncoderStuck { .. } => own.encoder = EncoderState::Stuck,
-            Self::WiredBackwards { .. } => own.reversed = !own.reversed,
-            Self::BrakeStuckOn { .. } => own.brake_stuck_on = true,
-            Self::BrakeStuckOpen { .. } => own.brake_stuck_open = true,
-            _ => {}
+            Self::FreeWheeling {} => own.free_wheeling = true,
+            Self::EncoderLost {} => own.encoder = EncoderState::Lost,
+            Self::EncoderStuck {} => own.encoder = EncoderState::Stuck,
+            Self::WiredBackwards {} => own.reversed = !own.reversed,
+            Self::BrakeStuckOn {} => own.brake_stuck_on = true,
+            Self::BrakeStuckOpen {} => own.brake_stuck_open = true,
+            // Interference comes and goes; the others are about the whole vehicle.
+            Self::EncoderNoisy { .. }
+            | Self::PortsSwapped { .. }
+            | Self::SidesSwapped {}
+            | Self::Ice { .. }
+            | Self::Payload { .. }
+            | Self::Push { .. } => {}
         }
     }
 
@@ -35,7 +54,37 @@ impl Fault {
                 let [old_ahead, old_left, old_turn] = body.push;
                 body.push = [old_ahead + ahead.0, old_left + left.0, old_turn + turn.0];
             }
-            _ => {}
+            Self::Blocked {}
+            | Self::Dragging { .. }
+            | Self::FreeWheeling {}
+            | Self::EncoderLost {}
+            | Self::EncoderStuck {}
+            | Self::EncoderNoisy { .. }
+            | Self::WiredBackwards {}
+            | Self::PortsSwapped { .. }
+            | Self::SidesSwapped {}
+            | Self::BrakeStuckOn {}
+            | Self::BrakeStuckOpen {} => {}
+        }
+    }
+
+    /// Tells whether it has an effect on a motor that it is about; where cables are swapped only
+    /// the device knows.
+    pub(crate) fn acts_on(&self, motor: MotorState) -> bool {
+        match self {
+            Self::Blocked {}
+            | Self::FreeWheeling {}
+            | Self::WiredBackwards {}
+            | Self::BrakeStuckOn {} => motor.driven,
+            Self::Dragging { .. } | Self::Ice { .. } | Self::Payload { .. } => {
+                motor.driven || motor.turns
+            }
+            Self::EncoderLost {} => motor.turns,
+            Self::EncoderStuck {} => motor.repeats_wrongly,
+            Self::BrakeStuckOpen {} => motor.braked,
+            Self::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
+            // Counted as it interferes.
+            Self::EncoderNoisy { .. } | Self::PortsSwapped { .. } | Self::SidesSwapped {} => false,
         }
     }
 }

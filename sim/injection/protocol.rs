@@ -6,8 +6,8 @@ use sim_settings::SimTime;
 
 use super::tally::Tally;
 use crate::device::Framing;
-use crate::fault::Fault;
 use crate::fault::parameters::WrongLength;
+use crate::fault::{ProtocolFault, Scope};
 use crate::noise::Noise;
 
 /// Most frames that all faults together make of one.
@@ -16,7 +16,7 @@ const MOST_OF_ONE: usize = 16;
 const SHORTEST_EVERY: Duration = Duration::from_millis(1);
 
 /// A protocol fault at work.
-pub(super) struct FrameFault {
+pub(super) struct FramesAtWork {
     framing: &'static dyn Framing,
     command: Option<u8>,
     chance: f64,
@@ -42,23 +42,24 @@ enum Effect {
     },
 }
 
-impl FrameFault {
+impl FramesAtWork {
     pub(super) fn new(
-        fault: &Fault,
+        kind: &ProtocolFault,
+        scope: &Scope,
         now: SimTime,
         framing: &'static dyn Framing,
         noise: Noise,
-    ) -> Option<Self> {
-        let effect = match fault {
-            Fault::BadCrc { .. } => Effect::Crc,
-            Fault::WrongCommand { with, .. } => Effect::Command(*with),
-            Fault::WrongLength { by, what, .. } => Effect::Length(*by, *what),
-            Fault::TornReply { .. } => Effect::Torn,
-            Fault::LateReply { by, .. } => Effect::Late(by.0),
-            Fault::ReplyTwice { .. } => Effect::Twice,
-            Fault::MissingReply { .. } => Effect::Missing,
-            Fault::PreviousReply { .. } => Effect::Previous(None),
-            Fault::UnsolicitedFrame { bytes, every, .. } => {
+    ) -> Self {
+        let effect = match kind {
+            ProtocolFault::BadCrc {} => Effect::Crc,
+            ProtocolFault::WrongCommand { with } => Effect::Command(*with),
+            ProtocolFault::WrongLength { by, what } => Effect::Length(*by, *what),
+            ProtocolFault::TornReply {} => Effect::Torn,
+            ProtocolFault::LateReply { by } => Effect::Late(by.0),
+            ProtocolFault::ReplyTwice {} => Effect::Twice,
+            ProtocolFault::MissingReply {} => Effect::Missing,
+            ProtocolFault::PreviousReply {} => Effect::Previous(None),
+            ProtocolFault::UnsolicitedFrame { bytes, every } => {
                 let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
                 Effect::Unsolicited {
                     bytes: bytes.unwrap_or_else(|| framing.unasked()),
@@ -66,16 +67,15 @@ impl FrameFault {
                     due: Some(now),
                 }
             }
-            _ => return None,
         };
-        Some(Self {
+        Self {
             framing,
-            command: fault.command(),
-            chance: fault.probability().get(),
-            most: fault.most(),
+            command: scope.command,
+            chance: scope.probability.get(),
+            most: scope.count,
             effect,
             noise,
-        })
+        }
     }
 
     /// Passes frames on, each with the time at which it is sent.

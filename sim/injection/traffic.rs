@@ -4,7 +4,7 @@
 use sim_settings::SimTime;
 
 use super::tally::Tally;
-use super::wire::{Way, WireFault};
+use super::wire::{Way, WireAtWork};
 use super::{Injection, Work};
 use crate::line::{MOST_IN_FLIGHT, SerialLine};
 
@@ -166,7 +166,7 @@ impl Injection {
     /// The wrong speed at which the device's end of a link runs.
     pub(crate) fn baud(&self, link: usize) -> Option<u32> {
         let own = self.wires().filter(|wire| wire.link == link);
-        own.filter_map(WireFault::baud).last()
+        own.filter_map(WireAtWork::baud).last()
     }
 
     /// Time of the next thing that happens here, besides bytes that arrive at the device.
@@ -178,7 +178,7 @@ impl Injection {
         let own = self.armed.iter().filter_map(|armed| match &armed.work {
             Work::Wire(wire) => wire.noise_due(),
             Work::Frames(frames) => frames.due(),
-            Work::Firmware(_) | Work::Device(_) => None,
+            Work::Firmware(..) | Work::Device(_) => None,
         });
         let late = self.late.keys().next().map(|(at, _)| *at);
         to_device.chain(own).chain(late).min()
@@ -199,14 +199,14 @@ impl Injection {
         }
     }
 
-    fn wires(&self) -> impl Iterator<Item = &WireFault> {
+    fn wires(&self) -> impl Iterator<Item = &WireAtWork> {
         self.armed.iter().filter_map(|armed| match &armed.work {
             Work::Wire(wire) => Some(wire),
             _ => None,
         })
     }
 
-    fn wires_mut(&mut self, link: usize) -> impl Iterator<Item = (&mut WireFault, &mut Tally)> {
+    fn wires_mut(&mut self, link: usize) -> impl Iterator<Item = (&mut WireAtWork, &mut Tally)> {
         self.armed
             .iter_mut()
             .filter_map(move |armed| match &mut armed.work {

@@ -6,8 +6,8 @@ use sim_settings::SimTime;
 
 use super::stage::HELD_UP;
 use super::tally::Tally;
-use crate::fault::Fault;
 use crate::fault::parameters::Direction;
+use crate::fault::{Scope, WireFault};
 use crate::noise::Noise;
 
 /// One way along a link.
@@ -36,7 +36,7 @@ impl Way {
 const MOST_OF_ONE: usize = 64;
 /// A wire fault at work.
 #[derive(Debug)]
-pub(super) struct WireFault {
+pub(super) struct WireAtWork {
     pub(super) link: usize,
     pub(super) direction: Direction,
     pub(super) most: Option<u64>,
@@ -77,45 +77,45 @@ const LONGEST_NOISE: Duration = Duration::from_hours(24 * 365);
 /// Shortest mean time between two bytes of idle noise.
 const SHORTEST_NOISE: Duration = Duration::from_millis(1);
 
-impl WireFault {
+impl WireAtWork {
     /// `stream` gives the random numbers of each way.
     pub(super) fn new(
-        fault: &Fault,
+        kind: &WireFault,
+        scope: &Scope,
         link: usize,
         now: SimTime,
         stream: impl Fn(&str) -> Noise,
-    ) -> Option<Self> {
-        let chance = fault.probability().get();
-        let effect = match fault {
-            Fault::BitFlips { .. } => Effect::Flip(chance),
-            Fault::DroppedBytes { .. } => Effect::Drop(chance),
-            Fault::DuplicatedBytes { .. } => Effect::Double(chance),
-            Fault::InsertedBytes { .. } => Effect::Insert(chance),
-            Fault::Burst { length, .. } => Effect::Burst {
+    ) -> Self {
+        let chance = scope.probability.get();
+        let effect = match kind {
+            WireFault::BitFlips {} => Effect::Flip(chance),
+            WireFault::DroppedBytes {} => Effect::Drop(chance),
+            WireFault::DuplicatedBytes {} => Effect::Double(chance),
+            WireFault::InsertedBytes {} => Effect::Insert(chance),
+            WireFault::Burst { length } => Effect::Burst {
                 chance,
                 length: (*length).max(1),
             },
-            Fault::Delay { by, jitter, .. } => Effect::Delay {
+            WireFault::Delay { by, jitter } => Effect::Delay {
                 by: by.0,
                 jitter: jitter.0,
             },
-            Fault::Fragmentation { size, pause, .. } => Effect::Fragment {
+            WireFault::Fragmentation { size, pause } => Effect::Fragment {
                 size: (*size).max(1),
                 pause: pause.0,
             },
-            Fault::Stall { .. } => Effect::Stall,
-            Fault::Mute { .. } => Effect::Mute,
-            Fault::IdleNoise { every, .. } => Effect::Noise {
+            WireFault::Stall {} => Effect::Stall,
+            WireFault::Mute {} => Effect::Mute,
+            WireFault::IdleNoise { every } => Effect::Noise {
                 every: every.0.clamp(SHORTEST_NOISE, LONGEST_NOISE),
             },
-            Fault::CablePulled { .. } => Effect::Cable,
-            Fault::WrongBaud { baud, .. } => Effect::Baud((*baud).max(1)),
-            _ => return None,
+            WireFault::CablePulled {} => Effect::Cable,
+            WireFault::WrongBaud { baud } => Effect::Baud((*baud).max(1)),
         };
         let mut own = Self {
             link,
-            direction: fault.direction(),
-            most: fault.most(),
+            direction: scope.direction,
+            most: scope.count,
             effect,
             ways: ["to-device", "to-client"].map(|way| OneWay {
                 noise: stream(way),
@@ -127,7 +127,7 @@ impl WireFault {
         for way in Way::BOTH {
             own.schedule_noise(now, way);
         }
-        Some(own)
+        own
     }
 
     fn acts(&self, way: Way) -> bool {

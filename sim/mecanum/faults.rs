@@ -7,8 +7,11 @@ use sim_physics::mecanum::{
 };
 
 use super::Mecanum;
-use crate::fault::parameters::{Motors, PortName};
-use crate::fault::{Fault, FaultHandle};
+use crate::fault::parameters::{EchoSensor, Motors, PortName};
+use crate::fault::{
+    ElectricalFault, Fault, FaultHandle, FaultKind, MechanicalFault, MotorState, OperatorFault,
+    ProtocolFault, SensorFault,
+};
 use crate::noise::Noise;
 
 /// Drag on a wheel unless given, N·m.
@@ -19,18 +22,22 @@ const STANDING: f64 = 0.01;
 /// Checks that a car can have a fault with these parameters.
 pub(super) fn check(fault: &Fault) -> Result<(), String> {
     let cannot = |why: &str| Err(format!("a mecanum car cannot have `{}`: {why}", fault.id()));
-    match fault {
-        Fault::BadCrc { .. } => return cannot("its packets have no checksum"),
-        Fault::SidesSwapped { .. } => return cannot("use `ports-swapped`"),
-        Fault::RemoteControlTakesOver { .. } => {
+    match &fault.kind {
+        FaultKind::Protocol(ProtocolFault::BadCrc {}) => {
+            return cannot("its packets have no checksum");
+        }
+        FaultKind::Mechanical(MechanicalFault::SidesSwapped {}) => {
+            return cannot("use `ports-swapped`");
+        }
+        FaultKind::Operator(OperatorFault::RemoteControlTakesOver { .. }) => {
             return cannot("only its client can switch it to the remote control");
         }
-        Fault::PortsSwapped { port, with } if port == with => {
+        FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) if port == with => {
             return Err(format!("`ports-swapped`: both ports are \"{port}\""));
         }
         _ => {}
     }
-    match fault.command() {
+    match fault.scope.command {
         Some(_) if fault.link().is_some_and(|link| link.as_str() == "ros") => {
             Err("`command`: the lines of the ROS link have none".to_owned())
         }
@@ -82,21 +89,20 @@ impl Mecanum {
 
     pub(super) fn add_pulses(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
         for own in &mut self.faults.armed {
-            let Fault::EncoderNoisy {
-                motors,
-                pulses_per_second,
-                ..
-            } = own.fault
+            let FaultKind::Mechanical(MechanicalFault::EncoderNoisy {
+                pulses_per_second, ..
+            }) = own.fault.kind
             else {
                 continue;
             };
+            let motors = own.fault.scope.motors;
             for wheel in Wheel::ALL {
                 let mean = f64::from(pulses_per_second) * seconds;
                 let share = &mut own.pulses[wheel.index()];
                 *share += mean * 2.0 * own.noise.uniform();
                 let whole = share.floor();
                 *share -= whole;
-                if has_wheel(motors, wheel) && whole >= 1.0 {
+                if is_about(motors, wheel) && whole >= 1.0 {
                     self.plant.add_pulses(wheel, pulses(whole));
                     acted(own.handle, format!("wheel {}", wheel.name()));
                 }
@@ -129,8 +135,9 @@ fn pulses(whole: f64) -> u32 {
     whole as u32
 }
 
-fn has_wheel(motors: Motors, wheel: Wheel) -> bool {
-    match motors {
+/// Tells whether a fault of these motors is about this wheel; one of none is about all.
+fn is_about(motors: Option<Motors>, wheel: Wheel) -> bool {
+    match motors.unwrap_or(Motors::All) {
         Motors::Left => wheel.is_left(),
         Motors::Right => !wheel.is_left(),
         Motors::All => true,
@@ -159,24 +166,17 @@ impl Layer {
     fn of<'f>(faults: impl Iterator<Item = (&'f Fault, &'f Echoes)>) -> Self {
         let mut layer = Self::default();
         for (fault, echoes) in faults {
-            layer.add_to_wheels(fault);
-            fault.add_to_body(&mut layer.whole.body);
-            add(&mut layer.whole, fault, echoes);
+            if let FaultKind::Mechanical(kind) = &fault.kind {
+                kind.add_to_body(&mut layer.whole.body);
+                for wheel in Wheel::ALL {
+                    if is_about(fault.scope.motors, wheel) {
+                        kind.add_to_motor(&mut layer.wheels[wheel.index()], USUAL_DRAG);
+                    }
+                }
+            }
+            add(&mut layer.whole, &fault.kind, echoes);
         }
         layer
-    }
-
-    fn add_to_wheels(&mut self, fault: &Fault) {
-        let Some(motors) = fault.motors() else {
-            return;
-        };
-        for wheel in Wheel::ALL
-            .into_iter()
-            .filter(|wheel| has_wheel(motors, *wheel))
-        {
-            let own = &mut self.wheels[wheel.index()];
-            fault.add_to_motor(own, USUAL_DRAG);
-        }
     }
 
     /// Puts this in the place of what was there `before`, and touches nothing else.
@@ -193,76 +193,91 @@ impl Layer {
     }
 }
 
-fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
+fn add(whole: &mut MecanumFaults, fault: &FaultKind, echoes: &Echoes) {
     match fault {
-        Fault::SupplyLost {} => whole.unsupplied = true,
-        Fault::PortsSwapped { port, with } => {
+        FaultKind::Electrical(fault) => match fault {
+            ElectricalFault::SupplyLost {} => whole.unsupplied = true,
+            // A car has nothing of the kind.
+            ElectricalFault::RailLoad { .. }
+            | ElectricalFault::RailShort { .. }
+            | ElectricalFault::RailOpen { .. }
+            | ElectricalFault::SupplySag { .. }
+            | ElectricalFault::OverTemperature { .. }
+            | ElectricalFault::PowerModuleFault {}
+            | ElectricalFault::BatteryEmpty {}
+            | ElectricalFault::ChargeDrop { .. }
+            | ElectricalFault::FuseBlown { .. }
+            | ElectricalFault::CanFailing { .. } => {}
+        },
+        FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => {
             whole.swaps = whole.swaps.and(port_of(*port), port_of(*with));
         }
-        Fault::UltrasonicMissing { sensor }
-        | Fault::UltrasonicStuck { sensor }
-        | Fault::UltrasonicGhost { sensor, .. } => {
-            for (index, own) in whole.ultrasonic.iter_mut().enumerate() {
-                if sensor.has(index) {
-                    *own = match fault {
-                        Fault::UltrasonicStuck { .. } => Ultrasonic::Stuck(echoes[index]),
-                        Fault::UltrasonicGhost { distance, .. } => Ultrasonic::Ghost(distance.0),
-                        _ => Ultrasonic::Missing,
-                    };
-                }
+        FaultKind::Sensor(fault) => add_of_sensor(whole, fault, echoes),
+        FaultKind::Wire(_)
+        | FaultKind::Protocol(_)
+        | FaultKind::Firmware(_)
+        | FaultKind::Mechanical(_)
+        | FaultKind::Operator(_) => {}
+    }
+}
+
+fn add_of_sensor(whole: &mut MecanumFaults, fault: &SensorFault, echoes: &Echoes) {
+    let mut spoil = |sensor: EchoSensor, how: &dyn Fn(usize) -> Ultrasonic| {
+        for (index, own) in whole.ultrasonic.iter_mut().enumerate() {
+            if sensor.has(index) {
+                *own = how(index);
             }
         }
-        Fault::TagMisread { reads_as } => whole.tag_reads_as = Some(*reads_as),
-        Fault::StripLost {} => whole.strip_lost = true,
-        Fault::InfraredStuck { sees } => whole.infrared_stuck = Some(*sees),
-        _ => {}
+    };
+    match fault {
+        SensorFault::UltrasonicMissing { sensor } => spoil(*sensor, &|_| Ultrasonic::Missing),
+        SensorFault::UltrasonicStuck { sensor } => {
+            spoil(*sensor, &|index| Ultrasonic::Stuck(echoes[index]));
+        }
+        SensorFault::UltrasonicGhost { sensor, distance } => {
+            spoil(*sensor, &|_| Ultrasonic::Ghost(distance.0));
+        }
+        SensorFault::TagMisread { reads_as } => whole.tag_reads_as = Some(*reads_as),
+        SensorFault::StripLost {} => whole.strip_lost = true,
+        SensorFault::InfraredStuck { sees } => whole.infrared_stuck = Some(*sees),
     }
 }
 
 /// Tells whether a fault of the hardware has an effect now.
 fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
     let plant = car.plant();
-    let truth = plant.truth();
     let commands = plant.commands();
-    let command = |wheel| plant.wiring().command(commands, wheel);
     let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
-    let driven = |wheel| runs(command(wheel));
-    let turns = |wheel: Wheel| truth.wheel_speed[wheel.index()].abs() > STANDING;
-    let any = |holds: &dyn Fn(Wheel) -> bool| {
-        let motors = fault.motors();
-        Wheel::ALL
+    match &fault.kind {
+        FaultKind::Electrical(_) => true,
+        FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => [port, with]
             .into_iter()
-            .any(|wheel| motors.is_none_or(|motors| has_wheel(motors, wheel)) && holds(wheel))
-    };
-    match fault {
-        Fault::SupplyLost {} => true,
-        Fault::Blocked { .. }
-        | Fault::FreeWheeling { .. }
-        | Fault::WiredBackwards { .. }
-        | Fault::BrakeStuckOn { .. } => any(&driven),
-        Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
-            any(&|wheel| driven(wheel) || turns(wheel))
+            .any(|port| runs(commands.ports[port_of(*port).index()])),
+        FaultKind::Mechanical(kind) => {
+            let truth = plant.truth();
+            Wheel::ALL.into_iter().any(|wheel| {
+                let pins = plant.wiring().command(commands, wheel);
+                let turns = truth.wheel_speed[wheel.index()].abs() > STANDING;
+                let state = MotorState {
+                    driven: runs(pins),
+                    turns,
+                    repeats_wrongly: turns,
+                    braked: pins.brake,
+                };
+                is_about(fault.scope.motors, wheel) && kind.acts_on(state)
+            })
         }
-        Fault::EncoderLost { .. } | Fault::EncoderStuck { .. } => any(&turns),
-        Fault::BrakeStuckOpen { .. } => any(&|wheel| command(wheel).brake),
-        Fault::PortsSwapped { port, with } => {
-            let runs = |port: Port| runs(commands.ports[port.index()]);
-            runs(port_of(*port)) || runs(port_of(*with))
-        }
-        Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
-        Fault::UltrasonicMissing { .. }
-        | Fault::UltrasonicStuck { .. }
-        | Fault::UltrasonicGhost { .. }
-        | Fault::TagMisread { .. }
-        | Fault::StripLost {}
-        | Fault::InfraredStuck { .. } => {
+        FaultKind::Sensor(kind) => {
             let unspoilt = plant.unspoilt();
             let mut alone = MecanumFaults::default();
-            add(&mut alone, fault, echoes);
+            add_of_sensor(&mut alone, kind, echoes);
             let mut spoilt = unspoilt;
             alone.spoil(&mut spoilt);
             spoilt != unspoilt
         }
-        _ => false,
+        FaultKind::Wire(_)
+        | FaultKind::Protocol(_)
+        | FaultKind::Firmware(_)
+        | FaultKind::Operator(_) => false,
     }
 }

@@ -7,7 +7,9 @@ use sim_settings::SimTime;
 
 use super::R150;
 use crate::fault::parameters::{Motors, RailName};
-use crate::fault::{Fault, FaultHandle};
+use crate::fault::{
+    ElectricalFault, Fault, FaultHandle, FaultKind, MechanicalFault, MotorState, OperatorFault,
+};
 use crate::noise::Noise;
 use crate::r150_device::can::CanFailure;
 use crate::r150_device::command;
@@ -21,7 +23,7 @@ const STANDING: f64 = 0.01;
 
 /// Checks that an R150 can have a fault with these parameters.
 pub(super) fn check(fault: &Fault) -> Result<(), String> {
-    if let Some(command) = fault.command()
+    if let Some(command) = fault.scope.command
         && command::name(command).is_none()
     {
         return Err(format!(
@@ -29,19 +31,19 @@ pub(super) fn check(fault: &Fault) -> Result<(), String> {
              0x06, 0x07, 0x12 and 0xF0"
         ));
     }
-    if let Some(motors) = fault.motors().filter(|motors| motors.is_wheel()) {
+    if let Some(motors) = fault.scope.motors.filter(|motors| motors.is_wheel()) {
         return Err(format!(
             "`motors`: the wheels of one side of an R150 are geared together; \"{motors}\" must \
              be \"left\", \"right\" or \"all\""
         ));
     }
-    match fault {
-        Fault::RailLoad {
+    match &fault.kind {
+        FaultKind::Electrical(ElectricalFault::RailLoad {
             power,
             resistance,
             current,
             ..
-        } => {
+        }) => {
             let given = [power.is_some(), resistance.is_some(), current.is_some()];
             if given.iter().filter(|given| **given).count() != 1 {
                 return Err(
@@ -49,10 +51,10 @@ pub(super) fn check(fault: &Fault) -> Result<(), String> {
                 );
             }
         }
-        Fault::AppTakesControl {
+        FaultKind::Operator(OperatorFault::AppTakesControl {
             power: false,
             pwm: false,
-        } => return Err("`app-takes-control` takes power, PWM or both".to_owned()),
+        }) => return Err("`app-takes-control` takes power, PWM or both".to_owned()),
         _ => {}
     }
     Ok(())
@@ -114,10 +116,9 @@ impl R150 {
             return;
         }
         // As long as somebody else does the same, it stays done, and is for him to undo.
-        let same = std::mem::discriminant(&fault);
         let heir = armed
             .iter_mut()
-            .find(|armed| std::mem::discriminant(&armed.fault) == same);
+            .find(|armed| armed.fault.id() == fault.id());
         match heir {
             Some(heir) if heir.undo.is_empty() => heir.undo = undo,
             Some(_) => {}
@@ -140,21 +141,20 @@ impl R150 {
     pub(super) fn spoil_encoders(&mut self, acted: &mut dyn FnMut(FaultHandle, String)) {
         let mut errors = [0.0; 2];
         for own in &mut self.faults.armed {
-            let Fault::EncoderNoisy {
-                motors, spread_rpm, ..
-            } = own.fault
+            let FaultKind::Mechanical(MechanicalFault::EncoderNoisy { spread_rpm, .. }) =
+                own.fault.kind
             else {
                 continue;
             };
             for (index, side) in Side::BOTH.into_iter().enumerate() {
                 let error = own.noise.normal() * f64::from(spread_rpm);
-                if has_side(motors, side) {
+                if is_about(own.fault.scope.motors, side) {
                     own.errors[index] = error;
                     errors[index] += error;
                 }
             }
             if own.errors != [0.0; 2] {
-                acted(own.handle, format!("motors {motors}"));
+                acted(own.handle, own.fault.in_words());
             }
         }
         if self.faults.layer.set_errors(errors) {
@@ -185,8 +185,10 @@ impl Faults {
 
 /// How the CAN fails: not at all, or later the more faults delay it, or altogether.
 fn can_failure<'f>(faults: impl Iterator<Item = &'f Fault>) -> Option<CanFailure> {
-    let delays = faults.filter_map(|fault| match fault {
-        Fault::CanFailing { delay } => Some(delay.map(|delay| delay.0)),
+    let delays = faults.filter_map(|fault| match fault.kind {
+        FaultKind::Electrical(ElectricalFault::CanFailing { delay }) => {
+            Some(delay.map(|delay| delay.0))
+        }
         _ => None,
     });
     delays.fold(None, |failure, delay| match (failure, delay) {
@@ -198,8 +200,9 @@ fn can_failure<'f>(faults: impl Iterator<Item = &'f Fault>) -> Option<CanFailure
     })
 }
 
-fn has_side(motors: Motors, side: Side) -> bool {
-    match motors {
+/// Tells whether a fault of these motors is about this side; one of none is about both.
+fn is_about(motors: Option<Motors>, side: Side) -> bool {
+    match motors.unwrap_or(Motors::All) {
         Motors::Left => side == Side::Left,
         Motors::Right => side == Side::Right,
         Motors::All => true,
@@ -228,9 +231,25 @@ impl Layer {
     fn of<'f>(faults: impl Iterator<Item = &'f Fault>, errors: [f64; 2]) -> Self {
         let mut layer = Self::default();
         for fault in faults {
-            layer.add_to_motors(fault);
-            fault.add_to_body(&mut layer.whole.body);
-            add(&mut layer.whole, fault);
+            match &fault.kind {
+                FaultKind::Electrical(kind) => add(&mut layer.whole, kind),
+                FaultKind::Mechanical(kind) => {
+                    kind.add_to_body(&mut layer.whole.body);
+                    for side in Side::BOTH {
+                        if is_about(fault.scope.motors, side) {
+                            kind.add_to_motor(&mut layer.sides[side], USUAL_DRAG);
+                        }
+                    }
+                    if let MechanicalFault::SidesSwapped {} = kind {
+                        layer.whole.sides_swapped = !layer.whole.sides_swapped;
+                    }
+                }
+                FaultKind::Wire(_)
+                | FaultKind::Protocol(_)
+                | FaultKind::Firmware(_)
+                | FaultKind::Operator(_)
+                | FaultKind::Sensor(_) => {}
+            }
         }
         layer.whole.encoder_error = Sides::from(errors);
         layer
@@ -240,19 +259,6 @@ impl Layer {
     fn set_errors(&mut self, errors: [f64; 2]) -> bool {
         let errors = Sides::from(errors);
         errors != std::mem::replace(&mut self.whole.encoder_error, errors)
-    }
-
-    fn add_to_motors(&mut self, fault: &Fault) {
-        let Some(motors) = fault.motors() else {
-            return;
-        };
-        for side in Side::BOTH
-            .into_iter()
-            .filter(|side| has_side(motors, *side))
-        {
-            let own = &mut self.sides[side];
-            fault.add_to_motor(own, USUAL_DRAG);
-        }
     }
 
     /// Puts this in the place of what was there `before`, and touches nothing else.
@@ -268,10 +274,10 @@ impl Layer {
     }
 }
 
-/// Adds what a fault does to the vehicle as a whole.
-fn add(whole: &mut R150Faults, fault: &Fault) {
+/// Adds what a fault of its supply and outputs does to the vehicle.
+fn add(whole: &mut R150Faults, fault: &ElectricalFault) {
     match fault {
-        Fault::RailLoad {
+        ElectricalFault::RailLoad {
             rail,
             power,
             resistance,
@@ -282,22 +288,28 @@ fn add(whole: &mut R150Faults, fault: &Fault) {
             let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
             whole.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
         }
-        Fault::RailShort { rail } => whole.loads[super::rail(*rail).index()] = Some(Load::Short),
-        Fault::RailOpen { rail } => whole.loads[super::rail(*rail).index()] = Some(Load::Open),
-        Fault::SupplySag { by, resistance } => {
+        ElectricalFault::RailShort { rail } => {
+            whole.loads[super::rail(*rail).index()] = Some(Load::Short)
+        }
+        ElectricalFault::RailOpen { rail } => {
+            whole.loads[super::rail(*rail).index()] = Some(Load::Open)
+        }
+        ElectricalFault::SupplySag { by, resistance } => {
             whole.supply_drop += by.0;
             whole.supply_resistance += resistance.0;
         }
-        Fault::OverTemperature { pair, temperature } => {
+        ElectricalFault::OverTemperature { pair, temperature } => {
             let least = &mut whole.temperature[*pair as usize];
             *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
         }
-        Fault::PowerModuleFault {} => whole.power_module = true,
-        Fault::BatteryEmpty {} => whole.missing_charge = 1.0,
-        Fault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
-        Fault::FuseBlown { fuse } => whole.fuses_out[*fuse as usize] = true,
-        Fault::SidesSwapped {} => whole.sides_swapped = !whole.sides_swapped,
-        _ => {}
+        ElectricalFault::PowerModuleFault {} => whole.power_module = true,
+        ElectricalFault::BatteryEmpty {} => whole.missing_charge = 1.0,
+        ElectricalFault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
+        ElectricalFault::FuseBlown { fuse } => whole.fuses_out[*fuse as usize] = true,
+        // The module tells them of another command.
+        ElectricalFault::CanFailing { .. } => {}
+        // A car's.
+        ElectricalFault::SupplyLost {} => {}
     }
 }
 
@@ -305,51 +317,60 @@ fn add(whole: &mut R150Faults, fault: &Fault) {
 fn acts(fault: &Fault, r150: &R150) -> bool {
     let plant = r150.plant();
     let commands = plant.commands();
-    let truth = plant.truth();
-    let powered = plant.measurements().module_powered;
-    let driven = |side| is_driven(plant, side);
-    let turns = |side: Side| truth.wheel_speed[side].abs() > STANDING;
-    let any = |holds: &dyn Fn(Side) -> bool| {
-        let motors = fault.motors();
-        Side::BOTH
-            .into_iter()
-            .any(|side| motors.is_none_or(|motors| has_side(motors, side)) && holds(side))
-    };
-    match fault {
-        Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
-            powered && commands.rail_on[super::rail(*rail).index()]
-        }
-        Fault::SupplySag { by, resistance } => {
-            by.0 + resistance.0 * truth.battery_current.abs() >= 0.1
-        }
-        Fault::OverTemperature { pair, temperature } => {
-            powered && temperature.0 > plant.own_temperature()[*pair as usize]
-        }
-        Fault::PowerModuleFault {} => powered,
-        Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => plant.own_soc() > 0.0,
-        Fault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
-            FuseId::MotorRight => driven(Side::Right),
-            FuseId::MotorLeft => driven(Side::Left),
-            FuseId::Tail | FuseId::SmallModules => true,
-        },
-        Fault::Blocked { .. }
-        | Fault::FreeWheeling { .. }
-        | Fault::WiredBackwards { .. }
-        | Fault::BrakeStuckOn { .. } => any(&driven),
-        Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
-            any(&|side| driven(side) || turns(side))
-        }
-        Fault::EncoderLost { .. } => any(&turns),
-        Fault::EncoderStuck { .. } => any(&|side| plant.encoder_lag(side).abs() > 1.0),
-        Fault::SidesSwapped {} => {
+    match &fault.kind {
+        FaultKind::Electrical(kind) => acts_on_supply(kind, r150),
+        FaultKind::Mechanical(MechanicalFault::SidesSwapped {}) => {
             (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
         }
-        Fault::CanFailing { .. } => {
+        FaultKind::Mechanical(kind) => {
+            let truth = plant.truth();
+            Side::BOTH.into_iter().any(|side| {
+                let state = MotorState {
+                    driven: is_driven(plant, side),
+                    turns: truth.wheel_speed[side].abs() > STANDING,
+                    repeats_wrongly: plant.encoder_lag(side).abs() > 1.0,
+                    braked: commands.parking_brake,
+                };
+                is_about(fault.scope.motors, side) && kind.acts_on(state)
+            })
+        }
+        FaultKind::Wire(_)
+        | FaultKind::Protocol(_)
+        | FaultKind::Firmware(_)
+        | FaultKind::Operator(_)
+        | FaultKind::Sensor(_) => false,
+    }
+}
+
+fn acts_on_supply(fault: &ElectricalFault, r150: &R150) -> bool {
+    let plant = r150.plant();
+    let powered = plant.measurements().module_powered;
+    match fault {
+        ElectricalFault::RailLoad { rail, .. }
+        | ElectricalFault::RailShort { rail }
+        | ElectricalFault::RailOpen { rail } => {
+            powered && plant.commands().rail_on[super::rail(*rail).index()]
+        }
+        ElectricalFault::SupplySag { by, resistance } => {
+            by.0 + resistance.0 * plant.truth().battery_current.abs() >= 0.1
+        }
+        ElectricalFault::OverTemperature { pair, temperature } => {
+            powered && temperature.0 > plant.own_temperature()[*pair as usize]
+        }
+        ElectricalFault::PowerModuleFault {} => powered,
+        ElectricalFault::BatteryEmpty {} | ElectricalFault::ChargeDrop { .. } => {
+            plant.own_soc() > 0.0
+        }
+        ElectricalFault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
+            FuseId::MotorRight => is_driven(plant, Side::Right),
+            FuseId::MotorLeft => is_driven(plant, Side::Left),
+            FuseId::Tail | FuseId::SmallModules => true,
+        },
+        ElectricalFault::CanFailing { .. } => {
             r150.device().heard_set_point() != r150.device().motor_set_point()
         }
-        Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
-        Fault::BrakeStuckOpen { .. } => commands.parking_brake,
-        _ => false,
+        // A car's.
+        ElectricalFault::SupplyLost {} => false,
     }
 }
 
@@ -363,28 +384,37 @@ fn is_driven(plant: &R150Plant, side: Side) -> bool {
     commands.propulsion_power && commands.motor_duty[port] != 0.0
 }
 
-/// What a fault of the hardware acts on now.
+/// Names in words what a fault of the hardware acts on now.
 fn what(fault: &Fault, r150: &R150) -> String {
+    let FaultKind::Electrical(kind) = &fault.kind else {
+        return fault.in_words();
+    };
     let measured = r150.plant().measurements();
-    match fault {
-        Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
+    match kind {
+        ElectricalFault::RailLoad { rail, .. }
+        | ElectricalFault::RailShort { rail }
+        | ElectricalFault::RailOpen { rail } => {
             let index = super::rail(*rail).index();
             format!(
                 "output {rail}: {:.2} A at {:.2} V",
                 measured.rail_current[index], measured.rail_voltage[index]
             )
         }
-        Fault::SupplySag { .. } | Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => {
+        ElectricalFault::SupplySag { .. }
+        | ElectricalFault::BatteryEmpty {}
+        | ElectricalFault::ChargeDrop { .. } => {
             let truth = r150.truth();
             let charge = truth.soc * 100.0;
             format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
         }
-        Fault::OverTemperature { pair, .. } => {
+        ElectricalFault::OverTemperature { pair, .. } => {
             let celsius = measured.temperature[*pair as usize];
             format!("converter {pair}: {celsius:.1} degC")
         }
-        Fault::FuseBlown { fuse } => format!("fuse {fuse}"),
-        other => other.in_words(),
+        ElectricalFault::FuseBlown { fuse } => format!("fuse {fuse}"),
+        ElectricalFault::PowerModuleFault {}
+        | ElectricalFault::CanFailing { .. }
+        | ElectricalFault::SupplyLost {} => fault.in_words(),
     }
 }
 
@@ -396,6 +426,9 @@ const TOUCH: [OperatorInput; 2] = [
 
 /// Does it; gives what undoes it, and whether it changed anything.
 fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, bool) {
+    let FaultKind::Operator(fault) = &fault.kind else {
+        return (Vec::new(), false);
+    };
     let vehicle = r150.device().vehicle();
     let (locked, parked) = (vehicle.locked(), vehicle.parked());
     let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
@@ -412,12 +445,12 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
         undo.extend(autonomous.then_some(OperatorInput::Autonomous));
     };
     let acted = match fault {
-        Fault::EmergencyStop {} => {
+        OperatorFault::EmergencyStop {} => {
             act.push(OperatorInput::EmergencyStop(true));
             undo.push(OperatorInput::EmergencyStop(false));
             !stopped
         }
-        Fault::RemoteControlTakesOver { key } => {
+        OperatorFault::RemoteControlTakesOver { key } => {
             match key {
                 Some(key) => act.push(OperatorInput::Press(super::key(*key))),
                 None => act.extend(TOUCH.into_iter().chain(end_key)),
@@ -427,7 +460,7 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
             undo.extend(autonomous.then_some(OperatorInput::Autonomous));
             autonomous || key.is_some()
         }
-        Fault::Locked {} => {
+        OperatorFault::Locked {} => {
             act.push(OperatorInput::Lock);
             undo.push(OperatorInput::Unlock);
             if !parked {
@@ -435,12 +468,13 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
             }
             !locked
         }
-        Fault::Parked {} => {
+        OperatorFault::Parked {} => {
             act.push(OperatorInput::Park);
             release(&mut undo);
             !parked
         }
-        _ => false,
+        // The app has no buttons.
+        OperatorFault::AppTakesControl { .. } => false,
     };
     if !acted {
         return (Vec::new(), false);
@@ -448,7 +482,7 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
     for action in act {
         r150.operate(now, action);
     }
-    if matches!(fault, Fault::EmergencyStop {}) {
+    if matches!(fault, OperatorFault::EmergencyStop {}) {
         // The emergency stop may have locked the vehicle, too.
         let vehicle = r150.device().vehicle();
         undo.extend((vehicle.locked() && !locked).then_some(OperatorInput::Unlock));
@@ -464,11 +498,10 @@ type Held = Parts;
 
 /// What a fault makes the app hold.
 fn held_by(fault: &Fault) -> Option<Held> {
-    match fault {
-        Fault::AppTakesControl { power, pwm } => Some(Parts {
-            power: *power,
-            pwm: *pwm,
-        }),
+    match fault.kind {
+        FaultKind::Operator(OperatorFault::AppTakesControl { power, pwm }) => {
+            Some(Parts { power, pwm })
+        }
         _ => None,
     }
 }

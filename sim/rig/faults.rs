@@ -3,7 +3,10 @@
 use sim_settings::SimTime;
 
 use super::{PortId, Rig, Slot};
-use crate::fault::{Fault, FaultError, FaultEvent, FaultHandle, FaultPhase, MOST_ARMED, MOST_EVER};
+use crate::fault::{
+    Fault, FaultError, FaultEvent, FaultHandle, FaultKind, FaultPhase, FirmwareFault, MOST_ARMED,
+    MOST_EVER, WireFault,
+};
 use crate::injection::Injection;
 use crate::line::SerialLine;
 use crate::noise::Noise;
@@ -49,7 +52,7 @@ impl Rig {
         let own = slot.device.as_mut();
         faults.arm(now, (handle, name), (fault, link), own, stream);
         faults.apply(now, own, &mut self.world);
-        if let Fault::CablePulled { .. } = fault {
+        if let FaultKind::Wire(WireFault::CablePulled {}) = fault.kind {
             let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
             faults.pull_cable(now, link, attached);
         }
@@ -168,7 +171,7 @@ impl Slot {
 /// Tells whether a device as it is set up can have a fault; gives the link that it is about.
 fn possible(fault: &Fault, slot: &Slot) -> Result<usize, String> {
     slot.spec.check(fault)?;
-    if matches!(fault, Fault::WatchdogOff {}) {
+    if let FaultKind::Firmware(FirmwareFault::WatchdogOff {}) = fault.kind {
         slot.device.check_watchdog()?;
     }
     let Some(name) = fault.link() else {

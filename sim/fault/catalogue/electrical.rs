@@ -4,8 +4,11 @@
 macro_rules! electrical {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
+    /// Electrical faults: supply, outputs, fuses.
+    Electrical ElectricalFault {
+
     /// Something else hangs on an output. Give one of power, resistance and current.
-    RailLoad = "rail-load", Electrical, false,
+    RailLoad = "rail-load", false,
     sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
     counts "The output was on.",
     {
@@ -22,7 +25,7 @@ macro_rules! electrical {
         current: Option<Current>,
     }
     /// An output is shorted.
-    RailShort = "rail-short", Electrical, false,
+    RailShort = "rail-short", false,
     sees "The output trips within a millisecond and `sysStatus` says so; 0x02 may answer false.",
     counts "The output was on.",
     {
@@ -30,7 +33,7 @@ macro_rules! electrical {
         rail: RailName,
     }
     /// Nothing hangs on an output any more.
-    RailOpen = "rail-open", Electrical, false,
+    RailOpen = "rail-open", false,
     sees "No current from an output that is on.",
     counts "The output was on.",
     {
@@ -38,7 +41,7 @@ macro_rules! electrical {
         rail: RailName,
     }
     /// The supply sags.
-    SupplySag = "supply-sag", Electrical, false,
+    SupplySag = "supply-sag", false,
     sees "A lower `voltage_48v` and speed; under 39 V the power module fault and all outputs off.",
     counts "The supply was lower by 0.1 V or more.",
     {
@@ -50,7 +53,7 @@ macro_rules! electrical {
         resistance: Resistance,
     }
     /// A pair of 12 V outputs gets hot.
-    OverTemperature = "over-temperature", Electrical, false,
+    OverTemperature = "over-temperature", false,
     sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
     counts "The sensor read more than without the fault.",
     {
@@ -61,17 +64,17 @@ macro_rules! electrical {
         temperature: Temperature,
     }
     /// The power module is faulty.
-    PowerModuleFault = "power-module-fault", Electrical, false,
+    PowerModuleFault = "power-module-fault", false,
     sees "Bit 6 of `sysStatus`, and all outputs off.",
     counts "The module was powered.",
     {}
     /// The battery is empty; at the end it has what it would have had.
-    BatteryEmpty = "battery-empty", Electrical, false,
+    BatteryEmpty = "battery-empty", false,
     sees "`soc` 0, a low voltage with the power module fault, and motors that do not turn.",
     counts "The battery had charge.",
     {}
     /// The battery suddenly has less charge, as with a bad cell; at the end it has it again.
-    ChargeDrop = "charge-drop", Electrical, false,
+    ChargeDrop = "charge-drop", false,
     sees "`soc` falls at once, and the voltage with it.",
     counts "The battery had charge.",
     {
@@ -80,7 +83,7 @@ macro_rules! electrical {
         by: Percent,
     }
     /// A fuse is blown; it is replaced at the end.
-    FuseBlown = "fuse-blown", Electrical, false,
+    FuseBlown = "fuse-blown", false,
     sees "A side that the other drags along; or, without the tail supply, a module that is silent.",
     counts "Current would have flowed through it.",
     {
@@ -89,7 +92,7 @@ macro_rules! electrical {
     }
     /// The CAN from the module to the vehicle's controller fails, and only the module's client
     /// could notice.
-    CanFailing = "can-failing", Electrical, false,
+    CanFailing = "can-failing", false,
     sees "Answers as ever, and speeds that do not follow, or follow late; after a while 0.",
     counts "The vehicle had heard another command than the module gave.",
     {
@@ -98,10 +101,10 @@ macro_rules! electrical {
         delay: Option<Span>,
     }
     /// Board and motors have no supply.
-    SupplyLost = "supply-lost", Electrical, false,
+    SupplyLost = "supply-lost", false,
     sees "Silence, then a board that has forgotten motions and position.",
     counts "The board was powered.",
     {}
 
-    } };
+    } } };
 }

@@ -4,57 +4,50 @@
 macro_rules! mechanical {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
+    /// Mechanical faults: motors, wheels, brakes, load, ground.
+    Mechanical MechanicalFault {
+
     /// Wheels cannot turn.
-    Blocked = "blocked", Mechanical, false,
+    Blocked = "blocked", false,
     sees "No speed from there although driven; an R150's bus voltage falls and fuses may blow; a car's motion does not end.",
     counts "A blocked wheel was driven.",
-    {
-        /// Motors, or wheels of a car.
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car."
+    {}
     /// Something drags on wheels.
-    Dragging = "dragging", Mechanical, false,
+    Dragging = "dragging", false,
     sees "Less speed, and a vehicle that pulls to one side.",
     counts "A dragged wheel was driven or turned.",
+    motors "Motors, or wheels of a car."
     {
-        /// Motors, or wheels of a car.
-        motors: Motors,
         /// Torque at the wheels of a side, or at one wheel of a car; 100 N*m for an R150 and
         /// 0.5 N*m for a car unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         torque: Option<Torque>,
     }
     /// Motors neither drive nor hold their wheels.
-    FreeWheeling = "free-wheeling", Mechanical, false,
+    FreeWheeling = "free-wheeling", false,
     sees "Wheels that turn only as the others drag them, and less speed.",
     counts "A motor without effect was driven.",
-    {
-        /// Motors, or wheels of a car.
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car."
+    {}
     /// The cables of encoders are off.
-    EncoderLost = "encoder-lost", Mechanical, false,
+    EncoderLost = "encoder-lost", false,
     sees "Speed 0 while driving; a car's motion does not end.",
     counts "A wheel turned unseen.",
-    {
-        /// Motors, or wheels of a car.
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car."
+    {}
     /// Encoders repeat what they gave last.
-    EncoderStuck = "encoder-stuck", Mechanical, false,
+    EncoderStuck = "encoder-stuck", false,
     sees "A speed that does not change; a car's pulses come all at once at the end.",
     counts "A wheel turned at another speed than the encoder gave.",
-    {
-        /// Motors, or wheels of a car.
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car."
+    {}
     /// Interference spoils encoders.
-    EncoderNoisy = "encoder-noisy", Mechanical, false,
+    EncoderNoisy = "encoder-noisy", false,
     sees "Speeds that jump about; a car that thinks it has gone farther, even standing.",
     counts "A reading was spoilt.",
+    motors "Motors, or wheels of a car."
     {
-        /// Motors, or wheels of a car.
-        motors: Motors,
         /// Spread of an R150's readings, in r/min of the motor; 50 unless given.
         #[serde(default = "defaults::spread")]
         spread_rpm: u16,
@@ -63,15 +56,13 @@ macro_rules! mechanical {
         pulses_per_second: u16,
     }
     /// Motors are wired backwards; their encoders are not.
-    WiredBackwards = "wired-backwards", Mechanical, false,
+    WiredBackwards = "wired-backwards", false,
     sees "An R150's speed with the wrong sign; a car that turns away while its packets say all is well.",
     counts "Such a motor was driven.",
-    {
-        /// Motors, or wheels of a car.
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car."
+    {}
     /// Two motors are plugged into one another's ports.
-    PortsSwapped = "ports-swapped", Mechanical, false,
+    PortsSwapped = "ports-swapped", false,
     sees "A car that moves otherwise than its packets say.",
     counts "One of the two ports was driven.",
     {
@@ -81,12 +72,12 @@ macro_rules! mechanical {
         with: PortName,
     }
     /// The cables of the two sides, motors and encoders, are swapped.
-    SidesSwapped = "sides-swapped", Mechanical, false,
+    SidesSwapped = "sides-swapped", false,
     sees "Left turns become right turns, although the reported speeds are as expected.",
     counts "The sides were driven differently.",
     {}
     /// The ground under the wheels is slippery.
-    Ice = "ice", Mechanical, false,
+    Ice = "ice", false,
     sees "Speeds of wheels that spin; the vehicle itself lags behind and slides.",
     counts "The vehicle was driven or moved.",
     {
@@ -95,7 +86,7 @@ macro_rules! mechanical {
         friction: Probability,
     }
     /// Something heavy lies on the deck.
-    Payload = "payload", Mechanical, false,
+    Payload = "payload", false,
     sees "Slower starts and longer stops; more current.",
     counts "The vehicle was driven or moved.",
     {
@@ -103,7 +94,7 @@ macro_rules! mechanical {
         mass: Mass,
     }
     /// Something pushes the vehicle.
-    Push = "push", Mechanical, false,
+    Push = "push", false,
     sees "Speeds that it did not ask for, or none; it may be pushed with its brakes on.",
     counts "The push was there.",
     {
@@ -118,23 +109,17 @@ macro_rules! mechanical {
         turn: Torque,
     }
     /// Brakes do not release: the R150's parking brake, or the motor brakes of the car.
-    BrakeStuckOn = "brake-stuck-on", Mechanical, false,
+    BrakeStuckOn = "brake-stuck-on", false,
     sees "Little or no speed although driven.",
     counts "A braked wheel was driven.",
-    {
-        /// Motors, or wheels of a car; all unless given.
-        #[serde(default = "defaults::all_motors")]
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car; all unless given." or "defaults::all_motors"
+    {}
     /// Brakes do not hold: the R150's parking brake, or the motor brakes of the car.
-    BrakeStuckOpen = "brake-stuck-open", Mechanical, false,
+    BrakeStuckOpen = "brake-stuck-open", false,
     sees "A parked vehicle that rolls on a slope or when pushed.",
     counts "The brake should have held.",
-    {
-        /// Motors, or wheels of a car; all unless given.
-        #[serde(default = "defaults::all_motors")]
-        motors: Motors,
-    }
+    motors "Motors, or wheels of a car; all unless given." or "defaults::all_motors"
+    {}
 
-    } };
+    } } };
 }

@@ -4,13 +4,16 @@
 macro_rules! operator {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
+    /// Deeds of people at the worst time.
+    Operator OperatorFault {
+
     /// The emergency stop is pushed in, and pulled out at the end.
-    EmergencyStop = "emergency-stop", Operator, false,
+    EmergencyStop = "emergency-stop", false,
     sees "0x12 is answered but moves nothing; the parking brake stops the vehicle.",
     counts "It was out before.",
     {}
     /// Somebody takes the vehicle over with the remote control, and gives it back at the end.
-    RemoteControlTakesOver = "remote-control-takes-over", Operator, false,
+    RemoteControlTakesOver = "remote-control-takes-over", false,
     sees "0x12 is answered but moves nothing; the speeds are those of the remote control.",
     counts "The vehicle was in autonomous mode, or a key is held.",
     {
@@ -19,17 +22,17 @@ macro_rules! operator {
         key: Option<Key>,
     }
     /// Somebody locks the vehicle, and unlocks it at the end.
-    Locked = "locked", Operator, false,
+    Locked = "locked", false,
     sees "0x12 is answered but moves nothing; the vehicle stops.",
     counts "It was unlocked before.",
     {}
     /// The parking brake is put on, and released at the end.
-    Parked = "parked", Operator, false,
+    Parked = "parked", false,
     sees "0x12 is answered but moves nothing; the vehicle stops.",
     counts "It was released before.",
     {}
     /// The app takes control and keeps it, and gives it back at the end.
-    AppTakesControl = "app-takes-control", Operator, false,
+    AppTakesControl = "app-takes-control", false,
     sees "0x02 or 0x03 answer false; `powerCtrlMode` or `pwmCtrlMode` 1, and outputs go off.",
     counts "The app did not hold it before.",
     {
@@ -41,5 +44,5 @@ macro_rules! operator {
         pwm: bool,
     }
 
-    } };
+    } } };
 }

@@ -4,8 +4,11 @@
 macro_rules! protocol {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
+    /// Faults of the protocol: whole frames, packets and lines of the device.
+    Protocol ProtocolFault {
+
     /// Replies have a wrong CRC.
-    BadCrc = "bad-crc", Protocol, false,
+    BadCrc = "bad-crc", false,
     sees "A reply that it must throw away.",
     counts "A reply was spoilt.",
     {}
@@ -13,7 +16,7 @@ macro_rules! protocol {
     chance "For each reply; 1 unless given." "defaults::always"
     most "At most so many."
     /// Replies carry another command byte, packets another type, lines another letter; a CRC fits.
-    WrongCommand = "wrong-command", Protocol, true,
+    WrongCommand = "wrong-command", true,
     sees "A well-formed answer to something that it did not ask.",
     counts "A frame was changed.",
     {
@@ -26,7 +29,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// Replies are too short or too long.
-    WrongLength = "wrong-length", Protocol, true,
+    WrongLength = "wrong-length", true,
     sees "A well-formed frame with parameters missing or too many; or one whose length field lies.",
     counts "A frame was changed.",
     {
@@ -42,7 +45,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// Only the first half of a reply is sent.
-    TornReply = "torn-reply", Protocol, true,
+    TornReply = "torn-reply", true,
     sees "A frame that never ends; the next one seems to be its rest.",
     counts "A frame was cut.",
     {}
@@ -51,7 +54,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// Replies are sent late. A later one may overtake them.
-    LateReply = "late-reply", Protocol, true,
+    LateReply = "late-reply", true,
     sees "No reply in time, and one that it no longer waits for.",
     counts "A frame was put off.",
     {
@@ -64,7 +67,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// Replies are sent twice.
-    ReplyTwice = "reply-twice", Protocol, true,
+    ReplyTwice = "reply-twice", true,
     sees "The same frame again at once, which it may take for the answer to its next request.",
     counts "A frame was sent twice.",
     {}
@@ -73,7 +76,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// Replies are not sent.
-    MissingReply = "missing-reply", Protocol, true,
+    MissingReply = "missing-reply", true,
     sees "No reply, although the command took effect.",
     counts "A frame was not sent.",
     {}
@@ -82,7 +85,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// The frame before is sent again in place of the right one.
-    PreviousReply = "previous-reply", Protocol, true,
+    PreviousReply = "previous-reply", true,
     sees "An old answer: other values than asked for, or the answer to another command.",
     counts "An old frame was sent. The first one after the start has none before it.",
     {}
@@ -91,7 +94,7 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
     /// The device sends something that nobody asked for.
-    UnsolicitedFrame = "unsolicited-frame", Protocol, true,
+    UnsolicitedFrame = "unsolicited-frame", true,
     sees "A frame without a request: a heartbeat reply, a status packet of zeros, or a line.",
     counts "The frame was sent.",
     {
@@ -105,5 +108,5 @@ macro_rules! protocol {
     most "At most so many."
     on "On which link; main unless given."
 
-    } };
+    } } };
 }

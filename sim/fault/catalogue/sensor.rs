@@ -4,8 +4,11 @@
 macro_rules! sensor {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
+    /// Faults of what the car looks at the world with.
+    Sensor SensorFault {
+
     /// Ultrasonic sensors hear nothing.
-    UltrasonicMissing = "ultrasonic-missing", Sensor, false,
+    UltrasonicMissing = "ultrasonic-missing", false,
     sees "4500 mm, whatever is there.",
     counts "An echo was not heard.",
     {
@@ -14,7 +17,7 @@ macro_rules! sensor {
         sensor: EchoSensor,
     }
     /// Ultrasonic sensors repeat what they read at the start.
-    UltrasonicStuck = "ultrasonic-stuck", Sensor, false,
+    UltrasonicStuck = "ultrasonic-stuck", false,
     sees "A distance that does not change.",
     counts "The true distance was another.",
     {
@@ -23,7 +26,7 @@ macro_rules! sensor {
         sensor: EchoSensor,
     }
     /// Ultrasonic sensors hear an echo that is none.
-    UltrasonicGhost = "ultrasonic-ghost", Sensor, false,
+    UltrasonicGhost = "ultrasonic-ghost", false,
     sees "An obstacle where there is none.",
     counts "The ghost was nearer than anything real.",
     {
@@ -35,7 +38,7 @@ macro_rules! sensor {
         distance: Length,
     }
     /// The reader misreads tags.
-    TagMisread = "tag-misread", Sensor, false,
+    TagMisread = "tag-misread", false,
     sees "A wrong number in `rfid`, or none.",
     counts "A tag was misread.",
     {
@@ -44,12 +47,12 @@ macro_rules! sensor {
         reads_as: u32,
     }
     /// The magnetic bar does not feel the strip.
-    StripLost = "strip-lost", Sensor, false,
+    StripLost = "strip-lost", false,
     sees "`magn` 0 over a strip.",
     counts "A strip was not felt.",
     {}
     /// The infrared sensor always says the same.
-    InfraredStuck = "infrared-stuck", Sensor, false,
+    InfraredStuck = "infrared-stuck", false,
     sees "`infra` that does not change.",
     counts "The truth was another.",
     {
@@ -58,5 +61,5 @@ macro_rules! sensor {
         sees: bool,
     }
 
-    } };
+    } } };
 }

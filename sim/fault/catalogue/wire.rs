@@ -4,8 +4,11 @@
 macro_rules! wire {
     ({ $next:ident $($later:ident)* } $($before:tt)*) => { $next! { { $($later)* } $($before)*
 
+    /// Faults of the wire: bytes on their way.
+    Wire WireFault {
+
     /// Single bits change on the wire.
-    BitFlips = "bit-flips", Wire, true,
+    BitFlips = "bit-flips", true,
     sees "Frames whose CRC is wrong, or packets with wrong values; its own requests get no answer.",
     counts "A bit was flipped.",
     {}
@@ -14,7 +17,7 @@ macro_rules! wire {
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// Bytes are lost on the wire.
-    DroppedBytes = "dropped-bytes", Wire, true,
+    DroppedBytes = "dropped-bytes", true,
     sees "Frames that are too short, so that the next one is taken for their end.",
     counts "A byte was lost.",
     {}
@@ -23,7 +26,7 @@ macro_rules! wire {
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// Bytes arrive twice.
-    DuplicatedBytes = "duplicated-bytes", Wire, true,
+    DuplicatedBytes = "duplicated-bytes", true,
     sees "Frames with a byte too many.",
     counts "A byte was doubled.",
     {}
@@ -32,7 +35,7 @@ macro_rules! wire {
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// Random bytes appear between the others.
-    InsertedBytes = "inserted-bytes", Wire, true,
+    InsertedBytes = "inserted-bytes", true,
     sees "Frames with a foreign byte in or before them.",
     counts "A byte was inserted.",
     {}
@@ -41,7 +44,7 @@ macro_rules! wire {
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// Interference makes several bytes in a row random.
-    Burst = "burst", Wire, true,
+    Burst = "burst", true,
     sees "Runs of garbage inside frames and across them.",
     counts "A burst began.",
     {
@@ -54,7 +57,7 @@ macro_rules! wire {
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// Bytes take longer, all by the same or by a random time. They never overtake one another.
-    Delay = "delay", Wire, true,
+    Delay = "delay", true,
     sees "Replies that come late; frames torn by pauses if there is jitter.",
     counts "A byte came late.",
     {
@@ -68,7 +71,7 @@ macro_rules! wire {
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// Pauses tear what is sent in one piece.
-    Fragmentation = "fragmentation", Wire, true,
+    Fragmentation = "fragmentation", true,
     sees "A reply that comes in pieces over several reads.",
     counts "A pause was put between two bytes.",
     {
@@ -82,21 +85,21 @@ macro_rules! wire {
     way "Which way; to-client unless given." "defaults::to_client"
     on "On which link; main unless given."
     /// Bytes stop, and all come at once when the stall ends, as with a busy USB adapter.
-    Stall = "stall", Wire, true,
+    Stall = "stall", true,
     sees "Silence, then everything at once, old replies first.",
     counts "A byte was held up.",
     {}
     way "Which way; both unless given." "defaults::both"
     on "On which link; main unless given."
     /// One wire of the cable is broken: nothing arrives that way.
-    Mute = "mute", Wire, true,
+    Mute = "mute", true,
     sees "No replies; to-device, a vehicle that does nothing and whose watchdog fires.",
     counts "A byte was lost.",
     {}
     way "Which way; to-client unless given." "defaults::to_client"
     on "On which link; main unless given."
     /// The device's serial port runs at a wrong speed.
-    WrongBaud = "wrong-baud", Wire, true,
+    WrongBaud = "wrong-baud", true,
     sees "Garbage instead of replies, and no answer to what it sends.",
     counts "Something was sent at mismatched speeds.",
     {
@@ -106,7 +109,7 @@ macro_rules! wire {
     }
     on "On which link; main unless given."
     /// Random bytes come out of an idle line.
-    IdleNoise = "idle-noise", Wire, true,
+    IdleNoise = "idle-noise", true,
     sees "Bytes between replies that belong to nothing.",
     counts "A byte came out of nothing.",
     {
@@ -118,11 +121,11 @@ macro_rules! wire {
     way "Which way; to-client unless given." "defaults::to_client"
     on "On which link; main unless given."
     /// The cable is pulled, and plugged in again at the end.
-    CablePulled = "cable-pulled", Wire, true,
+    CablePulled = "cable-pulled", true,
     sees "Its port hangs up, as a pulled USB adapter does, and can be opened again afterwards.",
     counts "A client had the port open, or something was sent.",
     {}
     on "Of which link; main unless given."
 
-    } };
+    } } };
 }
