@@ -18,7 +18,6 @@ pub mod parameters;
 #[cfg(test)]
 mod tests;
 
-use std::borrow::Cow;
 use std::fmt;
 
 pub use catalogue::{Fault, catalogue};
@@ -193,16 +192,8 @@ impl EventKind for FaultEvent {
         }
     }
 
-    fn link(&self) -> Option<usize> {
-        None
-    }
-
     fn role(&self) -> Role {
         Role::Other
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 }
 
