@@ -291,7 +291,7 @@ impl MecanumDevice {
     #[must_use]
     pub fn commands(&self) -> MecanumCommands {
         if self.measured.board_powered && self.boot_due.is_none() {
-            self.drive.commands(&self.settings)
+            self.drive.commands()
         } else {
             MecanumCommands::default()
         }
