@@ -171,7 +171,7 @@ impl R150Device {
             _ => {}
         }
         if self.runs() {
-            let requested = self.control.outputs().power;
+            let requested = self.control.outputs.power;
             self.protection
                 .sense(now, measured, requested, &mut |event| {
                     keep(&mut self.events, now, event);
@@ -242,12 +242,12 @@ impl R150Device {
             Bridges::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
             Bridges::Open => ([0.0; 2], false),
         };
-        let stopped = self.vehicle.emergency_stop() && self.settings.emergency_stop_brakes;
+        let stopped = self.vehicle.emergency_stop && self.settings.emergency_stop_brakes;
         R150Commands {
             motor_duty: Sides::from(duty),
             propulsion_power,
             parking_brake: self.vehicle.holds(set_point) || stopped,
-            tail_power: !(self.vehicle.emergency_stop() && self.settings.emergency_stop_cuts_tail),
+            tail_power: !(self.vehicle.emergency_stop && self.settings.emergency_stop_cuts_tail),
             rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
             pwm_out_duty: self
                 .pwm_outputs()
@@ -295,7 +295,7 @@ impl R150Device {
     #[must_use]
     pub fn power_status(&self) -> u8 {
         if self.runs() {
-            self.control.outputs().power & self.protection.allowed()
+            self.control.outputs.power & self.protection.allowed()
         } else {
             0
         }
@@ -309,7 +309,7 @@ impl R150Device {
 
     fn pwm_outputs(&self) -> [u16; 4] {
         if self.runs() {
-            self.control.outputs().pwm
+            self.control.outputs.pwm
         } else {
             [0; 4]
         }
@@ -362,7 +362,7 @@ impl R150Device {
         }
         let events = &mut self.events;
         self.protection
-            .advance(now, self.control.outputs().power, &mut |event| {
+            .advance(now, self.control.outputs.power, &mut |event| {
                 keep(events, now, event)
             });
         self.send_due(now);
@@ -371,7 +371,7 @@ impl R150Device {
     /// The requested rails may have changed, which ends the latch of those that are off.
     fn power_requested(&mut self, now: SimTime) {
         let events = &mut self.events;
-        let requested = self.control.outputs().power;
+        let requested = self.control.outputs.power;
         self.protection
             .requested(now, requested, &mut |event| keep(events, now, event));
     }

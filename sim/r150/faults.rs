@@ -376,8 +376,8 @@ const TOUCH: [OperatorInput; 2] = [
 /// Does it; gives what undoes it, and whether it changed anything.
 fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, bool) {
     let vehicle = r150.device().vehicle();
-    let (locked, parked) = (vehicle.locked(), vehicle.parked());
-    let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
+    let (locked, parked) = (vehicle.locked, vehicle.parked);
+    let (autonomous, stopped) = (vehicle.autonomous, vehicle.emergency_stop);
     // A key that goes on driving after it is let go is ended by the top button, which does nothing
     // else while the parking brake is off; while it is on, nothing drives.
     let end_key =
@@ -430,8 +430,8 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
     if matches!(fault, Fault::EmergencyStop {}) {
         // The emergency stop may have locked the vehicle, too.
         let vehicle = r150.device().vehicle();
-        undo.extend((vehicle.locked() && !locked).then_some(OperatorInput::Unlock));
-        if vehicle.parked() && !parked {
+        undo.extend((vehicle.locked && !locked).then_some(OperatorInput::Unlock));
+        if vehicle.parked && !parked {
             release(&mut undo);
         }
     }
@@ -458,7 +458,7 @@ fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool
         power: all.power || held.power,
         pwm: all.pwm || held.pwm,
     });
-    if wanted == r150.device().control().held_by_app() {
+    if wanted == r150.device().control().held_by_app {
         return false;
     }
     let Parts { power, pwm } = wanted;

@@ -103,8 +103,8 @@ impl R150Device {
         let pwm = self.pwm_outputs();
         SystemInfo {
             sys_status: self.protection.sys_status(),
-            power_ctrl_mode: u8::from(!self.control.by_client().power),
-            pwm_ctrl_mode: u8::from(!self.control.by_client().pwm),
+            power_ctrl_mode: u8::from(!self.control.by_client.power),
+            pwm_ctrl_mode: u8::from(!self.control.by_client.pwm),
             power_status: self.power_status(),
             pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
             ..SystemInfo::default()
