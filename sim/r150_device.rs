@@ -156,7 +156,7 @@ impl R150Device {
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
-        self.can.follow(now, self.motors.set_point());
+        self.can.follow(now, self.motors.set_point);
         if self.overlooks(measured) {
             return;
         }
@@ -206,8 +206,8 @@ impl R150Device {
             return self.boot_due;
         }
         let next = earlier(self.decoder.deadline(), self.control.deadline());
-        let next = earlier(next, self.motors.watchdog());
-        let next = earlier(next, self.motors.answer_due());
+        let next = earlier(next, self.motors.watchdog_due);
+        let next = earlier(next, self.motors.answer_due);
         let next = earlier(next, self.protection.deadline());
         let next = earlier(next, self.can.deadline());
         earlier(next, self.replies.front().map(|(due, _)| *due))
@@ -270,19 +270,19 @@ impl R150Device {
     /// The CAN to the vehicle's controller fails in this way, or works.
     pub fn set_can_failure(&mut self, now: SimTime, failure: Option<CanFailure>) {
         self.advance_before(now);
-        self.can.fail(now, self.motors.set_point(), failure);
+        self.can.fail(now, self.motors.set_point, failure);
     }
 
     /// The motor set-point as the vehicle's controller has heard it, right then left, ±1000.
     #[must_use]
     pub fn heard_set_point(&self) -> [i16; 2] {
-        self.can.heard(self.motors.set_point())
+        self.can.heard(self.motors.set_point)
     }
 
     /// The motor set-point in effect, right then left, ±1000.
     #[must_use]
     pub fn motor_set_point(&self) -> [i16; 2] {
-        self.motors.set_point()
+        self.motors.set_point
     }
 
     /// Tells whether the module had a supply when it was last measured.
@@ -330,7 +330,7 @@ impl R150Device {
     /// Does what is due at `now` and not earlier.
     fn serve(&mut self, due: SimTime) {
         let now = due.max(self.not_before);
-        self.can.follow(now, self.motors.set_point());
+        self.can.follow(now, self.motors.set_point);
         if self.boot_due.is_some() {
             self.boot(now);
             return;

@@ -7,7 +7,7 @@ use sim_settings::SimTime;
 
 use super::encoder::{Counting, Encoder, SpeedWindow, Stopping};
 use super::kinematics::{Movement, body_speed};
-use super::motion::{Change, Motion, Motions};
+use super::motion::{Change, Motions};
 use super::odometry::Odometry;
 use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode};
 
@@ -16,13 +16,14 @@ use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, Start
 pub(super) struct Locomotion {
     settings: MecanumFirmwareSettings,
     window: SpeedWindow,
-    motions: Motions,
-    remote: bool,
+    pub motions: Motions,
+    /// The remote control drives; the board otherwise.
+    pub remote: bool,
     /// The key that the operator holds.
-    key: Option<Movement>,
+    pub key: Option<Movement>,
     /// By wheel, not by port.
     encoders: [Encoder; WHEELS],
-    odometry: Odometry,
+    pub odometry: Odometry,
     /// The movement in effect or last in effect; late pulses belong to it.
     last: Option<Movement>,
     /// Number of motions that had begun when the last one that was noticed did.
@@ -62,26 +63,10 @@ impl Locomotion {
         }
     }
 
-    pub fn motions(&self) -> &Motions {
-        &self.motions
-    }
-
-    pub fn odometry(&self) -> &Odometry {
-        &self.odometry
-    }
-
-    pub fn is_remote(&self) -> bool {
-        self.remote
-    }
-
     /// Says who drives; motions go on when it is the board.
     pub fn set_remote(&mut self, now: SimTime, remote: bool, changed: &mut impl FnMut(Change)) {
         self.remote = remote;
         self.go_on(now, changed);
-    }
-
-    pub fn key(&self) -> Option<Movement> {
-        self.key
     }
 
     pub fn set_key(&mut self, now: SimTime, key: Option<Movement>) {
@@ -90,20 +75,6 @@ impl Locomotion {
             self.odometry.begin_motion();
         }
         self.follow(now);
-    }
-
-    pub fn set_pose(&mut self, position: [f64; 2], heading: f64) {
-        self.odometry.set_pose(position, heading);
-    }
-
-    /// Appends a motion; gives the one that is lost where there is no room.
-    pub fn append(&mut self, motion: Motion) -> Option<Motion> {
-        self.motions.append(motion)
-    }
-
-    /// Puts a motion in place of others; says how many were discarded.
-    pub fn preempt(&mut self, motion: Motion) -> usize {
-        self.motions.preempt(motion)
     }
 
     /// Starts what may start.
@@ -238,8 +209,8 @@ impl Locomotion {
         let running = self.motions.running().map(|motion| motion.movement);
         let movement = if self.remote { self.key } else { running };
         self.last = movement.or(self.last);
-        if self.motions.started() != self.started {
-            self.started = self.motions.started();
+        if self.motions.started != self.started {
+            self.started = self.motions.started;
             self.odometry.begin_motion();
         }
         let rotations = self.rotations();

@@ -76,8 +76,8 @@ pub struct Motions {
     waiting: VecDeque<Motion>,
     /// Earliest time of the next.
     not_before: SimTime,
-    /// Number that have begun to run.
-    started: u64,
+    /// Number that have begun to run so far.
+    pub started: u64,
 }
 
 impl Motions {
@@ -178,12 +178,6 @@ impl Motions {
             _ => self.rotations(),
         };
         rotations.map(|rotation| rotation != 0)
-    }
-
-    /// Number that have begun to run so far.
-    #[must_use]
-    pub fn started(&self) -> u64 {
-        self.started
     }
 
     /// Direction in which each wheel is driven now; one that has turned far enough has stopped.

@@ -35,7 +35,7 @@ impl R150Device {
         let spread = self.settings.measurement_noise / 100.0;
         let noise = &mut self.noise;
         let [right_rpm, left_rpm] = self.speeds.each_ref().map(|speed| {
-            let rpm = speed.rpm();
+            let rpm = speed.rpm;
             round(if spread > 0.0 {
                 rpm * (1.0 + spread * noise.normal())
             } else {
