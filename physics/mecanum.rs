@@ -23,7 +23,6 @@ mod drive;
 mod encoder;
 mod faults;
 mod motor;
-mod rest;
 mod sensing;
 mod sensors;
 mod settings;

@@ -35,7 +35,6 @@ use crate::drawing::Drawing;
 use crate::faults::MotorFaults;
 use crate::plant::Plant;
 use crate::pose::Pose;
-pub use crate::rest::RestSettings;
 use crate::vehicle_body::{Bounds, VehicleBody};
 use crate::world::{BodyShape, World};
 use drive::Drive;

@@ -62,13 +62,17 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
     fn code(&self) -> Code;
 
     /// Index of the link that it is about, if it is about one.
-    fn link(&self) -> Option<usize>;
+    fn link(&self) -> Option<usize> {
+        None
+    }
 
     /// What it is to whoever counts.
     fn role(&self) -> Role;
 
     /// The bytes it is about, if it is about bytes.
-    fn bytes(&self) -> Option<Cow<'_, [u8]>>;
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
 
     /// How many bytes were lost.
     fn lost_bytes(&self) -> u64 {
@@ -158,16 +162,8 @@ impl EventKind for Told {
         self.code
     }
 
-    fn link(&self) -> Option<usize> {
-        None
-    }
-
     fn role(&self) -> Role {
         self.role
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 }
 

@@ -240,16 +240,8 @@ impl EventKind for FaultEvent {
         }
     }
 
-    fn link(&self) -> Option<usize> {
-        None
-    }
-
     fn role(&self) -> Role {
         Role::Other
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 }
 

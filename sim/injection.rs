@@ -184,9 +184,9 @@ impl Injection {
                     *counted = count;
                 }
                 Work::Device(acted) => {
-                    let acts = device.acts(armed.handle);
+                    let acts = device.acts(armed.handle, &armed.fault);
                     if acts && !*acted {
-                        armed.tally.hit(|| device.acted_on(armed.handle));
+                        armed.tally.hit(|| device.acted_on(&armed.fault));
                     }
                     *acted = acts;
                 }

@@ -20,7 +20,6 @@ use crate::defects::{DefectCounts, Defects};
 use crate::device::names::MOTION;
 use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, TextLines};
 use crate::event::{EventKind, Told};
-use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
 use crate::noise::Noise;
@@ -285,30 +284,5 @@ impl Device for Mecanum {
                 unasked: b"V0 S0 \n",
             },
         }
-    }
-
-    fn arm(&mut self, _now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
-        self.arm_fault(handle, fault, noise);
-        false
-    }
-
-    fn disarm(&mut self, _now: SimTime, handle: FaultHandle) {
-        self.disarm_fault(handle);
-    }
-
-    fn apply_faults(&mut self, world: &mut World) {
-        self.apply_all_faults(world);
-    }
-
-    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
-        self.add_pulses(seconds, acted);
-    }
-
-    fn acts(&self, handle: FaultHandle) -> bool {
-        self.fault_acts(handle)
-    }
-
-    fn acted_on(&self, handle: FaultHandle) -> String {
-        self.fault_acted_on(handle)
     }
 }

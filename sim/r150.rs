@@ -21,7 +21,6 @@ use crate::device::names::MOTION;
 use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, StartSpec};
 use crate::event::EventKind;
 use crate::fault::parameters::{Key, RailName};
-use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
 use crate::r150_device::vehicle::{self, OperatorInput, Start};
@@ -301,29 +300,5 @@ impl Device for R150 {
 
     fn framing(&self, _link: usize) -> &'static dyn Framing {
         &framing::Frames
-    }
-
-    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
-        self.arm_fault(now, handle, fault, noise)
-    }
-
-    fn disarm(&mut self, now: SimTime, handle: FaultHandle) {
-        self.disarm_fault(now, handle);
-    }
-
-    fn apply_faults(&mut self, world: &mut World) {
-        self.apply_all_faults(world);
-    }
-
-    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
-        self.spoil_encoders(acted);
-    }
-
-    fn acts(&self, handle: FaultHandle) -> bool {
-        self.fault_acts(handle)
-    }
-
-    fn acted_on(&self, handle: FaultHandle) -> String {
-        self.fault_acted_on(handle)
     }
 }

@@ -5,9 +5,9 @@ use std::time::Duration;
 use sim_settings::{choices, settings};
 
 use super::signals::{Plugs, Wheel, Wiring};
-use crate::rest::RestSettings;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
+use crate::vehicle_body::RestSettings;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;

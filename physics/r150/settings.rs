@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::rest::RestSettings;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
+use crate::vehicle_body::RestSettings;
 
 sim_settings::settings! {
     /// The vehicle around the module.

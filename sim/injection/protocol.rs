@@ -18,28 +18,13 @@ const SHORTEST_EVERY: Duration = Duration::from_millis(1);
 /// A protocol fault at work.
 pub(super) struct FramesAtWork {
     framing: &'static dyn Framing,
-    command: Option<u8>,
-    chance: f64,
-    most: Option<u64>,
-    effect: Effect,
+    kind: ProtocolFault,
+    scope: Scope,
     noise: Noise,
-}
-
-#[derive(Debug)]
-enum Effect {
-    Crc,
-    Command(Option<u8>),
-    Length(i8, WrongLength),
-    Torn,
-    Late(Duration),
-    Twice,
-    Missing,
-    Previous(Option<Vec<u8>>),
-    Unsolicited {
-        bytes: Vec<u8>,
-        every: Option<Duration>,
-        due: Option<SimTime>,
-    },
+    /// The frame before, for a fault that sends it again.
+    previous: Option<Vec<u8>>,
+    /// Time at which it next sends something by itself.
+    due: Option<SimTime>,
 }
 
 impl FramesAtWork {
@@ -50,41 +35,24 @@ impl FramesAtWork {
         framing: &'static dyn Framing,
         noise: Noise,
     ) -> Self {
-        let effect = match kind {
-            ProtocolFault::BadCrc {} => Effect::Crc,
-            ProtocolFault::WrongCommand { with } => Effect::Command(*with),
-            ProtocolFault::WrongLength { by, what } => Effect::Length(*by, *what),
-            ProtocolFault::TornReply {} => Effect::Torn,
-            ProtocolFault::LateReply { by } => Effect::Late(by.0),
-            ProtocolFault::ReplyTwice {} => Effect::Twice,
-            ProtocolFault::MissingReply {} => Effect::Missing,
-            ProtocolFault::PreviousReply {} => Effect::Previous(None),
-            ProtocolFault::UnsolicitedFrame { bytes, every } => {
-                let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
-                Effect::Unsolicited {
-                    bytes: bytes.unwrap_or_else(|| framing.unasked()),
-                    every: every.map(|every| every.0.max(SHORTEST_EVERY)),
-                    due: Some(now),
-                }
-            }
-        };
+        let sends = matches!(kind, ProtocolFault::UnsolicitedFrame { .. });
         Self {
             framing,
-            command: scope.command,
-            chance: scope.probability.get(),
-            most: scope.count,
-            effect,
+            kind: kind.clone(),
+            scope: scope.clone(),
             noise,
+            previous: None,
+            due: sends.then_some(now),
         }
     }
 
     /// Passes frames on, each with the time at which it is sent.
     pub(super) fn pass(&mut self, frames: &mut Vec<(SimTime, Vec<u8>)>, tally: &mut Tally) {
+        let (command, most) = (self.scope.command, self.scope.count);
+        let chance = self.scope.probability.get();
         for (at, frame) in std::mem::take(frames) {
-            let wanted = self
-                .command
-                .is_none_or(|command| self.framing.is_command(&frame, command));
-            let happens = wanted && self.noise.uniform() < self.chance && tally.is_below(self.most);
+            let wanted = command.is_none_or(|command| self.framing.is_command(&frame, command));
+            let happens = wanted && self.noise.uniform() < chance && tally.is_below(most);
             self.pass_frame(at, frame, happens, frames, tally);
             frames.truncate(MOST_OF_ONE);
         }
@@ -99,8 +67,8 @@ impl FramesAtWork {
         tally: &mut Tally,
     ) {
         let framing = self.framing;
-        if let Effect::Previous(previous) = &mut self.effect {
-            let before = previous.replace(frame.clone());
+        if let ProtocolFault::PreviousReply {} = self.kind {
+            let before = self.previous.replace(frame.clone());
             if let (true, Some(before)) = (happens, before) {
                 tally.hit(|| {
                     format!(
@@ -115,46 +83,52 @@ impl FramesAtWork {
             }
             return;
         }
-        if !happens || matches!(self.effect, Effect::Unsolicited { .. }) {
+        if !happens || matches!(self.kind, ProtocolFault::UnsolicitedFrame { .. }) {
             frames.push((at, frame));
             return;
         }
         tally.hit(|| framing.name(&frame));
-        match self.effect {
-            Effect::Crc => frames.push((at, spoil_end(frame))),
-            Effect::Command(with) => frames.push((at, framing.with_command(frame, with))),
-            Effect::Length(by, what) => frames.push((at, with_length(framing, frame, by, what))),
-            Effect::Torn => {
+        match &self.kind {
+            ProtocolFault::BadCrc {} => frames.push((at, spoil_end(frame))),
+            ProtocolFault::WrongCommand { with } => {
+                frames.push((at, framing.with_command(frame, *with)));
+            }
+            ProtocolFault::WrongLength { by, what } => {
+                frames.push((at, with_length(framing, frame, *by, *what)));
+            }
+            ProtocolFault::TornReply {} => {
                 let half = frame.len().div_ceil(2);
                 frames.push((at, frame[..half].to_vec()));
             }
-            Effect::Late(by) => frames.push((at + by, frame)),
-            Effect::Twice => frames.extend([(at, frame.clone()), (at, frame)]),
-            Effect::Missing | Effect::Previous(_) | Effect::Unsolicited { .. } => {}
+            ProtocolFault::LateReply { by } => frames.push((at + by.0, frame)),
+            ProtocolFault::ReplyTwice {} => frames.extend([(at, frame.clone()), (at, frame)]),
+            // The last two are dealt with above.
+            ProtocolFault::MissingReply {}
+            | ProtocolFault::PreviousReply {}
+            | ProtocolFault::UnsolicitedFrame { .. } => {}
         }
     }
 
     /// Time at which it next sends something by itself.
     pub(super) fn due(&self) -> Option<SimTime> {
-        match self.effect {
-            Effect::Unsolicited { due, .. } => due,
-            _ => None,
-        }
+        self.due
     }
 
     /// Returns the frame that it sends by itself at `now`, if any.
     pub(super) fn send(&mut self, now: SimTime, tally: &mut Tally) -> Option<Vec<u8>> {
-        let Effect::Unsolicited { bytes, every, due } = &mut self.effect else {
+        let ProtocolFault::UnsolicitedFrame { bytes, every } = &self.kind else {
             return None;
         };
-        due.filter(|due| *due <= now)?;
-        if !tally.is_below(self.most) {
-            *due = None;
+        self.due.filter(|due| *due <= now)?;
+        if !tally.is_below(self.scope.count) {
+            self.due = None;
             return None;
         }
-        *due = every.map(|every| now + every);
+        self.due = every.map(|every| now + every.0.max(SHORTEST_EVERY));
+        let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
+        let bytes = bytes.unwrap_or_else(|| self.framing.unasked());
         tally.hit(|| format!("{} bytes that nobody asked for", bytes.len()));
-        Some(bytes.clone())
+        Some(bytes)
     }
 }
 

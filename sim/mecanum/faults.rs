@@ -5,8 +5,10 @@ use sim_physics::faults::MotorFaults;
 use sim_physics::mecanum::{
     ECHOES, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel,
 };
+use sim_settings::SimTime;
 
 use super::Mecanum;
+use crate::device::Breakable;
 use crate::fault::parameters::{EchoSensor, Motors, PortName};
 use crate::fault::{
     ElectricalFault, Fault, FaultHandle, FaultKind, MechanicalFault, MotorState, OperatorFault,
@@ -65,8 +67,8 @@ struct Armed {
     pulses: [f64; 4],
 }
 
-impl Mecanum {
-    pub(super) fn arm_fault(&mut self, handle: FaultHandle, fault: &Fault, noise: Noise) {
+impl Breakable for Mecanum {
+    fn arm(&mut self, _now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
         self.faults.armed.push(Armed {
             handle,
             fault: fault.clone(),
@@ -74,20 +76,21 @@ impl Mecanum {
             echoes: self.plant.unspoilt().echoes,
             pulses: [0.0; 4],
         });
+        false
     }
 
-    pub(super) fn disarm_fault(&mut self, handle: FaultHandle) {
+    fn disarm(&mut self, _now: SimTime, handle: FaultHandle) {
         self.faults.armed.retain(|armed| armed.handle != handle);
     }
 
-    pub(super) fn apply_all_faults(&mut self, world: &mut World) {
+    fn apply_faults(&mut self, world: &mut World) {
         let armed = self.faults.armed.iter();
         let layer = Layer::of(armed.map(|armed| (&armed.fault, &armed.echoes)));
         layer.apply(&self.faults.layer, &mut self.plant, world);
         self.faults.layer = layer;
     }
 
-    pub(super) fn add_pulses(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
         for own in &mut self.faults.armed {
             let FaultKind::Mechanical(MechanicalFault::EncoderNoisy {
                 pulses_per_second, ..
@@ -110,19 +113,45 @@ impl Mecanum {
         }
     }
 
-    fn armed(&self, handle: FaultHandle) -> Option<&Armed> {
-        let mut armed = self.faults.armed.iter();
-        armed.find(|armed| armed.handle == handle)
-    }
-
-    pub(super) fn fault_acts(&self, handle: FaultHandle) -> bool {
-        let own = self.armed(handle);
-        own.is_some_and(|own| acts(&own.fault, &own.echoes, self))
-    }
-
-    pub(super) fn fault_acted_on(&self, handle: FaultHandle) -> String {
-        let own = self.armed(handle);
-        own.map_or_else(String::new, |own| own.fault.in_words())
+    fn acts(&self, handle: FaultHandle, fault: &Fault) -> bool {
+        let plant = &self.plant;
+        let commands = plant.commands();
+        let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
+        match &fault.kind {
+            FaultKind::Electrical(_) => true,
+            FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => [port, with]
+                .into_iter()
+                .any(|port| runs(commands.ports[port_of(*port).index()])),
+            FaultKind::Mechanical(kind) => {
+                let truth = plant.truth();
+                Wheel::ALL.into_iter().any(|wheel| {
+                    let pins = plant.wiring().command(commands, wheel);
+                    let turns = truth.wheel_speed[wheel.index()].abs() > STANDING;
+                    let state = MotorState {
+                        driven: runs(pins),
+                        turns,
+                        repeats_wrongly: turns,
+                        braked: pins.brake,
+                    };
+                    is_about(fault.scope.motors, wheel) && kind.acts_on(state)
+                })
+            }
+            FaultKind::Sensor(kind) => {
+                let unspoilt = plant.unspoilt();
+                let mut alone = MecanumFaults::default();
+                let mut armed = self.faults.armed.iter();
+                if let Some(own) = armed.find(|armed| armed.handle == handle) {
+                    add_of_sensor(&mut alone, kind, &own.echoes);
+                }
+                let mut spoilt = unspoilt;
+                alone.spoil(&mut spoilt);
+                spoilt != unspoilt
+            }
+            FaultKind::Wire(_)
+            | FaultKind::Protocol(_)
+            | FaultKind::Firmware(_)
+            | FaultKind::Operator(_) => false,
+        }
     }
 }
 
@@ -240,44 +269,5 @@ fn add_of_sensor(whole: &mut MecanumFaults, fault: &SensorFault, echoes: &Echoes
         SensorFault::TagMisread { reads_as } => whole.tag_reads_as = Some(*reads_as),
         SensorFault::StripLost {} => whole.strip_lost = true,
         SensorFault::InfraredStuck { sees } => whole.infrared_stuck = Some(*sees),
-    }
-}
-
-/// Tells whether a fault of the hardware has an effect now.
-fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
-    let plant = car.plant();
-    let commands = plant.commands();
-    let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
-    match &fault.kind {
-        FaultKind::Electrical(_) => true,
-        FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => [port, with]
-            .into_iter()
-            .any(|port| runs(commands.ports[port_of(*port).index()])),
-        FaultKind::Mechanical(kind) => {
-            let truth = plant.truth();
-            Wheel::ALL.into_iter().any(|wheel| {
-                let pins = plant.wiring().command(commands, wheel);
-                let turns = truth.wheel_speed[wheel.index()].abs() > STANDING;
-                let state = MotorState {
-                    driven: runs(pins),
-                    turns,
-                    repeats_wrongly: turns,
-                    braked: pins.brake,
-                };
-                is_about(fault.scope.motors, wheel) && kind.acts_on(state)
-            })
-        }
-        FaultKind::Sensor(kind) => {
-            let unspoilt = plant.unspoilt();
-            let mut alone = MecanumFaults::default();
-            add_of_sensor(&mut alone, kind, echoes);
-            let mut spoilt = unspoilt;
-            alone.spoil(&mut spoilt);
-            spoilt != unspoilt
-        }
-        FaultKind::Wire(_)
-        | FaultKind::Protocol(_)
-        | FaultKind::Firmware(_)
-        | FaultKind::Operator(_) => false,
     }
 }

@@ -89,7 +89,7 @@ impl Operator {
 fn is_now(r150: &R150, input: OperatorInput) -> Option<(&'static str, OperatorInput)> {
     let (vehicle, control) = (r150.device().vehicle(), r150.device().control());
     match input {
-        OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked() => {
+        OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked => {
             Some(("lock", OperatorInput::Lock))
         }
         OperatorInput::Unlock | OperatorInput::Lock => Some(("lock", OperatorInput::Unlock)),
@@ -99,14 +99,14 @@ fn is_now(r150: &R150, input: OperatorInput) -> Option<(&'static str, OperatorIn
             Some(("key", key))
         }
         OperatorInput::EmergencyStop(_) => {
-            let stop = OperatorInput::EmergencyStop(vehicle.emergency_stop());
+            let stop = OperatorInput::EmergencyStop(vehicle.emergency_stop);
             Some(("emergency stop", stop))
         }
         OperatorInput::AppHolds { .. } => {
-            let Parts { power, pwm } = control.held_by_app();
+            let Parts { power, pwm } = control.held_by_app;
             Some(("app holds", OperatorInput::AppHolds { power, pwm }))
         }
-        OperatorInput::AppSets(_) => Some(("app sets", OperatorInput::AppSets(control.of_app()))),
+        OperatorInput::AppSets(_) => Some(("app sets", OperatorInput::AppSets(control.app))),
         OperatorInput::ReleaseParking | OperatorInput::Park | OperatorInput::Autonomous => None,
     }
 }

@@ -6,6 +6,7 @@ use sim_physics::r150::{FuseId, Load, R150Faults, R150Plant, Side, Sides};
 use sim_settings::SimTime;
 
 use super::R150;
+use crate::device::Breakable;
 use crate::fault::parameters::{Motors, RailName};
 use crate::fault::{
     ElectricalFault, Fault, FaultHandle, FaultKind, MechanicalFault, MotorState, OperatorFault,
@@ -78,14 +79,8 @@ struct Armed {
     errors: [f64; 2],
 }
 
-impl R150 {
-    pub(super) fn arm_fault(
-        &mut self,
-        now: SimTime,
-        handle: FaultHandle,
-        fault: &Fault,
-        noise: Noise,
-    ) -> bool {
+impl Breakable for R150 {
+    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
         let (undo, done) = begin(fault, self, now);
         let held = self.faults.held().chain(held_by(fault)).collect::<Vec<_>>();
         let done = done || hold(held.into_iter(), self, now);
@@ -102,7 +97,7 @@ impl R150 {
         done
     }
 
-    pub(super) fn disarm_fault(&mut self, now: SimTime, handle: FaultHandle) {
+    fn disarm(&mut self, now: SimTime, handle: FaultHandle) {
         let armed = &mut self.faults.armed;
         let Some(at) = armed.iter().position(|armed| armed.handle == handle) else {
             return;
@@ -128,7 +123,7 @@ impl R150 {
         }
     }
 
-    pub(super) fn apply_all_faults(&mut self, world: &mut World) {
+    fn apply_faults(&mut self, world: &mut World) {
         let armed = &self.faults.armed;
         let errors = armed.iter().fold([0.0; 2], |sum: [f64; 2], own| {
             [sum[0] + own.errors[0], sum[1] + own.errors[1]]
@@ -138,7 +133,7 @@ impl R150 {
         self.faults.layer = layer;
     }
 
-    pub(super) fn spoil_encoders(&mut self, acted: &mut dyn FnMut(FaultHandle, String)) {
+    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
         let mut errors = [0.0; 2];
         for own in &mut self.faults.armed {
             let FaultKind::Mechanical(MechanicalFault::EncoderNoisy { spread_rpm, .. }) =
@@ -162,18 +157,65 @@ impl R150 {
         }
     }
 
-    fn fault(&self, handle: FaultHandle) -> Option<&Fault> {
-        let mut armed = self.faults.armed.iter();
-        Some(&armed.find(|armed| armed.handle == handle)?.fault)
+    fn acts(&self, _handle: FaultHandle, fault: &Fault) -> bool {
+        let plant = &self.plant;
+        let commands = plant.commands();
+        match &fault.kind {
+            FaultKind::Electrical(kind) => self.acts_on_supply(kind),
+            FaultKind::Mechanical(MechanicalFault::SidesSwapped {}) => {
+                (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
+            }
+            FaultKind::Mechanical(kind) => {
+                let truth = plant.truth();
+                Side::BOTH.into_iter().any(|side| {
+                    let state = MotorState {
+                        driven: is_driven(plant, side),
+                        turns: truth.wheel_speed[side].abs() > STANDING,
+                        repeats_wrongly: plant.encoder_lag(side).abs() > 1.0,
+                        braked: commands.parking_brake,
+                    };
+                    is_about(fault.scope.motors, side) && kind.acts_on(state)
+                })
+            }
+            FaultKind::Wire(_)
+            | FaultKind::Protocol(_)
+            | FaultKind::Firmware(_)
+            | FaultKind::Operator(_)
+            | FaultKind::Sensor(_) => false,
+        }
     }
 
-    pub(super) fn fault_acts(&self, handle: FaultHandle) -> bool {
-        self.fault(handle).is_some_and(|fault| acts(fault, self))
-    }
-
-    pub(super) fn fault_acted_on(&self, handle: FaultHandle) -> String {
-        let fault = self.fault(handle);
-        fault.map_or_else(String::new, |fault| what(fault, self))
+    fn acted_on(&self, fault: &Fault) -> String {
+        let FaultKind::Electrical(kind) = &fault.kind else {
+            return fault.in_words();
+        };
+        let measured = self.plant.measurements();
+        match kind {
+            ElectricalFault::RailLoad { rail, .. }
+            | ElectricalFault::RailShort { rail }
+            | ElectricalFault::RailOpen { rail } => {
+                let index = super::rail(*rail).index();
+                format!(
+                    "output {rail}: {:.2} A at {:.2} V",
+                    measured.rail_current[index], measured.rail_voltage[index]
+                )
+            }
+            ElectricalFault::SupplySag { .. }
+            | ElectricalFault::BatteryEmpty {}
+            | ElectricalFault::ChargeDrop { .. } => {
+                let truth = self.truth();
+                let charge = truth.soc * 100.0;
+                format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
+            }
+            ElectricalFault::OverTemperature { pair, .. } => {
+                let celsius = measured.temperature[*pair as usize];
+                format!("converter {pair}: {celsius:.1} degC")
+            }
+            ElectricalFault::FuseBlown { fuse } => format!("fuse {fuse}"),
+            ElectricalFault::PowerModuleFault {}
+            | ElectricalFault::CanFailing { .. }
+            | ElectricalFault::SupplyLost {} => fault.in_words(),
+        }
     }
 }
 
@@ -313,64 +355,37 @@ fn add(whole: &mut R150Faults, fault: &ElectricalFault) {
     }
 }
 
-/// Tells whether a fault of the hardware has an effect now.
-fn acts(fault: &Fault, r150: &R150) -> bool {
-    let plant = r150.plant();
-    let commands = plant.commands();
-    match &fault.kind {
-        FaultKind::Electrical(kind) => acts_on_supply(kind, r150),
-        FaultKind::Mechanical(MechanicalFault::SidesSwapped {}) => {
-            (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
+impl R150 {
+    fn acts_on_supply(&self, fault: &ElectricalFault) -> bool {
+        let plant = &self.plant;
+        let powered = plant.measurements().module_powered;
+        match fault {
+            ElectricalFault::RailLoad { rail, .. }
+            | ElectricalFault::RailShort { rail }
+            | ElectricalFault::RailOpen { rail } => {
+                powered && plant.commands().rail_on[super::rail(*rail).index()]
+            }
+            ElectricalFault::SupplySag { by, resistance } => {
+                by.0 + resistance.0 * plant.truth().battery_current.abs() >= 0.1
+            }
+            ElectricalFault::OverTemperature { pair, temperature } => {
+                powered && temperature.0 > plant.own_temperature()[*pair as usize]
+            }
+            ElectricalFault::PowerModuleFault {} => powered,
+            ElectricalFault::BatteryEmpty {} | ElectricalFault::ChargeDrop { .. } => {
+                plant.own_soc() > 0.0
+            }
+            ElectricalFault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
+                FuseId::MotorRight => is_driven(plant, Side::Right),
+                FuseId::MotorLeft => is_driven(plant, Side::Left),
+                FuseId::Tail | FuseId::SmallModules => true,
+            },
+            ElectricalFault::CanFailing { .. } => {
+                self.device.heard_set_point() != self.device.motor_set_point()
+            }
+            // A car's.
+            ElectricalFault::SupplyLost {} => false,
         }
-        FaultKind::Mechanical(kind) => {
-            let truth = plant.truth();
-            Side::BOTH.into_iter().any(|side| {
-                let state = MotorState {
-                    driven: is_driven(plant, side),
-                    turns: truth.wheel_speed[side].abs() > STANDING,
-                    repeats_wrongly: plant.encoder_lag(side).abs() > 1.0,
-                    braked: commands.parking_brake,
-                };
-                is_about(fault.scope.motors, side) && kind.acts_on(state)
-            })
-        }
-        FaultKind::Wire(_)
-        | FaultKind::Protocol(_)
-        | FaultKind::Firmware(_)
-        | FaultKind::Operator(_)
-        | FaultKind::Sensor(_) => false,
-    }
-}
-
-fn acts_on_supply(fault: &ElectricalFault, r150: &R150) -> bool {
-    let plant = r150.plant();
-    let powered = plant.measurements().module_powered;
-    match fault {
-        ElectricalFault::RailLoad { rail, .. }
-        | ElectricalFault::RailShort { rail }
-        | ElectricalFault::RailOpen { rail } => {
-            powered && plant.commands().rail_on[super::rail(*rail).index()]
-        }
-        ElectricalFault::SupplySag { by, resistance } => {
-            by.0 + resistance.0 * plant.truth().battery_current.abs() >= 0.1
-        }
-        ElectricalFault::OverTemperature { pair, temperature } => {
-            powered && temperature.0 > plant.own_temperature()[*pair as usize]
-        }
-        ElectricalFault::PowerModuleFault {} => powered,
-        ElectricalFault::BatteryEmpty {} | ElectricalFault::ChargeDrop { .. } => {
-            plant.own_soc() > 0.0
-        }
-        ElectricalFault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
-            FuseId::MotorRight => is_driven(plant, Side::Right),
-            FuseId::MotorLeft => is_driven(plant, Side::Left),
-            FuseId::Tail | FuseId::SmallModules => true,
-        },
-        ElectricalFault::CanFailing { .. } => {
-            r150.device().heard_set_point() != r150.device().motor_set_point()
-        }
-        // A car's.
-        ElectricalFault::SupplyLost {} => false,
     }
 }
 
@@ -382,40 +397,6 @@ fn is_driven(plant: &R150Plant, side: Side) -> bool {
         (true, Side::Left) => Side::Right,
     };
     commands.propulsion_power && commands.motor_duty[port] != 0.0
-}
-
-/// Names in words what a fault of the hardware acts on now.
-fn what(fault: &Fault, r150: &R150) -> String {
-    let FaultKind::Electrical(kind) = &fault.kind else {
-        return fault.in_words();
-    };
-    let measured = r150.plant().measurements();
-    match kind {
-        ElectricalFault::RailLoad { rail, .. }
-        | ElectricalFault::RailShort { rail }
-        | ElectricalFault::RailOpen { rail } => {
-            let index = super::rail(*rail).index();
-            format!(
-                "output {rail}: {:.2} A at {:.2} V",
-                measured.rail_current[index], measured.rail_voltage[index]
-            )
-        }
-        ElectricalFault::SupplySag { .. }
-        | ElectricalFault::BatteryEmpty {}
-        | ElectricalFault::ChargeDrop { .. } => {
-            let truth = r150.truth();
-            let charge = truth.soc * 100.0;
-            format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
-        }
-        ElectricalFault::OverTemperature { pair, .. } => {
-            let celsius = measured.temperature[*pair as usize];
-            format!("converter {pair}: {celsius:.1} degC")
-        }
-        ElectricalFault::FuseBlown { fuse } => format!("fuse {fuse}"),
-        ElectricalFault::PowerModuleFault {}
-        | ElectricalFault::CanFailing { .. }
-        | ElectricalFault::SupplyLost {} => fault.in_words(),
-    }
 }
 
 /// Nobody drives with this key: it is let go at the same instant.
@@ -430,8 +411,8 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
         return (Vec::new(), false);
     };
     let vehicle = r150.device().vehicle();
-    let (locked, parked) = (vehicle.locked(), vehicle.parked());
-    let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
+    let (locked, parked) = (vehicle.locked, vehicle.parked);
+    let (autonomous, stopped) = (vehicle.autonomous, vehicle.emergency_stop);
     // A key that goes on driving after it is let go is ended by the top button, which does nothing
     // else while the parking brake is off; while it is on, nothing drives.
     let end_key =
@@ -485,8 +466,8 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
     if matches!(fault, OperatorFault::EmergencyStop {}) {
         // The emergency stop may have locked the vehicle, too.
         let vehicle = r150.device().vehicle();
-        undo.extend((vehicle.locked() && !locked).then_some(OperatorInput::Unlock));
-        if vehicle.parked() && !parked {
+        undo.extend((vehicle.locked && !locked).then_some(OperatorInput::Unlock));
+        if vehicle.parked && !parked {
             release(&mut undo);
         }
     }
@@ -512,7 +493,7 @@ fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool
         power: all.power || held.power,
         pwm: all.pwm || held.pwm,
     });
-    if wanted == r150.device().control().held_by_app() {
+    if wanted == r150.device().control().held_by_app {
         return false;
     }
     let Parts { power, pwm } = wanted;
