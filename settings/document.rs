@@ -188,7 +188,8 @@ pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
         let mut own = entry.schema.to_value();
         let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
         let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
-        own["description"] = format!("{doc} {}: {}", basis.word(), basis.source()).into();
+        let (allowed, basis, source) = (&entry.allowed, basis.word(), basis.source());
+        own["description"] = format!("{doc} Allowed: {allowed}. {basis}: {source}").into();
         // What a setting shows as TOML is JSON too.
         if let Ok(default) = serde_json::from_str(&entry.default) {
             own["default"] = default;

@@ -186,7 +186,7 @@ impl Player {
                 // Faults do not reach back to what has arrived.
                 self.read_all();
                 match self.rig.inject(device, name, &fault) {
-                    Ok(handle) => self.injected(handle, device, fault.level()),
+                    Ok(handle) => self.injected(handle, device, fault.info().level),
                     Err(error) => assert!(!error.to_string().is_empty()),
                 }
             }
