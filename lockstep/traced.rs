@@ -2,7 +2,6 @@
 
 #[path = "traced/x86_64.rs"]
 mod arch;
-mod call;
 mod clock;
 mod clock_calls;
 mod descriptor;

@@ -10,7 +10,7 @@ use std::io;
 use crate::traced::memory::{self, Memory};
 use crate::traced::sys::{self, Tid};
 
-pub(crate) use calls::{call, filter};
+pub(crate) use calls::{Call, call, filter};
 pub(crate) use vdso::{Vdso, write_clocks};
 
 /// The registers of a thread that has stopped at a call.
