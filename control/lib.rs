@@ -41,7 +41,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use serde_json::Value;
 
-pub use address::{AddressError, Listen};
+pub use address::{AddressError, listen};
 pub use listener::{Listener, Message, Wants};
 
 use guard::Guard;
@@ -110,15 +110,8 @@ pub type Reply = Result<Value, Refusal>;
 pub struct Request {
     /// Request.
     pub ask: Ask,
-    answer: Answer,
-}
-
-impl Request {
-    /// The parts: what is asked, and the way to answer.
-    #[must_use]
-    pub fn split(self) -> (Ask, Answer) {
-        (self.ask, self.answer)
-    }
+    /// The way to answer it.
+    pub answer: Answer,
 }
 
 /// The way to answer a request, once.
@@ -171,8 +164,8 @@ impl Control {
     ///
     /// # Errors
     /// When the address cannot be had.
-    pub fn open(listen: &Listen, schema: Schema) -> io::Result<Self> {
-        let socket = TcpListener::bind(listen.address())?;
+    pub fn open(listen: SocketAddr, schema: Schema) -> io::Result<Self> {
+        let socket = TcpListener::bind(listen)?;
         let address = socket.local_addr()?;
         let token: Arc<str> = guard::new_token()?.into();
         let (requests, taken) = bounded(MOST_WAITING);
