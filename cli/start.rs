@@ -164,7 +164,7 @@ impl Session {
 
     /// Serves to the end.
     fn serve(&mut self) -> Result<Ended, Failure> {
-        let outcome = self.server.attended(&mut Looking {
+        let outcome = self.server.serve(&mut Looking {
             log: Some(&self.log),
             desk: self.desk.as_mut(),
             trace: &mut self.trace,

@@ -145,7 +145,7 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
         .spawn(move || {
             // Without a way to wait, signals do nothing, and the limits of time end the run.
             while let Ok(wake) = waiter.wait(None) {
-                if wake.signal().is_some() && seen.swap(true, Ordering::Relaxed) {
+                if wake.is_signalled() && seen.swap(true, Ordering::Relaxed) {
                     // Somebody insists; whoever reads the output may have stopped reading it.
                     std::thread::sleep(LAST_PATIENCE);
                     std::process::exit(Exit::System.code().into());
