@@ -30,4 +30,4 @@ mod turns;
 mod wait;
 mod words;
 
-pub(crate) use tracer::run;
+pub use tracer::run;
