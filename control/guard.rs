@@ -2,7 +2,6 @@
 
 use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
 
 use crate::Refusal;
 use crate::http::Head;
@@ -17,15 +16,11 @@ pub(crate) fn new_token() -> io::Result<String> {
 /// Refuses whoever must not ask.
 #[derive(Debug)]
 pub(crate) struct Guard {
-    address: SocketAddr,
-    token: Arc<str>,
+    pub(crate) address: SocketAddr,
+    pub(crate) token: String,
 }
 
 impl Guard {
-    pub(crate) fn new(address: SocketAddr, token: Arc<str>) -> Self {
-        Self { address, token }
-    }
-
     /// Refuses what a browser sends on behalf of another site: to a name that merely leads here, or
     /// from a page that is not ours.
     pub(crate) fn check_site(&self, head: &Head) -> Result<(), Refusal> {
@@ -96,7 +91,8 @@ mod tests {
     use super::*;
 
     fn guard(address: &str) -> Guard {
-        Guard::new(address.parse().unwrap(), "secret".into())
+        let (address, token) = (address.parse().unwrap(), "secret".into());
+        Guard { address, token }
     }
 
     fn site(guard: &Guard, host: Option<&str>, origin: Option<&str>) -> bool {

@@ -18,7 +18,6 @@
 //! | requests that wait for the simulation | 64 |
 //! | messages of a stream that wait for its reader | 256; further ones are lost, and it is told how many |
 
-mod address;
 pub mod client;
 mod connection;
 mod guard;
@@ -30,7 +29,7 @@ pub mod session;
 mod watch;
 
 use std::io::{self, Read as _, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,7 +40,6 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use serde_json::Value;
 
-pub use address::{AddressError, listen};
 pub use listener::{Listener, Message, Wants};
 
 use guard::Guard;
@@ -137,10 +135,27 @@ impl Answer {
     }
 }
 
+/// Not an address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("\"{0}\" is no address and port; as in 127.0.0.1:0, where 0 is any free port")]
+pub struct AddressError(String);
+
+/// Reads an address and a port to listen on; port 0 is any that is free.
+///
+/// # Errors
+/// When it is none.
+pub fn listen(text: &str) -> Result<SocketAddr, AddressError> {
+    let local = text
+        .strip_prefix("localhost:")
+        .and_then(|port| port.parse().ok())
+        .map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    local
+        .or_else(|| text.parse().ok())
+        .ok_or_else(|| AddressError(text.chars().take(80).collect()))
+}
+
 /// A socket on which a simulation is looked at and changed.
 pub struct Control {
-    address: SocketAddr,
-    token: Arc<str>,
     requests: Receiver<Request>,
     wake: UnixStream,
     shared: Arc<Shared>,
@@ -167,14 +182,14 @@ impl Control {
     pub fn open(listen: SocketAddr, schema: Schema) -> io::Result<Self> {
         let socket = TcpListener::bind(listen)?;
         let address = socket.local_addr()?;
-        let token: Arc<str> = guard::new_token()?.into();
+        let token = guard::new_token()?;
         let (requests, taken) = bounded(MOST_WAITING);
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let shared = Arc::new(Shared {
             socket,
-            guard: Guard::new(address, Arc::clone(&token)),
+            guard: Guard { address, token },
             pace: Pace::default(),
             schema: LazyLock::new(schema),
             requests,
@@ -187,8 +202,6 @@ impl Control {
             .name("control".to_owned())
             .spawn(move || accept(&accepting))?;
         Ok(Self {
-            address,
-            token,
             requests: taken,
             wake: woken,
             shared,
@@ -198,13 +211,14 @@ impl Control {
     /// Address at which it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
-        self.address
+        self.shared.guard.address
     }
 
     /// URL to open, with the token in it.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://{}/#token={}", self.address, self.token)
+        let Guard { address, token } = &self.shared.guard;
+        format!("http://{address}/#token={token}")
     }
 
     /// The next request. Never waits.
@@ -290,7 +304,7 @@ impl Drop for Control {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         // Whoever waits for a connection gets one, and sees that it is to stop.
-        let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
+        let _ = TcpStream::connect_timeout(&self.address(), Duration::from_millis(200));
         // Whoever waits for a request gets none any more; answers still go out.
         self.shared.connections.end();
         // A program that ended now would take their last words along.
