@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 use sim_core::SimTime;
 use sim_core::line::{ClientLine, UART_FIFO};
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, Parity, PortError, Waiter, Wake};
+use sim_pty::{Counters, Event, PortError, Waiter, Wake};
 use sim_runner::{Run, RunError};
 
 use crate::clock::Clock;
@@ -541,7 +541,7 @@ impl Server {
                 baud: line.baud,
                 stop_bits: line.stop_bits,
                 raw: line.raw,
-                parity: line.parity != Parity::None,
+                parity: line.parity,
                 rts_cts: line.rts_cts,
             };
             self.run.set_line(served.id, line);

@@ -52,7 +52,6 @@
 mod busy_poll;
 mod error;
 mod hub;
-mod limits;
 mod line;
 mod lock;
 mod net_decoder;
@@ -66,10 +65,10 @@ mod symlink;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
-pub use limits::{survive_full_files, want_descriptors};
-pub use line::{Defaults, LineSettings, Parity};
+pub use line::{Defaults, LineSettings};
 pub use net_decoder::NetDecoder;
 pub use net_port::{ListenAddress, Protocol};
 pub use pair::PtySetup;
 pub use port::{Counters, Event, Port};
-pub use waiter::{Waiter, Wake, sharpen_timers};
+pub use signals::survive_full_files;
+pub use waiter::{Waiter, Wake, sharpen_timers, want_descriptors};

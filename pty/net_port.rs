@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{ErrorKind, Read as _};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,7 @@ use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
 use crate::line::LineSettings;
 use crate::net_decoder::{MOST_AHEAD, NetDecoder};
-use crate::port::{Counters, Event, Served};
+use crate::port::{Counters, Event, Kind};
 use crate::pty_port::write_some;
 
 /// How long the end of one connection may take when the beginning of the next is known already:
@@ -112,10 +112,10 @@ pub(crate) struct NetPort {
 
 impl NetPort {
     /// Listens at `address`, for a device that runs at `baud`. With port 0 the system chooses one,
-    /// which [`path`](Served::path) tells.
+    /// which [`path`](Kind::path) tells.
     pub(crate) fn open(address: &ListenAddress, baud: u32) -> Result<Self, PortError> {
         let open = || -> std::io::Result<_> {
-            let listener = bind(&address.address)?;
+            let listener = TcpListener::bind(&address.address)?;
             listener.set_nonblocking(true)?;
             let local = listener.local_addr()?;
             Ok((listener, local))
@@ -145,7 +145,7 @@ impl NetPort {
     }
 }
 
-impl Served for NetPort {
+impl Kind for NetPort {
     fn path(&self) -> &Path {
         &self.path
     }
@@ -275,12 +275,6 @@ impl NetPort {
             return Ok(Event::Attached);
         }
     }
-}
-
-/// As the standard library does, but without the wait for a name server to matter more than once.
-fn bind(address: &str) -> std::io::Result<TcpListener> {
-    let addresses: Vec<SocketAddr> = address.to_socket_addrs()?.collect();
-    TcpListener::bind(&addresses[..])
 }
 
 /// A client that is connected.

@@ -14,10 +14,10 @@ use crate::serial_port::SerialPort;
 /// A place where a client talks to a device: a pseudo-terminal of this machine, a real serial port with
 /// the client at the other end of the cable, or a port that clients reach over the network.
 #[derive(Debug)]
-pub struct Port(Box<dyn Served>);
+pub struct Port(Box<dyn Kind>);
 
 /// A port of one kind; see [`Port`].
-pub(crate) trait Served: Debug + Send {
+pub(crate) trait Kind: Debug + Send {
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError>;
     fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError>;
     fn client_line(&self) -> Result<Option<LineSettings>, PortError>;
@@ -118,7 +118,7 @@ impl Port {
         SerialPort::open(path.as_ref(), baud, stop_bits).map(Self::of)
     }
 
-    fn of(port: impl Served + 'static) -> Self {
+    fn of(port: impl Kind + 'static) -> Self {
         Self(Box::new(port))
     }
 

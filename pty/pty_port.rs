@@ -13,7 +13,7 @@ use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
 use crate::line::LineSettings;
 use crate::pair::{Pair, PtySetup, Read};
-use crate::port::{Counters, Event, Served};
+use crate::port::{Counters, Event, Kind};
 use crate::symlink::Symlink;
 
 /// Reads that a single look takes, of which all but the last are words of what has happened.
@@ -87,7 +87,7 @@ impl PtyPort {
     }
 }
 
-impl Served for PtyPort {
+impl Kind for PtyPort {
     fn path(&self) -> &Path {
         self.link.as_ref().map_or(self.pair.slave(), Symlink::path)
     }

@@ -11,7 +11,7 @@ use serialport::{DataBits, FlowControl, StopBits, TTYPort};
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{IN, Registration};
 use crate::line::LineSettings;
-use crate::port::{Counters, Event, Served};
+use crate::port::{Counters, Event, Kind};
 use crate::pty_port::write_some;
 
 /// A real serial port, held exclusively: 8 data bits, no parity, no flow control.
@@ -101,7 +101,7 @@ impl SerialPort {
     }
 }
 
-impl Served for SerialPort {
+impl Kind for SerialPort {
     fn path(&self) -> &Path {
         &self.path
     }

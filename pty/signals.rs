@@ -1,11 +1,13 @@
-//! The signals that ask a simulator to stop, turned into something to wait on.
+//! The signals that ask a simulator to stop, turned into something to wait on, and one that would end it.
 
 use std::io::{self, Read as _};
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use rustix::fd::{AsFd, BorrowedFd};
 use signal_hook::SigId;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
 
 /// Ctrl-C; what `kill` and service managers send; the terminal was closed; and the limit of processor
@@ -76,6 +78,16 @@ fn is_ignored(status: &str, signal: i32) -> bool {
         .find_map(|line| line.strip_prefix("SigIgn:"))
         .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
         .is_some_and(|mask| mask & (1 << (signal - 1)) != 0)
+}
+
+/// Has a write beyond the limit of file sizes (`RLIMIT_FSIZE`) be an error, as on a full disk, instead of
+/// ending the program. Programs that it starts are ended as ever.
+///
+/// # Errors
+/// When the system refuses.
+pub fn survive_full_files() -> io::Result<()> {
+    // A handler, and not to ignore it, since what is ignored stays so in programs that are started.
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map(drop)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{Timespec, epoll};
 use rustix::fd::AsFd;
 use rustix::io::Errno;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use crate::busy_poll::BusyPoll;
 use crate::error::{PortError, PortErrorKind};
@@ -219,6 +220,17 @@ pub fn sharpen_timers() -> Result<(), PortError> {
     rustix::thread::set_current_timer_slack(NonZeroU64::new(1))
         .map_err(PortErrorKind::call("prctl"))
         .map_err(waiting)
+}
+
+/// Allows this process as many file descriptors as it may allow itself, if `count` are more than it has.
+/// Programs that it starts get as many, so it is for who needs them.
+pub fn want_descriptors(count: u64) {
+    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+    if current.is_some_and(|current| current < count) {
+        let current = maximum;
+        // Refused, it is as it was, and whoever opens too many is told.
+        let _ = setrlimit(Resource::Nofile, Rlimit { current, maximum });
+    }
 }
 
 fn waiting(kind: PortErrorKind) -> PortError {

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
-use sim_pty::{Event, LineSettings, Parity, Port, PtySetup};
+use sim_pty::{Event, LineSettings, Port, PtySetup};
 
 #[test]
 fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
@@ -38,8 +38,7 @@ fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
             port.client_line().unwrap(),
             Some(LineSettings {
                 baud,
-                data_bits: 8,
-                parity: Parity::None,
+                parity: false,
                 stop_bits: 1,
                 rts_cts: false,
                 raw: true
@@ -160,7 +159,7 @@ fn settings_of_one_client_do_not_outlive_it() {
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
     let line = bench.port.client_line().unwrap().unwrap();
-    assert_eq!((line.to_string().as_str(), line.raw), ("115200 8N1", true));
+    assert_eq!((line.baud, line.raw), (115_200, true));
 }
 
 #[test]
