@@ -309,7 +309,7 @@ pub(crate) fn files_of(pid: Tid) -> impl Iterator<Item = PathBuf> {
     entries.filter_map(|entry| entry.ok().map(|entry| entry.path()))
 }
 
-/// What the system says of a descriptor under this name, if it is a number.
+/// Number that the system tells of a descriptor under this name.
 pub(crate) fn info_of(process: Tid, fd: i32, name: &str) -> Option<i32> {
     let info = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}")).ok()?;
     let value = info.lines().find_map(|line| line.strip_prefix(name))?;
