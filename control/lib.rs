@@ -208,12 +208,6 @@ impl Control {
         })
     }
 
-    /// Address at which it listens.
-    #[must_use]
-    pub fn address(&self) -> SocketAddr {
-        self.shared.guard.address
-    }
-
     /// URL to open, with the token in it.
     #[must_use]
     pub fn url(&self) -> String {
@@ -231,12 +225,6 @@ impl Control {
     pub fn quiet(&self) {
         let mut bytes = [0; MOST_WAITING];
         while matches!((&self.wake).read(&mut bytes), Ok(count) if count == bytes.len()) {}
-    }
-
-    /// The next request, waited for so long.
-    #[must_use]
-    pub fn wait(&self, within: Duration) -> Option<Request> {
-        self.requests.recv_timeout(within).ok()
     }
 
     /// Begins to wait for all who have asked until now, or are being told something.
@@ -304,7 +292,7 @@ impl Drop for Control {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         // Whoever waits for a connection gets one, and sees that it is to stop.
-        let _ = TcpStream::connect_timeout(&self.address(), Duration::from_millis(200));
+        let _ = TcpStream::connect_timeout(&self.shared.guard.address, Duration::from_millis(200));
         // Whoever waits for a request gets none any more; answers still go out.
         self.shared.connections.end();
         // A program that ended now would take their last words along.

@@ -21,14 +21,14 @@ impl Served {
     fn with(mut answer: impl FnMut(Ask) -> Option<Reply> + Send + 'static) -> Self {
         let control =
             Control::open("127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
-        let (url, address) = (control.url(), control.address());
+        let (url, address) = (control.url(), control.shared.guard.address);
         let shared = Arc::clone(&control.shared);
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
             let mut kept = Vec::new();
             while !stopped.load(Ordering::Relaxed) {
-                if let Some(request) = control.wait(Duration::from_millis(10)) {
+                if let Ok(request) = control.requests.recv_timeout(Duration::from_millis(10)) {
                     let Request { ask, answer: way } = request;
                     match answer(ask) {
                         Some(reply) => way.give(reply),
@@ -318,7 +318,7 @@ fn who_waits_for_an_answer_learns_of_the_end() {
 fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
     let control = Control::open("127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms")));
     let control = control.unwrap();
-    let address = control.address();
+    let address = control.shared.guard.address;
     let url = control.url();
     let token = url.split_once("token=").unwrap().1;
     let text = format!(
