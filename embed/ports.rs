@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use sim_core::rig::PortId;
-use sim_pty::{ListenAddress, Port, PtyPort, PtySetup, SerialPort};
+use sim_pty::{ListenAddress, Port, PtySetup};
 use sim_runner::{RigPlan, Scenario};
 
 use crate::served::Served;
@@ -54,8 +54,8 @@ pub fn open_all(
             };
             let served = match (serial, &link.path, elsewhere) {
                 (Some(serial), ..) if device == 0 && link.index == 0 => {
-                    SerialPort::open(serial, link.baud, link.stop_bits)
-                        .map(|port| Served::new(id, Port::from(port)))
+                    Port::open_serial(serial, link.baud, link.stop_bits)
+                        .map(|port| Served::new(id, port))
                 }
                 (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
                 (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
@@ -67,7 +67,7 @@ pub fn open_all(
                     Served::at(id, &dir.join(name), setup)
                 }
                 (_, None, Elsewhere::Unlinked) => {
-                    PtyPort::open_unlinked(setup).map(|port| Served::new(id, Port::from(port)))
+                    Port::open_unlinked(setup).map(|port| Served::new(id, port))
                 }
             };
             ports.push(served?);
@@ -98,7 +98,7 @@ impl ShownPort {
     /// A port of the plan as it is served.
     pub fn new(served: &Served, plan: &RigPlan) -> Self {
         Self {
-            is_public: matches!(&served.port, Some(Port::Net(port)) if !port.is_local()),
+            is_public: served.port.as_ref().is_some_and(Port::is_public),
             ..Self::at(served.id, &served.path, plan)
         }
     }

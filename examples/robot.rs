@@ -164,7 +164,7 @@ struct Robot {
 impl Robot {
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         Self {
-            settings: setup.settings().cloned().unwrap_or_default(),
+            settings: setup.settings.get().cloned().unwrap_or_default(),
             body: Differential::new(setup.name, DifferentialShape::default(), world, setup.pose),
             line: Vec::new(),
             speeds: [0; 2],

@@ -1,21 +1,8 @@
 //! Settings that are one of a few words.
 
-/// Declares enums whose variants are words in files and flags.
-///
-/// ```
-/// sim_settings::choices! {
-///     /// What happens to a request that comes too soon.
-///     pub enum OverRate {
-///         /// It gets no reply.
-///         Silent = "silent",
-///         /// It is answered like any other.
-///         Answer = "answer",
-///     }
-/// }
-/// assert_eq!(OverRate::Silent.word(), "silent");
-/// ```
+/// Declares enums whose variants are words.
 #[macro_export]
-macro_rules! choices {
+macro_rules! words {
     ($(
         $(#[$meta:meta])*
         $vis:vis enum $name:ident {
@@ -29,13 +16,50 @@ macro_rules! choices {
         }
 
         impl $name {
-            /// Every choice, in order of declaration.
+            /// All, in order of declaration.
             pub const ALL: &'static [Self] = &[$( Self::$variant ),+];
 
-            /// The word that stands for it in files and flags.
+            /// The word that stands for it.
             #[must_use]
-            pub fn word(self) -> &'static str {
+            pub fn as_str(self) -> &'static str {
                 match self { $( Self::$variant => $word ),+ }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+    )+ };
+}
+
+/// Declares [words](crate::words) that settings may have.
+///
+/// ```
+/// sim_settings::choices! {
+///     /// What happens to a request that comes too soon.
+///     pub enum OverRate {
+///         /// It gets no reply.
+///         Silent = "silent",
+///         /// It is answered like any other.
+///         Answer = "answer",
+///     }
+/// }
+/// assert_eq!(OverRate::Silent.as_str(), "silent");
+/// ```
+#[macro_export]
+macro_rules! choices {
+    ($(
+        $(#[$meta:meta])*
+        $vis:vis enum $name:ident {
+            $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
+        }
+    )+) => { $(
+        $crate::words! {
+            $(#[$meta])*
+            $vis enum $name {
+                $( $(#[$variant_meta])* $variant = $word ),+
             }
         }
 
@@ -52,17 +76,17 @@ macro_rules! choices {
                 Self::ALL
                     .iter()
                     .copied()
-                    .find(|choice| choice.word() == text)
+                    .find(|choice| choice.as_str() == text)
                     .ok_or_else(|| format!("{value} is not one of the choices"))
             }
 
             fn show(&self, _unit: &str) -> String {
-                format!("\"{}\"", self.word())
+                format!("\"{}\"", self.as_str())
             }
 
             fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self::Bound>>) -> String {
                 let words: Vec<String> =
-                    Self::ALL.iter().map(|choice| format!("\"{}\"", choice.word())).collect();
+                    Self::ALL.iter().map(|choice| format!("\"{}\"", choice.as_str())).collect();
                 words.join(", ")
             }
 
@@ -70,7 +94,7 @@ macro_rules! choices {
                 _unit: &str,
                 _bounds: Option<&$crate::Bounds<Self::Bound>>,
             ) -> $crate::private::schemars::Schema {
-                let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.word()).collect();
+                let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.as_str()).collect();
                 $crate::private::schemars::json_schema!({"enum": words})
             }
         }

@@ -162,7 +162,7 @@ pub fn show_toml(settings: &dyn Settings) -> String {
         for line in entry.doc.trim().lines() {
             let _ = writeln!(text, "# {}", line.trim());
         }
-        let _ = writeln!(text, "# {}: {}", entry.basis.word(), entry.basis.source());
+        let _ = writeln!(text, "# {}: {}", entry.basis.as_str(), entry.basis.source());
         let _ = writeln!(text, "# allowed: {}", entry.allowed);
         if entry.value != entry.default {
             let _ = writeln!(text, "# default: {}", entry.default);
@@ -188,7 +188,7 @@ pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
         let mut own = entry.schema.to_value();
         let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
         let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
-        let (allowed, basis, source) = (&entry.allowed, basis.word(), basis.source());
+        let (allowed, basis, source) = (&entry.allowed, basis.as_str(), basis.source());
         own["description"] = format!("{doc} Allowed: {allowed}. {basis}: {source}").into();
         // What a setting shows as TOML is JSON too.
         if let Ok(default) = serde_json::from_str(&entry.default) {

@@ -41,7 +41,7 @@ pub enum Basis {
 impl Basis {
     /// `documented` or `assumed`.
     #[must_use]
-    pub fn word(&self) -> &'static str {
+    pub fn as_str(&self) -> &'static str {
         match self {
             Self::Documented(_) => "documented",
             Self::Assumed(_) => "assumed",

@@ -183,14 +183,6 @@ pub struct Setup<'a> {
     pub seed: u64,
 }
 
-impl<'a> Setup<'a> {
-    /// Its settings as those of this type; `None` if they are another device's.
-    #[must_use]
-    pub fn settings<T: DeviceSettings>(&self) -> Option<&'a T> {
-        (self.settings as &dyn Any).downcast_ref()
-    }
-}
-
 /// Firmware and hardware of one device, tied together.
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls

@@ -11,26 +11,15 @@ use sim_settings::SimTime;
 
 pub use code::{Blame, Code};
 
-/// Importance of an event to somebody who writes a client.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// Ordinary requests and replies; shown when asked for.
-    Traffic,
-    /// Worth knowing.
-    Notice,
-    /// Something is wrong, or a command had no effect.
-    Warning,
-}
-
-impl Level {
-    /// Lower-case name.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Traffic => "traffic",
-            Self::Notice => "notice",
-            Self::Warning => "warning",
-        }
+sim_settings::words! {
+    /// Importance of an event to somebody who writes a client.
+    pub enum Level {
+        /// Ordinary requests and replies; shown when asked for.
+        Traffic = "traffic",
+        /// Worth knowing.
+        Notice = "notice",
+        /// Something is wrong, or a command had no effect.
+        Warning = "warning",
     }
 }
 

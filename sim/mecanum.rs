@@ -122,7 +122,7 @@ impl Mecanum {
     /// A car that has just been switched on; with two links its second UART is the ROS link
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
-        let settings = setup.settings::<MecanumSettings>();
+        let settings = setup.settings.get::<MecanumSettings>();
         let MecanumSettings { firmware, plant } = settings.cloned().unwrap_or_default();
         let plant = plant.expecting(firmware.wiring);
         let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);

@@ -12,7 +12,7 @@ mod watch;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
+use sim_physics::r150::{R150Plant, R150Truth, Rail};
 use sim_physics::{Plant, Pose, World};
 use sim_settings::SimTime;
 
@@ -144,7 +144,8 @@ impl R150 {
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let &Setup { name, seed, .. } = setup;
         let settings = setup
-            .settings::<R150Settings>()
+            .settings
+            .get::<R150Settings>()
             .cloned()
             .unwrap_or_default();
         let start = match setup.start {
@@ -198,21 +199,6 @@ impl R150 {
     /// The hardware, to load or break it.
     pub fn plant_mut(&mut self) -> &mut R150Plant {
         &mut self.plant
-    }
-}
-
-/// What an operator does to the hardware.
-impl R150 {
-    /// Wires a load to a rail; gives what was there before.
-    pub fn set_load(&mut self, rail: Rail, load: Load) -> Load {
-        let before = self.plant.load(rail);
-        self.plant.set_load(rail, load);
-        before
-    }
-
-    /// Wires a source to a PWM input, 0–3.
-    pub fn set_pwm_source(&mut self, input: usize, source: PwmSource) {
-        self.plant.set_pwm_source(input, source);
     }
 }
 

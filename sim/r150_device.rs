@@ -208,7 +208,7 @@ impl R150Device {
         let next = earlier(self.decoder.deadline(), self.control.deadline());
         let next = earlier(next, self.motors.watchdog_due);
         let next = earlier(next, self.motors.answer_due);
-        let next = earlier(next, self.protection.deadline());
+        let next = earlier(next, self.protection.deadline);
         let next = earlier(next, self.can.deadline());
         earlier(next, self.replies.front().map(|(due, _)| *due))
     }

@@ -1,11 +1,11 @@
 //! A case: one scenario to be played, with its parameters and seed, and what came of it.
 
 use std::ffi::OsString;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use sim_control::Listen;
 use sim_core::line::Wire;
 use sim_embed::ports::ShownPort;
 use sim_embed::serve::HeldUp;
@@ -50,7 +50,7 @@ pub(crate) struct Case<'a> {
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
     /// Where each live run can be controlled.
-    pub(crate) control: Option<Listen>,
+    pub(crate) control: Option<SocketAddr>,
     /// Real time that it may take.
     pub(crate) allowed: Duration,
     /// The same as it was asked for.
@@ -175,7 +175,7 @@ impl<'a> Case<'a> {
         ports: impl FnOnce() -> Vec<ShownPort>,
         environment: &mut Vec<(String, OsString)>,
     ) -> Result<Option<Desk>, Failure> {
-        let Some(listen) = &self.control else {
+        let Some(listen) = self.control else {
             return Ok(None);
         };
         let desk = Desk::open(listen, run, ports())?;

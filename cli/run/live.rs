@@ -176,7 +176,7 @@ impl LivePlay {
     /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
     /// ended then.
     fn play(&mut self, case: &Case<'_>, stop: &AtomicBool) -> anyhow::Result<Option<PlayedClient>> {
-        let ended = self.server.attended(&mut Looking {
+        let ended = self.server.serve(&mut Looking {
             log: None,
             desk: self.desk.as_mut(),
             trace: &mut self.trace,

@@ -16,7 +16,7 @@ use crate::world::World;
 pub(super) struct Drive {
     pub(super) gear: RunningGear<WHEELS, Slanted>,
     motors: [Motor; WHEELS],
-    pulses: [PulseWire; WHEELS],
+    pub(super) pulses: [PulseWire; WHEELS],
     /// Factor by which each wheel turns faster than it should.
     speed_factors: [f64; WHEELS],
     /// Factor by which the rollers of each wheel drag more than they should.
@@ -87,16 +87,6 @@ impl Drive {
         let deck = [body.length, body.width];
         let carried = Mass::spread(payload, deck, body.payload_height, [0.0; 2]);
         self.gear.set_masses(&own, &carried);
-    }
-
-    pub(super) fn set_directed(&mut self, directed: bool) {
-        for pulses in &mut self.pulses {
-            pulses.set_directed(directed);
-        }
-    }
-
-    pub(super) fn count(&self, wheel: Wheel) -> u32 {
-        self.pulses[wheel.index()].count()
     }
 
     /// Takes over the velocity that a step really ended with.

@@ -57,7 +57,7 @@ impl R150Plant {
     /// Replaces all that is wrong with the vehicle as a whole.
     pub fn set_faults(&mut self, world: &mut World, faults: &R150Faults) {
         self.faults = faults.within_limits();
-        self.slow.battery.set_missing(self.faults.missing_charge);
+        self.slow.battery.missing = self.faults.missing_charge;
         self.body.set_faults(&faults.body);
         self.follow_payload(world);
         self.solve_network();
@@ -134,7 +134,7 @@ impl R150Plant {
     /// Tells whether a fuse has blown.
     #[must_use]
     pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
-        self.slow.fuses[fuse.index()].is_blown() || self.faults.fuses_out[fuse.index()]
+        self.slow.fuses[fuse.index()].blown || self.faults.fuses_out[fuse.index()]
     }
 
     /// Returns what is wired to a PWM input, 0–3.

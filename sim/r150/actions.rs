@@ -253,22 +253,23 @@ impl device::Action for Surroundings {
         match *self {
             Self::Load(LoadText { rail, load }) => {
                 let rail = super::rail(rail);
-                let before = r150.set_load(rail, load);
+                let before = r150.plant().load(rail);
+                r150.plant_mut().set_load(rail, load);
                 let now = r150.plant().load(rail);
                 let of = format!("load {}", rail.index());
                 Some(Change::of(of, before, &now, move |load, device, _, _| {
                     if let Some(r150) = device.get_mut::<R150>() {
-                        r150.set_load(rail, load);
+                        r150.plant_mut().set_load(rail, load);
                     }
                 }))
             }
             Self::PwmSignal(SignalText { input, source }) => {
                 let before = r150.plant().pwm_source(input);
-                r150.set_pwm_source(input, source);
+                r150.plant_mut().set_pwm_source(input, source);
                 let of = format!("pwm input {input}");
                 let restore = move |source, device: &mut dyn Device, _: &mut World, _| {
                     if let Some(r150) = device.get_mut::<R150>() {
-                        r150.set_pwm_source(input, source);
+                        r150.plant_mut().set_pwm_source(input, source);
                     }
                 };
                 Some(Change::of(of, before, &source, restore))

@@ -174,17 +174,6 @@ impl Client {
     }
 }
 
-/// Something is always due, since batteries and temperatures never stand still.
-pub(super) trait ExpectDue {
-    fn expect_due(self) -> SimTime;
-}
-
-impl ExpectDue for Option<SimTime> {
-    fn expect_due(self) -> SimTime {
-        self.unwrap_or_else(|| panic!("nothing is due for ever"))
-    }
-}
-
 /// The numbers of a device's truth.
 #[must_use]
 pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
@@ -200,7 +189,7 @@ pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
     let groups = ["truth.", "wheel.", "rail."];
     let names = spec.all_names();
     let names = names.filter(|info| groups.iter().any(|group| info.name.starts_with(group)));
-    let numbers = names.filter_map(|info| match info.getter().read(&view) {
+    let numbers = names.filter_map(|info| match info.getter.read(&view) {
         Reading::Number(number) => Some(number),
         Reading::Flag(_) => None,
     });
