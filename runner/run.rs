@@ -71,7 +71,7 @@ pub use outcome::{Context, DeviceReport, Failure, FaultRecord, Outcome};
 
 use crate::condition::Value;
 use crate::scenario::Scenario;
-use crate::trace::Recorder;
+use crate::trace::{Record, Recorder};
 use agenda::Agenda;
 use context::Recent;
 use host::HostPort;
@@ -381,6 +381,13 @@ impl Run {
     /// The next event.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
+    }
+
+    /// Writes a line of the trace, if there is one.
+    fn record(&mut self, record: impl FnOnce() -> Record) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.write(&record());
+        }
     }
 
     /// The next line of the trace, without its line feed.

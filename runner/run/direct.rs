@@ -10,6 +10,7 @@ use super::{Run, RunError};
 use crate::condition::{Condition, Scope, Value};
 use crate::rig_file::RigFileError;
 use crate::scenario::{MOST_STEPS, Trigger};
+use crate::trace::Record;
 
 /// Name of steps that come from no file, as errors call it.
 const FILE: &str = "step";
@@ -102,9 +103,11 @@ impl Run {
         let at = self.go_before(self.rig.now())?.ok_or(StepError::Over)?;
         step.may_not_trigger = true;
         let index = self.place_for_step().ok_or(StepError::TooMany)?;
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step_added(at, &step.name, text);
-        }
+        self.record(|| Record::Add {
+            t: at.as_nanos(),
+            step: step.name.clone(),
+            text: text.to_owned(),
+        });
         let mut state = StepState::new(&step, self.options.seed);
         state.added = true;
         let begin = match step.trigger {
@@ -166,18 +169,23 @@ impl Run {
         let Some(at) = self.go_before(self.rig.now())? else {
             return Ok(());
         };
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step_cleared(at, &self.scenario.steps[index].name);
-        }
+        let step = self.scenario.steps[index].name.clone();
+        self.record(|| Record::Clear {
+            t: at.as_nanos(),
+            step,
+        });
         self.agenda.plan(at, Item::Clear(index));
         self.instant(at, |_| {})
     }
 
     /// Writes down that time passes otherwise from now on, which changes nothing in the run.
     pub fn note_pace(&mut self, change: &str) {
-        let now = self.rig.now();
-        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.outcome.is_none()) {
-            recorder.pace_changed(now, change);
+        let t = self.rig.now().as_nanos();
+        if self.outcome.is_none() {
+            self.record(|| Record::Pace {
+                t,
+                change: change.to_owned(),
+            });
         }
     }
 

@@ -13,6 +13,7 @@ use super::effects::Undo;
 use super::judge::{Expected, Nearest};
 use super::{MOST_ROUNDS, Run};
 use crate::scenario::{Only, Overlap, Scenario, Step, StepAction, Times, Trigger};
+use crate::trace::Record;
 
 /// Progress of a step.
 #[derive(Debug)]
@@ -242,9 +243,8 @@ impl Run {
         }
         if state.begun.is_none() {
             state.begun = Some(now);
-            if let Some(recorder) = &mut self.recorder {
-                recorder.step(now, &step.name, "begun");
-            }
+            self.record_step(now, step, "begun");
+            let state = &mut self.steps[index];
             if let Some(lasts) = step.lasts.filter(|_| step.is_repeated_for()) {
                 state.pending += 1;
                 let end = now + state.draw(lasts);
@@ -252,6 +252,7 @@ impl Run {
                 self.agenda.plan(end, Item::End(index, Undo::Nothing));
             }
         }
+        let state = &mut self.steps[index];
         state.times += 1;
         let next = step.every.map(|every| now + state.draw(every));
         let next = next.filter(|next| {
@@ -449,6 +450,14 @@ impl Run {
         self.steps[index].pending += 1;
     }
 
+    fn record_step(&mut self, now: SimTime, step: &Step, what: &'static str) {
+        self.record(|| Record::Step {
+            t: now.as_nanos(),
+            step: step.name.clone(),
+            what: what.into(),
+        });
+    }
+
     fn check_done(&mut self, index: usize, now: SimTime) {
         let state = &mut self.steps[index];
         if !state.all_begun || state.pending > 0 || state.done.is_some() {
@@ -456,9 +465,7 @@ impl Run {
         }
         state.done = Some(now);
         let scenario = std::sync::Arc::clone(&self.scenario);
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step(now, &scenario.steps[index].name, "done");
-        }
+        self.record_step(now, &scenario.steps[index], "done");
         for (other, step) in scenario.steps.iter().enumerate() {
             if matches!(step.trigger, Trigger::After(waited) if waited == index) {
                 self.begin(other, now);

@@ -10,6 +10,7 @@ use super::Run;
 use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 use super::steps::FaultCounts;
 use crate::scenario::{StepAction, Trigger};
+use crate::trace::Record;
 
 /// Most failures that are told; further ones are counted.
 const MOST_FAILURES: usize = 50;
@@ -23,9 +24,11 @@ impl Run {
     }
 
     pub(super) fn note_failure(&mut self, at: SimTime, step: Option<String>, what: String) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.failure(at, step.as_deref(), &what);
-        }
+        self.record(|| Record::Failure {
+            t: at.as_nanos(),
+            step: step.clone(),
+            what: what.clone(),
+        });
         if let Some(outcome) = &mut self.outcome {
             outcome.fail(what);
         } else if self.failures.len() < MOST_FAILURES {
