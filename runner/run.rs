@@ -69,7 +69,7 @@ use sim_settings::Source;
 pub use direct::{StepError, StepReport};
 pub use outcome::{Context, DeviceReport, Failure, FaultRecord, Outcome};
 
-use crate::condition::Value;
+use crate::condition::Reading;
 use crate::scenario::Scenario;
 use crate::trace::{Record, Recorder};
 use agenda::Agenda;
@@ -150,7 +150,7 @@ pub struct Run {
     rules: Vec<RuleState>,
     responses: Vec<ResponseState>,
     /// Values that steps have remembered.
-    saved: Vec<Option<Value>>,
+    saved: Vec<Option<Reading>>,
     expected: Vec<Expected>,
     hosts: BTreeMap<PortId, HostPort>,
     /// Up to when what a disturbed line looks like is not the client's fault, by device.

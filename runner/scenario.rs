@@ -51,7 +51,7 @@ pub use files::{NamedText, ScenarioFiles};
 pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
-use crate::condition::{Condition, Saved, Value};
+use crate::condition::{Condition, Reading, Saved};
 use crate::problems::MOST_ERRORS;
 use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
@@ -97,7 +97,7 @@ pub struct Scenario {
     /// The values of parameters that were given.
     pub(crate) given: Vec<(String, String)>,
     /// The parameters that are no texts.
-    pub(crate) parameters: BTreeMap<String, Value>,
+    pub(crate) parameters: BTreeMap<String, Reading>,
     /// The settings that were given.
     pub(crate) set: Vec<String>,
     /// Devices that have the script for a client also where there is a real one.

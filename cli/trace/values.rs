@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_runner::Run;
-use sim_runner::condition::{Probe, ProbeValue};
+use sim_runner::condition::{Probe, Reading};
 use sim_runner::trace::{Onlooker, Record};
 
 use super::Part;
@@ -68,9 +68,9 @@ impl Onlooker for Values {
 
     fn look(&mut self, run: &Run) {
         let cell = |probe: &Probe| match probe.read(run) {
-            ProbeValue::Number(number) => number.to_string(),
-            ProbeValue::Flag(flag) => flag.to_string(),
-            ProbeValue::Unknown => String::new(),
+            Some(Reading::Number(number)) => number.to_string(),
+            Some(Reading::Flag(flag)) => flag.to_string(),
+            None => String::new(),
         };
         let cells: Vec<String> = self.probes.iter().map(cell).collect();
         if self.written.is_ok() {

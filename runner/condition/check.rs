@@ -7,7 +7,7 @@ use cel::common::types::CelDouble;
 use sim_core::device::NameInfo;
 use sim_core::device::names::Unit;
 
-use super::{Devices, Origin, Saved, Value};
+use super::{Devices, Origin, Reading, Saved};
 use crate::suggest::{nearest, or_allowed};
 
 /// What an expression is.
@@ -39,37 +39,19 @@ pub struct Scope<'a> {
     /// Values that steps remember.
     pub saved: &'a [Saved],
     /// The parameters that are no texts.
-    pub parameters: &'a BTreeMap<String, Value>,
+    pub parameters: &'a BTreeMap<String, Reading>,
 }
 
-static NONE: BTreeMap<String, Value> = BTreeMap::new();
+static NONE: BTreeMap<String, Reading> = BTreeMap::new();
 
 /// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean;
 /// says whether it is true or false.
-pub(super) type Check =
-    fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<bool, String>;
-
-/// Allows whatever has a value.
-pub(super) fn value(
+pub(super) fn is_flag(
     expression: &mut IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
 ) -> Result<bool, String> {
     type_of(expression, scope, found).map(|own| own == Type::Flag)
-}
-
-/// Allows what is true or false.
-pub(super) fn condition(
-    expression: &mut IdedExpr,
-    scope: &Scope<'_>,
-    found: &mut BTreeMap<String, Origin>,
-) -> Result<bool, String> {
-    match type_of(expression, scope, found)? {
-        Type::Flag => Ok(true),
-        Type::Number => Err("a condition is true or false, this is a number; \
-                             compare it, as in `truth.speed_mps > 1.5`"
-            .to_owned()),
-    }
 }
 
 fn type_of(
@@ -248,8 +230,8 @@ impl<'a> Scope<'a> {
             format!("no parameter that is a number, true or false is named `{name}`; {hint}")
         })?;
         let unit = match value {
-            Value::Flag(_) => Unit::Flag,
-            Value::Number(_) => Unit::Number(""),
+            Reading::Flag(_) => Unit::Flag,
+            Reading::Number(_) => Unit::Number(""),
         };
         Ok((Origin::Fixed(*value), unit))
     }

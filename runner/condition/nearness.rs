@@ -3,7 +3,7 @@
 use cel::common::ast::{CallExpr, Expr, operators};
 use cel::parser::Expression;
 
-use super::{Condition, Situation, Value};
+use super::{Condition, Reading, Situation};
 
 /// What is false and cannot be more or less so.
 const FAR: f64 = 1.0;
@@ -43,7 +43,7 @@ impl Condition {
             return margin;
         }
         match self.value_of(part, situation) {
-            Ok(Value::Flag(true)) => FAR,
+            Ok(Reading::Flag(true)) => FAR,
             _ => -FAR,
         }
     }
@@ -51,7 +51,7 @@ impl Condition {
     fn margin_of_call(&self, call: &CallExpr, situation: Situation<'_>) -> Option<f64> {
         let margin = |at: usize| Some(self.margin(call.args.get(at)?, situation));
         let number = |at: usize| match self.value_of(call.args.get(at)?, situation) {
-            Ok(Value::Number(number)) if number.is_finite() => Some(number),
+            Ok(Reading::Number(number)) if number.is_finite() => Some(number),
             _ => None,
         };
         let apart = || {

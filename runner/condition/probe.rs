@@ -1,10 +1,10 @@
 //! Values of single names, for tables and plots.
 
 use sim_core::device::DeviceSpec;
-use sim_core::device::names::{Reading, Unit};
+use sim_core::device::names::Unit;
 
 use super::check::Scope;
-use super::{Devices, Origin, identifier};
+use super::{Devices, Origin, Reading, identifier};
 use crate::run::Run;
 
 /// A name that can be read while a run goes on.
@@ -17,29 +17,6 @@ pub struct Probe {
     /// Index of the device; `None` for the time.
     pub device: Option<usize>,
     origin: Origin,
-}
-
-/// The value of a name.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ProbeValue {
-    /// A number; without end where a name says so.
-    Number(f64),
-    /// True or false.
-    Flag(bool),
-    /// No step has remembered it yet.
-    Unknown,
-}
-
-impl ProbeValue {
-    /// The number; true is 1, and what is not known is no number.
-    #[must_use]
-    pub fn number(self) -> f64 {
-        match self {
-            Self::Number(number) => number,
-            Self::Flag(flag) => f64::from(u8::from(flag)),
-            Self::Unknown => f64::NAN,
-        }
-    }
 }
 
 impl Probe {
@@ -75,16 +52,10 @@ impl Probe {
         devices.iter().enumerate().flat_map(of_device).collect()
     }
 
-    /// Its value now.
+    /// Its value now, which may be without end; `None` if no step has remembered it yet.
     #[must_use]
-    pub fn read(&self, run: &Run) -> ProbeValue {
-        if !self.origin.is_known(run.situation()) {
-            return ProbeValue::Unknown;
-        }
-        match self.origin.read(run.situation()) {
-            Reading::Number(number) => ProbeValue::Number(number),
-            Reading::Flag(flag) => ProbeValue::Flag(flag),
-        }
+    pub fn read(&self, run: &Run) -> Option<Reading> {
+        self.origin.read(run.situation())
     }
 }
 

@@ -7,7 +7,7 @@ use sim_settings::{SimTime, Source};
 use super::agenda::Item;
 use super::steps::StepState;
 use super::{Run, RunError};
-use crate::condition::{Condition, Scope, Value};
+use crate::condition::{Condition, Reading, Scope};
 use crate::rig_file::RigFileError;
 use crate::scenario::{MOST_STEPS, Trigger};
 use crate::trace::Record;
@@ -56,7 +56,7 @@ impl Run {
     ///
     /// # Errors
     /// In words, when the expression makes no sense.
-    pub fn value(&self, expression: &str) -> Result<Value, String> {
+    pub fn value(&self, expression: &str) -> Result<Reading, String> {
         self.in_scope(|scope| Condition::parse_value(expression, scope))?
             .value(self.situation())
     }

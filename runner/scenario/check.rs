@@ -16,7 +16,7 @@ use toml::de::{DeTable, DeValue};
 use super::compose::{Parameters, Texts, put_over};
 use super::document::{ClientText, Document, StepText, TimeText};
 use super::{MOST_STEPS, Rule, Scenario, Step, StepAction, Times, Trigger};
-use crate::condition::{Condition, Saved, Scope, Value, identifier};
+use crate::condition::{Condition, Reading, Saved, Scope, identifier};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::{Problems, Put};
 use crate::rig_file::{RigFileError, RigPlan, RigText};
@@ -297,7 +297,7 @@ struct Checker<'a> {
     devices: Vec<(&'a str, &'static DeviceSpec)>,
     /// Which devices have the script for a client in any case.
     scripted: &'a [bool],
-    parameters: &'a BTreeMap<String, Value>,
+    parameters: &'a BTreeMap<String, Reading>,
     /// Parameters that are texts, which no condition can speak of.
     text_parameters: Vec<(String, Put)>,
     tables: Tables<'a>,

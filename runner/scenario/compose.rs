@@ -6,7 +6,7 @@ use sim_settings::Source;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::condition::Value;
+use crate::condition::Reading;
 use crate::problems::{Problems, Put};
 use crate::suggest::or_allowed;
 
@@ -170,10 +170,12 @@ impl<'t> Parameters<'t> {
     }
 
     /// Values that conditions have behind `param.`; texts are for values alone.
-    pub(super) fn values(&self) -> BTreeMap<String, Value> {
+    pub(super) fn values(&self) -> BTreeMap<String, Reading> {
         let value = |value: &DeValue<'_>| match value {
-            DeValue::Boolean(flag) => Some(Value::Flag(*flag)),
-            DeValue::Integer(_) | DeValue::Float(_) => shown(value).parse().ok().map(Value::Number),
+            DeValue::Boolean(flag) => Some(Reading::Flag(*flag)),
+            DeValue::Integer(_) | DeValue::Float(_) => {
+                shown(value).parse().ok().map(Reading::Number)
+            }
             _ => None,
         };
         let all = self.0.iter();
