@@ -5,9 +5,9 @@ mod folder;
 mod junit;
 mod live;
 mod lockstep;
+mod play;
 mod pool;
 mod report;
-mod scripted;
 mod tell;
 mod trace_file;
 mod twice;
@@ -32,7 +32,6 @@ use crate::supervise::adopt_orphans;
 use crate::visible;
 
 use junit::Junit;
-use pool::Audience;
 
 pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
 pub(crate) use live::NO_PORT_OPENED;
@@ -130,7 +129,8 @@ struct Told<'a> {
     junit: Option<Junit>,
 }
 
-impl Audience for Told<'_> {
+impl Told<'_> {
+    /// A case has a result; they come as they come.
     fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
         self.counts.add(result);
         let case = &self.cases[index];
@@ -143,12 +143,14 @@ impl Audience for Told<'_> {
         }
     }
 
+    /// Nothing has come for a moment.
     fn idle(&mut self) -> Result<(), Failure> {
         // Without a thread of its own, which the system may refuse.
         self.progress.tick();
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
+    /// A case has a result; they come in the order of the cases.
     fn told(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
         let text = tell::told(self.args, &self.cases[index], result);
         self.progress.inc(1);
