@@ -10,7 +10,6 @@ mod plots;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -70,7 +69,7 @@ impl Report {
             .map_err(Failure::usage)?;
         if let Target::File = &to {
             // Emptied, lest a former report be taken for this one's if it is killed.
-            fs::File::create(path)
+            to.write(path, b"")
                 .with_context(cannot)
                 .map_err(Failure::usage)?;
         }
@@ -123,12 +122,10 @@ impl Report {
         };
         let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
         let text = page(&rows, &shown.cases).into_string();
-        match &self.to {
-            Target::File => fs::write(&self.path, text),
-            Target::Stream(stream) => (&*stream).write_all(text.as_bytes()),
-        }
-        .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
-        .map_err(Failure::system)
+        let written = self.to.write(&self.path, text.as_bytes());
+        written
+            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
+            .map_err(Failure::system)
     }
 }
 

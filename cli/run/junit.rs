@@ -3,7 +3,6 @@
 //! Each scenario is a test suite, with a test case for each time that it was played, since only
 //! suites can have properties everywhere.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -13,7 +12,7 @@ use sim_runner::Outcome;
 
 use crate::exit::Failure;
 use crate::visible;
-use crate::whole_file::{self, Target};
+use crate::whole_file::Target;
 
 use super::case::{Case, CaseResult, Played, Verdict};
 use super::tell;
@@ -80,25 +79,22 @@ impl Junit {
 
     /// Writes all that is known.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
-        if let Target::Stream(_) = &self.to {
-            let text = self.text().map_err(Failure::system)?;
-            if let Target::Stream(stream) = &mut self.to {
-                return stream
-                    .write_all(text.as_bytes())
-                    .with_context(|| format!("cannot write {}", visible::name(&self.path)))
-                    .map_err(Failure::system);
-            }
-        }
-        self.update()
+        self.write()
     }
 
+    /// Writes it on the way, unless it can be written only once.
     fn update(&mut self) -> Result<(), Failure> {
-        if let Target::Stream(_) = &self.to {
-            return Ok(());
+        match &self.to {
+            Target::Stream(_) => Ok(()),
+            Target::File => self.write(),
         }
+    }
+
+    fn write(&mut self) -> Result<(), Failure> {
         let begun = Instant::now();
         let text = self.text().map_err(Failure::system)?;
-        whole_file::write(&self.path, text.as_bytes())
+        self.to
+            .write(&self.path, text.as_bytes())
             .with_context(|| format!("cannot write {}", visible::name(&self.path)))
             .map_err(Failure::system)?;
         self.written = Some((Instant::now(), begun.elapsed()));
