@@ -113,10 +113,7 @@ impl Session {
         let log = Log::start(options, names.clone())
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
-        let shown: Vec<ShownPort> = ports
-            .iter()
-            .map(|port| ShownPort::new(port, plan))
-            .collect();
+        let shown = ShownPort::all(&ports, plan);
         let when = (begin, args.speed);
         let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
         announce(&log, args, loaded, &shown, seed);
@@ -279,17 +276,14 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
             );
             for (device, planned) in plan.devices.iter().enumerate() {
                 let start = planned.start_word().map(|word| format!(", start {word}"));
-                for port in ports
-                    .iter()
-                    .filter(|port| port.device == plan.devices[device].name)
-                {
+                for port in ports.iter().filter(|port| port.link.id.device == device) {
                     text += &format!(
                         "\n  {} ({} link) on {} at {} baud 8N{}{}",
-                        port.device,
-                        port.link,
+                        port.link.device,
+                        port.link.name,
                         visible::name(&port.path),
-                        port.baud,
-                        port.stop_bits,
+                        port.link.baud,
+                        port.link.stop_bits,
                         start.as_deref().unwrap_or_default(),
                     );
                 }

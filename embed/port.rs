@@ -39,8 +39,7 @@ pub(crate) struct PortState {
 
 impl PortState {
     pub(crate) fn new(id: PortId, run: &Run) -> Self {
-        let plan = &run.scenario().rig.devices[id.device];
-        let link = plan.links().into_iter().find(|link| link.index == id.link);
+        let link = run.scenario().rig.links().find(|link| link.id == id);
         let line = link.map_or(ClientLine::at(115_200), |link| ClientLine {
             stop_bits: u8::try_from(link.stop_bits).unwrap_or(1),
             ..ClientLine::at(link.baud)

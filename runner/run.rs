@@ -194,19 +194,7 @@ impl Run {
         };
         scenario.check_obstacles(&map).map_err(RunError::World)?;
         let rig = scenario.rig.build(map, options.wire, options.seed);
-        let ports: Vec<PortId> = scenario
-            .rig
-            .devices
-            .iter()
-            .enumerate()
-            .flat_map(|(device, plan)| {
-                let links = plan.links().into_iter();
-                links.map(move |link| PortId {
-                    device,
-                    link: link.index,
-                })
-            })
-            .collect();
+        let ports: Vec<PortId> = scenario.rig.links().map(|link| link.id).collect();
         let first = |device| ports.partition_point(|port| port.device < device);
         let first_ports = (0..=scenario.rig.devices.len()).map(first).collect();
         let recorder = options

@@ -51,6 +51,7 @@ pub use files::{NamedText, ScenarioFiles};
 pub(crate) use actions::WorldAction;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
+use crate::assemble::PlannedLink;
 use crate::condition::{Condition, Reading, Saved};
 use crate::problems::MOST_ERRORS;
 use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
@@ -275,6 +276,12 @@ impl Scenario {
     #[must_use]
     pub fn is_scripted(&self, device: usize) -> bool {
         self.scripted.get(device).copied().unwrap_or(false)
+    }
+
+    /// The links that a client may open: all but those of devices that have the script for one.
+    pub fn client_links(&self) -> impl Iterator<Item = PlannedLink> {
+        let links = self.rig.links();
+        links.filter(|link| !self.is_scripted(link.id.device))
     }
 
     /// The device that is meant where none is named: the only one, or the only one for a real

@@ -79,7 +79,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
     let devices = parts
         .enumerate()
         .map(|(index, ((plan, report), (_, [length, width])))| {
-            let own = ports.iter().filter(|port| port.device == plan.name);
+            let own = ports.iter().filter(|port| port.link.id.device == index);
             let faults = report.held_against_client().map(|(code, tally)| {
                 json!({
                     "code": code,

@@ -23,9 +23,11 @@ pub(crate) struct Words(pub(crate) Vec<DeviceName>);
 impl Words {
     /// For the devices of a rig.
     pub(crate) fn new(rig: &RigPlan) -> Self {
+        let links =
+            |device: &sim_runner::DevicePlan| device.device.links.iter().take(device.ports.len());
         let name = |device: &sim_runner::DevicePlan| DeviceName {
             name: device.name.clone(),
-            links: device.links().iter().map(|link| link.name).collect(),
+            links: links(device).map(|link| link.name).collect(),
         };
         Self(rig.devices.iter().map(name).collect())
     }

@@ -127,13 +127,13 @@ impl<'a> Case<'a> {
     pub(crate) fn desk(
         &self,
         run: &Run,
-        ports: impl FnOnce() -> Vec<ShownPort>,
+        ports: Vec<ShownPort>,
         environment: &mut Vec<(String, OsString)>,
     ) -> Result<Option<Desk>, Failure> {
         let Some(listen) = &self.args.control else {
             return Ok(None);
         };
-        let desk = Desk::open(listen, run, ports())?;
+        let desk = Desk::open(listen, run, ports)?;
         environment.push(("SIM_CONTROL".to_owned(), desk.url().into()));
         complain(&format!("{}: control on {}", self.name(), desk.url()));
         Ok(Some(desk))

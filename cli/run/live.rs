@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -17,8 +16,7 @@ use crate::plan::absolute;
 use crate::supervise::ClientEnd;
 use crate::visible;
 use sim_core::SimTime;
-use sim_core::rig::PortId;
-use sim_embed::ports::{Elsewhere, ShownPort, open_all, variable};
+use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
 use sim_pty::PtySetup;
 
@@ -52,14 +50,9 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         PtySetup::raw(0),
     )
     .map_err(Failure::system)?;
-    let paths = ports.iter().map(|served| (served.id, served.path.clone()));
-    let mut environment = environment(case, paths)?;
-    let shown = || {
-        ports
-            .iter()
-            .map(|port| ShownPort::new(port, &case.loaded.scenario.rig))
-    };
-    let desk = case.desk(&run, || shown().collect(), &mut environment)?;
+    let shown = ShownPort::all(&ports, &case.loaded.scenario.rig);
+    let mut environment = environment(case, &shown)?;
+    let desk = case.desk(&run, shown, &mut environment)?;
     let log = case.file("client.log").map(|path| {
         File::create(&path).with_context(|| {
             format!(
@@ -111,15 +104,11 @@ pub(crate) fn no_port_opened(case: &Case<'_>) -> String {
 /// Environment of the client.
 pub(crate) fn environment(
     case: &Case<'_>,
-    ports: impl Iterator<Item = (PortId, PathBuf)>,
+    ports: &[ShownPort],
 ) -> Result<Vec<(String, OsString)>, Failure> {
-    let plan = &case.loaded.scenario.rig;
     let mut environment: Vec<(String, OsString)> = Vec::new();
-    for (id, path) in ports {
-        let device = &plan.devices[id.device];
-        let links = device.links();
-        let link = links.iter().find(|link| link.index == id.link);
-        let variable = variable(&device.name, id.link, link.map_or("", |link| link.name));
+    for port in ports {
+        let variable = port.link.variable();
         if environment.iter().any(|(other, _)| *other == variable) {
             return Err(Failure::usage(anyhow!(
                 "{}: two ports would both be found in ${variable}; give the devices names that \
@@ -127,7 +116,7 @@ pub(crate) fn environment(
                 visible::name(&case.loaded.path)
             )));
         }
-        environment.push((variable, absolute(&path)?.into()));
+        environment.push((variable, absolute(&port.path)?.into()));
     }
     environment.push(("SIM_SEED".to_owned(), case.seed.to_string().into()));
     environment.push((

@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -45,16 +44,10 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let (mut run, playing) = Playing::begin(case, stop)?;
     run.follow_bytes();
     let folder = Folder::take(case).map_err(Failure::system)?;
-    let (ids, mut ports) = open_ports(case, &folder)?;
-    let paths = ids.iter().zip(&ports);
-    let paths = paths.map(|(id, port)| (*id, port.path().to_owned()));
-    let mut environment = super::live::environment(case, paths)?;
-    let plan = &case.loaded.scenario.rig;
-    let shown = || {
-        let ports = ids.iter().zip(&ports);
-        ports.map(|(id, port)| ShownPort::at(*id, port.path(), plan))
-    };
-    let desk = case.desk(&run, || shown().collect(), &mut environment)?;
+    let (shown, mut ports) = open_ports(case, &folder)?;
+    let ids = shown.iter().map(|port| port.link.id).collect();
+    let mut environment = super::live::environment(case, &shown)?;
+    let desk = case.desk(&run, shown, &mut environment)?;
     let mut output = open_output(case).map_err(Failure::system)?;
     let program = Program {
         words: &case.args.client,
@@ -122,43 +115,32 @@ fn failure(case: &Case<'_>, error: Error) -> Failure {
 }
 
 /// A port for each link of each device, in the folder or where the rig has it.
-fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>), Failure> {
-    let mut ids = Vec::new();
+fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<ShownPort>, Vec<Port>), Failure> {
+    let mut shown = Vec::new();
     let mut ports = Vec::new();
-    let scenario = &case.loaded.scenario;
-    let devices = scenario.rig.devices.iter().enumerate();
-    for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
-        for link in planned.links() {
-            let path = match &link.path {
-                Some(path) if ListenAddress::is_url(path) => {
-                    return Err(Failure::system(anyhow!(
-                        "the network keeps real time, so no client in the simulator's time can open \
-                         {}; --time real runs it in real time",
-                        visible::name(path)
-                    )));
-                }
-                Some(path) => case.loaded.folder().join(path),
-                None => folder
-                    .path()
-                    .join(link_name(&planned.name, link.index, link.name)),
-            };
-            let port = Port::new(path.clone(), link.baud)
-                .with_context(|| format!("cannot serve a port at {}", path.display()));
-            ports.push(port.map_err(Failure::system)?);
-            ids.push(PortId {
-                device,
-                link: link.index,
-            });
-        }
+    for link in case.loaded.scenario.client_links() {
+        let path = match &link.path {
+            Some(path) if ListenAddress::is_url(path) => {
+                return Err(Failure::system(anyhow!(
+                    "the network keeps real time, so no client in the simulator's time can open \
+                     {}; --time real runs it in real time",
+                    visible::name(path)
+                )));
+            }
+            Some(path) => case.loaded.folder().join(path),
+            None => folder.path().join(link.file_name()),
+        };
+        let port = Port::new(path.clone(), link.baud)
+            .with_context(|| format!("cannot serve a port at {}", path.display()))
+            .map_err(Failure::system)?;
+        shown.push(ShownPort {
+            link,
+            path: port.path().to_owned(),
+            is_public: false,
+        });
+        ports.push(port);
     }
-    Ok((ids, ports))
-}
-
-fn link_name(device: &str, index: usize, link: &str) -> PathBuf {
-    match index {
-        0 => device.into(),
-        _ => format!("{device}-{}", link.to_lowercase()).into(),
-    }
+    Ok((shown, ports))
 }
 
 /// Where the client writes: a file, which takes everything at once. A reader of a pipe would be one

@@ -6,13 +6,12 @@ use serde_json::{Value, json};
 use sim_core::event::Hex;
 use sim_embed::serve::HeldUp;
 use sim_runner::run::Failure;
-use sim_runner::{DevicePlan, Outcome, PlannedLink, Scenario};
+use sim_runner::{Outcome, Scenario};
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::scenario_files::Loaded;
 use crate::visible;
-use sim_embed::ports;
 
 use super::case::{Case, CaseResult, Played, Verdict};
 
@@ -51,7 +50,8 @@ pub(crate) fn planned(case: &Case<'_>) -> String {
         if scenario.is_scripted(index) {
             text += ", scripted";
         } else if case.is_live() {
-            let variables = variables_of(device);
+            let links = scenario.rig.links().filter(|link| link.id.device == index);
+            let variables: Vec<String> = links.map(|link| link.variable()).collect();
             let _ = write!(text, ", served at ${}", variables.join(" and $"));
         }
     }
@@ -59,18 +59,12 @@ pub(crate) fn planned(case: &Case<'_>) -> String {
     text
 }
 
-/// The variables of the environment in which a client finds the ports of a device.
-fn variables_of(device: &DevicePlan) -> Vec<String> {
-    let links = device.links();
-    let variable = |link: &PlannedLink| ports::variable(&device.name, link.index, link.name);
-    links.iter().map(variable).collect()
-}
-
-/// The same of all devices that a client has.
+/// The variables of the environment in which a client finds the ports.
 pub(crate) fn variables(scenario: &Scenario) -> Vec<String> {
-    let devices = scenario.rig.devices.iter().enumerate();
-    let live = devices.filter(|(index, _)| !scenario.is_scripted(*index));
-    live.flat_map(|(_, device)| variables_of(device)).collect()
+    scenario
+        .client_links()
+        .map(|link| link.variable())
+        .collect()
 }
 
 /// What came of a case, in full if it failed.
