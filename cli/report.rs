@@ -19,7 +19,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sim_core::device::Devices;
 
 use crate::exit::Failure;
-use crate::run::{self, Case, CaseResult, PlayedCase, worth};
+use crate::run::{Case, CaseResult, PlayedCase, Verdict, worth};
 use crate::visible::{self, lines as readable};
 use crate::whole_file::Target;
 use case::{Detail, shown};
@@ -155,46 +155,34 @@ struct Row {
     time: Option<f64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
-    Passed,
-    Failed,
-    /// Not played to an end, or spoilt by the machine.
-    Error,
-    Skipped,
-}
-
-impl Verdict {
-    fn word(self) -> &'static str {
-        match self {
-            Self::Passed => "ok",
-            Self::Failed => "FAILED",
-            Self::Error => "error",
-            Self::Skipped => "skipped",
+/// A verdict as it is shown: its word, its class in the style sheet, and what is counted.
+fn shown_as(verdict: Verdict) -> [&'static str; 3] {
+    match verdict {
+        Verdict::Passed => ["ok", "passed", "passed"],
+        Verdict::Failed => ["FAILED", "failed", "failed"],
+        // Not played to an end, or spoilt by the machine.
+        Verdict::Spoilt | Verdict::Broken | Verdict::BrokenOff => {
+            ["error", "other", "could not be judged"]
         }
+        Verdict::Skipped => ["skipped", "other", "skipped"],
     }
 }
 
 impl Row {
     fn new(case: &Case<'_>, result: Option<&CaseResult>) -> Self {
-        let (verdict, says, time) = match result {
+        let (says, time) = match result {
             Some(CaseResult::Played(played)) => {
-                let verdict = match played.verdict() {
-                    run::Verdict::Passed => Verdict::Passed,
-                    run::Verdict::Failed => Verdict::Failed,
-                    run::Verdict::Spoilt => Verdict::Error,
-                };
                 let time = played.outcome.ended_at.as_secs_f64();
-                (verdict, worth(&played.outcome), Some(time))
+                (worth(&played.outcome), Some(time))
             }
-            Some(CaseResult::BrokenOff) => (Verdict::Error, "broken off".to_owned(), None),
-            Some(CaseResult::Broken(why)) => (Verdict::Error, why.clone(), None),
-            None => (Verdict::Skipped, "not played".to_owned(), None),
+            Some(CaseResult::BrokenOff) => ("broken off".to_owned(), None),
+            Some(CaseResult::Broken(why)) => (why.clone(), None),
+            None => ("not played".to_owned(), None),
         };
         Self {
             name: case.name(),
             title: case.loaded.scenario.title.clone(),
-            verdict,
+            verdict: result.map_or(Verdict::Skipped, CaseResult::verdict),
             says,
             time,
         }
@@ -203,8 +191,8 @@ impl Row {
 
 /// The whole page.
 fn page(rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
-    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
-    let passed = count(Verdict::Passed);
+    let passed = rows.iter().filter(|row| row.verdict == Verdict::Passed);
+    let passed = passed.count();
     let title = format!("{passed} of {} passed", rows.len());
     html! {
         (DOCTYPE)
@@ -238,19 +226,19 @@ fn page(rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
 }
 
 fn tally(rows: &[Row]) -> String {
-    let verdicts = [
-        (Verdict::Passed, "passed"),
-        (Verdict::Failed, "failed"),
-        (Verdict::Error, "could not be judged"),
-        (Verdict::Skipped, "skipped"),
+    let kinds = [
+        Verdict::Passed,
+        Verdict::Failed,
+        Verdict::Broken,
+        Verdict::Skipped,
     ];
-    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
-    let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
-    let some = counts.iter().filter(|(count, _)| *count > 0);
-    let words: Vec<String> = some
-        .map(|(count, word)| format!("{count} {word}"))
-        .collect();
-    words.join(", ")
+    let words = kinds.into_iter().filter_map(|kind| {
+        let is_such = |row: &&Row| shown_as(row.verdict) == shown_as(kind);
+        let count = rows.iter().filter(is_such).count();
+        let [.., counted] = shown_as(kind);
+        (count > 0).then(|| format!("{count} {counted}"))
+    });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 fn table(rows: &[Row]) -> Markup {
@@ -276,12 +264,8 @@ fn table(rows: &[Row]) -> Markup {
 }
 
 fn badge(verdict: Verdict) -> Markup {
-    let class = match verdict {
-        Verdict::Passed => "passed",
-        Verdict::Failed => "failed",
-        Verdict::Error | Verdict::Skipped => "other",
-    };
-    html! { span class=(format!("badge {class}")) { (verdict.word()) } }
+    let [word, class, _] = shown_as(verdict);
+    html! { span class=(format!("badge {class}")) { (word) } }
 }
 
 /// A case that failed is open, one that passed is folded.

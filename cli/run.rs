@@ -234,52 +234,32 @@ fn progress(count: usize) -> indicatif::ProgressBar {
 
 /// How many results there are of each kind.
 #[derive(Default)]
-struct Counts {
-    passed: usize,
-    failed: usize,
-    spoilt: usize,
-    broken: usize,
-    broken_off: usize,
-}
+struct Counts(BTreeMap<Verdict, usize>);
 
 impl Counts {
     fn add(&mut self, result: &CaseResult) {
-        let count = match result {
-            CaseResult::Played(played) => match played.verdict() {
-                Verdict::Passed => &mut self.passed,
-                Verdict::Failed => &mut self.failed,
-                Verdict::Spoilt => &mut self.spoilt,
-            },
-            CaseResult::Broken(_) => &mut self.broken,
-            CaseResult::BrokenOff => &mut self.broken_off,
-        };
-        *count += 1;
+        *self.0.entry(result.verdict()).or_default() += 1;
     }
 
     /// The last line, and the exit code; `all` were to be played.
     fn finish(&self, all: usize) -> Result<Exit, Failure> {
-        let Self {
-            passed,
-            failed,
-            spoilt,
-            broken,
-            broken_off,
-        } = self;
-        let skipped = all - passed - failed - spoilt - broken - broken_off;
-        let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-        for (count, what) in [
-            (spoilt, "spoilt by the machine"),
-            (broken, "could not be played"),
-            (broken_off, "broken off"),
+        let count = |verdict| self.0.get(&verdict).copied().unwrap_or_default();
+        let (passed, failed) = (count(Verdict::Passed), count(Verdict::Failed));
+        let known: usize = self.0.values().sum();
+        let mut text = format!("{passed} passed, {failed} failed, {} skipped", all - known);
+        for (verdict, what) in [
+            (Verdict::Spoilt, "spoilt by the machine"),
+            (Verdict::Broken, "could not be played"),
+            (Verdict::BrokenOff, "broken off"),
         ] {
-            if *count > 0 {
-                text += &format!(", {count} {what}");
+            if count(verdict) > 0 {
+                text += &format!(", {} {what}", count(verdict));
             }
         }
         print(&text)?;
-        Ok(if spoilt + broken + broken_off > 0 {
+        Ok(if known > passed + failed {
             Exit::System
-        } else if *failed > 0 {
+        } else if failed > 0 {
             Exit::Failed
         } else {
             Exit::Clean

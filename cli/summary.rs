@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 use sim_core::SimTime;
 use sim_core::event::Hex;
-use sim_core::report::Report;
+use sim_core::report::{Report, Tally};
 use sim_pty::Counters;
 
 /// One device's part of the summary.
@@ -59,11 +59,7 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
             let _ = write!(text, "\n    events: {}", other.join(", "));
         }
         for (code, tally) in report.damage() {
-            let _ = write!(
-                text,
-                "\n    damage: {code} {}x, first at {} s: {}",
-                tally.count, tally.first_at, tally.first
-            );
+            let _ = write!(text, "\n    damage: {}", counted(code, tally.count, tally));
         }
         for port in ports {
             let full = port.dropped_full_bytes;
@@ -89,11 +85,8 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
             );
         }
         for (code, tally) in faults {
-            let _ = write!(
-                text,
-                "\n      {code} {}x, first at {} s: {}",
-                tally.held_against_client, tally.first_at, tally.first
-            );
+            let told = counted(code, tally.held_against_client, tally);
+            let _ = write!(text, "\n      {told}");
             if tally.count > 1 && tally.lost_bytes > 0 {
                 let _ = write!(text, "; {} bytes in all", tally.lost_bytes);
             }
@@ -115,6 +108,14 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
         );
     }
     text
+}
+
+/// Events of one kind, of which these count, in words.
+pub(crate) fn counted(code: &str, count: u64, tally: &Tally) -> String {
+    format!(
+        "{code} {count}x, first at {} s: {}",
+        tally.first_at, tally.first
+    )
 }
 
 /// For programs.

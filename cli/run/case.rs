@@ -212,23 +212,19 @@ pub(crate) struct Played {
 }
 
 /// A verdict, and whom it is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
     Passed,
     /// The client failed, or the vehicle did what it should not.
     Failed,
     /// The machine held the simulator up so much that a failure says nothing of the client.
     Spoilt,
-}
-
-impl Played {
-    pub(crate) fn verdict(&self) -> Verdict {
-        match (self.outcome.passed, self.is_spoilt) {
-            (true, _) => Verdict::Passed,
-            (false, true) => Verdict::Spoilt,
-            (false, false) => Verdict::Failed,
-        }
-    }
+    /// The simulator or the system failed.
+    Broken,
+    /// A signal asked for the end.
+    BrokenOff,
+    /// It was not played.
+    Skipped,
 }
 
 /// A client that has ended.
@@ -245,7 +241,13 @@ pub(crate) struct PlayedClient {
 }
 
 impl CaseResult {
-    pub(crate) fn passed(&self) -> bool {
-        matches!(self, Self::Played(played) if played.outcome.passed)
+    pub(crate) fn verdict(&self) -> Verdict {
+        match self {
+            Self::Played(played) if played.outcome.passed => Verdict::Passed,
+            Self::Played(played) if played.is_spoilt => Verdict::Spoilt,
+            Self::Played(_) => Verdict::Failed,
+            Self::BrokenOff => Verdict::BrokenOff,
+            Self::Broken(_) => Verdict::Broken,
+        }
     }
 }

@@ -14,7 +14,7 @@ use crate::exit::Failure;
 use crate::visible;
 use crate::whole_file::Target;
 
-use super::case::{Case, CaseResult, Played, Verdict};
+use super::case::{Case, CaseResult, Played};
 use super::tell;
 
 /// How many times as long as the last writing took to play on before the next: with thousands of
@@ -204,22 +204,18 @@ fn surroundings(outcome: &Outcome) -> String {
 }
 
 fn status(result: Option<&CaseResult>) -> TestCaseStatus {
+    let error = |kind: &str, why: &str| {
+        let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
+        status.set_message(text(why)).set_type(kind);
+        status
+    };
     match result {
-        Some(CaseResult::Played(played)) => match played.verdict() {
-            Verdict::Passed => TestCaseStatus::success(),
-            Verdict::Failed => failed(played, NonSuccessKind::Failure, "scenario"),
-            Verdict::Spoilt => failed(played, NonSuccessKind::Error, "machine"),
-        },
-        Some(CaseResult::Broken(why)) => {
-            let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
-            status.set_message(text(why)).set_type("simulator");
-            status
-        }
+        Some(CaseResult::Played(played)) if played.outcome.passed => TestCaseStatus::success(),
+        Some(CaseResult::Played(played)) => failed(played),
+        Some(CaseResult::Broken(why)) => error("simulator", why),
         Some(CaseResult::BrokenOff) => {
-            let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
             let why = "a signal ended the run while this was being played";
-            status.set_message(why).set_type("broken off");
-            status
+            error("broken off", why)
         }
         None => {
             let mut status = TestCaseStatus::skipped();
@@ -229,7 +225,11 @@ fn status(result: Option<&CaseResult>) -> TestCaseStatus {
     }
 }
 
-fn failed(played: &Played, kind: NonSuccessKind, what: &str) -> TestCaseStatus {
+fn failed(played: &Played) -> TestCaseStatus {
+    let (kind, what) = match played.is_spoilt {
+        true => (NonSuccessKind::Error, "machine"),
+        false => (NonSuccessKind::Failure, "scenario"),
+    };
     let mut status = TestCaseStatus::non_success(kind);
     let machine = played.held_up.and_then(tell::machines_part);
     let failures = played.outcome.failures.iter().map(ToString::to_string);

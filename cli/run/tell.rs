@@ -11,6 +11,7 @@ use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::scenario_files::Loaded;
+use crate::summary::counted;
 use crate::visible;
 
 use super::case::{Case, CaseResult, Played, Verdict};
@@ -71,18 +72,18 @@ pub(crate) fn variables(scenario: &Scenario) -> Vec<String> {
 pub(crate) fn told(args: &RunArgs, case: &Case<'_>, result: &CaseResult) -> String {
     let name = case.name();
     match result {
-        CaseResult::Played(played) => told_played(args, case, played),
+        CaseResult::Played(played) => told_played(args, case, played, result.verdict()),
         CaseResult::BrokenOff => format!("broken off  {name}"),
         CaseResult::Broken(why) => format!("BROKEN  {name}: {}", visible::line(why)),
     }
 }
 
-fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
+fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played, verdict: Verdict) -> String {
     let outcome = &played.outcome;
-    let word = match played.verdict() {
+    let word = match verdict {
         Verdict::Passed => "ok    ",
-        Verdict::Failed => "FAILED",
         Verdict::Spoilt => "SPOILT",
+        _ => "FAILED",
     };
     let mut text = format!(
         "{word}  {}: {} ({:.1} s simulated",
@@ -113,11 +114,8 @@ fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
     }
     for device in &outcome.devices {
         for (code, tally) in device.report.damage() {
-            let _ = write!(
-                text,
-                "\n  damage: {}: {code} {}x, first at {} s: {}",
-                device.name, tally.count, tally.first_at, tally.first
-            );
+            let told = counted(code, tally.count, tally);
+            let _ = write!(text, "\n  damage: {}: {told}", device.name);
         }
     }
     // What a scripted client does wrong, it was told to do.
@@ -244,10 +242,8 @@ pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
     let mut lines = Vec::new();
     for device in &outcome.devices {
         for (code, tally) in device.report.held_against_client() {
-            lines.push(format!(
-                "{}: {code} {}x, first at {} s: {}",
-                device.name, tally.held_against_client, tally.first_at, tally.first
-            ));
+            let told = counted(code, tally.held_against_client, tally);
+            lines.push(format!("{}: {told}", device.name));
         }
     }
     lines
