@@ -15,13 +15,13 @@ use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::control::Desk;
 use crate::exit::{Exit, Failure};
-use crate::log::{DeviceName, Log, LogOptions, Words};
+use crate::log::{Log, LogOptions, Words};
 use crate::looking::Looking;
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run::{self, TraceFile};
 use crate::scenario_files::Loaded;
-use crate::summary::{self, DeviceSummary, RunSummary};
+use crate::summary;
 use crate::visible;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
@@ -72,7 +72,6 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
 struct Session {
     server: Server,
     log: Log,
-    names: Vec<DeviceName>,
     counters: Vec<(PortId, Counters)>,
     ready_file: Option<ReadyFile>,
     desk: Option<Desk>,
@@ -109,8 +108,7 @@ impl Session {
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let Words(names) = Words::new(plan);
-        let log = Log::start(options, names.clone())
+        let log = Log::start(options, Words::new(plan))
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
         let shown = ShownPort::all(&ports, plan);
@@ -150,7 +148,6 @@ impl Session {
         Ok(Self {
             server,
             log,
-            names,
             counters: Vec::new(),
             ready_file,
             desk,
@@ -196,33 +193,9 @@ impl Session {
 
     fn print_summary(&mut self, verdict: Option<String>) {
         let run = self.server.run();
-        let summary = (!self.log.is_quiet()).then(|| {
-            let devices: Vec<DeviceSummary<'_>> = self
-                .names
-                .iter()
-                .zip(run.reports())
-                .enumerate()
-                .map(|(device, (named, report))| DeviceSummary {
-                    name: &named.name,
-                    report,
-                    distance_m: run.rig().distance_m(device),
-                    ports: self
-                        .counters
-                        .iter()
-                        .filter(|(id, _)| id.device == device)
-                        .map(|(_, counters)| *counters)
-                        .collect(),
-                })
-                .collect();
-            let run = RunSummary {
-                now: run.rig().now(),
-                events_lost: run.events_lost(),
-                excused: run.excused(),
-            };
-            match self.log.format() {
-                LogFormat::Text => summary::text(&run, &devices),
-                LogFormat::Json => visible::json(&summary::json(&run, &devices)),
-            }
+        let summary = (!self.log.is_quiet()).then(|| match self.log.format() {
+            LogFormat::Text => summary::text(run, &self.counters),
+            LogFormat::Json => visible::json(&summary::json(run, &self.counters)),
         });
         let last: Vec<String> = summary.into_iter().chain(verdict).collect();
         let last = (!last.is_empty()).then(|| last.join("\n"));

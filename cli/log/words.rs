@@ -11,14 +11,14 @@ use crate::visible;
 
 /// Names of a device and its links.
 #[derive(Debug, Clone)]
-pub(crate) struct DeviceName {
-    pub(crate) name: String,
-    pub(crate) links: Vec<&'static str>,
+struct DeviceName {
+    name: String,
+    links: Vec<&'static str>,
 }
 
 /// Puts events into words; what the devices are called, by index.
 #[derive(Debug, Clone)]
-pub(crate) struct Words(pub(crate) Vec<DeviceName>);
+pub(crate) struct Words(Vec<DeviceName>);
 
 impl Words {
     /// For the devices of a rig.

@@ -76,11 +76,7 @@ impl Run {
         self.record(|| Record::Line {
             t,
             port: port.into(),
-            baud: line.baud,
-            stop_bits: line.stop_bits,
-            raw: line.raw,
-            parity: line.parity,
-            rts_cts: line.rts_cts,
+            line,
         });
         self.rig.set_client_line(port, line);
     }
