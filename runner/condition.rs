@@ -28,7 +28,8 @@ use sim_core::device::names::Getter;
 use sim_core::device::{DeviceSpec, Observed, View};
 use sim_core::rig::Rig;
 
-pub use check::{Scope, identifier};
+pub(crate) use check::Scope;
+pub use check::identifier;
 pub use probe::Probe;
 pub use sim_core::device::names::Reading;
 
@@ -60,7 +61,7 @@ enum Origin {
 
 /// A value that a step remembers.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Saved {
+pub(crate) struct Saved {
     /// As conditions write it behind `saved.`.
     pub name: String,
     /// It is true or false, and no number.
@@ -68,11 +69,11 @@ pub struct Saved {
 }
 
 /// The devices that conditions can speak of: name and kind, by their index in the rig.
-pub type Devices<'a> = [(&'a str, &'static DeviceSpec)];
+pub(crate) type Devices<'a> = [(&'a str, &'static DeviceSpec)];
 
 /// State of a run that conditions are evaluated against.
 #[derive(Clone, Copy)]
-pub struct Situation<'a> {
+pub(crate) struct Situation<'a> {
     /// The devices and their world.
     pub rig: &'a Rig,
     /// Observations of each device, by its index.
@@ -86,7 +87,7 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+    pub(crate) fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
         match Self::parse_typed(text, scope)? {
             (condition, true) => Ok(condition),
             (_, false) => Err("a condition is true or false, this is a number; \
@@ -99,7 +100,7 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+    pub(crate) fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
         Self::parse_typed(text, scope).map(|(value, _)| value)
     }
 
@@ -124,15 +125,13 @@ impl Condition {
     }
 
     /// Tells whether all that it speaks of has a value by now: what steps remember has none before.
-    #[must_use]
-    pub fn is_known(&self, situation: Situation<'_>) -> bool {
+    pub(crate) fn is_known(&self, situation: Situation<'_>) -> bool {
         let mut origins = self.names.values();
         origins.all(|origin| origin.read(situation).is_some())
     }
 
     /// As it was written.
-    #[must_use]
-    pub fn text(&self) -> &str {
+    pub(crate) fn text(&self) -> &str {
         &self.text
     }
 
@@ -140,7 +139,7 @@ impl Condition {
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
+    pub(crate) fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
         match self.value(situation)? {
             Reading::Flag(holds) => Ok(holds),
             Reading::Number(_) => Err(format!("`{}` is neither true nor false", self.text)),
@@ -151,7 +150,7 @@ impl Condition {
     ///
     /// # Errors
     /// As [`Condition::holds`].
-    pub fn value(&self, situation: Situation<'_>) -> Result<Reading, String> {
+    pub(crate) fn value(&self, situation: Situation<'_>) -> Result<Reading, String> {
         self.value_of(&self.expression, situation)
             .map_err(|why| format!("`{}` has no value{why}", self.text))
     }
@@ -174,8 +173,7 @@ impl Condition {
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.
-    #[must_use]
-    pub fn explain(&self, situation: Situation<'_>) -> String {
+    pub(crate) fn explain(&self, situation: Situation<'_>) -> String {
         let values = self.names.iter().map(|(name, origin)| {
             let value = origin.read(situation).unwrap_or(NOTHING);
             format!("{name} = {value}")

@@ -209,7 +209,7 @@ impl Run {
                 .collect(),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
-            rules: judge::rule_states(&scenario),
+            rules: vec![RuleState::default(); scenario.rules.len()],
             responses: vec![ResponseState::default(); scenario.responses.len()],
             saved: vec![None; scenario.saved.len()],
             expected: Vec::new(),

@@ -31,7 +31,7 @@ const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
 
 /// Names and their meanings.
 #[derive(Debug, Clone, Copy)]
-pub struct Scope<'a> {
+pub(crate) struct Scope<'a> {
     /// The devices.
     pub devices: &'a Devices<'a>,
     /// The device whose name may be left out.
@@ -41,8 +41,6 @@ pub struct Scope<'a> {
     /// The parameters that are no texts.
     pub parameters: &'a BTreeMap<String, Reading>,
 }
-
-static NONE: BTreeMap<String, Reading> = BTreeMap::new();
 
 /// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean;
 /// says whether it is true or false.
@@ -185,18 +183,7 @@ fn qualified_name(expression: &Expr) -> Option<String> {
     }
 }
 
-impl<'a> Scope<'a> {
-    /// Devices alone; with one, its name may be left out.
-    #[must_use]
-    pub fn of(devices: &'a Devices<'a>) -> Self {
-        Self {
-            devices,
-            usual: (devices.len() == 1).then_some(0),
-            saved: &[],
-            parameters: &NONE,
-        }
-    }
-
+impl Scope<'_> {
     pub(super) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
         if name == "t" {
             return Ok((Origin::Time, Unit::Number("s")));

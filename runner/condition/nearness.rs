@@ -10,7 +10,6 @@ const FAR: f64 = 1.0;
 
 impl Condition {
     /// Tells whether it can be nearer to holding and farther from it: it compares.
-    #[must_use]
     pub(crate) fn is_gradual(&self) -> bool {
         fn compares(part: &Expr) -> bool {
             const SIGNS: [&str; 6] = [
@@ -30,8 +29,7 @@ impl Condition {
     /// Distance from holding, 0 at most; larger is nearer. Numbers that are compared count by how
     /// far they are apart, as a part of the larger one; of what must hold together, all that does
     /// not counts.
-    #[must_use]
-    pub fn nearness(&self, situation: Situation<'_>) -> f64 {
+    pub(crate) fn nearness(&self, situation: Situation<'_>) -> f64 {
         self.margin(&self.expression, situation).min(0.0)
     }
 

@@ -71,7 +71,7 @@ impl Run {
     /// Every name of every device, the device's own name before it.
     #[must_use]
     pub fn probes(&self) -> Vec<Probe> {
-        Probe::all(&self.devices())
+        Probe::all(&self.scenario().rig.kinds())
     }
 
     /// A name of one device, without the device's.
@@ -79,12 +79,5 @@ impl Run {
     pub fn probe_of(&self, device: usize, name: &str) -> Option<Probe> {
         let own = identifier(&self.scenario().rig.devices.get(device)?.name);
         self.probe(&format!("{own}.{name}")).ok()
-    }
-
-    fn devices(&self) -> Vec<(&str, &'static DeviceSpec)> {
-        let plans = self.scenario().rig.devices.iter();
-        plans
-            .map(|plan| (plan.name.as_str(), plan.device))
-            .collect()
     }
 }

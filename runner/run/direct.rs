@@ -5,6 +5,7 @@ use std::sync::Arc;
 use sim_settings::{SimTime, Source};
 
 use super::agenda::Item;
+use super::effects::Undo;
 use super::steps::StepState;
 use super::{Run, RunError};
 use crate::condition::{Condition, Reading, Scope};
@@ -71,13 +72,8 @@ impl Run {
 
     /// Reads something in which names stand, as they are in the scenario.
     pub(crate) fn in_scope<T>(&self, read: impl FnOnce(&Scope<'_>) -> T) -> T {
-        let devices = &self.scenario.rig.devices;
-        let devices: Vec<_> = devices
-            .iter()
-            .map(|d| (d.name.as_str(), d.device))
-            .collect();
         let scope = Scope {
-            devices: &devices,
+            devices: &self.scenario.rig.kinds(),
             usual: self.scenario.usual_device(),
             saved: &self.scenario.saved,
             parameters: &self.scenario.parameters,
@@ -120,7 +116,7 @@ impl Run {
         let scenario = Arc::make_mut(&mut self.scenario);
         scenario.saved = saved;
         if index < scenario.steps.len() {
-            if let Some(effect) = self.steps[index].standing_effect() {
+            if let Some(Undo::Effect(effect)) = self.steps[index].standing {
                 self.layers.keep(effect);
             }
             scenario.steps[index] = step;

@@ -41,7 +41,7 @@ pub(super) struct StepState {
     /// First thing that went wrong with it.
     pub(super) failure: Option<String>,
     /// End of the last of its effects that have no end of their own.
-    standing: Option<Undo>,
+    pub(super) standing: Option<Undo>,
     chance: Noise,
     /// From which times are drawn.
     times_drawn: Noise,
@@ -49,7 +49,7 @@ pub(super) struct StepState {
     pub(super) nearest: Option<Nearest>,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
-    counts: FaultCounts,
+    pub(super) counts: FaultCounts,
 }
 
 /// Number of times that a step has brought its fault.
@@ -92,14 +92,6 @@ impl StepState {
         }
     }
 
-    /// Effect of it that lasts until it is cleared.
-    pub(super) fn standing_effect(&self) -> Option<u64> {
-        match self.standing {
-            Some(Undo::Effect(effect)) => Some(effect),
-            _ => None,
-        }
-    }
-
     /// Tells whether nothing of it goes on or is still to come.
     pub(super) fn is_over(&self) -> bool {
         self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
@@ -129,10 +121,6 @@ impl StepState {
     /// Tells whether something that it did to a vehicle or its world is not undone.
     pub(super) fn has_effects(&self) -> bool {
         self.effects > 0 || self.standing.is_some()
-    }
-
-    pub(super) fn fault_counts(&self) -> FaultCounts {
-        self.counts
     }
 }
 

@@ -120,7 +120,7 @@ impl Run {
             for number in self.active_faults(index) {
                 self.clear_fault(index, number);
             }
-            let FaultCounts { armed, hit, hits } = self.steps[index].fault_counts();
+            let FaultCounts { armed, hit, hits } = self.steps[index].counts;
             if armed > 0 && hit == 0 && !step.may_not_trigger {
                 let why = format!(
                     "the fault {} was there from {begun} s on and never hit anything; \

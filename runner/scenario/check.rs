@@ -63,11 +63,7 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
     }
     let mut checker = Checker {
         rig: &rig,
-        devices: rig
-            .devices
-            .iter()
-            .map(|device| (device.name.as_str(), device.device))
-            .collect(),
+        devices: rig.kinds(),
         scripted: &scripted,
         parameters: &parameters,
         text_parameters,
@@ -252,11 +248,10 @@ pub(super) fn read_step(
     if text.at.is_none() && text.when.is_none() && text.after.is_none() {
         text.at = Some(Spanned::new(0..0, TimeText::Exactly(Span::default())));
     }
-    let devices = scenario.rig.devices.iter();
     let names = scenario.steps.iter().enumerate();
     let mut checker = Checker {
         rig: &scenario.rig,
-        devices: devices.map(|d| (d.name.as_str(), d.device)).collect(),
+        devices: scenario.rig.kinds(),
         scripted: &scenario.scripted,
         parameters: &scenario.parameters,
         text_parameters: Vec::new(),
