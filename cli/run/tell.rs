@@ -311,33 +311,6 @@ pub(crate) fn verdict_json(outcome: &Outcome, held_up: HeldUp, is_spoilt: bool) 
 
 /// An outcome for programs, without what was only counted.
 pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
-    let failures: Vec<Value> = outcome
-        .failures
-        .iter()
-        .map(|failure| {
-            json!({
-                "time_s": failure.at.as_secs_f64(),
-                "step": failure.step,
-                "what": failure.what,
-                "before": failure.context.before,
-                "armed": failure.context.armed,
-                "in_effect": failure.context.in_effect,
-            })
-        })
-        .collect();
-    let faults: Vec<Value> = outcome
-        .faults
-        .iter()
-        .map(|fault| {
-            json!({
-                "step": fault.step,
-                "fault": fault.id,
-                "armed": fault.armed,
-                "hit": fault.hit,
-                "hits": fault.hits,
-            })
-        })
-        .collect();
     let report: Vec<Value> = outcome
         .devices
         .iter()
@@ -359,9 +332,9 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         "passed": outcome.passed,
         "seed": outcome.seed,
         "time_s": outcome.ended_at.as_secs_f64(),
-        "failures": failures,
+        "failures": outcome.failures,
         "more_failures": outcome.more_failures,
-        "faults": faults,
+        "faults": outcome.faults,
         "armed": outcome.failures.first().map_or(&[][..], |failure| &failure.context.armed),
         "not_judged": outcome.not_judged,
         "client_report": report,
