@@ -9,7 +9,6 @@ mod map;
 mod plots;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -55,14 +54,6 @@ struct Shown {
 impl Report {
     /// Makes sure that it can be written later on.
     pub(crate) fn begin(devices: Devices, path: &Path) -> Result<Self, Failure> {
-        if let Some(parent) = path
-            .parent()
-            .filter(|parent| !parent.as_os_str().is_empty())
-        {
-            fs::create_dir_all(parent)
-                .with_context(|| format!("cannot make the folder {}", visible::name(parent)))
-                .map_err(Failure::usage)?;
-        }
         let cannot = || format!("cannot write the report {}", visible::name(path));
         let to = Target::find(path, "a report", &[MARK])
             .with_context(cannot)

@@ -15,7 +15,7 @@ mod twice;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::IsTerminal as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::device::Devices;
@@ -199,22 +199,15 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
-    let folder = |path: &Path| {
-        fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", visible::name(path)))
-            .map_err(Failure::usage)
+    let Some(output) = &args.output else {
+        return Ok(());
     };
-    if let Some(output) = &args.output {
-        folder(output)?;
-        tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
-            .map_err(Failure::usage)?;
-    }
-    if let Some(parent) = args.junit.as_deref().and_then(Path::parent)
-        && !parent.as_os_str().is_empty()
-    {
-        folder(parent)?;
-    }
+    fs::create_dir_all(output)
+        .with_context(|| format!("cannot make the folder {}", visible::name(output)))
+        .map_err(Failure::usage)?;
+    tempfile::tempfile_in(output)
+        .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
+        .map_err(Failure::usage)?;
     Ok(())
 }
 

@@ -5,8 +5,10 @@ use std::io::{self, Read as _, Write as _};
 use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::Path;
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use tempfile::NamedTempFile;
+
+use crate::visible;
 
 /// How much of a file that is there is looked at.
 const GLANCE: u64 = 4096;
@@ -29,11 +31,15 @@ impl Target {
     }
 
     /// Finds out how results can be written to `path`. A file that is neither empty nor begins with
-    /// one of these marks, as `what` does, is left alone.
+    /// one of these marks, as `what` does, is left alone. Makes the folder that it is in.
     ///
     /// # Errors
     /// When they cannot.
     pub(crate) fn find(path: &Path, what: &str, marks: &[&str]) -> anyhow::Result<Self> {
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)
+                .with_context(|| format!("cannot make the folder {}", visible::name(parent)))?;
+        }
         let metadata = match fs::metadata(path) {
             Ok(metadata) => metadata,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::File),

@@ -379,6 +379,8 @@ impl Step {
     /// Number of times that its fault has hit something so far; `sim faults` says what counts.
     #[must_use]
     pub fn hits(&self) -> u64 {
-        self.simulation.state().run.step_hits(self.index)
+        let state = self.simulation.state();
+        let report = state.run.step_report(self.index);
+        report.map_or(0, |step| step.hits)
     }
 }

@@ -7,7 +7,7 @@
 //! # How to drive it
 //!
 //! 1. Say what a client does, and when: [`Run::attach`], [`Run::detach`], [`Run::send`],
-//!    [`Run::set_line`]. Never send more than there is [`Run::space`] for; the rest would be lost.
+//!    [`Run::set_line`]. Never send more than there is [`Rig::space`] for; the rest would be lost.
 //! 2. Let time pass with [`Run::advance`], at the latest up to [`Run::next_deadline`] if what comes of it
 //!    is wanted at once. A time that has passed already does nothing.
 //! 3. Drain it: [`Run::read`] for each port, [`Run::poll_event`] and, if there is a trace,

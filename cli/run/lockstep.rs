@@ -340,7 +340,7 @@ impl World for Stage<'_> {
             return Ok(bytes.len());
         }
         self.run.set_line(id, client_line(line));
-        let count = self.run.space(id).min(bytes.len());
+        let count = self.run.rig().space(id).min(bytes.len());
         self.wants_room = count < bytes.len();
         if let Some(taken) = bytes.get(..count).filter(|taken| !taken.is_empty()) {
             self.run.send(id, self.at(now), taken)?;

@@ -3,8 +3,7 @@
 use sim_core::device::DeviceSpec;
 use sim_core::device::names::Unit;
 
-use super::check::Scope;
-use super::{Devices, Origin, Reading, identifier};
+use super::{Origin, Reading, identifier};
 use crate::run::Run;
 
 /// A name that can be read while a run goes on.
@@ -20,38 +19,6 @@ pub struct Probe {
 }
 
 impl Probe {
-    /// A name as conditions write it.
-    ///
-    /// # Errors
-    /// Says what names there are.
-    fn parse(name: &str, scope: &Scope<'_>) -> Result<Self, String> {
-        let (origin, unit) = scope.look_up(name)?;
-        let device = match origin {
-            Origin::Time | Origin::Saved(_) | Origin::Fixed(_) => None,
-            Origin::Device(device, _) => Some(device),
-        };
-        Ok(Self {
-            name: name.to_owned(),
-            unit,
-            device,
-            origin,
-        })
-    }
-
-    /// Every name of every device, the device's own name before it.
-    fn all(devices: &Devices<'_>) -> Vec<Self> {
-        let of_device = |(device, (own, kind)): (usize, &(&str, &'static DeviceSpec))| {
-            let own = identifier(own);
-            kind.all_names().map(move |info| Self {
-                name: format!("{own}.{}", info.name),
-                unit: info.unit,
-                device: Some(device),
-                origin: Origin::Device(device, info.getter()),
-            })
-        };
-        devices.iter().enumerate().flat_map(of_device).collect()
-    }
-
     /// Its value now, which may be without end; `None` if no step has remembered it yet.
     #[must_use]
     pub fn read(&self, run: &Run) -> Option<Reading> {
@@ -65,13 +32,33 @@ impl Run {
     /// # Errors
     /// Says what names there are.
     pub fn probe(&self, name: &str) -> Result<Probe, String> {
-        self.in_scope(|scope| Probe::parse(name, scope))
+        let (origin, unit) = self.in_scope(|scope| scope.look_up(name))?;
+        let device = match origin {
+            Origin::Time | Origin::Saved(_) | Origin::Fixed(_) => None,
+            Origin::Device(device, _) => Some(device),
+        };
+        Ok(Probe {
+            name: name.to_owned(),
+            unit,
+            device,
+            origin,
+        })
     }
 
     /// Every name of every device, the device's own name before it.
     #[must_use]
     pub fn probes(&self) -> Vec<Probe> {
-        Probe::all(&self.scenario().rig.kinds())
+        let of_device = |(device, (own, kind)): (usize, (&str, &'static DeviceSpec))| {
+            let own = identifier(own);
+            kind.all_names().map(move |info| Probe {
+                name: format!("{own}.{}", info.name),
+                unit: info.unit,
+                device: Some(device),
+                origin: Origin::Device(device, info.getter()),
+            })
+        };
+        let devices = self.scenario().rig.kinds().into_iter();
+        devices.enumerate().flat_map(of_device).collect()
     }
 
     /// A name of one device, without the device's.

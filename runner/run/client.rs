@@ -107,18 +107,6 @@ impl Run {
         });
     }
 
-    /// As [`sim_core::rig::Rig::space`].
-    #[must_use]
-    pub fn space(&self, port: PortId) -> usize {
-        self.rig.space(port)
-    }
-
-    /// Number of bytes that the client's UART takes now.
-    #[must_use]
-    pub fn room(&self, port: PortId) -> usize {
-        self.rig.room(port)
-    }
-
     /// The client did not read, and `bytes` of what it should have got were lost.
     pub fn client_lost(&mut self, port: PortId, bytes: u64) {
         self.rig.tell(port, LineEvent::Overrun { bytes });

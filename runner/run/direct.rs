@@ -213,11 +213,4 @@ impl Run {
             hits: state.hits_so_far(&self.rig),
         })
     }
-
-    /// Number of times that the faults of a step have hit something.
-    #[must_use]
-    pub fn step_hits(&self, step: usize) -> u64 {
-        let state = self.steps.get(step);
-        state.map_or(0, |state| state.hits_so_far(&self.rig))
-    }
 }
