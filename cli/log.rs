@@ -51,7 +51,7 @@ enum Line {
 pub(crate) struct Log {
     lines: Option<Sender<Line>>,
     dropped: Arc<AtomicU64>,
-    options: LogOptions,
+    pub(crate) options: LogOptions,
     /// Text to print after all lines, or after those for which there was time.
     last: Sender<String>,
     hurry: Arc<AtomicBool>,
@@ -109,14 +109,6 @@ impl Log {
     /// Prints a line.
     pub(crate) fn text(&self, line: String) {
         self.send(Line::Text(line));
-    }
-
-    pub(crate) fn format(&self) -> LogFormat {
-        self.options.format
-    }
-
-    pub(crate) fn is_quiet(&self) -> bool {
-        self.options.quiet
     }
 
     fn send(&self, line: Line) {

@@ -37,7 +37,7 @@ pub(crate) struct Report {
     path: PathBuf,
     to: Target,
     /// Folder of recordings that nobody else wants.
-    folder: tempfile::TempDir,
+    pub(crate) folder: tempfile::TempDir,
     shown: Mutex<Shown>,
 }
 
@@ -73,11 +73,6 @@ impl Report {
             folder: folder.map_err(Failure::system)?,
             shown: Mutex::default(),
         })
-    }
-
-    /// The folder for recordings that nobody else wants.
-    pub(crate) fn folder(&self) -> &Path {
-        self.folder.path()
     }
 
     /// Adds a case, whose recording is there. Without a picture when `stop` becomes true meanwhile.

@@ -121,7 +121,7 @@ impl Session {
             .map(|listen| Desk::open(&listen, server.run(), shown))
             .transpose()?;
         if let Some(desk) = &desk {
-            server.wake_from(desk.wakes()).map_err(Failure::system)?;
+            server.wake_from(&desk.control).map_err(Failure::system)?;
             announce_control(
                 &log,
                 desk,
@@ -141,7 +141,7 @@ impl Session {
             .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
             .transpose()
             .map_err(Failure::usage)?;
-        log.text(match log.format() {
+        log.text(match log.options.format {
             LogFormat::Text => "ready".to_owned(),
             LogFormat::Json => visible::json(&ready),
         });
@@ -193,7 +193,7 @@ impl Session {
 
     fn print_summary(&mut self, verdict: Option<String>) {
         let run = self.server.run();
-        let summary = (!self.log.is_quiet()).then(|| match self.log.format() {
+        let summary = (!self.log.options.quiet).then(|| match self.log.options.format {
             LogFormat::Text => summary::text(run, &self.counters),
             LogFormat::Json => visible::json(&summary::json(run, &self.counters)),
         });
@@ -207,9 +207,9 @@ impl Session {
 
 /// Says where the simulator is controlled, and warns if others can reach that.
 fn announce_control(log: &Log, desk: &Desk, is_public: bool) {
-    log.text(match log.format() {
+    log.text(match log.options.format {
         LogFormat::Text => {
-            let mut text = format!("  control on {}", desk.url());
+            let mut text = format!("  control on {}", desk.control.url());
             if is_public {
                 text += "\n  warning: other machines can reach this address, and whoever has the token \
                          controls the simulator; nothing is encrypted";
@@ -217,13 +217,13 @@ fn announce_control(log: &Log, desk: &Desk, is_public: bool) {
             text
         }
         LogFormat::Json => {
-            visible::json(&json!({"code": "control", "url": desk.url(), "public": is_public}))
+            visible::json(&json!({"code": "control", "url": desk.control.url(), "public": is_public}))
         }
     });
 }
 
 fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], seed: u64) {
-    if log.is_quiet() {
+    if log.options.quiet {
         return;
     }
     let scenario = args.scenario.is_some().then_some(loaded);
@@ -237,7 +237,7 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
         .collect();
     changed.sort();
     changed.dedup();
-    let text = match log.format() {
+    let text = match log.options.format {
         LogFormat::Text => {
             let changed = match changed.as_slice() {
                 [] => "all default (`sim config` lists them)".to_owned(),

@@ -73,8 +73,7 @@ pub(crate) fn supervise(command: &[OsString], folder: Option<&Path>) -> Result<E
 /// How the client ended, and whether the simulator was killed before.
 fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
     let (program, args) = command.split_first().context("no client is named")?;
-    let this = rustix::process::getpid();
-    rustix::process::set_child_subreaper(Some(this)).context("cannot adopt orphans")?;
+    adopt_orphans()?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("cannot catch signals")?;
     let spawned = Command::new(program)
         .args(args)

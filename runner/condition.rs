@@ -43,7 +43,8 @@ const NOTHING: Reading = Reading::Number(0.0);
 /// A checked condition.
 #[derive(Debug, Clone)]
 pub struct Condition {
-    text: String,
+    /// As it was written.
+    pub(crate) text: String,
     expression: Expression,
     names: BTreeMap<String, Origin>,
 }
@@ -128,11 +129,6 @@ impl Condition {
     pub(crate) fn is_known(&self, situation: Situation<'_>) -> bool {
         let mut origins = self.names.values();
         origins.all(|origin| origin.read(situation).is_some())
-    }
-
-    /// As it was written.
-    pub(crate) fn text(&self) -> &str {
-        &self.text
     }
 
     /// Tells whether it holds.

@@ -44,11 +44,12 @@ use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
-pub use compose::Texts;
 pub use document::{Only, Overlap};
 pub use files::{NamedText, ScenarioFiles};
 
 pub(crate) use actions::WorldAction;
+pub(crate) use check::{read, read_step};
+pub(crate) use compose::Texts;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
 use crate::assemble::PlannedLink;
@@ -261,15 +262,7 @@ impl Scenario {
             parameters: &[],
             set: &[],
         };
-        Self::compose(texts, base)
-    }
-
-    /// Reads a scenario file with those that it is based on; its settings change those of `base`.
-    ///
-    /// # Errors
-    /// As [`Scenario::parse`].
-    pub fn compose(texts: Texts<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
-        check::read(texts, base)
+        read(texts, base)
     }
 
     /// Tells whether a device has the script for a client also where there is a real one.
@@ -288,14 +281,6 @@ impl Scenario {
     /// client.
     pub(crate) fn usual_device(&self) -> Option<usize> {
         check::usual_device(&self.scripted)
-    }
-
-    /// Reads the table of a further step, whose name, if it says none, is no other's.
-    ///
-    /// # Errors
-    /// As [`Scenario::parse`].
-    pub(crate) fn read_step(&self, source: Source<'_>) -> Result<(Step, Vec<Saved>), RigFileError> {
-        check::read_step(source, self)
     }
 
     /// Devices that are served and nothing else: no steps, nothing to judge, no end.

@@ -107,7 +107,7 @@ impl<'a> Case<'a> {
     /// The file of its trace, if anybody wants one.
     pub(crate) fn recording(&self) -> Option<PathBuf> {
         let wanted = self.file("trace.jsonl");
-        wanted.or_else(|| Some(self.file_in(self.report?.folder(), "trace.jsonl")))
+        wanted.or_else(|| Some(self.file_in(self.report?.folder.path(), "trace.jsonl")))
     }
 
     /// Shows it on the page, if there is one.
@@ -134,8 +134,12 @@ impl<'a> Case<'a> {
             return Ok(None);
         };
         let desk = Desk::open(listen, run, ports)?;
-        environment.push(("SIM_CONTROL".to_owned(), desk.url().into()));
-        complain(&format!("{}: control on {}", self.name(), desk.url()));
+        environment.push(("SIM_CONTROL".to_owned(), desk.control.url().into()));
+        complain(&format!(
+            "{}: control on {}",
+            self.name(),
+            desk.control.url()
+        ));
         Ok(Some(desk))
     }
 

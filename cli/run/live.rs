@@ -68,7 +68,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         .map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
     if let Some(desk) = &desk {
-        server.wake_from(desk.wakes()).map_err(Failure::system)?;
+        server.wake_from(&desk.control).map_err(Failure::system)?;
     }
     server.stop_after(case.allowed);
     let mut play = LivePlay {

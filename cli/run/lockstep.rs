@@ -128,7 +128,7 @@ fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<ShownPort>, Vec<P
                 )));
             }
             Some(path) => case.loaded.folder().join(path),
-            None => folder.path().join(link.file_name()),
+            None => folder.path.join(link.file_name()),
         };
         let port = Port::new(path.clone(), link.baud)
             .with_context(|| format!("cannot serve a port at {}", path.display()))

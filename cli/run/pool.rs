@@ -141,7 +141,7 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
                 if wake.signal().is_some() && seen.swap(true, Ordering::Relaxed) {
                     // Somebody insists; whoever reads the output may have stopped reading it.
                     std::thread::sleep(LAST_PATIENCE);
-                    std::process::exit(Exit::System.code().into());
+                    std::process::exit(Exit::System as i32);
                 }
             }
         })

@@ -10,7 +10,7 @@ use super::steps::StepState;
 use super::{Run, RunError};
 use crate::condition::{Condition, Reading, Scope};
 use crate::rig_file::RigFileError;
-use crate::scenario::{MOST_STEPS, Trigger};
+use crate::scenario::{MOST_STEPS, Trigger, read_step};
 use crate::trace::Record;
 
 /// Name of steps that come from no file, as errors call it.
@@ -92,7 +92,7 @@ impl Run {
     /// Says in words what is wrong with the text; or the run is over or cannot go on.
     pub fn add_step(&mut self, text: &str) -> Result<usize, StepError> {
         let source = Source { file: FILE, text };
-        let (mut step, saved) = self.scenario.read_step(source)?;
+        let (mut step, saved) = read_step(source, &self.scenario)?;
         if saved.len() > MOST_STEPS {
             return Err(StepError::TooMany);
         }

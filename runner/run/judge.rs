@@ -260,7 +260,7 @@ impl Run {
         message: Option<&str>,
     ) -> String {
         let (found, nearest) = (self.explain(condition), self.nearest(step));
-        let text = format!("expected `{}`, but {found}{nearest}", condition.text());
+        let text = format!("expected `{}`, but {found}{nearest}", condition.text);
         with_message(message, &text)
     }
 
@@ -296,7 +296,7 @@ impl Rule {
             Duration::ZERO => String::new(),
             time => format!(" for longer than {}", show_duration(time)),
         };
-        format!("{word} `{}`{longer}", self.that.text())
+        format!("{word} `{}`{longer}", self.that.text)
     }
 }
 

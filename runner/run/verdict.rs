@@ -154,7 +154,7 @@ impl Run {
                 }
                 Trigger::When(condition) => {
                     let nearest = self.nearest(index);
-                    format!("it never began: `{}` never held{nearest}", condition.text())
+                    format!("it never began: `{}` never held{nearest}", condition.text)
                 }
                 Trigger::After(other) => {
                     let name = &scenario.steps[*other].name;

@@ -24,7 +24,8 @@ use crate::sources::{MOST_FILES, Sources};
 use crate::suggest::nearest;
 use crate::tables::{self, Tables};
 
-pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
+/// Reads a scenario file with those that it is based on; its settings change those of `base`.
+pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
     let sources = Sources(texts.files);
     let mut problems = Problems::new(sources);
     let (root, parameters) = composed(sources, texts, &mut problems)?;
@@ -233,7 +234,7 @@ pub(super) fn usual_device(scripted: &[bool]) -> Option<usize> {
 
 /// A step that whoever drives a run of the scenario adds, and what is remembered with it; without a
 /// time it begins at zero.
-pub(super) fn read_step(
+pub(crate) fn read_step(
     source: Source<'_>,
     scenario: &Scenario,
 ) -> Result<(Step, Vec<Saved>), RigFileError> {

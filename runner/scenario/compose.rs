@@ -12,7 +12,7 @@ use crate::suggest::or_allowed;
 
 /// The files of a scenario, and what is given with them.
 #[derive(Debug, Clone, Copy)]
-pub struct Texts<'t> {
+pub(crate) struct Texts<'t> {
     /// The file itself, then the one that it is based on, and so on.
     pub files: &'t [Source<'t>],
     /// Values of parameters, which win over those in the files.

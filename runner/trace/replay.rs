@@ -17,7 +17,7 @@ use super::record::{Header, PortRecord, Record, TextRecord};
 use super::{FORMAT, MOST_BYTES};
 use crate::rig_file::RigPlan;
 use crate::run::{Run, RunError, RunOptions, StepError};
-use crate::scenario::{Scenario, Texts};
+use crate::scenario::{self, Scenario, Texts};
 
 /// Most bytes of a port by which the recording and the second run may be apart, since of one
 /// instant there is never more. So neither of them fills the memory when the other has nothing.
@@ -419,7 +419,7 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
     let scenario = if header.serving {
         RigPlan::parse(first, &base).map(Scenario::serving)
     } else {
-        Scenario::compose(texts, &base)
+        scenario::read(texts, &base)
     };
     let scenario = scenario.map_err(|error| error.to_string())?;
     let world = header.world.as_ref().map(source);
