@@ -5,6 +5,7 @@ pub(crate) mod ctl;
 mod listening;
 mod told;
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use serde_json::{Value, json};
 use sim_control::session::{Session, SessionFile};
-use sim_control::{Answer, Ask, Control, Listen, Listener, Message, Refusal, Reply, Request};
+use sim_control::{Answer, Ask, Control, Listener, Message, Refusal, Reply, Request};
 use sim_core::SimTime;
 use sim_core::event::{Event, Level};
 use sim_embed::clock::Clock;
@@ -75,7 +76,11 @@ fn progress(step: &StepReport<'_>) -> Progress {
 
 impl Desk {
     /// Opens the socket and writes the file by which it is found. The ports are those of the run.
-    pub(crate) fn open(listen: &Listen, run: &Run, ports: Vec<ShownPort>) -> Result<Self, Failure> {
+    pub(crate) fn open(
+        listen: SocketAddr,
+        run: &Run,
+        ports: Vec<ShownPort>,
+    ) -> Result<Self, Failure> {
         let table = run.scenario().rig.settings.table();
         let control = Control::open(listen, Box::new(|| told::schema(table)))
             .with_context(|| format!("cannot listen on {listen} for --control"))
@@ -210,7 +215,7 @@ impl Desk {
         clock: Option<&mut Clock>,
         request: Request,
     ) -> Result<(), RunError> {
-        let (ask, answer) = request.split();
+        let Request { ask, answer } = request;
         let reply = match ask {
             Ask::Add { step, wait } => match ask::add(run, &step) {
                 Ok(index) if wait => {

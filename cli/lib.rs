@@ -85,14 +85,14 @@ fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_pty::PtyPort;
+    use sim_pty::Port;
 
     #[test]
     fn a_panic_is_a_failure_of_the_simulator_and_leaves_no_link() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("r150");
         let exit = guarded(|| {
-            let _port = PtyPort::open_at(&path, sim_pty::PtySetup::raw(115_200)).unwrap();
+            let _port = Port::open_at(&path, sim_pty::PtySetup::raw(115_200)).unwrap();
             assert!(path.exists());
             panic!("as a test of what is done about it");
         });

@@ -118,14 +118,15 @@ impl Session {
         let ports: Vec<Value> = shown.iter().map(ShownPort::json).collect();
         let desk = args
             .control
-            .map(|listen| Desk::open(&listen, server.run(), shown))
+            .map(|listen| Desk::open(listen, server.run(), shown))
             .transpose()?;
         if let Some(desk) = &desk {
             server.wake_from(&desk.control).map_err(Failure::system)?;
             announce_control(
                 &log,
                 desk,
-                args.control.is_some_and(|listen| listen.is_public()),
+                args.control
+                    .is_some_and(|listen| !listen.ip().is_loopback()),
             );
         }
         let trace = args.trace.clone().map(TraceFile::create).transpose()?;
@@ -157,7 +158,7 @@ impl Session {
 
     /// Serves to the end.
     fn serve(&mut self) -> Result<Ended, Failure> {
-        let outcome = self.server.attended(&mut Looking {
+        let outcome = self.server.serve(&mut Looking {
             log: Some(&self.log),
             desk: self.desk.as_mut(),
             trace: &mut self.trace,

@@ -85,8 +85,9 @@ impl<'a> Connection<'a> {
             if let Err(refusal) = self.shared.guard.check_site(&head) {
                 return self.refuse_and_close(refusal);
             }
-            if let Some(file) = page::find(&head.path).filter(|_| head.method == "GET") {
-                self.write(&file_bytes(file, head.stays))?;
+            let file = page::find(&head.path).filter(|_| head.method == "GET");
+            if let Some((mime, text)) = file {
+                self.write(&with_body(200, mime, text, head.stays))?;
             } else if let Err(refusal) = self.shared.guard.check_token(&head) {
                 return self.refuse_and_close(refusal);
             } else if head.path == ["v1", "events"] && head.method == "GET" {
@@ -95,8 +96,7 @@ impl<'a> Connection<'a> {
                 let reply = no_query(&head).map(|()| self.shared.schema.clone());
                 self.write(&answer_bytes(&reply, 200, head.stays))?;
             } else {
-                let asked = route(&head, &body);
-                let (reply, status) = match asked {
+                let (reply, status) = match route(&head, &body) {
                     Ok((ask, status)) => (self.ask(ask)?, status),
                     Err(refusal) => (Err(refusal), 200),
                 };
@@ -392,10 +392,6 @@ fn with_body(status: u16, mime: &str, body: &str, stays: bool) -> Vec<u8> {
     let mut bytes = head_text(status, &fields).into_bytes();
     bytes.extend_from_slice(body.as_bytes());
     bytes
-}
-
-fn file_bytes(file: &page::File, stays: bool) -> Vec<u8> {
-    with_body(200, file.mime, file.text, stays)
 }
 
 fn answer_bytes(reply: &Reply, status: u16, stays: bool) -> Vec<u8> {

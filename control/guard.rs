@@ -1,40 +1,26 @@
 //! Guard of who may ask.
 
-use std::fmt::Write as _;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
 
 use crate::Refusal;
 use crate::http::Head;
 
-/// Bytes of a token.
-const TOKEN_BYTES: usize = 16;
-
 /// A token that nobody can guess.
 pub(crate) fn new_token() -> io::Result<String> {
-    let mut bytes = [0; TOKEN_BYTES];
+    let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(io::Error::other)?;
-    let mut token = String::with_capacity(2 * TOKEN_BYTES);
-    for byte in bytes {
-        // Writing to a string cannot fail.
-        let _ = write!(token, "{byte:02x}");
-    }
-    Ok(token)
+    Ok(format!("{:032x}", u128::from_be_bytes(bytes)))
 }
 
 /// Refuses whoever must not ask.
 #[derive(Debug)]
 pub(crate) struct Guard {
-    address: SocketAddr,
-    token: Arc<str>,
+    pub(crate) address: SocketAddr,
+    pub(crate) token: String,
 }
 
 impl Guard {
-    pub(crate) fn new(address: SocketAddr, token: Arc<str>) -> Self {
-        Self { address, token }
-    }
-
     /// Refuses what a browser sends on behalf of another site: to a name that merely leads here, or
     /// from a page that is not ours.
     pub(crate) fn check_site(&self, head: &Head) -> Result<(), Refusal> {
@@ -105,7 +91,8 @@ mod tests {
     use super::*;
 
     fn guard(address: &str) -> Guard {
-        Guard::new(address.parse().unwrap(), "secret".into())
+        let (address, token) = (address.parse().unwrap(), "secret".into());
+        Guard { address, token }
     }
 
     fn site(guard: &Guard, host: Option<&str>, origin: Option<&str>) -> bool {
@@ -188,6 +175,6 @@ mod tests {
     fn tokens_are_long_and_new_each_time() {
         let tokens = [new_token().unwrap(), new_token().unwrap()];
         assert_ne!(tokens[0], tokens[1]);
-        assert!(tokens.iter().all(|token| token.len() == 2 * TOKEN_BYTES));
+        assert!(tokens.iter().all(|token| token.len() == 32));
     }
 }

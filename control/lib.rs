@@ -18,7 +18,6 @@
 //! | requests that wait for the simulation | 64 |
 //! | messages of a stream that wait for its reader | 256; further ones are lost, and it is told how many |
 
-mod address;
 pub mod client;
 mod connection;
 mod guard;
@@ -30,7 +29,7 @@ pub mod session;
 mod watch;
 
 use std::io::{self, Read as _, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,7 +40,6 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use serde_json::Value;
 
-pub use address::{AddressError, Listen};
 pub use listener::{Listener, Message, Wants};
 
 use guard::Guard;
@@ -110,15 +108,8 @@ pub type Reply = Result<Value, Refusal>;
 pub struct Request {
     /// Request.
     pub ask: Ask,
-    answer: Answer,
-}
-
-impl Request {
-    /// The parts: what is asked, and the way to answer.
-    #[must_use]
-    pub fn split(self) -> (Ask, Answer) {
-        (self.ask, self.answer)
-    }
+    /// The way to answer it.
+    pub answer: Answer,
 }
 
 /// The way to answer a request, once.
@@ -144,10 +135,27 @@ impl Answer {
     }
 }
 
+/// Not an address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("\"{0}\" is no address and port; as in 127.0.0.1:0, where 0 is any free port")]
+pub struct AddressError(String);
+
+/// Reads an address and a port to listen on; port 0 is any that is free.
+///
+/// # Errors
+/// When it is none.
+pub fn listen(text: &str) -> Result<SocketAddr, AddressError> {
+    let local = text
+        .strip_prefix("localhost:")
+        .and_then(|port| port.parse().ok())
+        .map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    local
+        .or_else(|| text.parse().ok())
+        .ok_or_else(|| AddressError(text.chars().take(80).collect()))
+}
+
 /// A socket on which a simulation is looked at and changed.
 pub struct Control {
-    address: SocketAddr,
-    token: Arc<str>,
     requests: Receiver<Request>,
     wake: UnixStream,
     shared: Arc<Shared>,
@@ -171,17 +179,17 @@ impl Control {
     ///
     /// # Errors
     /// When the address cannot be had.
-    pub fn open(listen: &Listen, schema: Schema) -> io::Result<Self> {
-        let socket = TcpListener::bind(listen.address())?;
+    pub fn open(listen: SocketAddr, schema: Schema) -> io::Result<Self> {
+        let socket = TcpListener::bind(listen)?;
         let address = socket.local_addr()?;
-        let token: Arc<str> = guard::new_token()?.into();
+        let token = guard::new_token()?;
         let (requests, taken) = bounded(MOST_WAITING);
         let (wake, woken) = UnixStream::pair()?;
         wake.set_nonblocking(true)?;
         woken.set_nonblocking(true)?;
         let shared = Arc::new(Shared {
             socket,
-            guard: Guard::new(address, Arc::clone(&token)),
+            guard: Guard { address, token },
             pace: Pace::default(),
             schema: LazyLock::new(schema),
             requests,
@@ -194,24 +202,17 @@ impl Control {
             .name("control".to_owned())
             .spawn(move || accept(&accepting))?;
         Ok(Self {
-            address,
-            token,
             requests: taken,
             wake: woken,
             shared,
         })
     }
 
-    /// Address at which it listens.
-    #[must_use]
-    pub fn address(&self) -> SocketAddr {
-        self.address
-    }
-
     /// URL to open, with the token in it.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://{}/#token={}", self.address, self.token)
+        let Guard { address, token } = &self.shared.guard;
+        format!("http://{address}/#token={token}")
     }
 
     /// The next request. Never waits.
@@ -224,12 +225,6 @@ impl Control {
     pub fn quiet(&self) {
         let mut bytes = [0; MOST_WAITING];
         while matches!((&self.wake).read(&mut bytes), Ok(count) if count == bytes.len()) {}
-    }
-
-    /// The next request, waited for so long.
-    #[must_use]
-    pub fn wait(&self, within: Duration) -> Option<Request> {
-        self.requests.recv_timeout(within).ok()
     }
 
     /// Begins to wait for all who have asked until now, or are being told something.
@@ -297,7 +292,7 @@ impl Drop for Control {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         // Whoever waits for a connection gets one, and sees that it is to stop.
-        let _ = TcpStream::connect_timeout(&self.address, Duration::from_millis(200));
+        let _ = TcpStream::connect_timeout(&self.shared.guard.address, Duration::from_millis(200));
         // Whoever waits for a request gets none any more; answers still go out.
         self.shared.connections.end();
         // A program that ended now would take their last words along.

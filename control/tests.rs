@@ -20,16 +20,16 @@ struct Served {
 impl Served {
     fn with(mut answer: impl FnMut(Ask) -> Option<Reply> + Send + 'static) -> Self {
         let control =
-            Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
-        let (url, address) = (control.url(), control.address());
+            Control::open("127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms"))).unwrap();
+        let (url, address) = (control.url(), control.shared.guard.address);
         let shared = Arc::clone(&control.shared);
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
             let mut kept = Vec::new();
             while !stopped.load(Ordering::Relaxed) {
-                if let Some(request) = control.wait(Duration::from_millis(10)) {
-                    let (ask, way) = request.split();
+                if let Ok(request) = control.requests.recv_timeout(Duration::from_millis(10)) {
+                    let Request { ask, answer: way } = request;
                     match answer(ask) {
                         Some(reply) => way.give(reply),
                         None => kept.push(way),
@@ -316,9 +316,9 @@ fn who_waits_for_an_answer_learns_of_the_end() {
 
 #[test]
 fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
-    let control = Control::open(&"127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms")));
+    let control = Control::open("127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms")));
     let control = control.unwrap();
-    let address = control.address();
+    let address = control.shared.guard.address;
     let url = control.url();
     let token = url.split_once("token=").unwrap().1;
     let text = format!(
@@ -338,7 +338,7 @@ fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
             let mut settling = control.settling();
             while !settling.is_over() {
                 if let Some(request) = settling.request(&control, Duration::from_millis(10)) {
-                    let (ask, way) = request.split();
+                    let Request { ask, answer: way } = request;
                     way.give(Ok(json!(format!("{ask:?}"))));
                 }
             }

@@ -114,11 +114,7 @@ fn insert(table: &mut Table, key: &str, value: Value) {
 enum Origin {
     Devices(Vec<NewDevice>),
     Rig(PathBuf),
-    Scenario {
-        path: PathBuf,
-        job: Option<PathBuf>,
-        parameters: Vec<(String, String)>,
-    },
+    Scenario(PathBuf),
 }
 
 /// A simulation to be built.
@@ -126,6 +122,8 @@ enum Origin {
 pub struct Builder {
     table: Devices,
     from: Origin,
+    job: Option<PathBuf>,
+    parameters: Vec<(String, String)>,
     settings: Table,
     world: Option<PathBuf>,
     seed: Option<u64>,
@@ -138,6 +136,8 @@ impl Default for Builder {
         Self {
             table: sim_core::SHIPPED,
             from: Origin::Devices(Vec::new()),
+            job: None,
+            parameters: Vec::new(),
             settings: Table::new(),
             world: None,
             seed: None,
@@ -175,29 +175,21 @@ impl Builder {
     /// [`Simulation::finish`] gives the verdict.
     #[must_use]
     pub fn scenario_file(mut self, path: impl Into<PathBuf>) -> Self {
-        self.from = Origin::Scenario {
-            path: path.into(),
-            job: None,
-            parameters: Vec::new(),
-        };
+        self.from = Origin::Scenario(path.into());
         self
     }
 
-    /// Plays the scenario file, which is a fault file, within this job; behind [`Self::scenario_file`].
+    /// Plays the scenario file, which is a fault file, within this job.
     #[must_use]
     pub fn job(mut self, path: impl Into<PathBuf>) -> Self {
-        if let Origin::Scenario { job, .. } = &mut self.from {
-            *job = Some(path.into());
-        }
+        self.job = Some(path.into());
         self
     }
 
-    /// Gives a parameter of the scenario file a value, as `pwm` `300`; behind [`Self::scenario_file`].
+    /// Gives a parameter of the scenario file a value, as `pwm` `300`.
     #[must_use]
     pub fn parameter(mut self, name: &str, value: impl ToString) -> Self {
-        if let Origin::Scenario { parameters, .. } = &mut self.from {
-            parameters.push((name.to_owned(), value.to_string()));
-        }
+        self.parameters.push((name.to_owned(), value.to_string()));
         self
     }
 
@@ -257,7 +249,7 @@ impl Builder {
     fn folder(&self) -> &Path {
         let parent = match &self.from {
             Origin::Devices(_) => None,
-            Origin::Rig(path) | Origin::Scenario { path, .. } => path.parent(),
+            Origin::Rig(path) | Origin::Scenario(path) => path.parent(),
         };
         parent.unwrap_or(Path::new(""))
     }
@@ -295,15 +287,11 @@ impl Builder {
                 let (file, text) = (&path.display().to_string(), &read(path)?);
                 RigPlan::parse(Source { file, text }, &base)?
             }
-            Origin::Scenario {
-                path,
-                job,
-                parameters,
-            } => {
+            Origin::Scenario(path) => {
                 let mut named =
                     |path: &Path| Ok::<_, Error>((path.display().to_string(), read(path)?));
-                let files = ScenarioFiles::read(path, job.as_deref(), &mut named)?;
-                let scenario = files.compose(parameters, &[], &base)?;
+                let files = ScenarioFiles::read(path, self.job.as_deref(), &mut named)?;
+                let scenario = files.compose(&self.parameters, &[], &base)?;
                 return Ok((scenario, files.world));
             }
         };

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use sim_pty::{ListenAddress, Port, PtyPort, PtySetup, SerialPort};
+use sim_pty::{ListenAddress, Port, PtySetup};
 use sim_runner::{PlannedLink, RigPlan, Scenario};
 
 use crate::served::Served;
@@ -46,14 +46,14 @@ pub fn open_all(
         };
         match (serial, &link.path, elsewhere) {
             (Some(serial), ..) if id.device == 0 && id.link == 0 => {
-                SerialPort::open(serial, link.baud, link.stop_bits)
-                    .map(|port| Served::new(id, Port::from(port)))
+                Port::open_serial(serial, link.baud, link.stop_bits)
+                    .map(|port| Served::new(id, port))
             }
             (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
             (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
             (_, None, Elsewhere::In(dir)) => Served::at(id, &dir.join(link.file_name()), setup),
             (_, None, Elsewhere::Unlinked) => {
-                PtyPort::open_unlinked(setup).map(|port| Served::new(id, Port::from(port)))
+                Port::open_unlinked(setup).map(|port| Served::new(id, port))
             }
         }
     };
@@ -79,7 +79,7 @@ impl ShownPort {
             Some(Self {
                 link,
                 path: served.path.clone(),
-                is_public: matches!(&served.port, Some(Port::Net(port)) if !port.is_local()),
+                is_public: served.port.as_ref().is_some_and(Port::is_public),
             })
         });
         shown.collect()

@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 use sim_core::SimTime;
 use sim_core::line::{ClientLine, UART_FIFO};
 use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, Parity, Port, PortError, Waiter};
+use sim_pty::{Counters, Event, PortError, Waiter, Wake};
 use sim_runner::{Run, RunError};
 
 use crate::clock::Clock;
@@ -94,17 +94,15 @@ pub trait Attendant {
     }
 }
 
-/// Takes what there is to be told, and does nothing else.
-struct Looking<F>(F);
-
-impl<F: FnMut(&mut Run)> Attendant for Looking<F> {
+/// Nobody: what there is to be told is let go.
+impl Attendant for () {
     fn attend(
         &mut self,
         run: &mut Run,
         _clock: &mut Clock,
         _woken: bool,
     ) -> Result<Option<Duration>, RunError> {
-        (self.0)(run);
+        while run.poll_event().is_some() {}
         Ok(None)
     }
 }
@@ -229,22 +227,14 @@ impl Server {
     pub fn is_interrupted(&mut self, within: Duration) -> bool {
         let wake = self.waiter.wait(Some(within));
         // Without a way to wait there is none to be interrupted either; the end comes anyway.
-        wake.is_ok_and(|wake| wake.signal().is_some())
+        wake.is_ok_and(Wake::is_signalled)
     }
 
-    /// Serves to the end. `look` is called once a round and takes what there is to be told.
+    /// Serves to the end.
     ///
     /// # Errors
     /// When a port or the simulation fails.
-    pub fn serve(&mut self, look: impl FnMut(&mut Run)) -> Result<Ended, ServeError> {
-        self.attended(&mut Looking(look))
-    }
-
-    /// The same with somebody who may change what happens.
-    ///
-    /// # Errors
-    /// When a port or the simulation fails.
-    pub fn attended(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
+    pub fn serve(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut longest_sleep = LONG_SLEEP;
         let mut awake_at = Instant::now();
@@ -254,7 +244,7 @@ impl Server {
             let queued = is_long.then(|| queue.waited());
             let asleep_at = Instant::now();
             let wake = self.waiter.wait(sleep_asked)?;
-            if wake.signal().is_some() {
+            if wake.is_signalled() {
                 return Ok(Ended::Signal);
             }
             let ready: Vec<usize> = wake.ready().to_vec();
@@ -335,8 +325,7 @@ impl Server {
         for token in 0..self.ports.len() {
             self.receive(token, true)?;
         }
-        let mut ports = self.ports.iter().filter_map(|served| served.port.as_ref());
-        Ok(!ports.any(Port::is_attached))
+        Ok(!self.ports.iter().any(Served::is_attached))
     }
 
     /// The token of what is watched, which is no port's.
@@ -473,11 +462,7 @@ impl Server {
                 }
                 Event::Detached => {
                     // Another may have taken its place already, and hears what has arrived.
-                    if self.ports[token]
-                        .port
-                        .as_ref()
-                        .is_some_and(Port::is_attached)
-                    {
+                    if self.ports[token].is_attached() {
                         self.deliver(token)?;
                     }
                     self.run.detach(id, now)?;
@@ -539,9 +524,7 @@ impl Server {
     fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];
-            if served.port.as_ref().is_some_and(Port::is_attached)
-                && self.run.rig().is_due(served.id, to)
-            {
+            if served.is_attached() && self.run.rig().is_due(served.id, to) {
                 self.set_line(token)?;
             }
         }
@@ -558,7 +541,7 @@ impl Server {
                 baud: line.baud,
                 stop_bits: line.stop_bits,
                 raw: line.raw,
-                parity: line.parity != Parity::None,
+                parity: line.parity,
                 rts_cts: line.rts_cts,
             };
             self.run.set_line(served.id, line);

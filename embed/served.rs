@@ -66,6 +66,11 @@ impl Served {
         Ok(())
     }
 
+    /// Tells whether a client has it open.
+    pub fn is_attached(&self) -> bool {
+        self.port.as_ref().is_some_and(Port::is_attached)
+    }
+
     /// Totals since the beginning.
     pub fn counters(&self) -> Counters {
         match &self.port {

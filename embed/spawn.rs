@@ -54,7 +54,7 @@ impl Spawned {
         let serve = move || {
             let mut server = Server::new(run, ports, waiter, (begin, speed))?;
             server.watch(&stopped)?;
-            server.serve(|run| while run.poll_event().is_some() {})?;
+            server.serve(&mut ())?;
             server.close_ports();
             Ok(server.run_mut().end().clone())
         };

@@ -35,6 +35,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 pub use port::{LineSettings, Port, modem};
+#[cfg(target_arch = "x86_64")]
+pub use traced::run;
 
 /// A program and what it finds.
 #[derive(Debug)]
@@ -63,25 +65,16 @@ pub struct Options<'a> {
 /// World at the other end of the ports.
 ///
 /// Times are nanoseconds since the program began. What happens to one port is told in the order in
-/// which it happens.
+/// which it happens. All of it fails when the world has broken down; that ends the run.
 pub trait World {
     /// A client opened a port that nobody had open.
-    ///
-    /// # Errors
-    /// When the world has broken down; that ends the run.
     fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken>;
 
     /// The last client closed a port.
-    ///
-    /// # Errors
-    /// When the world has broken down.
     fn closed(&mut self, port: usize, now: u64) -> Result<(), Broken>;
 
     /// A client sends; says how many of the bytes there was room for. The others are sent again
     /// when time has gone on.
-    ///
-    /// # Errors
-    /// When the world has broken down.
     fn sent(
         &mut self,
         port: usize,
@@ -91,16 +84,10 @@ pub trait World {
     ) -> Result<usize, Broken>;
 
     /// A client has set the modem lines of a port, in the bits of [`modem`].
-    ///
-    /// # Errors
-    /// When the world has broken down.
     fn modem_lines(&mut self, port: usize, now: u64, lines: u32) -> Result<(), Broken>;
 
     /// All programs wait; `ran` says whether any has run since this was last called. Goes on to the
     /// first time, `until` at the latest, at which something happens at a port, and does that.
-    ///
-    /// # Errors
-    /// When the world has broken down.
     fn advance(
         &mut self,
         ports: &mut [Port],
@@ -188,21 +175,6 @@ pub enum Error {
         /// Error of it.
         error: io::Error,
     },
-}
-
-/// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends
-/// before. Other children of this thread that end meanwhile are reaped.
-///
-/// # Errors
-/// When it cannot be traced or started, holds something that cannot be run, or the world fails.
-#[cfg(target_arch = "x86_64")]
-pub fn run(
-    program: Program<'_>,
-    options: &Options<'_>,
-    ports: &mut [Port],
-    world: &mut dyn World,
-) -> Result<Ending, Error> {
-    traced::run(program, options, ports, world)
 }
 
 /// Refuses.

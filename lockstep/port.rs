@@ -15,7 +15,8 @@ use rustix::fs::{CWD, Mode, OFlags};
 use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::{
-    ControlModes, LocalModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios,
+    ControlModes, LocalModes, OptionalActions, OutputModes, QueueSelector, SpecialCodeIndex,
+    Termios,
 };
 
 /// Most bytes in the kernel, whose own limit is 4095; more would be moved up when it pleases.
@@ -267,13 +268,13 @@ impl Port {
         self.waiting.clear();
     }
 
+    fn termios(&self) -> Option<Termios> {
+        rustix::termios::tcgetattr(&self.pair.as_ref()?.slave).ok()
+    }
+
     /// Rule by which a read of the client ends.
     pub(crate) fn read_rule(&self) -> ReadRule {
-        let termios = self
-            .pair
-            .as_ref()
-            .and_then(|pair| rustix::termios::tcgetattr(&pair.slave).ok());
-        let Some(termios) = termios else {
+        let Some(termios) = self.termios() else {
             return ReadRule {
                 least: Some(1),
                 patience: None,
@@ -322,19 +323,14 @@ impl Port {
 
     /// Takes what the client could read.
     pub(crate) fn read(&self, most: usize) -> Vec<u8> {
-        let mut bytes = vec![0; most.min(4096)];
         let pair = self.pair.as_ref();
-        let count = pair.and_then(|pair| rustix::io::read(&pair.slave, &mut bytes[..]).ok());
-        bytes.truncate(count.unwrap_or(0));
-        bytes
+        pair.map_or(Vec::new(), |pair| read(&pair.slave, most.min(4096)))
     }
 
     /// Bytes that a terminal makes of those that are written to it.
     pub(crate) fn cooked(&self, bytes: &[u8]) -> Vec<u8> {
-        use rustix::termios::OutputModes;
-        let pair = self.pair.as_ref();
-        let termios = pair.and_then(|pair| rustix::termios::tcgetattr(&pair.slave).ok());
-        let modes = termios.map_or(OutputModes::empty(), |termios| termios.output_modes);
+        let modes = self.termios().map(|termios| termios.output_modes);
+        let modes = modes.unwrap_or(OutputModes::empty());
         if !modes.contains(OutputModes::OPOST | OutputModes::ONLCR) {
             return bytes.to_vec();
         }
@@ -350,11 +346,8 @@ impl Port {
 
     /// Bytes that the terminal itself sends back, as an echo of what came.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
-        let mut bytes = vec![0; 4096];
         let pair = self.pair.as_ref();
-        let count = pair.and_then(|pair| rustix::io::read(&pair.master, &mut bytes[..]).ok());
-        bytes.truncate(count.unwrap_or(0));
-        bytes
+        pair.map_or(Vec::new(), |pair| read(&pair.master, 4096))
     }
 }
 
@@ -362,6 +355,14 @@ impl Drop for Port {
     fn drop(&mut self) {
         self.remove();
     }
+}
+
+/// Takes what is there; nothing if that fails.
+fn read(from: &OwnedFd, most: usize) -> Vec<u8> {
+    let mut bytes = vec![0; most];
+    let count = rustix::io::read(from, &mut bytes[..]).unwrap_or(0);
+    bytes.truncate(count);
+    bytes
 }
 
 fn is_raw(termios: &Termios) -> bool {

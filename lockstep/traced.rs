@@ -2,7 +2,6 @@
 
 #[path = "traced/x86_64.rs"]
 mod arch;
-mod call;
 mod clock;
 mod clock_calls;
 mod descriptor;
@@ -31,4 +30,4 @@ mod turns;
 mod wait;
 mod words;
 
-pub(crate) use tracer::run;
+pub use tracer::run;

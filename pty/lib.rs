@@ -1,17 +1,17 @@
 //! Pseudo-terminals and serial ports: the only crate with system calls.
 //!
 //! A simulated device is reached over a [`Port`]: a pseudo-terminal that an
-//! unmodified client opens like a serial port ([`PtyPort`]), a real serial
-//! port with the client at the other end of a cable ([`SerialPort`]), or one
-//! that clients reach over the network ([`NetPort`]). The
+//! unmodified client opens like a serial port, a real serial
+//! port with the client at the other end of a cable, or one
+//! that clients reach over the network. The
 //! caller treats all the same: a [`Waiter`] says which ports have news, and
 //! [`Port::read`] returns that news one [`Event`] at a time.
 //!
 //! ```no_run
-//! use sim_pty::{Event, Port, PtyPort, PtySetup, Waiter};
+//! use sim_pty::{Event, Port, PtySetup, Waiter};
 //!
 //! # fn main() -> Result<(), sim_pty::PortError> {
-//! let mut port = Port::from(PtyPort::open_at("/tmp/r150", PtySetup::raw(115_200))?);
+//! let mut port = Port::open_at("/tmp/r150", PtySetup::raw(115_200))?;
 //! let mut waiter = Waiter::new()?;
 //! waiter.catch_signals()?;
 //! waiter.add(0, &mut port)?;
@@ -19,7 +19,7 @@
 //! let mut buf = [0; 4096];
 //! loop {
 //!     let wake = waiter.wait(None)?;
-//!     if wake.signal().is_some() {
+//!     if wake.is_signalled() {
 //!         return Ok(()); // Dropping the port removes the link.
 //!     }
 //!     for _token in wake.ready() {
@@ -36,7 +36,7 @@
 //!
 //! - No call blocks, except [`Waiter::wait`].
 //! - A client that does not read never stalls the caller. The kernel keeps
-//!   about 20 kB for it and a [`PtyPort`] 64 KiB of what came last; the rest is
+//!   about 20 kB for it and a pseudo-terminal 64 KiB of what came last; the rest is
 //!   dropped and counted, as a UART without flow control would lose it.
 //! - It is as with a cable: bytes that a client has written are read in order, whoever wrote them, and
 //!   what is sent goes to whoever has the port open. What a client has written and was not read when
@@ -44,7 +44,7 @@
 //!   anybody looked, as far as it is certain whose it was. No byte of a client that is there is lost.
 //! - What a client leaves behind at a terminal is undone: settings, locks, exclusive use, suspended
 //!   output.
-//! - Nobody else's file is replaced or removed; [`PtyPort::open_at`] says
+//! - Nobody else's file is replaced or removed; [`Port::open_at`] says
 //!   which link counts as our own.
 //! - Waiting costs nothing while nobody is attached, and unless [`Waiter::set_busy_poll`] asks for
 //!   it, nothing while nobody sends.
@@ -52,7 +52,6 @@
 mod busy_poll;
 mod error;
 mod hub;
-mod limits;
 mod line;
 mod lock;
 mod net_decoder;
@@ -66,13 +65,10 @@ mod symlink;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
-pub use limits::{survive_full_files, want_descriptors};
-pub use line::{Defaults, LineSettings, Parity};
+pub use line::{Defaults, LineSettings};
 pub use net_decoder::NetDecoder;
-pub use net_port::{ListenAddress, NetPort, Protocol};
+pub use net_port::{ListenAddress, Protocol};
 pub use pair::PtySetup;
-pub use port::{Counters, Event, Port, Written};
-pub use pty_port::PtyPort;
-pub use serial_port::SerialPort;
-pub use signals::TerminationSignal;
-pub use waiter::{Waiter, Wake, sharpen_timers};
+pub use port::{Counters, Event, Port};
+pub use signals::survive_full_files;
+pub use waiter::{Waiter, Wake, sharpen_timers, want_descriptors};

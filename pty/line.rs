@@ -1,7 +1,5 @@
 //! Line settings: what the client asked of the line, and how ours is prepared.
 
-use std::fmt;
-
 use rustix::io::Errno;
 use rustix::termios::{
     ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios,
@@ -16,11 +14,9 @@ use rustix::termios::{
 pub struct LineSettings {
     /// Bits per second, any value, not only the standard ones.
     pub baud: u32,
-    /// Data bits. Linux forces a pseudo-terminal to 8.
-    pub data_bits: u8,
-    /// Parity. On a pseudo-terminal Linux strips even parity from the settings without a trace, and
-    /// leaves one of odd parity.
-    pub parity: Parity,
+    /// Set if the client asks for a parity bit. On a pseudo-terminal Linux strips even parity from the
+    /// settings without a trace, and leaves one of odd parity; it forces 8 data bits.
+    pub parity: bool,
     /// Stop bits, 1 or 2.
     pub stop_bits: u8,
     /// Set if the client waits for CTS before it sends. A pseudo-terminal takes no notice.
@@ -30,36 +26,9 @@ pub struct LineSettings {
     pub raw: bool,
 }
 
-/// The parity bit of each byte.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parity {
-    /// No parity bit.
-    None,
-    /// An even number of ones.
-    Even,
-    /// An odd number of ones.
-    Odd,
-}
-
 impl LineSettings {
     pub(crate) fn from_termios(termios: &Termios) -> Self {
         let control = termios.control_modes;
-        let size = control & ControlModes::CSIZE;
-        // CS5 is the empty pattern, hence what remains.
-        let data_bits = match size {
-            ControlModes::CS8 => 8,
-            ControlModes::CS7 => 7,
-            ControlModes::CS6 => 6,
-            _ => 5,
-        };
-        let parity = match (
-            control.contains(ControlModes::PARENB),
-            control.contains(ControlModes::PARODD),
-        ) {
-            (false, false) => Parity::None,
-            (true, false) => Parity::Even,
-            (_, true) => Parity::Odd,
-        };
         let translating = InputModes::ISTRIP
             | InputModes::INLCR
             | InputModes::IGNCR
@@ -68,8 +37,7 @@ impl LineSettings {
         let interpreting = LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
         Self {
             baud: termios.output_speed(),
-            data_bits,
-            parity,
+            parity: control.intersects(ControlModes::PARENB | ControlModes::PARODD),
             stop_bits: if control.contains(ControlModes::CSTOPB) {
                 2
             } else {
@@ -80,22 +48,6 @@ impl LineSettings {
                 && !termios.output_modes.contains(OutputModes::OPOST)
                 && !termios.local_modes.intersects(interpreting),
         }
-    }
-}
-
-impl fmt::Display for LineSettings {
-    /// Writes the usual short form, such as `115200 8N1`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parity = match self.parity {
-            Parity::None => 'N',
-            Parity::Even => 'E',
-            Parity::Odd => 'O',
-        };
-        write!(
-            f,
-            "{} {}{parity}{}",
-            self.baud, self.data_bits, self.stop_bits
-        )
     }
 }
 
@@ -166,28 +118,3 @@ const SPECIAL_CODES: [SpecialCodeIndex; 17] = [
     SpecialCodeIndex::VLNEXT,
     SpecialCodeIndex::VEOL2,
 ];
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn settings_are_written_as_on_a_data_sheet() {
-        let mut line = LineSettings {
-            baud: 115_200,
-            data_bits: 8,
-            parity: Parity::None,
-            stop_bits: 1,
-            rts_cts: false,
-            raw: true,
-        };
-        assert_eq!(line.to_string(), "115200 8N1");
-        line = LineSettings {
-            data_bits: 7,
-            parity: Parity::Even,
-            stop_bits: 2,
-            ..line
-        };
-        assert_eq!(line.to_string(), "115200 7E2");
-    }
-}

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use rfc2217::{FlowControl, ModemState, PortSettings, Progress, Purge, Server, ServerEvent};
 
-use crate::line::{LineSettings, Parity};
+use crate::line::LineSettings;
 use crate::net_port::Protocol;
 
 /// Bytes kept ahead of the line, as many as drivers of serial ports keep.
@@ -105,17 +105,7 @@ impl NetDecoder {
         let asked = &self.settings;
         LineSettings {
             baud: asked.baud_rate,
-            data_bits: match asked.data_bits {
-                rfc2217::DataBits::Five => 5,
-                rfc2217::DataBits::Six => 6,
-                rfc2217::DataBits::Seven => 7,
-                rfc2217::DataBits::Eight => 8,
-            },
-            parity: match asked.parity {
-                rfc2217::Parity::None => Parity::None,
-                rfc2217::Parity::Even => Parity::Even,
-                _ => Parity::Odd,
-            },
+            parity: asked.parity != rfc2217::Parity::None,
             stop_bits: match asked.stop_bits {
                 rfc2217::StopBits::One => 1,
                 _ => 2,

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{ErrorKind, Read as _};
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs as _};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,7 @@ use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
 use crate::line::LineSettings;
 use crate::net_decoder::{MOST_AHEAD, NetDecoder};
-use crate::port::{Counters, Event, Written};
+use crate::port::{Counters, Event, Kind};
 use crate::pty_port::write_some;
 
 /// How long the end of one connection may take when the beginning of the next is known already:
@@ -96,11 +96,12 @@ impl fmt::Display for ListenAddress {
 
 /// A port that waits for one client at a time to connect.
 #[derive(Debug)]
-pub struct NetPort {
+pub(crate) struct NetPort {
     registration: Option<Registration>,
     listener: TcpListener,
-    address: ListenAddress,
-    local: bool,
+    protocol: Protocol,
+    public: bool,
+    /// The URL that clients open.
     path: PathBuf,
     baud: u32,
     client: Option<Connection>,
@@ -111,14 +112,10 @@ pub struct NetPort {
 
 impl NetPort {
     /// Listens at `address`, for a device that runs at `baud`. With port 0 the system chooses one,
-    /// which [`address`](Self::address) tells.
-    ///
-    /// # Errors
-    ///
-    /// When the address is not this machine's, is taken, or the system refuses.
-    pub fn open(address: &ListenAddress, baud: u32) -> Result<Self, PortError> {
+    /// which [`path`](Kind::path) tells.
+    pub(crate) fn open(address: &ListenAddress, baud: u32) -> Result<Self, PortError> {
         let open = || -> std::io::Result<_> {
-            let listener = bind(&address.address)?;
+            let listener = TcpListener::bind(&address.address)?;
             listener.set_nonblocking(true)?;
             let local = listener.local_addr()?;
             Ok((listener, local))
@@ -134,65 +131,45 @@ impl NetPort {
             };
             PortError::new("serve", address.to_string(), kind)
         })?;
-        let address = address.at(local);
         Ok(Self {
             registration: None,
             listener,
-            local: local.ip().is_loopback(),
-            path: PathBuf::from(address.to_string()),
-            address,
+            protocol: address.protocol,
+            public: !local.ip().is_loopback(),
+            path: PathBuf::from(address.at(local).to_string()),
             baud,
             client: None,
             next: None,
             counters: Counters::default(),
         })
     }
+}
 
-    /// Address at which it listens.
-    #[must_use]
-    pub fn address(&self) -> &ListenAddress {
-        &self.address
-    }
-
-    /// Tells whether only this machine can connect.
-    #[must_use]
-    pub fn is_local(&self) -> bool {
-        self.local
-    }
-
-    /// The URL that clients open.
-    #[must_use]
-    pub fn path(&self) -> &Path {
+impl Kind for NetPort {
+    fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Tells whether a client is connected, as far as events were reported.
-    #[must_use]
-    pub fn is_attached(&self) -> bool {
+    fn is_public(&self) -> bool {
+        self.public
+    }
+
+    fn is_attached(&self) -> bool {
         self.client.is_some()
     }
 
-    /// Totals since the port was opened.
-    #[must_use]
-    pub fn counters(&self) -> Counters {
+    fn counters(&self) -> Counters {
         self.counters
     }
 
-    /// The line settings that the client has asked for.
-    #[must_use]
-    pub fn client_line(&self) -> LineSettings {
-        match &self.client {
+    fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+        Ok(Some(match &self.client {
             Some(client) => client.decoder.settings(),
-            None => NetDecoder::new(self.address.protocol, self.baud).settings(),
-        }
+            None => NetDecoder::new(self.protocol, self.baud).settings(),
+        }))
     }
 
-    /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+    fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self.next_event(buf)?;
         if let Some(registration) = &self.registration {
             registration.note(event == Some(Event::Idle));
@@ -200,26 +177,17 @@ impl NetPort {
         Ok(event.unwrap_or(Event::Idle))
     }
 
-    /// Sends what fits and drops the rest; see
-    /// [`Port::write`](crate::Port::write).
-    pub fn write(&mut self, bytes: &[u8]) -> Written {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
         let Some(client) = &mut self.client else {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
-            return Written {
-                accepted: 0,
-                dropped: bytes.len(),
-            };
+            return Ok(0);
         };
         let accepted = client.write(bytes);
-        let written = Written {
-            accepted,
-            dropped: bytes.len() - accepted,
-        };
-        self.counters.written(written);
-        written
+        self.counters.sent(accepted, bytes);
+        Ok(accepted)
     }
 
-    pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
+    fn register(&mut self, registration: Registration) -> Result<(), PortError> {
         if let Some(old) = self.registration.take() {
             old.forget(&self.listener);
             self.client
@@ -235,7 +203,9 @@ impl NetPort {
         self.registration = Some(registration);
         Ok(())
     }
+}
 
+impl NetPort {
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortError> {
         let Some(client) = &mut self.client else {
@@ -292,7 +262,7 @@ impl NetPort {
                     return Err(PortError::new("serve", &self.path, kind));
                 }
             };
-            let Ok(client) = Connection::new(stream, self.address.protocol, self.baud) else {
+            let Ok(client) = Connection::new(stream, self.protocol, self.baud) else {
                 continue;
             };
             if let Some(registration) = &self.registration {
@@ -305,12 +275,6 @@ impl NetPort {
             return Ok(Event::Attached);
         }
     }
-}
-
-/// As the standard library does, but without the wait for a name server to matter more than once.
-fn bind(address: &str) -> std::io::Result<TcpListener> {
-    let addresses: Vec<SocketAddr> = address.to_socket_addrs()?.collect();
-    TcpListener::bind(&addresses[..])
 }
 
 /// A client that is connected.

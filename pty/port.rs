@@ -1,5 +1,6 @@
 //! Port as the caller sees it, of whichever kind it is.
 
+use std::fmt::Debug;
 use std::path::Path;
 
 use crate::error::{PortError, PortErrorKind};
@@ -10,15 +11,28 @@ use crate::pair::PtySetup;
 use crate::pty_port::PtyPort;
 use crate::serial_port::SerialPort;
 
-/// A place where a client talks to a device.
+/// A place where a client talks to a device: a pseudo-terminal of this machine, a real serial port with
+/// the client at the other end of the cable, or a port that clients reach over the network.
 #[derive(Debug)]
-pub enum Port {
-    /// A pseudo-terminal on this machine.
-    Pty(PtyPort),
-    /// A real serial port with the client at the other end of the cable.
-    Serial(SerialPort),
-    /// A port that clients reach over the network.
-    Net(Box<NetPort>),
+pub struct Port(Box<dyn Kind>);
+
+/// A port of one kind; see [`Port`].
+pub(crate) trait Kind: Debug + Send {
+    fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError>;
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError>;
+    fn client_line(&self) -> Result<Option<LineSettings>, PortError>;
+    fn is_attached(&self) -> bool;
+    fn path(&self) -> &Path;
+    fn counters(&self) -> Counters;
+    fn register(&mut self, registration: Registration) -> Result<(), PortError>;
+
+    fn node(&self) -> &Path {
+        self.path()
+    }
+
+    fn is_public(&self) -> bool {
+        false
+    }
 }
 
 /// One piece of news from a port.
@@ -35,16 +49,6 @@ pub enum Event {
     Detached,
     /// There is nothing to report.
     Idle,
-}
-
-/// Fate of the bytes given to [`Port::write`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[must_use]
-pub struct Written {
-    /// Bytes on their way to the client.
-    pub accepted: usize,
-    /// Bytes lost, because nobody is attached or the client does not read.
-    pub dropped: usize,
 }
 
 /// Totals of a port since it was opened.
@@ -65,17 +69,57 @@ pub struct Counters {
 
 impl Port {
     /// Opens a port where `place` says: on the network if it is a URL ([`ListenAddress`]), else a
-    /// pseudo-terminal with a link at that path ([`PtyPort::open_at`]).
+    /// pseudo-terminal that is set up so, published at that path as a symbolic link, which is removed on
+    /// drop.
+    ///
+    /// The link appears whole and last. It replaces nothing but a stale link of our own kind, which is,
+    /// provided that no running simulator serves the path,
+    ///
+    /// - the very link that a simulator which was killed recorded in its lock file beside it
+    ///   (`.NAME.sim-lock`), wherever it points by now, or
+    /// - a link to a node under `/dev/pts` that does not exist or is the one just opened: nobody can use
+    ///   such a link.
     ///
     /// # Errors
     ///
-    /// When the URL lacks something, and as those do.
-    pub fn open_at(place: &Path, setup: PtySetup) -> Result<Self, PortError> {
+    /// When the URL lacks something, or its address is taken or another machine's; when anything else is
+    /// at the path, a running simulator serves it, or its directory is missing or not writable; or when
+    /// the system refuses.
+    pub fn open_at(place: impl AsRef<Path>, setup: PtySetup) -> Result<Self, PortError> {
+        let place = place.as_ref();
         match place.to_str().and_then(ListenAddress::parse) {
-            None => PtyPort::open_at(place, setup).map(Self::from),
-            Some(Ok(address)) => NetPort::open(&address, setup.baud).map(Self::from),
+            None => PtyPort::open_at(place, setup).map(Self::of),
+            Some(Ok(address)) => NetPort::open(&address, setup.baud).map(Self::of),
             Some(Err(why)) => Err(PortError::new("serve", place, PortErrorKind::BadUrl(why))),
         }
+    }
+
+    /// Opens a pseudo-terminal without a link; [`path`](Self::path) says where it is.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses.
+    pub fn open_unlinked(setup: PtySetup) -> Result<Self, PortError> {
+        PtyPort::open_unlinked(setup).map(Self::of)
+    }
+
+    /// Opens the real serial port at `path`, exclusively, with `baud`, 8 data bits, no parity, 1 or 2 stop
+    /// bits and no flow control.
+    ///
+    /// # Errors
+    ///
+    /// When it does not exist, is held by another program, may not be opened by this user or does not do
+    /// the baud rate.
+    pub fn open_serial(
+        path: impl AsRef<Path>,
+        baud: u32,
+        stop_bits: u32,
+    ) -> Result<Self, PortError> {
+        SerialPort::open(path.as_ref(), baud, stop_bits).map(Self::of)
+    }
+
+    fn of(port: impl Kind + 'static) -> Self {
+        Self(Box::new(port))
     }
 
     /// Reports the next piece of news, without blocking. Received bytes are
@@ -93,25 +137,18 @@ impl Port {
     ///
     /// When the system refuses, or a serial port was unplugged.
     pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
-        match self {
-            Self::Pty(port) => port.read(buf),
-            Self::Serial(port) => port.read(buf),
-            Self::Net(port) => port.read(buf),
-        }
+        self.0.read(buf)
     }
 
-    /// Sends without blocking. What does not fit is dropped and counted; a pseudo-terminal keeps some
-    /// of it, and drops the oldest. With nobody attached all is dropped.
+    /// Sends without blocking, and says how many more bytes are then on their way to the client. What does
+    /// not fit is dropped and counted; a pseudo-terminal keeps some of it, and drops the oldest. With nobody
+    /// attached all is dropped.
     ///
     /// # Errors
     ///
     /// When the system refuses, or a serial port was unplugged.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
-        match self {
-            Self::Pty(port) => port.write(bytes),
-            Self::Serial(port) => port.write(bytes),
-            Self::Net(port) => Ok(port.write(bytes)),
-        }
+    pub fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
+        self.0.write(bytes)
     }
 
     /// The line settings of whoever has the port open now, where they can be known: a client at the
@@ -124,68 +161,43 @@ impl Port {
     ///
     /// When the system refuses.
     pub fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
-        match self {
-            Self::Pty(port) => port.client_line().map(Some),
-            Self::Serial(_) => Ok(None),
-            Self::Net(port) => Ok(Some(port.client_line())),
-        }
+        self.0.client_line()
     }
 
     /// Tells whether a client is attached, as far as events were reported. One that has come in another's
     /// place is so from when that one is said to have left.
     #[must_use]
     pub fn is_attached(&self) -> bool {
-        match self {
-            Self::Pty(port) => port.is_attached(),
-            Self::Serial(port) => port.is_attached(),
-            Self::Net(port) => port.is_attached(),
-        }
+        self.0.is_attached()
     }
 
     /// The path or URL that a client opens, or the path of the serial device.
     #[must_use]
     pub fn path(&self) -> &Path {
-        match self {
-            Self::Pty(port) => port.path(),
-            Self::Serial(port) => port.path(),
-            Self::Net(port) => port.path(),
-        }
+        self.0.path()
+    }
+
+    /// The node under `/dev/pts` to which the link of a pseudo-terminal leads. It changes when a client
+    /// left the old one locked and this process may not unlock it.
+    #[must_use]
+    pub fn node(&self) -> &Path {
+        self.0.node()
+    }
+
+    /// Tells whether other machines can connect, too.
+    #[must_use]
+    pub fn is_public(&self) -> bool {
+        self.0.is_public()
     }
 
     /// Totals since the port was opened.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        match self {
-            Self::Pty(port) => port.counters(),
-            Self::Serial(port) => port.counters(),
-            Self::Net(port) => port.counters(),
-        }
+        self.0.counters()
     }
 
     pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
-        match self {
-            Self::Pty(port) => port.register(registration),
-            Self::Serial(port) => port.register(registration),
-            Self::Net(port) => port.register(registration),
-        }
-    }
-}
-
-impl From<PtyPort> for Port {
-    fn from(port: PtyPort) -> Self {
-        Self::Pty(port)
-    }
-}
-
-impl From<NetPort> for Port {
-    fn from(port: NetPort) -> Self {
-        Self::Net(Box::new(port))
-    }
-}
-
-impl From<SerialPort> for Port {
-    fn from(port: SerialPort) -> Self {
-        Self::Serial(port)
+        self.0.register(registration)
     }
 }
 
@@ -194,9 +206,10 @@ impl Counters {
         self.received_bytes += bytes as u64;
     }
 
-    pub(crate) fn written(&mut self, written: Written) {
-        self.sent_bytes += written.accepted as u64;
-        self.dropped_full_bytes += written.dropped as u64;
+    /// So many of `bytes` were accepted while somebody was there.
+    pub(crate) fn sent(&mut self, accepted: usize, bytes: &[u8]) {
+        self.sent_bytes += accepted as u64;
+        self.dropped_full_bytes += (bytes.len() - accepted) as u64;
     }
 }
 

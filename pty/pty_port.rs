@@ -13,7 +13,7 @@ use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
 use crate::line::LineSettings;
 use crate::pair::{Pair, PtySetup, Read};
-use crate::port::{Counters, Event, Written};
+use crate::port::{Counters, Event, Kind};
 use crate::symlink::Symlink;
 
 /// Reads that a single look takes, of which all but the last are words of what has happened.
@@ -25,7 +25,7 @@ const MOST_UNSENT: usize = 1 << 16;
 /// A pseudo-terminal, with or without a link to it at a path of the user's
 /// choice.
 #[derive(Debug)]
-pub struct PtyPort {
+pub(crate) struct PtyPort {
     // Dropped first: the link goes before what it points to.
     link: Option<Symlink>,
     registration: Option<Registration>,
@@ -58,24 +58,7 @@ enum Client {
 }
 
 impl PtyPort {
-    /// Opens a pseudo-terminal that is set up so, and publishes it at `path` as a symbolic link,
-    /// which is removed on drop.
-    ///
-    /// The link appears whole and last. It replaces nothing but a stale link
-    /// of our own kind, which is, provided that no running simulator serves
-    /// `path`,
-    ///
-    /// - the very link that a simulator which was killed recorded in its lock
-    ///   file beside it (`.NAME.sim-lock`), wherever it points by now, or
-    /// - a link to a node under `/dev/pts` that does not exist or is the one
-    ///   just opened: nobody can use such a link.
-    ///
-    /// # Errors
-    ///
-    /// When anything else is at `path`, a running simulator serves it, its
-    /// directory is missing or not writable, or the system refuses.
-    pub fn open_at(path: impl AsRef<Path>, setup: PtySetup) -> Result<Self, PortError> {
-        let path = path.as_ref();
+    pub(crate) fn open_at(path: &Path, setup: PtySetup) -> Result<Self, PortError> {
         let open = || {
             let pair = Pair::open(setup)?;
             let link = Symlink::publish(path, pair.slave())?;
@@ -84,13 +67,7 @@ impl PtyPort {
         open().map_err(|kind| PortError::new("serve", path, kind))
     }
 
-    /// Opens a pseudo-terminal without a link; [`path`](Self::path) says
-    /// where it is.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn open_unlinked(setup: PtySetup) -> Result<Self, PortError> {
+    pub(crate) fn open_unlinked(setup: PtySetup) -> Result<Self, PortError> {
         let pair = Pair::open(setup).map_err(|kind| PortError::new("open", "/dev/ptmx", kind))?;
         Ok(Self::new(pair, None))
     }
@@ -108,49 +85,32 @@ impl PtyPort {
             counters: Counters::default(),
         }
     }
+}
 
-    /// The path that clients open: the link if there is one, else the node.
-    #[must_use]
-    pub fn path(&self) -> &Path {
+impl Kind for PtyPort {
+    fn path(&self) -> &Path {
         self.link.as_ref().map_or(self.pair.slave(), Symlink::path)
     }
 
-    /// The node under `/dev/pts`. It changes when a client left the old one
-    /// locked and this process may not unlock it.
-    #[must_use]
-    pub fn slave_path(&self) -> &Path {
+    fn node(&self) -> &Path {
         self.pair.slave()
     }
 
-    /// Tells whether a client is attached, as far as events were reported; one in another's place is.
-    #[must_use]
-    pub fn is_attached(&self) -> bool {
+    fn is_attached(&self) -> bool {
         self.client != Client::Nobody
     }
 
-    /// Totals since the port was opened.
-    #[must_use]
-    pub fn counters(&self) -> Counters {
+    fn counters(&self) -> Counters {
         self.counters
     }
 
-    /// The line settings as whoever has the port open has made them by now.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn client_line(&self) -> Result<LineSettings, PortError> {
+    fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
         let settings = self.pair.settings();
         let settings = settings.map_err(|kind| self.error("read the settings of", kind))?;
-        Ok(LineSettings::from_termios(&settings))
+        Ok(Some(LineSettings::from_termios(&settings)))
     }
 
-    /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+    fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self
             .next_event(buf)
             .and_then(|event| self.send_unsent().map(|()| event))
@@ -162,18 +122,11 @@ impl PtyPort {
         Ok(event.unwrap_or(Event::Idle))
     }
 
-    /// Sends, or keeps for a client that does not read; see [`Port::write`](crate::Port::write).
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
+    /// Sends, or keeps for a client that does not read.
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
         if !self.is_attached() {
             self.counters.dropped_detached_bytes += bytes.len() as u64;
-            return Ok(Written {
-                accepted: 0,
-                dropped: bytes.len(),
-            });
+            return Ok(0);
         }
         // What this answers may be from a client that came in another's place. What waits there is
         // the other's, and has to be taken back before.
@@ -189,15 +142,12 @@ impl PtyPort {
         let dropped = self.unsent.len().saturating_sub(MOST_UNSENT);
         self.unsent.drain(..dropped);
         self.watch_room()?;
-        let written = Written {
-            accepted: bytes.len() - dropped,
-            dropped,
-        };
-        self.counters.written(written);
-        Ok(written)
+        let accepted = bytes.len() - dropped;
+        self.counters.sent(accepted, bytes);
+        Ok(accepted)
     }
 
-    pub(crate) fn register(&mut self, mut registration: Registration) -> Result<(), PortError> {
+    fn register(&mut self, mut registration: Registration) -> Result<(), PortError> {
         let register = || {
             if let Some(old) = self.registration.take() {
                 old.forget(&self.pair);
@@ -213,7 +163,9 @@ impl PtyPort {
         };
         register().map_err(|kind| self.error("watch", kind))
     }
+}
 
+impl PtyPort {
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
         if matches!(self.client, Client::Nobody | Client::New) {

@@ -10,28 +10,23 @@ use serialport::{DataBits, FlowControl, StopBits, TTYPort};
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{IN, Registration};
-use crate::port::{Counters, Event, Written};
+use crate::line::LineSettings;
+use crate::port::{Counters, Event, Kind};
 use crate::pty_port::write_some;
 
 /// A real serial port, held exclusively: 8 data bits, no parity, no flow control.
 #[derive(Debug)]
-pub struct SerialPort {
+pub(crate) struct SerialPort {
     registration: Option<Registration>,
     tty: TTYPort,
     path: PathBuf,
+    /// It has reported that, and was not unplugged.
     attached: bool,
     counters: Counters,
 }
 
 impl SerialPort {
-    /// Opens the serial port at `path` with `baud` and 1 or 2 stop bits.
-    ///
-    /// # Errors
-    ///
-    /// When it does not exist, is held by another program, may not be opened
-    /// by this user or does not do the baud rate.
-    pub fn open(path: impl AsRef<Path>, baud: u32, stop_bits: u32) -> Result<Self, PortError> {
-        let path = path.as_ref();
+    pub(crate) fn open(path: &Path, baud: u32, stop_bits: u32) -> Result<Self, PortError> {
         let open = || {
             if baud == 0 {
                 return Err(PortErrorKind::ZeroBaud);
@@ -63,37 +58,6 @@ impl SerialPort {
         open().map_err(|kind| PortError::new("serve", path, kind))
     }
 
-    /// The path of the serial device.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Tells whether the port has reported itself attached and was not unplugged.
-    #[must_use]
-    pub fn is_attached(&self) -> bool {
-        self.attached
-    }
-
-    /// Totals since the port was opened.
-    #[must_use]
-    pub fn counters(&self) -> Counters {
-        self.counters
-    }
-
-    /// Reports the next piece of news; see [`Port::read`](crate::Port::read).
-    ///
-    /// # Errors
-    ///
-    /// When the port was unplugged or the system refuses.
-    pub fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
-        let event = self.next_event(buf)?;
-        if let Some(registration) = &self.registration {
-            registration.note(event == Event::Idle);
-        }
-        Ok(event)
-    }
-
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         if !self.attached && self.counters.attached == 0 {
             self.attached = true;
@@ -115,37 +79,6 @@ impl SerialPort {
         }
     }
 
-    /// Sends what fits and drops the rest; see
-    /// [`Port::write`](crate::Port::write).
-    ///
-    /// # Errors
-    ///
-    /// When the port was unplugged or the system refuses.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<Written, PortError> {
-        match write_some(self.fd(), bytes) {
-            Ok(accepted) => {
-                let written = Written {
-                    accepted,
-                    dropped: bytes.len() - accepted,
-                };
-                self.counters.written(written);
-                Ok(written)
-            }
-            Err(errno) => Err(self.lost("write to", "write", errno)),
-        }
-    }
-
-    pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
-        if let Some(old) = self.registration.take() {
-            old.forget(self.fd());
-        }
-        registration
-            .watch(self.fd(), IN)
-            .map_err(|kind| PortError::new("watch", &self.path, kind))?;
-        self.registration = Some(registration);
-        Ok(())
-    }
-
     fn lost(&mut self, action: &'static str, call: &'static str, errno: Errno) -> PortError {
         let kind = match errno {
             Errno::IO | Errno::NXIO | Errno::NODEV | Errno::BADF => {
@@ -165,6 +98,50 @@ impl SerialPort {
         // SAFETY: the descriptor belongs to `self.tty`, which neither closes
         // nor changes it before it is dropped, and the borrow ends before.
         unsafe { BorrowedFd::borrow_raw(self.tty.as_raw_fd()) }
+    }
+}
+
+impl Kind for SerialPort {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn is_attached(&self) -> bool {
+        self.attached
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+        Ok(None)
+    }
+
+    fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
+        let event = self.next_event(buf)?;
+        if let Some(registration) = &self.registration {
+            registration.note(event == Event::Idle);
+        }
+        Ok(event)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError> {
+        let accepted =
+            write_some(self.fd(), bytes).map_err(|errno| self.lost("write to", "write", errno))?;
+        self.counters.sent(accepted, bytes);
+        Ok(accepted)
+    }
+
+    fn register(&mut self, registration: Registration) -> Result<(), PortError> {
+        if let Some(old) = self.registration.take() {
+            old.forget(self.fd());
+        }
+        registration
+            .watch(self.fd(), IN)
+            .map_err(|kind| PortError::new("watch", &self.path, kind))?;
+        self.registration = Some(registration);
+        Ok(())
     }
 }
 

@@ -1,64 +1,23 @@
-//! The signals that ask a simulator to stop, turned into something to wait on.
+//! The signals that ask a simulator to stop, turned into something to wait on, and one that would end it.
 
-use std::fmt;
 use std::io::{self, Read as _};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use rustix::fd::{AsFd, BorrowedFd};
 use signal_hook::SigId;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
 
-/// A signal that asks the program to stop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TerminationSignal {
-    /// `SIGINT`, Ctrl-C.
-    Interrupt,
-    /// `SIGTERM`, what `kill` and service managers send.
-    Terminate,
-    /// `SIGHUP`, the terminal was closed.
-    Hangup,
-    /// `SIGXCPU`, the limit of processor time has been reached; some seconds later the system
-    /// kills.
-    ProcessorTime,
-}
-
-impl TerminationSignal {
-    const ALL: [Self; 4] = [
-        Self::Interrupt,
-        Self::Terminate,
-        Self::Hangup,
-        Self::ProcessorTime,
-    ];
-
-    fn number(self) -> i32 {
-        match self {
-            Self::Interrupt => SIGINT,
-            Self::Terminate => SIGTERM,
-            Self::Hangup => SIGHUP,
-            Self::ProcessorTime => SIGXCPU,
-        }
-    }
-}
-
-impl fmt::Display for TerminationSignal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Interrupt => "SIGINT",
-            Self::Terminate => "SIGTERM",
-            Self::Hangup => "SIGHUP",
-            Self::ProcessorTime => "SIGXCPU",
-        })
-    }
-}
+/// Ctrl-C; what `kill` and service managers send; the terminal was closed; and the limit of processor
+/// time has been reached, some seconds after which the system kills.
+const ALL: [i32; 4] = [SIGINT, SIGTERM, SIGHUP, SIGXCPU];
 
 /// Catches the signals for as long as it lives.
 #[derive(Debug)]
 pub(crate) struct Signals {
     pipe: UnixStream,
-    last: Arc<AtomicUsize>,
     handlers: Vec<SigId>,
 }
 
@@ -68,34 +27,28 @@ impl Signals {
         pipe.set_nonblocking(true)?;
         let mut signals = Self {
             pipe,
-            last: Arc::new(AtomicUsize::new(0)),
             handlers: Vec::new(),
         };
-        for (index, signal) in TerminationSignal::ALL.into_iter().enumerate() {
-            if signal == TerminationSignal::Hangup && hangup_is_ignored() {
-                continue;
+        for signal in ALL {
+            if signal != SIGHUP || !hangup_is_ignored() {
+                let handler = pipe::register(signal, sender.try_clone()?)?;
+                signals.handlers.push(handler);
             }
-            // The number is stored before the pipe is written to, since
-            // handlers run in the order of their registration.
-            let store = Arc::clone(&signals.last);
-            signals.handlers.push(signal_hook::flag::register_usize(
-                signal.number(),
-                store,
-                index + 1,
-            )?);
-            signals
-                .handlers
-                .push(pipe::register(signal.number(), sender.try_clone()?)?);
         }
         Ok(signals)
     }
 
-    /// The latest signal since the last call.
-    pub(crate) fn take(&mut self) -> Option<TerminationSignal> {
+    /// Tells whether one has arrived since the last call.
+    pub(crate) fn take(&mut self) -> bool {
         let mut sink = [0; 64];
-        while matches!(self.pipe.read(&mut sink), Ok(n) if n == sink.len()) {}
-        let index = self.last.swap(0, Ordering::SeqCst).checked_sub(1)?;
-        TerminationSignal::ALL.get(index).copied()
+        let mut any = false;
+        while let Ok(count @ 1..) = self.pipe.read(&mut sink) {
+            any = true;
+            if count < sink.len() {
+                break;
+            }
+        }
+        any
     }
 }
 
@@ -125,6 +78,16 @@ fn is_ignored(status: &str, signal: i32) -> bool {
         .find_map(|line| line.strip_prefix("SigIgn:"))
         .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
         .is_some_and(|mask| mask & (1 << (signal - 1)) != 0)
+}
+
+/// Has a write beyond the limit of file sizes (`RLIMIT_FSIZE`) be an error, as on a full disk, instead of
+/// ending the program. Programs that it starts are ended as ever.
+///
+/// # Errors
+/// When the system refuses.
+pub fn survive_full_files() -> io::Result<()> {
+    // A handler, and not to ignore it, since what is ignored stays so in programs that are started.
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map(drop)
 }
 
 #[cfg(test)]

@@ -9,12 +9,13 @@ use std::time::{Duration, Instant};
 use rustix::event::{Timespec, epoll};
 use rustix::fd::AsFd;
 use rustix::io::Errno;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use crate::busy_poll::BusyPoll;
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{Hub, INOTIFY, Registration, SIGNALS};
 use crate::port::Port;
-use crate::signals::{Signals, TerminationSignal};
+use crate::signals::Signals;
 
 /// Descriptors reported by one call of the system. More than these wait for
 /// the next call; none is lost.
@@ -35,15 +36,15 @@ pub struct Waiter {
 /// time is up.
 #[derive(Debug, Default)]
 pub struct Wake {
-    signal: Option<TerminationSignal>,
+    signalled: bool,
     ready: Vec<usize>,
 }
 
 impl Wake {
-    /// The signal that arrived, the latest if there were several.
+    /// Tells whether a signal has arrived that asks the program to stop.
     #[must_use]
-    pub fn signal(&self) -> Option<TerminationSignal> {
-        self.signal
+    pub fn is_signalled(&self) -> bool {
+        self.signalled
     }
 
     /// The tokens of the ports with news, each once, in ascending order.
@@ -154,7 +155,7 @@ impl Waiter {
     /// When the system refuses.
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<&Wake, PortError> {
         self.wake.ready.clear();
-        self.wake.signal = None;
+        self.wake.signalled = false;
         self.take_news(timeout)?;
         self.hub.take_ready(&mut self.wake.ready);
         self.wake.ready.sort_unstable();
@@ -181,7 +182,7 @@ impl Waiter {
     }
 
     fn has_news(&self) -> bool {
-        !self.wake.ready.is_empty() || self.wake.signal.is_some() || self.hub.has_ready()
+        !self.wake.ready.is_empty() || self.wake.signalled || self.hub.has_ready()
     }
 
     /// Takes what the system reports within `timeout`, which may be no news.
@@ -198,9 +199,7 @@ impl Waiter {
         for event in &*events {
             match event.data.u64() {
                 INOTIFY => self.hub.drain().map_err(waiting)?,
-                SIGNALS => {
-                    self.wake.signal = self.signals.as_mut().and_then(Signals::take);
-                }
+                SIGNALS => self.wake.signalled |= self.signals.as_mut().is_some_and(Signals::take),
                 // Tokens were made from a usize.
                 token => self.wake.ready.extend(usize::try_from(token)),
             }
@@ -221,6 +220,17 @@ pub fn sharpen_timers() -> Result<(), PortError> {
     rustix::thread::set_current_timer_slack(NonZeroU64::new(1))
         .map_err(PortErrorKind::call("prctl"))
         .map_err(waiting)
+}
+
+/// Allows this process as many file descriptors as it may allow itself, if `count` are more than it has.
+/// Programs that it starts get as many, so it is for who needs them.
+pub fn want_descriptors(count: u64) {
+    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+    if current.is_some_and(|current| current < count) {
+        let current = maximum;
+        // Refused, it is as it was, and whoever opens too many is told.
+        let _ = setrlimit(Resource::Nofile, Rlimit { current, maximum });
+    }
 }
 
 fn waiting(kind: PortErrorKind) -> PortError {

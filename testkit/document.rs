@@ -66,6 +66,11 @@ fn parse(schema: &str) -> Json {
     serde_json::from_str(schema).unwrap_or_else(|error| panic!("{error}"))
 }
 
+fn table<const N: usize>(entries: [(&str, Value); N]) -> Value {
+    let entries = entries.map(|(key, value)| (key.to_owned(), value));
+    Value::Table(Table::from_iter(entries))
+}
+
 fn text(document: &Table) -> String {
     toml::to_string(document).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -167,8 +172,8 @@ impl<'b> Writer<'b> {
             } else {
                 3 * number
             };
-            let pose = Table::from_iter([("x".to_owned(), Value::from(format!("{apart} m")))]);
-            device.insert("pose".to_owned(), Value::Table(pose));
+            let pose = table([("x", Value::from(format!("{apart} m")))]);
+            device.insert("pose".to_owned(), pose);
             if self.choices.once_in(3) {
                 let settings = self.settings(&format!("{word}."));
                 device.insert("settings".to_owned(), settings);
@@ -318,9 +323,7 @@ impl<'b> Writer<'b> {
     fn string(&mut self, schema: &Json, key: &str) -> String {
         let example = schema["examples"][0].as_str().unwrap_or_default();
         match key {
-            "that" | "when" | "whenever" | "then" => {
-                condition::condition(&mut self.choices, &self.devices)
-            }
+            "that" | "when" | "whenever" | "then" => self.condition(),
             "bytes" => BYTES[self.choices.below(BYTES.len())].to_owned(),
             "line" => ["X10", "Y-5", "Z99999", "B1", "Q"][self.choices.below(5)].to_owned(),
             "remove" | "obstacle" => format!("o{}", self.choices.below(4)),

@@ -33,3 +33,11 @@ pub mod setting;
 pub mod stream;
 pub mod text;
 pub mod trace;
+
+/// Fewer than `most` of anything.
+#[cfg(feature = "proptest")]
+fn some<T: proptest::arbitrary::Arbitrary>(
+    most: usize,
+) -> impl proptest::strategy::Strategy<Value = Vec<T>> {
+    proptest::collection::vec(proptest::arbitrary::any::<T>(), 0..most)
+}

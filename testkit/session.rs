@@ -26,8 +26,8 @@ use sim_physics::{Ground, Pose};
 
 use crate::operation::{Hands, Message, Operation, Wait, car_key, r150_button};
 use crate::setting::{self, SettingChoice};
+use promises::Client;
 pub use promises::truth;
-use promises::{Client, ExpectDue as _};
 pub use setup::{Devices, Setup};
 
 /// Most operations of a session; further ones are left out.
@@ -44,20 +44,10 @@ pub struct Session {
     /// Setup at the start.
     pub setup: Setup,
     /// Settings that are not as they are by default, maybe.
-    #[cfg_attr(
-        feature = "proptest",
-        proptest(
-            strategy = "proptest::collection::vec(proptest::prelude::any::<SettingChoice>(), 0..5)"
-        )
-    )]
+    #[cfg_attr(feature = "proptest", proptest(strategy = "crate::some(5)"))]
     pub settings: Vec<SettingChoice>,
     /// Operations, in order.
-    #[cfg_attr(
-        feature = "proptest",
-        proptest(
-            strategy = "proptest::collection::vec(proptest::prelude::any::<Operation>(), 0..40)"
-        )
-    )]
+    #[cfg_attr(feature = "proptest", proptest(strategy = "crate::some(40)"))]
     pub operations: Vec<Operation>,
 }
 
@@ -283,9 +273,17 @@ impl Player {
             .map_or(self.now, |due| due.max(self.now));
         self.advance(self.now + wait.span(due.since(self.now)));
         if self.clients.iter().all(|client| !client.attached) {
-            let due = self.rig.next_deadline().expect_due();
-            assert!(due > self.now, "{due} is due at {}", self.now);
+            self.due();
         }
+    }
+
+    /// Time of what is due next: always something, since batteries and temperatures never stand still,
+    /// and always later.
+    fn due(&self) -> SimTime {
+        let due = self.rig.next_deadline();
+        let due = due.unwrap_or_else(|| panic!("nothing is due for ever"));
+        assert!(due > self.now, "{due} is due at {}", self.now);
+        due
     }
 
     /// From event to event, with clients that read at once.
@@ -294,9 +292,7 @@ impl Player {
         self.advance(self.now);
         self.read_all();
         for _ in 0..count {
-            let due = self.rig.next_deadline().expect_due();
-            assert!(due > self.now, "{due} is due at {}", self.now);
-            self.advance(due);
+            self.advance(self.due());
             self.read_all();
         }
     }
@@ -338,7 +334,8 @@ impl Player {
             heading: f64::from(heading) / 100.0,
         };
         let rig = &mut self.rig;
-        let done = match how {
+        // Some are for one kind of device only.
+        let _ = match how {
             Hands::Push(push) => rig.with_any_device(device, |own, _, _| {
                 own.plant_mut().set_push(scale(push, 3.0))
             }),
@@ -353,7 +350,5 @@ impl Player {
                 r150.set_load(rail, Load::Power(watts.into()));
             }),
         };
-        // Some are for one kind of device only.
-        let _ = done;
     }
 }

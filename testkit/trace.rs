@@ -55,12 +55,7 @@ pub struct Recording {
     /// Of everything random.
     pub seed: u64,
     /// Operations of the clients.
-    #[cfg_attr(
-        feature = "proptest",
-        proptest(
-            strategy = "proptest::collection::vec(proptest::prelude::any::<Operation>(), 0..40)"
-        )
-    )]
+    #[cfg_attr(feature = "proptest", proptest(strategy = "crate::some(40)"))]
     pub operations: Vec<Operation>,
 }
 

@@ -1,11 +1,11 @@
 //! Flags of `sim run`.
 
 use std::ffi::OsString;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{ArgAction, Args, ValueEnum, value_parser};
-use sim_control::Listen;
 use sim_settings::Span;
 
 use super::{MAX_HOLD_UP, SettingsArgs, some_time, speed};
@@ -101,8 +101,8 @@ pub(crate) struct RunArgs {
     pub(crate) max_hold_up: Span,
     /// Let programs and a page look on and change what happens, as `sim --control` does. Each scenario
     /// has an address of its own, which the client finds in SIM_CONTROL.
-    #[arg(long, value_name = "ADDRESS", requires = "client")]
-    pub(crate) control: Option<Listen>,
+    #[arg(long, value_name = "ADDRESS", value_parser = sim_control::listen, requires = "client")]
+    pub(crate) control: Option<SocketAddr>,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
     pub(crate) list: bool,

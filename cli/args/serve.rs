@@ -1,9 +1,9 @@
 //! Flags of `sim` itself, which serves devices.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use sim_control::Listen;
 use sim_core::line::Wire;
 use sim_pty::{Defaults, ListenAddress, PtySetup};
 use sim_settings::Span;
@@ -80,8 +80,8 @@ pub(crate) struct ServeArgs {
     pub(crate) trace: Option<PathBuf>,
     /// Let `sim ctl`, programs and a page look on and change what happens, over HTTP at ADDRESS;
     /// 127.0.0.1:0 is any free port of this machine. Prints the URL, with a new token each time.
-    #[arg(long, value_name = "ADDRESS")]
-    pub(crate) control: Option<Listen>,
+    #[arg(long, value_name = "ADDRESS", value_parser = sim_control::listen)]
+    pub(crate) control: Option<SocketAddr>,
     /// Print every request and reply, in words and hex.
     #[arg(short, long, conflicts_with = "quiet")]
     pub(crate) verbose: bool,

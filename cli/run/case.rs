@@ -130,7 +130,7 @@ impl<'a> Case<'a> {
         ports: Vec<ShownPort>,
         environment: &mut Vec<(String, OsString)>,
     ) -> Result<Option<Desk>, Failure> {
-        let Some(listen) = &self.args.control else {
+        let Some(listen) = self.args.control else {
             return Ok(None);
         };
         let desk = Desk::open(listen, run, ports)?;

@@ -137,7 +137,7 @@ impl LivePlay<'_> {
     /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
     /// ended then.
     fn play(&mut self, case: &Case<'_>) -> anyhow::Result<Option<PlayedClient>> {
-        let ended = self.server.attended(&mut Looking {
+        let ended = self.server.serve(&mut Looking {
             log: None,
             desk: self.desk.as_mut(),
             trace: &mut self.playing.trace,

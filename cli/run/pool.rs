@@ -122,7 +122,7 @@ fn threads(args: &RunArgs, cases: usize) -> usize {
     // In real time one client must not make another late.
     let is_real = !args.client.is_empty() && args.time == TimeArg::Real;
     // So is a port that all of them would have to have at the same time.
-    let shares = args.control.is_some_and(|listen| listen.is_fixed());
+    let shares = args.control.is_some_and(|listen| listen.port() != 0);
     let usual = if is_real || shares { 1 } else { cores() };
     asked.unwrap_or(usual).min(cases)
 }
@@ -138,7 +138,7 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
         .spawn(move || {
             // Without a way to wait, signals do nothing, and the limits of time end the run.
             while let Ok(wake) = waiter.wait(None) {
-                if wake.signal().is_some() && seen.swap(true, Ordering::Relaxed) {
+                if wake.is_signalled() && seen.swap(true, Ordering::Relaxed) {
                     // Somebody insists; whoever reads the output may have stopped reading it.
                     std::thread::sleep(LAST_PATIENCE);
                     std::process::exit(Exit::System as i32);

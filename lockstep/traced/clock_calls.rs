@@ -1,11 +1,9 @@
 //! Calls that ask for the time, or set it, or sleep.
 
-use crate::traced::arch::Registers;
-use crate::traced::call::Call;
+use crate::traced::arch::Call;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
-use crate::traced::entry::int;
+use crate::traced::entry::{Entry, int};
 use crate::traced::memory::Memory;
-use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::Wait;
 
@@ -13,42 +11,29 @@ use crate::traced::wait::Wait;
 pub(crate) const TICKS_A_SECOND: u64 = 100;
 
 impl Tracer<'_> {
-    pub(crate) fn clock_call(
-        &mut self,
-        tid: Tid,
-        call: Call,
-        registers: Registers,
-        crept: bool,
-    ) -> Result<Handling, Halt> {
-        let a = registers.arguments();
-        let memory = Memory(tid);
-        match call {
-            Call::ClockSettime | Call::Settimeofday => {
-                let is_real = call == Call::Settimeofday || int(a[0]) == libc::CLOCK_REALTIME;
-                let address = match call {
-                    Call::ClockSettime => a[1],
-                    _ => a[0],
-                };
-                if !is_real || address == 0 || !rustix::process::geteuid().is_root() {
-                    return Ok(Handling::Make);
-                }
-                let date = memory.read_pair(address)?;
-                let date = match call {
-                    Call::ClockSettime => span(date),
-                    _ => span_micros(date),
-                };
-                let Some(to) = date else {
-                    return Ok(Handling::Make);
-                };
-                self.clocks.set_real(to, self.now);
-                return Ok(Handling::Answer(0));
+    pub(crate) fn clock_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let a = entry.a;
+        let memory = Memory(entry.tid);
+        let set = match entry.call {
+            Call::ClockSettime => Some((int(a[0]), a[1], span as fn((i64, i64)) -> Option<u64>)),
+            Call::Settimeofday => Some((libc::CLOCK_REALTIME, a[0], span_micros as _)),
+            _ => None,
+        };
+        if let Some((clock, address, read)) = set {
+            let is_real = clock == libc::CLOCK_REALTIME;
+            if !is_real || address == 0 || !rustix::process::geteuid().is_root() {
+                return Ok(Handling::Make);
             }
-            _ => {}
+            let Some(to) = read(memory.read_pair(address)?) else {
+                return Ok(Handling::Make);
+            };
+            self.clocks.set_real(to, self.now);
+            return Ok(Handling::Answer(0));
         }
-        if let Some(action) = self.ask(tid, crept) {
+        if let Some(action) = self.ask(entry) {
             return Ok(action);
         }
-        match call {
+        match entry.call {
             Call::ClockGettime => {
                 let Some(shown) = self.clocks.show(int(a[0]), self.now) else {
                     return Ok(Handling::Make);
@@ -85,7 +70,7 @@ impl Tracer<'_> {
         }
     }
 
-    pub(crate) fn sleep(&mut self, tid: Tid, call: Call, a: [u64; 6]) -> Result<Handling, Halt> {
+    pub(crate) fn sleep(&mut self, Entry { tid, call, a, .. }: Entry) -> Result<Handling, Halt> {
         let (clock, absolute, time, rest) = match call {
             Call::Nanosleep => (libc::CLOCK_MONOTONIC, false, a[0], a[1]),
             _ => (int(a[0]), a[1] & 1 != 0, a[2], a[3]),

@@ -4,6 +4,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
@@ -302,10 +303,17 @@ fn own_pid() -> i32 {
 }
 
 /// The links to the files that a process has open.
-fn files_of(pid: Tid) -> impl Iterator<Item = std::path::PathBuf> {
+pub(crate) fn files_of(pid: Tid) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(format!("/proc/{pid}/fd"));
     let entries = entries.into_iter().flatten();
     entries.filter_map(|entry| entry.ok().map(|entry| entry.path()))
+}
+
+/// Number that the system tells of a descriptor under this name.
+pub(crate) fn info_of(process: Tid, fd: i32, name: &str) -> Option<i32> {
+    let info = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}")).ok()?;
+    let value = info.lines().find_map(|line| line.strip_prefix(name))?;
+    value.trim().parse().ok()
 }
 
 /// What an epoll descriptor watches.

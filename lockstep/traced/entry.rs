@@ -1,13 +1,25 @@
 //! Handling of each call at which a thread is stopped, and of those whose end is looked at.
 
-use crate::traced::arch::{self, Registers};
-use crate::traced::call::Call;
+use crate::traced::arch::{self, Call, Registers};
 use crate::traced::memory::Memory;
 use crate::traced::one_processor::{affinity, current};
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, OwnClocks, Resume, State};
 use crate::traced::wait::Wait;
+
+/// A thread at the beginning of a call.
+#[derive(Clone, Copy)]
+pub(crate) struct Entry {
+    pub(crate) tid: Tid,
+    pub(crate) process: Tid,
+    pub(crate) call: Call,
+    pub(crate) registers: Registers,
+    /// The arguments of the call.
+    pub(crate) a: [u64; 6],
+    /// It has paid for its asking.
+    pub(crate) crept: bool,
+}
 
 impl Tracer<'_> {
     /// Decides what becomes of a call.
@@ -20,32 +32,40 @@ impl Tracer<'_> {
         let Some(call) = arch::call(registers.number()) else {
             return Ok(Handling::Make);
         };
-        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
+        let process = self.process_of(tid);
         let a = registers.arguments();
+        let entry = Entry {
+            tid,
+            process,
+            call,
+            registers,
+            a,
+            crept,
+        };
         match call {
             Call::ClockGettime
             | Call::Gettimeofday
             | Call::Time
             | Call::Times
             | Call::ClockSettime
-            | Call::Settimeofday => self.clock_call(tid, call, registers, crept),
-            Call::Nanosleep | Call::ClockNanosleep => self.sleep(tid, call, a),
+            | Call::Settimeofday => self.clock_call(entry),
+            Call::Nanosleep | Call::ClockNanosleep => self.sleep(entry),
             Call::Poll
             | Call::Ppoll
             | Call::Select
             | Call::Pselect
             | Call::EpollWait
             | Call::EpollPwait
-            | Call::EpollPwait2 => self.poll_call(tid, process, call, a, crept),
-            Call::Futex => self.futex(tid, registers),
-            Call::Pause | Call::Sigsuspend | Call::Sigtimedwait => self.signal_call(tid, call, a),
-            Call::Wait4 | Call::Waitid => self.child_call(tid, call, registers, crept),
+            | Call::EpollPwait2 => self.poll_call(entry),
+            Call::Futex => self.futex(entry),
+            Call::Pause | Call::Sigsuspend | Call::Sigtimedwait => self.signal_call(entry),
+            Call::Wait4 | Call::Waitid => Ok(self.child_call(entry)),
             Call::Flock
             | Call::Fcntl
             | Call::Semop
             | Call::Semtimedop
             | Call::Msgsnd
-            | Call::Msgrcv => self.lock_call(tid, call, registers),
+            | Call::Msgrcv => self.lock_call(entry),
             Call::Read
             | Call::Readv
             | Call::Pread
@@ -63,21 +83,19 @@ impl Tracer<'_> {
             | Call::Splice
             | Call::Sendfile
             | Call::MqTimedsend
-            | Call::MqTimedreceive => self.transfer_call(tid, process, call, registers, crept),
-            Call::Ioctl => self.request(tid, process, (int(a[0]), low(a[1]), a[2]), crept),
+            | Call::MqTimedreceive => self.transfer_call(entry),
+            Call::Ioctl => self.request(entry),
             Call::Alarm => Ok(self.alarm(process, a[0])),
-            Call::Setitimer => self.interval_timer(tid, process, Some(a[1]), a[2]),
-            Call::Getitimer => self.interval_timer(tid, process, None, a[1]),
-            Call::TimerCreate => self.timer_create(tid, registers),
-            Call::TimerSettime => self.posix_timer(tid, process, a[0], Some((a[1], a[2])), a[3]),
-            Call::TimerGettime => self.posix_timer(tid, process, a[0], None, a[1]),
-            Call::TimerDelete => Ok(self.timer_delete(process, a[0])),
-            Call::TimerfdSettime => {
-                self.timer_descriptor(tid, process, int(a[0]), Some((a[1], a[2])), a[3])
-            }
-            Call::TimerfdGettime => self.timer_descriptor(tid, process, int(a[0]), None, a[1]),
+            Call::Setitimer => self.interval_timer(entry, Some(a[1]), a[2]),
+            Call::Getitimer => self.interval_timer(entry, None, a[1]),
+            Call::TimerCreate => self.timer_create(entry),
+            Call::TimerSettime => self.posix_timer(entry, Some((a[1], a[2])), a[3]),
+            Call::TimerGettime => self.posix_timer(entry, None, a[1]),
+            Call::TimerDelete => Ok(self.timer_delete(entry)),
+            Call::TimerfdSettime => self.timer_descriptor(entry, Some((a[1], a[2])), a[3]),
+            Call::TimerfdGettime => self.timer_descriptor(entry, None, a[1]),
             Call::Getrandom => self.random_bytes(tid, &[(a[0], a[1])]),
-            Call::Yield => Ok(self.ask(tid, crept).unwrap_or_else(|| {
+            Call::Yield => Ok(self.ask(entry).unwrap_or_else(|| {
                 self.give_way(tid);
                 Handling::Answer(0)
             })),
@@ -86,9 +104,7 @@ impl Tracer<'_> {
             Call::Setaffinity => Ok(Handling::Answer(0)),
             // Only after a stop by job control.
             Call::Restart => Ok(failure(libc::EINTR)),
-            Call::Kill | Call::Tgkill | Call::PidfdSendSignal => {
-                Ok(self.kill_call(process, call, registers))
-            }
+            Call::Kill | Call::Tgkill | Call::PidfdSendSignal => Ok(self.kill_call(entry)),
             Call::Exit => Ok(self.exit(tid, process)),
             Call::ExitGroup => {
                 self.is_dying(process);
@@ -106,7 +122,6 @@ impl Tracer<'_> {
                     .insert("a debugger: only one can trace a program, and that is sim".to_owned());
                 Ok(failure(libc::EPERM))
             }
-            Call::Refused => Ok(failure(libc::ENOSYS)),
         }
     }
 
@@ -118,7 +133,6 @@ impl Tracer<'_> {
         };
         let registers = Registers::of(tid)?;
         let result = registers.result();
-        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
         // As the program left them, but for what the call returns.
         let back = |mut before: Registers| {
             before.set_result(result);
@@ -168,7 +182,7 @@ impl Tracer<'_> {
                 // As they were when the program had been loaded.
                 before.set(tid)?;
                 let page = vdso.replace(tid, result)?;
-                if let Some(process) = self.processes.get_mut(&process) {
+                if let Some(process) = self.processes.get_mut(&self.process_of(tid)) {
                     process.clocks = page.map(|page| OwnClocks { page, shown: None });
                 }
             }
@@ -178,7 +192,7 @@ impl Tracer<'_> {
             AtEnd::Kill { target, signal } if result == 0 => {
                 self.signalled = true;
                 if signal == libc::SIGKILL {
-                    self.expect_deaths(process, target);
+                    self.expect_deaths(self.process_of(tid), target);
                 }
             }
             AtEnd::Kill { .. } => {}
@@ -186,10 +200,15 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    fn look_at_end(&mut self, tid: Tid, at_end: AtEnd) {
+    pub(crate) fn look_at_end(&mut self, tid: Tid, at_end: AtEnd) {
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.at_end = Some(at_end);
         }
+    }
+
+    /// The process of a thread.
+    pub(crate) fn process_of(&self, tid: Tid) -> Tid {
+        self.threads.get(&tid).map_or(tid, |thread| thread.process)
     }
 
     /// A call that had been made again has done something.
@@ -212,4 +231,9 @@ pub(crate) fn int(number: u64) -> i32 {
 
 pub(crate) fn failure(errno: i32) -> Handling {
     Handling::Answer(-i64::from(errno))
+}
+
+/// The result of a call that tells how many.
+pub(crate) fn counted(number: usize) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
 }

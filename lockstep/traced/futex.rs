@@ -2,20 +2,21 @@
 
 use std::io;
 
-use crate::traced::arch::Registers;
+use crate::traced::clock::span;
+use crate::traced::entry::{Entry, failure, low};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State};
+use crate::traced::tree::{AtEnd, Resume, State, mapping, number};
 use crate::traced::wait::{FutexKey, Wait};
 
 const ALL_BITS: u32 = u32::MAX;
 
 impl Tracer<'_> {
     /// The call `futex`.
-    pub(crate) fn futex(&mut self, tid: Tid, registers: Registers) -> Result<Handling, Halt> {
-        let [address, operation, value, timeout, address2, value3] = registers.arguments();
-        let low = |number: u64| u32::try_from(number & 0xFFFF_FFFF).unwrap_or_default();
+    pub(crate) fn futex(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let tid = entry.tid;
+        let [address, operation, value, timeout, address2, value3] = entry.a;
         let operation = i32::try_from(low(operation)).unwrap_or(-1);
         let private = operation & libc::FUTEX_PRIVATE_FLAG != 0;
         let by_date = operation & libc::FUTEX_CLOCK_REALTIME != 0;
@@ -27,22 +28,12 @@ impl Tracer<'_> {
         match command {
             libc::FUTEX_WAIT | libc::FUTEX_WAIT_BITSET => {
                 if Memory(tid).read_u32(address)? != value {
-                    return Ok(Handling::Answer(-i64::from(libc::EAGAIN)));
+                    return Ok(failure(libc::EAGAIN));
                 }
-                let mut deadline = None;
-                if timeout != 0 {
-                    let Some(span) = crate::traced::clock::span(Memory(tid).read_pair(timeout)?)
-                    else {
-                        return Ok(Handling::Make);
-                    };
-                    deadline = if command == libc::FUTEX_WAIT {
-                        Some(self.now.saturating_add(span))
-                    } else if by_date {
-                        self.clocks.when(libc::CLOCK_REALTIME, span, self.now)
-                    } else {
-                        self.clocks.when(libc::CLOCK_MONOTONIC, span, self.now)
-                    };
-                }
+                let by_date = (command != libc::FUTEX_WAIT).then_some(by_date);
+                let Some(deadline) = self.futex_deadline(tid, timeout, by_date)? else {
+                    return Ok(Handling::Make);
+                };
                 let bits = match command {
                     libc::FUTEX_WAIT => ALL_BITS,
                     _ if value3 == 0 => return Ok(Handling::Make),
@@ -68,7 +59,7 @@ impl Tracer<'_> {
             }
             libc::FUTEX_REQUEUE | libc::FUTEX_CMP_REQUEUE => {
                 if command == libc::FUTEX_CMP_REQUEUE && Memory(tid).read_u32(address)? != value3 {
-                    return Ok(Handling::Answer(-i64::from(libc::EAGAIN)));
+                    return Ok(failure(libc::EAGAIN));
                 }
                 let from = self.futex_key(tid, address, private);
                 let to = self.futex_key(tid, address2, private);
@@ -87,40 +78,26 @@ impl Tracer<'_> {
                 Ok(Handling::Answer(woken))
             }
             libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2 => {
-                self.lock_with_inheritance(tid, registers, command, (timeout, by_date))
+                // The older form always goes by the date.
+                self.lock_with_inheritance(entry, by_date || command == libc::FUTEX_LOCK_PI)
             }
-            libc::FUTEX_WAIT_REQUEUE_PI | libc::FUTEX_CMP_REQUEUE_PI => {
-                Ok(Handling::Answer(-i64::from(libc::ENOSYS)))
-            }
+            libc::FUTEX_WAIT_REQUEUE_PI | libc::FUTEX_CMP_REQUEUE_PI => Ok(failure(libc::ENOSYS)),
             _ => Ok(Handling::Make),
         }
     }
 
     /// A lock with priority inheritance: tried, and tried again whenever somebody else has run.
-    fn lock_with_inheritance(
-        &mut self,
-        tid: Tid,
-        registers: Registers,
-        command: i32,
-        (timeout, by_date): (u64, bool),
-    ) -> Result<Handling, Halt> {
-        let mut deadline = None;
-        if timeout != 0 {
-            let Some(span) = crate::traced::clock::span(Memory(tid).read_pair(timeout)?) else {
-                return Ok(Handling::Make);
-            };
-            // The older form always goes by the date.
-            let clock = if by_date || command == libc::FUTEX_LOCK_PI {
-                libc::CLOCK_REALTIME
-            } else {
-                libc::CLOCK_MONOTONIC
-            };
-            deadline = self.clocks.when(clock, span, self.now);
-        }
+    fn lock_with_inheritance(&mut self, entry: Entry, by_date: bool) -> Result<Handling, Halt> {
+        let Entry {
+            tid, registers, a, ..
+        } = entry;
+        let Some(mut deadline) = self.futex_deadline(tid, a[3], Some(by_date))? else {
+            return Ok(Handling::Make);
+        };
         if let Some(thread) = self.threads.get_mut(&tid) {
             deadline = thread.again_until.take().or(deadline);
         }
-        let private = registers.arguments()[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
+        let private = a[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
         let mut tried = registers;
         tried.set_argument(
             1,
@@ -134,6 +111,25 @@ impl Tracer<'_> {
             late: -i64::from(libc::ETIMEDOUT),
         };
         Ok(Handling::ToEnd(tried, at_end))
+    }
+
+    /// When a wait ends whose time is at this address: so long from now, or when the clock shows it,
+    /// by the date or not. Nothing within if it never does, and nothing at all if it is no time.
+    fn futex_deadline(
+        &self,
+        tid: Tid,
+        timeout: u64,
+        by_date: Option<bool>,
+    ) -> io::Result<Option<Option<u64>>> {
+        if timeout == 0 {
+            return Ok(Some(None));
+        }
+        let time = span(Memory(tid).read_pair(timeout)?);
+        Ok(time.map(|time| match by_date {
+            None => Some(self.now.saturating_add(time)),
+            Some(true) => self.clocks.when(libc::CLOCK_REALTIME, time, self.now),
+            Some(false) => self.clocks.when(libc::CLOCK_MONOTONIC, time, self.now),
+        }))
     }
 
     /// Wakes so many who wait there, those first that have waited longest; how many there were.
@@ -224,7 +220,7 @@ impl Tracer<'_> {
     }
 
     fn futex_key(&self, tid: Tid, address: u64, private: bool) -> FutexKey {
-        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
+        let process = self.process_of(tid);
         let memory = self.processes.get(&process).map_or(0, |one| one.memory);
         let own = FutexKey::Private(memory, address);
         if private {
@@ -236,24 +232,15 @@ impl Tracer<'_> {
 
 /// The place in a file that an address leads to, if several memories can share it.
 fn shared_place(process: Tid, address: u64) -> Option<FutexKey> {
-    let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
-    for line in maps.lines() {
-        let mut words = line.split_whitespace();
-        let (from, to) = words.next()?.split_once('-')?;
-        let number = |text: &str| u64::from_str_radix(text, 16).ok();
-        let (from, to) = (number(from)?, number(to)?);
-        if !(from..to).contains(&address) {
-            continue;
-        }
-        let rights = words.next()?;
-        let offset = number(words.next()?)?;
-        let (major, minor) = words.next()?.split_once(':')?;
-        let device = number(major)? << 32 | number(minor)?;
-        let inode = words.next()?.parse().ok()?;
-        let place = FutexKey::Shared(device, inode, address - from + offset);
-        return rights.ends_with('s').then_some(place);
-    }
-    None
+    let (from, rest) = mapping(process, address)?;
+    let mut words = rest.split_whitespace();
+    let rights = words.next()?;
+    let offset = number(words.next()?)?;
+    let (major, minor) = words.next()?.split_once(':')?;
+    let device = number(major)? << 32 | number(minor)?;
+    let inode = words.next()?.parse().ok()?;
+    let place = FutexKey::Shared(device, inode, address - from + offset);
+    rights.ends_with('s').then_some(place)
 }
 
 /// What `FUTEX_WAKE_OP` does to the second word; whether its waiters are to be woken as well.

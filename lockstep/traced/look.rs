@@ -3,13 +3,14 @@
 use rustix::event::PollFlags;
 
 use crate::traced::arch::Registers;
-use crate::traced::clock::{parts, parts_micros};
+use crate::traced::clock::{nanoseconds, parts, parts_micros};
+use crate::traced::entry::counted;
 use crate::traced::memory::Memory;
 use crate::traced::poll_calls::write_nothing;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Tracer};
 use crate::traced::tree::{Resume, State};
-use crate::traced::wait::{Late, Wait};
+use crate::traced::wait::{Hold, Late, Wait};
 
 /// What a look at a wait says.
 enum Look {
@@ -29,19 +30,19 @@ impl Tracer<'_> {
     /// Looks at everybody who waits; whether anybody can go on.
     pub(crate) fn look_at_waits(&mut self) -> Result<bool, Halt> {
         let mut any = false;
-        for tid in self.unlooked() {
+        // Those that have not been looked at since something has happened.
+        for tid in self.waiting(|hold| hold.looked_at < self.happened) {
             any |= self.look_at(tid)?;
         }
         Ok(any)
     }
 
-    /// The threads that wait and have not been looked at since something has happened, in order.
-    pub(crate) fn unlooked(&self) -> Vec<Tid> {
-        let happened = self.happened;
+    /// The threads that wait so, in order.
+    pub(crate) fn waiting(&self, so: impl Fn(&Hold) -> bool) -> Vec<Tid> {
         let mut all: Vec<(u64, Tid)> = self
             .threads
             .iter()
-            .filter(|(_, thread)| thread.hold().is_some_and(|hold| hold.looked_at < happened))
+            .filter(|(_, thread)| thread.hold().is_some_and(&so))
             .map(|(tid, thread)| (thread.number, *tid))
             .collect();
         all.sort_unstable();
@@ -107,14 +108,9 @@ impl Tracer<'_> {
 
     /// Tells whether what is waited for is there.
     fn look(&mut self, process: Tid, wait: &mut Wait, is_late: bool) -> Result<Look, Halt> {
+        let make_if = |is_there| if is_there { Look::Make } else { Look::Waits };
         Ok(match wait {
-            Wait::Poll { set, .. } => {
-                if self.is_one_ready(process, set) {
-                    Look::Make
-                } else {
-                    Look::Waits
-                }
-            }
+            Wait::Poll { set, .. } => make_if(self.is_one_ready(process, set)),
             Wait::Descriptor {
                 fd,
                 flags,
@@ -123,11 +119,7 @@ impl Tracer<'_> {
                 ..
             } => match self.descriptor(process, *fd) {
                 Some(descriptor) if flags.contains(PollFlags::OUT) => {
-                    if descriptor.has_room(*room) {
-                        Look::Make
-                    } else {
-                        Look::Waits
-                    }
+                    make_if(descriptor.has_room(*room))
                 }
                 Some(descriptor) if !descriptor.is_ready(*flags) => Look::Waits,
                 Some(_) if *has_more => Look::Call,
@@ -140,13 +132,7 @@ impl Tracer<'_> {
                 rule,
                 ..
             } => match self.ports.get(*port) {
-                Some(port) if port.is_device(*device) => {
-                    if port.can_be_read(*rule, *count) {
-                        Look::Make
-                    } else {
-                        Look::Waits
-                    }
-                }
+                Some(port) if port.is_device(*device) => make_if(port.can_be_read(*rule, *count)),
                 // The system says that it is gone.
                 _ => Look::Make,
             },
@@ -168,7 +154,7 @@ impl Tracer<'_> {
                 if *sent < bytes.len() {
                     Look::Waits
                 } else {
-                    Look::Answer(i64::try_from(*count).unwrap_or(i64::MAX))
+                    Look::Answer(counted(*count))
                 }
             }
             // Each time something has happened; but not when it is too late.
@@ -194,10 +180,7 @@ impl Tracer<'_> {
             let unread = port.unread();
             if unread > *seen {
                 *seen = unread;
-                return Some(
-                    self.now
-                        .saturating_add(crate::traced::clock::nanoseconds(patience)),
-                );
+                return Some(self.now.saturating_add(nanoseconds(patience)));
             }
         }
         deadline
@@ -226,7 +209,7 @@ impl Tracer<'_> {
                 (Some(port), Some(into)) if port.unread() > 0 => {
                     let bytes = port.read(*count);
                     Memory(tid).write(*into, &bytes)?;
-                    Look::Answer(i64::try_from(bytes.len()).unwrap_or(0))
+                    Look::Answer(counted(bytes.len()))
                 }
                 _ => Look::Answer(0),
             },

@@ -6,6 +6,7 @@ use std::io;
 use rustix::fs::SeekFrom;
 
 use crate::traced::descriptor::Descriptor;
+use crate::traced::entry::counted;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling};
@@ -115,6 +116,6 @@ impl Lists {
             let behind = SeekFrom::Start(at.saturating_add(written as u64));
             rustix::fs::seek(&descriptor.file, behind).map_err(io::Error::from)?;
         }
-        Ok(Some(Handling::Answer(i64::try_from(written).unwrap_or(0))))
+        Ok(Some(Handling::Answer(counted(written))))
     }
 }

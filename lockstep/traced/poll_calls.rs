@@ -2,27 +2,23 @@
 
 use rustix::event::PollFlags;
 
-use crate::traced::call::Call;
+use crate::traced::arch::Call;
 use crate::traced::clock::{span, span_micros};
-use crate::traced::entry::{int, low};
+use crate::traced::entry::{Entry, int, low};
 use crate::traced::memory::Memory;
-use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::{Late, Wait};
 
 /// Most descriptors in one call; beyond that the system decides.
 const MOST: usize = 4096;
 
+/// The deadline of a poll, and the signals that are blocked meanwhile in the place of others.
+type Times = (Option<u64>, Option<u64>);
+
 impl Tracer<'_> {
-    pub(crate) fn poll_call(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        call: Call,
-        a: [u64; 6],
-        crept: bool,
-    ) -> Result<Handling, Halt> {
-        let memory = Memory(tid);
+    pub(crate) fn poll_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let Entry { call, a, .. } = entry;
+        let memory = Memory(entry.tid);
         let now = self.now;
         let millis = |value: u64| {
             let millis = u64::try_from(int(value)).ok()?;
@@ -41,16 +37,12 @@ impl Tracer<'_> {
             _ => memory.read_u64(address).map(Some),
         };
         match call {
-            Call::Poll => {
-                let times = (millis(a[2]), None);
-                self.poll(tid, process, (a[0], a[1]), times, crept)
-            }
+            Call::Poll => self.poll(entry, (millis(a[2]), None)),
             Call::Ppoll => {
                 let Some(deadline) = at(a[2], span)? else {
                     return Ok(Handling::Make);
                 };
-                let times = (deadline, mask(a[3])?);
-                self.poll(tid, process, (a[0], a[1]), times, crept)
+                self.poll(entry, (deadline, mask(a[3])?))
             }
             Call::Select | Call::Pselect => {
                 let is_select = call == Call::Select;
@@ -63,8 +55,7 @@ impl Tracer<'_> {
                     (true, _) | (_, 0) => None,
                     (_, address) => mask(memory.read_u64(address)?)?,
                 };
-                let sets = (u64::from(low(a[0])), [a[1], a[2], a[3]], a[4], is_select);
-                self.select(tid, process, sets, (deadline, mask), crept)
+                self.select(entry, is_select, (deadline, mask))
             }
             _ => {
                 let deadline = match call {
@@ -79,25 +70,19 @@ impl Tracer<'_> {
                     _ => mask(a[4])?,
                 };
                 let set = vec![(int(a[0]), PollFlags::IN)];
-                Ok(self.poll_set(tid, process, set, Late::Nothing, (deadline, mask), crept))
+                Ok(self.poll_set(entry, set, Late::Nothing, (deadline, mask)))
             }
         }
     }
 
-    /// `poll` and `ppoll`; `deadline` has been worked out.
-    pub(crate) fn poll(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        (address, count): (u64, u64),
-        (deadline, mask): (Option<u64>, Option<u64>),
-        crept: bool,
-    ) -> Result<Handling, Halt> {
+    /// `poll` and `ppoll`.
+    fn poll(&mut self, entry: Entry, times: Times) -> Result<Handling, Halt> {
+        let [address, count, ..] = entry.a;
         let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
             return Ok(Handling::Make);
         };
         let mut bytes = vec![0; 8 * count];
-        Memory(tid).read(address, &mut bytes)?;
+        Memory(entry.tid).read(address, &mut bytes)?;
         let set = bytes.chunks_exact(8).filter_map(|one| {
             let fd = i32::from_ne_bytes(one.get(..4)?.try_into().ok()?);
             let events = u16::from_ne_bytes(one.get(4..6)?.try_into().ok()?);
@@ -105,19 +90,14 @@ impl Tracer<'_> {
         });
         let late = Late::Revents { address, count };
         let set = set.collect();
-        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
+        Ok(self.poll_set(entry, set, late, times))
     }
 
     /// `select` and `pselect`.
-    pub(crate) fn select(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        (count, sets, time, micros): (u64, [u64; 3], u64, bool),
-        (deadline, mask): (Option<u64>, Option<u64>),
-        crept: bool,
-    ) -> Result<Handling, Halt> {
-        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
+    fn select(&mut self, entry: Entry, micros: bool, times: Times) -> Result<Handling, Halt> {
+        let [count, read, write, except, time, _] = entry.a;
+        let sets = [read, write, except];
+        let Some(count) = usize::try_from(low(count)).ok().filter(|n| *n <= MOST) else {
             return Ok(Handling::Make);
         };
         let bytes = count.div_ceil(64) * 8;
@@ -132,7 +112,7 @@ impl Tracer<'_> {
                 continue;
             }
             let mut bits = vec![0; bytes];
-            Memory(tid).read(address, &mut bits)?;
+            Memory(entry.tid).read(address, &mut bits)?;
             for fd in 0..count {
                 if bits
                     .get(fd / 8)
@@ -148,23 +128,21 @@ impl Tracer<'_> {
             time,
             micros,
         };
-        Ok(self.poll_set(tid, process, set, late, (deadline, mask), crept))
+        Ok(self.poll_set(entry, set, late, times))
     }
 
     /// Waits for one of a set of descriptors.
-    pub(crate) fn poll_set(
+    fn poll_set(
         &mut self,
-        tid: Tid,
-        process: Tid,
+        entry: Entry,
         set: Vec<(i32, PollFlags)>,
         late: Late,
-        (deadline, mask): (Option<u64>, Option<u64>),
-        crept: bool,
+        (deadline, mask): Times,
     ) -> Handling {
         let only_asks = deadline.is_some_and(|deadline| deadline <= self.now);
-        let ask = only_asks.then(|| self.ask(tid, crept));
+        let ask = only_asks.then(|| self.ask(entry));
         // Who only asks, and not too much, is told by the system.
-        if matches!(ask, Some(None)) || self.is_one_ready(process, &set) {
+        if matches!(ask, Some(None)) || self.is_one_ready(entry.process, &set) {
             return Handling::Make;
         }
         if let Some(Some(creeps)) = ask {

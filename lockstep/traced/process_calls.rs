@@ -1,9 +1,9 @@
 //! Calls about other processes: signals and ends.
 
-use crate::traced::arch::Registers;
-use crate::traced::call::Call;
+use crate::traced::arch::Call;
 use crate::traced::clock::span;
-use crate::traced::entry::int;
+use crate::traced::descriptor::info_of;
+use crate::traced::entry::{Entry, int};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Handling, Tracer};
@@ -11,14 +11,10 @@ use crate::traced::tree::{AtEnd, kernel_state};
 use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
-    pub(crate) fn signal_call(
-        &mut self,
-        tid: Tid,
-        call: Call,
-        a: [u64; 6],
-    ) -> Result<Handling, Halt> {
-        let memory = Memory(tid);
-        let (set, mask, deadline) = match call {
+    pub(crate) fn signal_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let a = entry.a;
+        let memory = Memory(entry.tid);
+        let (set, mask, deadline) = match entry.call {
             Call::Pause => (None, None, None),
             Call::Sigsuspend => (None, Some(memory.read_u64(a[0])?), None),
             _ => {
@@ -37,20 +33,17 @@ impl Tracer<'_> {
         Ok(Handling::Hold(Wait::Signal { set, mask }, deadline))
     }
 
-    pub(crate) fn kill_call(&mut self, process: Tid, call: Call, registers: Registers) -> Handling {
-        let a = registers.arguments();
-        let (target, signal) = match call {
+    pub(crate) fn kill_call(&mut self, entry: Entry) -> Handling {
+        let a = entry.a;
+        let (target, signal) = match entry.call {
             Call::Kill => (int(a[0]), int(a[1])),
             Call::Tgkill => (int(a[0]), int(a[2])),
             _ => {
-                let info = format!("/proc/{process}/fdinfo/{}", int(a[0]));
-                let info = std::fs::read_to_string(info).unwrap_or_default();
-                let pid = info.lines().find_map(|line| line.strip_prefix("Pid:"));
-                let pid = pid.and_then(|pid| pid.trim().parse().ok());
+                let pid = info_of(entry.process, int(a[0]), "Pid:");
                 (pid.unwrap_or(0), int(a[1]))
             }
         };
-        Handling::ToEnd(registers, AtEnd::Kill { target, signal })
+        Handling::ToEnd(entry.registers, AtEnd::Kill { target, signal })
     }
 
     /// Those whom SIGKILL has been sent to are gone before anybody goes on.

@@ -1,41 +1,35 @@
 //! Calls that are made without waiting, and again when something has happened: children, locks, queues.
 
-use crate::traced::arch::Registers;
-use crate::traced::call::Call;
+use crate::traced::arch::Call;
 use crate::traced::clock::span;
+use crate::traced::entry::Entry;
 use crate::traced::memory::Memory;
-use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::AtEnd;
 
 impl Tracer<'_> {
     /// A wait for a child is made without waiting, and again when something has happened.
-    pub(crate) fn child_call(
-        &mut self,
-        tid: Tid,
-        call: Call,
-        registers: Registers,
-        crept: bool,
-    ) -> Result<Handling, Halt> {
-        let index = if call == Call::Wait4 { 2 } else { 3 };
-        let options = registers.arguments()[index];
+    pub(crate) fn child_call(&mut self, entry: Entry) -> Handling {
+        let index = if entry.call == Call::Wait4 { 2 } else { 3 };
+        let options = entry.a[index];
         let at_once = u64::from(libc::WNOHANG.unsigned_abs());
         if options & at_once != 0 {
-            return Ok(self.ask(tid, crept).unwrap_or(Handling::Make));
+            return self.ask(entry).unwrap_or(Handling::Make);
         }
-        let mut tried = registers;
+        let mut tried = entry.registers;
         tried.set_argument(index, options | at_once);
-        Ok(Handling::ToEnd(tried, AtEnd::Child(registers)))
+        Handling::ToEnd(tried, AtEnd::Child(entry.registers))
     }
 
     /// Locks and queues, likewise.
-    pub(crate) fn lock_call(
-        &mut self,
-        tid: Tid,
-        call: Call,
-        registers: Registers,
-    ) -> Result<Handling, Halt> {
-        let a = registers.arguments();
+    pub(crate) fn lock_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let Entry {
+            tid,
+            call,
+            registers,
+            a,
+            ..
+        } = entry;
         let no_wait = u64::from(libc::IPC_NOWAIT.unsigned_abs());
         let mut tried = registers;
         let mut restore = None;

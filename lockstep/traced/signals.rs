@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::traced::entry::counted;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Tracer};
@@ -44,15 +45,8 @@ impl Signals {
 impl Tracer<'_> {
     /// Interrupts waits of those to whom a signal has been sent.
     pub(crate) fn interrupt_waits(&mut self) -> Result<(), Halt> {
-        let mut waiting: Vec<(u64, Tid)> = self
-            .threads
-            .iter()
-            .filter(|(_, thread)| thread.hold().is_some())
-            .map(|(tid, thread)| (thread.number, *tid))
-            .collect();
-        waiting.sort_unstable();
         let mut served = BTreeSet::new();
-        for (_, tid) in waiting {
+        for tid in self.waiting(|_| true) {
             let Some(thread) = self.threads.get(&tid) else {
                 continue;
             };
@@ -106,7 +100,7 @@ impl Tracer<'_> {
                 registers.set(tid)?;
             }
             Wait::PortWrite { sent, .. } if sent > 0 => {
-                registers.answer(i64::try_from(sent).unwrap_or(i64::MAX));
+                registers.answer(counted(sent));
                 registers.set(tid)?;
             }
             Wait::Creep => thread.state = State::Ready(Resume::Call { crept: true }),

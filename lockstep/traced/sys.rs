@@ -12,7 +12,6 @@ pub(crate) mod child;
 
 use std::io;
 use std::mem::MaybeUninit;
-use std::os::fd::RawFd;
 use std::ptr;
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -137,14 +136,7 @@ pub(crate) fn reap(pid: Tid) {
 
 /// Reads memory of a stopped thread; says how much of it could be read.
 pub(crate) fn read_memory(tid: Tid, address: u64, bytes: &mut [u8]) -> io::Result<usize> {
-    let local = libc::iovec {
-        iov_base: bytes.as_mut_ptr().cast(),
-        iov_len: bytes.len(),
-    };
-    let remote = libc::iovec {
-        iov_base: ptr::without_provenance_mut(usize::try_from(address).unwrap_or_default()),
-        iov_len: bytes.len(),
-    };
+    let (local, remote) = both_ends(bytes.as_mut_ptr(), address, bytes.len());
     // SAFETY: the local part is a slice that may be written; the remote one is checked by the
     // system.
     let count =
@@ -154,18 +146,21 @@ pub(crate) fn read_memory(tid: Tid, address: u64, bytes: &mut [u8]) -> io::Resul
 
 /// Writes memory of a stopped thread; says how much of it could be written.
 pub(crate) fn write_memory(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<usize> {
-    let local = libc::iovec {
-        iov_base: bytes.as_ptr().cast_mut().cast(),
-        iov_len: bytes.len(),
-    };
-    let remote = libc::iovec {
-        iov_base: ptr::without_provenance_mut(usize::try_from(address).unwrap_or_default()),
-        iov_len: bytes.len(),
-    };
+    let (local, remote) = both_ends(bytes.as_ptr().cast_mut(), address, bytes.len());
     // SAFETY: the local part is only read; the remote one is checked by the system.
     let count =
         unsafe { libc::process_vm_writev(tid, &raw const local, 1, &raw const remote, 1, 0) };
     count_of(count)
+}
+
+/// As many bytes of this program's memory and of another's.
+fn both_ends(local: *mut u8, remote: u64, length: usize) -> (libc::iovec, libc::iovec) {
+    let remote = ptr::without_provenance_mut(usize::try_from(remote).unwrap_or_default());
+    let [local, remote] = [local.cast(), remote].map(|base| libc::iovec {
+        iov_base: base,
+        iov_len: length,
+    });
+    (local, remote)
 }
 
 /// Writes memory of a stopped thread that the program itself may not write to. Whole words.
@@ -293,38 +288,6 @@ impl Drop for Ticks {
         // SAFETY: the timer was made by `start` and is deleted only here.
         unsafe { libc::timer_delete(self.0) };
     }
-}
-
-/// A hundred years, of which the system's clocks can show three times as much.
-const NEVER_S: i64 = 1 << 32;
-
-/// Sets a timer descriptor so that it becomes readable at once, or never if `ready` is not set. The
-/// interval is the mark by which it is known again.
-pub(crate) fn mark_timer(timer: RawFd, mark: i64, ready: bool) -> io::Result<()> {
-    let times = libc::itimerspec {
-        it_interval: libc::timespec {
-            tv_sec: NEVER_S + mark,
-            tv_nsec: 0,
-        },
-        it_value: libc::timespec {
-            tv_sec: if ready { 0 } else { NEVER_S },
-            tv_nsec: i64::from(ready),
-        },
-    };
-    // SAFETY: the structure is only read.
-    let set = unsafe { libc::timerfd_settime(timer, 0, &raw const times, ptr::null_mut()) };
-    check(set.into()).map(drop)
-}
-
-/// The mark of a timer descriptor, if it has one.
-pub(crate) fn timer_mark(timer: RawFd) -> Option<i64> {
-    let mut times = MaybeUninit::<libc::itimerspec>::uninit();
-    // SAFETY: the call fills the whole structure, and it is read only if it did.
-    let interval = unsafe {
-        check(libc::timerfd_gettime(timer, times.as_mut_ptr()).into()).ok()?;
-        times.assume_init().it_interval.tv_sec
-    };
-    interval.checked_sub(NEVER_S).filter(|mark| *mark >= 0)
 }
 
 /// Reaps a child that is about to end.

@@ -2,25 +2,41 @@
 
 use crate::modem;
 use crate::port::Change;
-use crate::traced::call::request;
+use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
+use crate::traced::entry::{Entry, counted, failure, int};
 use crate::traced::memory::Memory;
-use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::Wait;
 
 /// Most bytes of one write that are taken; the call then says that it was so many.
 const MOST_WRITTEN: usize = 1 << 20;
 
+/// Requests of `ioctl` that matter for ports.
+pub(crate) const REQUESTS: &[libc::Ioctl] = &[
+    libc::TCSETSF,
+    libc::TCSETAF,
+    libc::TCSETSF2,
+    libc::TCFLSH,
+    libc::TIOCMGET,
+    libc::TIOCMBIS,
+    libc::TIOCMBIC,
+    libc::TIOCMSET,
+    libc::FIONREAD,
+    libc::TIOCGSERIAL,
+    libc::TIOCSSERIAL,
+    libc::TIOCMIWAIT,
+    libc::TIOCGICOUNT,
+];
+
 impl Tracer<'_> {
     /// A read of a port. `into` is where the bytes go if it is one place.
     pub(crate) fn read_port(
         &mut self,
-        tid: Tid,
+        entry: Entry,
         index: usize,
         descriptor: &Descriptor,
         (count, into): (usize, Option<u64>),
-        crept: bool,
     ) -> Handling {
         let Some(port) = self.ports.get_mut(index) else {
             return Handling::Make;
@@ -32,7 +48,7 @@ impl Tracer<'_> {
         let at_once =
             descriptor.is_nonblocking() || (rule.least == Some(0) && rule.patience.is_none());
         if unread == 0 && at_once {
-            return self.ask(tid, crept).unwrap_or(Handling::Make);
+            return self.ask(entry).unwrap_or(Handling::Make);
         }
         if count == 0 || at_once || port.can_be_read(rule, count) {
             return Handling::Make;
@@ -40,10 +56,7 @@ impl Tracer<'_> {
         let patience = rule
             .patience
             .filter(|_| rule.least == Some(0) || unread > 0);
-        let deadline = patience.map(|patience| {
-            self.now
-                .saturating_add(crate::traced::clock::nanoseconds(patience))
-        });
+        let deadline = patience.map(|patience| self.now.saturating_add(nanoseconds(patience)));
         let wait = Wait::PortRead {
             port: index,
             device: descriptor.stat.st_rdev,
@@ -58,37 +71,34 @@ impl Tracer<'_> {
     /// A write to a port: the line takes the bytes, and not the system.
     pub(crate) fn write_port(
         &mut self,
-        tid: Tid,
+        entry: Entry,
         index: usize,
         descriptor: &Descriptor,
         parts: &[(u64, u64)],
-        crept: bool,
     ) -> Result<Handling, Halt> {
         let mut bytes = Vec::new();
         for (address, length) in parts {
             let length = usize::try_from(*length).unwrap_or(usize::MAX);
             let from = bytes.len();
             bytes.resize(from + length.min(MOST_WRITTEN - from), 0);
-            Memory(tid).read(*address, bytes.get_mut(from..).unwrap_or_default())?;
+            Memory(entry.tid).read(*address, bytes.get_mut(from..).unwrap_or_default())?;
         }
         let count = bytes.len();
         if let Some(port) = self.ports.get(index) {
             bytes = port.cooked(&bytes);
         }
         let sent = self.send(index, &bytes)?;
-        let result = |count: usize| Handling::Answer(i64::try_from(count).unwrap_or(i64::MAX));
         if sent == bytes.len() {
-            if let Some(thread) = self.threads.get_mut(&tid) {
+            if let Some(thread) = self.threads.get_mut(&entry.tid) {
                 thread.asks = 0;
             }
-            return Ok(result(count));
+            return Ok(Handling::Answer(counted(count)));
         }
         if descriptor.is_nonblocking() {
             if sent > 0 {
-                return Ok(result(sent.min(count)));
+                return Ok(Handling::Answer(counted(sent.min(count))));
             }
-            let answer = Handling::Answer(-i64::from(libc::EAGAIN));
-            return Ok(self.ask(tid, crept).unwrap_or(answer));
+            return Ok(self.ask(entry).unwrap_or(failure(libc::EAGAIN)));
         }
         let wait = Wait::PortWrite {
             port: index,
@@ -128,46 +138,42 @@ impl Tracer<'_> {
     }
 
     /// A request to a port, or one that only asks.
-    pub(crate) fn request(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        (fd, request, argument): (i32, u32, u64),
-        crept: bool,
-    ) -> Result<Handling, Halt> {
+    pub(crate) fn request(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let [fd, request, argument, ..] = entry.a;
+        let request = request & 0xFFFF_FFFF;
         self.look_at_ports()?;
         let port = self
-            .descriptor(process, fd)
+            .descriptor(entry.process, int(fd))
             .and_then(|descriptor| self.port_of(&descriptor));
-        if request == request::FIONREAD {
-            return Ok(self.ask(tid, crept).unwrap_or(Handling::Make));
+        if request == libc::FIONREAD {
+            return Ok(self.ask(entry).unwrap_or(Handling::Make));
         }
         let Some(index) = port else {
             return Ok(Handling::Make);
         };
-        let memory = Memory(tid);
+        let memory = Memory(entry.tid);
         let Some(port) = self.ports.get_mut(index) else {
             return Ok(Handling::Make);
         };
         match request {
-            request::TCSETSF | request::TCSETAF | request::TCSETSF2 => {
+            libc::TCSETSF | libc::TCSETAF | libc::TCSETSF2 => {
                 port.flush_input();
                 return Ok(Handling::Make);
             }
-            request::TCFLSH => {
+            libc::TCFLSH => {
                 if matches!(argument, 0 | 2) {
                     port.flush_input();
                 }
                 return Ok(Handling::Make);
             }
-            request::TIOCMGET => {
+            libc::TIOCMGET => {
                 memory.write(argument, &(port.modem | modem::READ).to_ne_bytes())?;
             }
-            request::TIOCMBIS | request::TIOCMBIC | request::TIOCMSET => {
+            libc::TIOCMBIS | libc::TIOCMBIC | libc::TIOCMSET => {
                 let given = memory.read_u32(argument)? & (modem::DTR | modem::RTS);
                 let lines = match request {
-                    request::TIOCMBIS => port.modem | given,
-                    request::TIOCMBIC => port.modem & !given,
+                    libc::TIOCMBIS => port.modem | given,
+                    libc::TIOCMBIC => port.modem & !given,
                     _ => given,
                 };
                 if lines != port.modem {
@@ -175,10 +181,10 @@ impl Tracer<'_> {
                     self.world.modem_lines(index, self.now, lines)?;
                 }
             }
-            request::TIOCMIWAIT => return Ok(Handling::Hold(Wait::Forever, None)),
+            libc::TIOCMIWAIT => return Ok(Handling::Hold(Wait::Forever, None)),
             // Counters of changes and errors: none.
-            request::TIOCGICOUNT => memory.write(argument, &[0; 80])?,
-            request::TIOCGSERIAL => {
+            libc::TIOCGICOUNT => memory.write(argument, &[0; 80])?,
+            libc::TIOCGSERIAL => {
                 // An adapter: type 16550A with its queue of 16 bytes, at 115200 baud.
                 let mut serial = [0_u32; 18];
                 serial[0] = 4;
@@ -187,7 +193,7 @@ impl Tracer<'_> {
                 let bytes: Vec<u8> = serial.iter().flat_map(|word| word.to_ne_bytes()).collect();
                 memory.write(argument, &bytes)?;
             }
-            request::TIOCSSERIAL => {}
+            libc::TIOCSSERIAL => {}
             _ => return Ok(Handling::Make),
         }
         Ok(Handling::Answer(0))

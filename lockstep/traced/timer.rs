@@ -1,14 +1,16 @@
 //! Timers that programs set: alarms, POSIX timers, timer descriptors.
 
 use std::io;
-use std::os::fd::AsRawFd as _;
+use std::os::fd::AsFd;
 use std::time::Duration;
 
 use rustix::event::PollFlags;
+use rustix::time::{Itimerspec, TimerfdTimerFlags, Timespec};
 
 use crate::traced::arch::Registers;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
-use crate::traced::descriptor::Descriptor;
+use crate::traced::descriptor::{Descriptor, files_of, info_of};
+use crate::traced::entry::{Entry, failure, int};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Handling, Tracer};
@@ -16,6 +18,9 @@ use crate::traced::tree::{AtEnd, TimerEvent};
 
 /// Most timers of a run; a program that makes more is told so.
 const MOST: usize = 4096;
+
+/// A hundred years, of which the system's clocks can show three times as much.
+const NEVER_S: i64 = 1 << 32;
 
 /// All timers of a run.
 #[derive(Default)]
@@ -67,6 +72,17 @@ impl Timers {
         });
     }
 
+    /// Adds one that is not set; gives its index.
+    fn add(&mut self, process: Tid, kind: Kind) -> usize {
+        self.all.push(Timer {
+            process,
+            kind,
+            next: None,
+            interval: 0,
+        });
+        self.all.len() - 1
+    }
+
     fn find(&mut self, is: impl Fn(&Timer) -> bool) -> Option<&mut Timer> {
         self.all.iter_mut().find(|timer| is(timer))
     }
@@ -82,20 +98,9 @@ impl Timer {
 
 impl Tracer<'_> {
     fn alarm_of(&mut self, process: Tid) -> &mut Timer {
-        let at = self
-            .timers
-            .all
-            .iter()
-            .position(|timer| timer.process == process && matches!(timer.kind, Kind::Alarm));
-        let at = at.unwrap_or_else(|| {
-            self.timers.all.push(Timer {
-                process,
-                kind: Kind::Alarm,
-                next: None,
-                interval: 0,
-            });
-            self.timers.all.len() - 1
-        });
+        let is_it = |timer: &Timer| timer.process == process && matches!(timer.kind, Kind::Alarm);
+        let at = self.timers.all.iter().position(is_it);
+        let at = at.unwrap_or_else(|| self.timers.add(process, Kind::Alarm));
         &mut self.timers.all[at]
     }
 
@@ -113,23 +118,20 @@ impl Tracer<'_> {
     /// `setitimer` and `getitimer` of real time.
     pub(crate) fn interval_timer(
         &mut self,
-        tid: Tid,
-        process: Tid,
+        entry: Entry,
         new: Option<u64>,
         old: u64,
     ) -> Result<Handling, Halt> {
         let now = self.now;
         let mut setting = None;
         if let Some(new) = new.filter(|new| *new != 0) {
-            let interval = span_micros(Memory(tid).read_pair(new)?);
-            let value = span_micros(Memory(tid).read_pair(new + 16)?);
-            let (Some(interval), Some(value)) = (interval, value) else {
+            setting = read_setting(entry.tid, new, span_micros)?;
+            if setting.is_none() {
                 return Ok(Handling::Make);
-            };
-            setting = Some((interval, value));
+            }
         }
-        let timer = self.alarm_of(process);
-        let (left, interval) = timer.setting(now);
+        let timer = self.alarm_of(entry.process);
+        let before = timer.setting(now);
         match (new, setting) {
             (_, Some((interval, value))) => {
                 timer.next = (value > 0).then(|| now.saturating_add(value));
@@ -138,28 +140,19 @@ impl Tracer<'_> {
             (Some(_), None) => timer.next = None,
             (None, None) => {}
         }
-        if old != 0 {
-            let (seconds, micros) = parts_micros(interval);
-            Memory(tid).write_pair(old, seconds, micros)?;
-            let (seconds, micros) = parts_micros(left);
-            Memory(tid).write_pair(old + 16, seconds, micros)?;
-        }
+        write_setting(entry.tid, old, before, parts_micros)?;
         Ok(Handling::Answer(0))
     }
 
     /// `timer_create`: made by the system, which never sets it.
-    pub(crate) fn timer_create(
-        &mut self,
-        tid: Tid,
-        registers: Registers,
-    ) -> Result<Handling, Halt> {
-        let [clock, event, address, ..] = registers.arguments();
-        let clock = i32::try_from(clock & 0xFFFF_FFFF).unwrap_or(-1);
-        if self.clocks.show(clock, self.now).is_none() {
+    pub(crate) fn timer_create(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let [clock, event, address, ..] = entry.a;
+        let memory = Memory(entry.tid);
+        if self.clocks.show(int(clock), self.now).is_none() {
             return Ok(Handling::Make);
         }
         if self.timers.all.len() >= MOST {
-            return Ok(Handling::Answer(-i64::from(libc::EAGAIN)));
+            return Ok(failure(libc::EAGAIN));
         }
         let event = if event == 0 {
             TimerEvent {
@@ -168,10 +161,10 @@ impl Tracer<'_> {
                 value: None,
             }
         } else {
-            let value = Memory(tid).read_u64(event)?;
-            let signal = Memory(tid).read_u32(event + 8)?.cast_signed();
-            let notify = Memory(tid).read_u32(event + 12)?.cast_signed();
-            let thread = Memory(tid).read_u32(event + 16)?.cast_signed();
+            let value = memory.read_u64(event)?;
+            let signal = memory.read_u32(event + 8)?.cast_signed();
+            let notify = memory.read_u32(event + 12)?.cast_signed();
+            let thread = memory.read_u32(event + 16)?.cast_signed();
             TimerEvent {
                 signal: (notify != libc::SIGEV_NONE).then_some(signal),
                 thread: (notify == libc::SIGEV_THREAD_ID).then_some(thread),
@@ -179,7 +172,7 @@ impl Tracer<'_> {
             }
         };
         let at_end = AtEnd::TimerCreate { address, event };
-        Ok(Handling::ToEnd(registers, at_end))
+        Ok(Handling::ToEnd(entry.registers, at_end))
     }
 
     /// It has been made, by a call whose registers these are.
@@ -194,98 +187,82 @@ impl Tracer<'_> {
             return Ok(());
         }
         let id = Memory(tid).read_u32(address)?.cast_signed();
-        let clock = i32::try_from(registers.arguments()[0] & 0xFFFF_FFFF).unwrap_or(-1);
-        let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
-        self.timers.all.push(Timer {
-            process,
-            kind: Kind::Posix { id, event, clock },
-            next: None,
-            interval: 0,
-        });
+        let clock = int(registers.arguments()[0]);
+        let kind = Kind::Posix { id, event, clock };
+        self.timers.add(self.process_of(tid), kind);
         Ok(())
     }
 
     /// `timer_settime`, or `timer_gettime` without `new`.
     pub(crate) fn posix_timer(
         &mut self,
-        tid: Tid,
-        process: Tid,
-        id: u64,
+        entry: Entry,
         new: Option<(u64, u64)>,
         old: u64,
     ) -> Result<Handling, Halt> {
         let now = self.now;
-        let id = i32::try_from(id & 0xFFFF_FFFF).unwrap_or(-1);
-        let is_it = |timer: &Timer| {
-            timer.process == process
-                && matches!(timer.kind, Kind::Posix { id: own, .. } if own == id)
-        };
-        let Some(timer) = self.timers.find(is_it) else {
+        let is_it = is_posix(entry);
+        let Some(timer) = self.timers.find(&is_it) else {
             return Ok(Handling::Make);
         };
         let (setting, kind) = (timer.setting(now), timer.kind);
         let Kind::Posix { clock, .. } = kind else {
             return Ok(Handling::Make);
         };
-        if let Some((flags, new)) = new {
-            let Some((next, interval)) = self.timer_setting(tid, clock, flags, new)? else {
+        if let Some(new) = new {
+            let Some((next, interval)) = self.timer_setting(entry.tid, clock, new)? else {
                 return Ok(Handling::Make);
             };
-            if let Some(timer) = self.timers.find(is_it) {
+            if let Some(timer) = self.timers.find(&is_it) {
                 (timer.next, timer.interval) = (next, interval);
             }
         }
-        write_setting(tid, old, setting)?;
+        write_setting(entry.tid, old, setting, parts)?;
         self.fire_timers()?;
         Ok(Handling::Answer(0))
     }
 
     /// `timer_delete`; the system deletes its own.
-    pub(crate) fn timer_delete(&mut self, process: Tid, id: u64) -> Handling {
-        let id = i32::try_from(id & 0xFFFF_FFFF).unwrap_or(-1);
-        self.timers.all.retain(|timer| {
-            timer.process != process
-                || !matches!(timer.kind, Kind::Posix { id: own, .. } if own == id)
-        });
+    pub(crate) fn timer_delete(&mut self, entry: Entry) -> Handling {
+        let is_it = is_posix(entry);
+        self.timers.all.retain(|timer| !is_it(timer));
         Handling::Make
     }
 
     /// `timerfd_settime`, or `timerfd_gettime` without `new`.
     pub(crate) fn timer_descriptor(
         &mut self,
-        tid: Tid,
-        process: Tid,
-        fd: i32,
+        entry: Entry,
         new: Option<(u64, u64)>,
         old: u64,
     ) -> Result<Handling, Halt> {
+        let Entry {
+            tid, process, a, ..
+        } = entry;
         let now = self.now;
+        let fd = int(a[0]);
         let Some(descriptor) = self.descriptor(process, fd) else {
             return Ok(Handling::Make);
         };
-        let timer = descriptor.file.as_raw_fd();
-        let info = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}"));
-        let info = info.unwrap_or_default();
-        let clock = info.lines().find_map(|line| line.strip_prefix("clockid:"));
         // Not a timer.
-        let Some(clock) = clock.and_then(|clock| clock.trim().parse().ok()) else {
+        let Some(clock) = info_of(process, fd, "clockid:") else {
             return Ok(Handling::Make);
         };
-        let known = sys::timer_mark(timer);
+        let known = timer_mark(&descriptor.file);
         let known = known.filter(|mark| self.timers.find(has_mark(*mark)).is_some());
-        let Some((flags, new)) = new else {
+        let Some(new) = new else {
             let setting = known.and_then(|mark| self.timers.find(has_mark(mark)));
             let setting = setting.map_or((0, 0), |timer| timer.setting(now));
-            write_setting(tid, old, setting)?;
+            write_setting(tid, old, setting, parts)?;
             return Ok(Handling::Answer(0));
         };
-        let Some((next, interval)) = self.timer_setting(tid, clock, flags, new)? else {
+        let Some((next, interval)) = self.timer_setting(tid, clock, new)? else {
             return Ok(Handling::Make);
         };
         let mark = match known {
             Some(mark) => mark,
             None if self.timers.all.len() >= MOST => {
-                return Ok(Handling::Answer(-i64::from(libc::ENOMEM)));
+                return Ok(failure(libc::ENOMEM));
             }
             None => {
                 self.timers.marks += 1;
@@ -294,12 +271,7 @@ impl Tracer<'_> {
                     fd,
                     count: 0,
                 };
-                self.timers.all.push(Timer {
-                    process,
-                    kind,
-                    next: None,
-                    interval: 0,
-                });
+                self.timers.add(process, kind);
                 self.timers.marks
             }
         };
@@ -310,9 +282,9 @@ impl Tracer<'_> {
             timer.kind = Kind::Descriptor { mark, fd, count: 0 };
             timer.process = process;
         }
-        sys::mark_timer(timer, mark, false)?;
+        mark_timer(&descriptor.file, mark, false)?;
         drop(descriptor);
-        write_setting(tid, old, setting)?;
+        write_setting(tid, old, setting, parts)?;
         self.fire_timers()?;
         Ok(Handling::Answer(0))
     }
@@ -324,8 +296,7 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
         into: u64,
     ) -> Result<Option<Handling>, Halt> {
-        let timer = descriptor.file.as_raw_fd();
-        let Some(mark) = sys::timer_mark(timer) else {
+        let Some(mark) = timer_mark(&descriptor.file) else {
             return Ok(None);
         };
         let Some(found) = self.timers.find(has_mark(mark)) else {
@@ -339,7 +310,7 @@ impl Tracer<'_> {
         }
         Memory(tid).write(into, &count.to_ne_bytes())?;
         found.kind = Kind::Descriptor { mark, fd, count: 0 };
-        sys::mark_timer(timer, mark, false)?;
+        mark_timer(&descriptor.file, mark, false)?;
         Ok(Some(Handling::Answer(8)))
     }
 
@@ -348,12 +319,9 @@ impl Tracer<'_> {
         &self,
         tid: Tid,
         clock: i32,
-        flags: u64,
-        new: u64,
+        (flags, new): (u64, u64),
     ) -> io::Result<Option<(Option<u64>, u64)>> {
-        let interval = span(Memory(tid).read_pair(new)?);
-        let value = span(Memory(tid).read_pair(new + 16)?);
-        let (Some(interval), Some(value)) = (interval, value) else {
+        let Some((interval, value)) = read_setting(tid, new, span)? else {
             return Ok(None);
         };
         let next = match value {
@@ -405,17 +373,14 @@ impl Tracer<'_> {
     /// Has a timer descriptor be readable.
     fn fire_descriptor(&mut self, process: Tid, mark: i64, fd: i32) -> Result<(), Halt> {
         let is_it = |descriptor: &Descriptor| {
-            descriptor.is_anonymous() && sys::timer_mark(descriptor.file.as_raw_fd()) == Some(mark)
+            descriptor.is_anonymous() && timer_mark(&descriptor.file) == Some(mark)
         };
         let found = self.descriptor(process, fd).filter(is_it).or_else(|| {
             // It has another number, or another process has it.
             let mut others = self.processes.keys().flat_map(|pid| {
-                let entries = std::fs::read_dir(format!("/proc/{pid}/fd"));
-                let numbers = entries
-                    .into_iter()
-                    .flatten()
-                    .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse::<i32>().ok());
-                numbers.map(|fd| (*pid, fd)).collect::<Vec<_>>()
+                files_of(*pid)
+                    .filter_map(|path| path.file_name()?.to_str()?.parse::<i32>().ok())
+                    .map(|fd| (*pid, fd))
             });
             others.find_map(|(pid, fd)| self.descriptor(pid, fd).filter(is_it))
         });
@@ -424,7 +389,7 @@ impl Tracer<'_> {
             self.timers.all.retain(|timer| !has_mark(mark)(timer));
             return Ok(());
         };
-        sys::mark_timer(descriptor.file.as_raw_fd(), mark, true)?;
+        mark_timer(&descriptor.file, mark, true)?;
         // A nanosecond is over before long.
         for _ in 0..1000 {
             if descriptor.is_ready(PollFlags::IN) {
@@ -440,13 +405,62 @@ fn has_mark(wanted: i64) -> impl Fn(&Timer) -> bool {
     move |timer| matches!(timer.kind, Kind::Descriptor { mark, .. } if mark == wanted)
 }
 
+/// The POSIX timer of a process that a call is about.
+fn is_posix(entry: Entry) -> impl Fn(&Timer) -> bool {
+    let wanted = int(entry.a[0]);
+    move |timer| {
+        timer.process == entry.process
+            && matches!(timer.kind, Kind::Posix { id, .. } if id == wanted)
+    }
+}
+
+/// Reads what a timer is to be set to: its interval, and the time until it runs out.
+fn read_setting(
+    tid: Tid,
+    new: u64,
+    read: fn((i64, i64)) -> Option<u64>,
+) -> io::Result<Option<(u64, u64)>> {
+    let interval = read(Memory(tid).read_pair(new)?);
+    let value = read(Memory(tid).read_pair(new + 16)?);
+    Ok(interval.zip(value))
+}
+
 /// Writes what is left of a timer and its interval, if that is asked for.
-fn write_setting(tid: Tid, old: u64, (left, interval): (u64, u64)) -> io::Result<()> {
+fn write_setting(
+    tid: Tid,
+    old: u64,
+    (left, interval): (u64, u64),
+    parts: fn(u64) -> (i64, i64),
+) -> io::Result<()> {
     if old == 0 {
         return Ok(());
     }
-    let (seconds, nanoseconds) = parts(interval);
-    Memory(tid).write_pair(old, seconds, nanoseconds)?;
-    let (seconds, nanoseconds) = parts(left);
-    Memory(tid).write_pair(old + 16, seconds, nanoseconds)
+    let (seconds, part) = parts(interval);
+    Memory(tid).write_pair(old, seconds, part)?;
+    let (seconds, part) = parts(left);
+    Memory(tid).write_pair(old + 16, seconds, part)
+}
+
+/// Sets a timer descriptor so that it becomes readable at once, or never if `ready` is not set. The
+/// interval is the mark by which it is known again.
+fn mark_timer(timer: impl AsFd, mark: i64, ready: bool) -> io::Result<()> {
+    let times = Itimerspec {
+        it_interval: Timespec {
+            tv_sec: NEVER_S + mark,
+            tv_nsec: 0,
+        },
+        it_value: Timespec {
+            tv_sec: if ready { 0 } else { NEVER_S },
+            tv_nsec: i64::from(ready),
+        },
+    };
+    rustix::time::timerfd_settime(timer, TimerfdTimerFlags::empty(), &times)?;
+    Ok(())
+}
+
+/// The mark of a timer descriptor, if it has one.
+fn timer_mark(timer: impl AsFd) -> Option<i64> {
+    let times = rustix::time::timerfd_gettime(timer).ok()?;
+    let mark = times.it_interval.tv_sec.checked_sub(NEVER_S)?;
+    Some(mark).filter(|mark| *mark >= 0)
 }

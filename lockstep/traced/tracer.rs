@@ -108,8 +108,12 @@ pub(crate) enum Handling {
     ToEnd(Registers, AtEnd),
 }
 
-/// Runs a program to its end.
-pub(crate) fn run(
+/// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends
+/// before. Other children of this thread that end meanwhile are reaped.
+///
+/// # Errors
+/// When it cannot be traced or started, holds something that cannot be run, or the world fails.
+pub fn run(
     program: Program<'_>,
     options: &Options<'_>,
     ports: &mut [Port],

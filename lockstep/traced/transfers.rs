@@ -3,11 +3,10 @@
 use rustix::event::PollFlags;
 use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 
-use crate::traced::arch::Registers;
-use crate::traced::call::Call;
+use crate::traced::arch::Call;
 use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
-use crate::traced::entry::{failure, int};
+use crate::traced::entry::{Entry, counted, failure, int};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
@@ -30,21 +29,18 @@ struct Rule {
 
 impl Tracer<'_> {
     /// Reads, writes and the like.
-    pub(crate) fn transfer_call(
-        &mut self,
-        tid: Tid,
-        process: Tid,
-        call: Call,
-        registers: Registers,
-        crept: bool,
-    ) -> Result<Handling, Halt> {
-        let a = registers.arguments();
+    pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
+        let a = entry.a;
         // Without a place it is a read like others.
-        let call = match call {
-            Call::Preadv2 if a[3] == u64::MAX => Call::Readv,
-            Call::Preadv2 => Call::Preadv,
-            _ => call,
-        };
+        if entry.call == Call::Preadv2 {
+            entry.call = match a[3] {
+                u64::MAX => Call::Readv,
+                _ => Call::Preadv,
+            };
+        }
+        let Entry {
+            tid, process, call, ..
+        } = entry;
         // Before anything is done with a port, the world knows who has it open.
         self.look_at_ports()?;
         // The end that a port may be at.
@@ -56,9 +52,9 @@ impl Tracer<'_> {
             return Ok(Handling::Make);
         };
         if let Some(index) = self.port_of(&descriptor) {
-            return self.port_transfer(tid, (index, &descriptor), call, a, crept);
+            return self.port_transfer(entry, index, &descriptor);
         }
-        if let Some(action) = self.own_bytes(tid, process, call, a, &descriptor)? {
+        if let Some(action) = self.own_bytes(entry, &descriptor)? {
             return Ok(action);
         }
         // Whatever waits has no places, and says so at once.
@@ -75,15 +71,15 @@ impl Tracer<'_> {
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
         }
-        let rule = self.transfer_rule(tid, call, a, &descriptor)?;
-        let action = self.may_wait(tid, fd, &descriptor, &rule, crept);
+        let rule = self.transfer_rule(entry, &descriptor)?;
+        let action = self.may_wait(entry, fd, &descriptor, &rule);
         if call == Call::Recvmmsg && matches!(action, Handling::Make) {
             // It would wait for the others of the messages that it has room for.
-            let mut changed = registers;
+            let mut changed = entry.registers;
             let first_only = u64::from(libc::MSG_WAITFORONE.unsigned_abs());
             changed.set_argument(3, a[3] | first_only);
             changed.set_argument(4, 0);
-            return Ok(Handling::ToEnd(changed, AtEnd::Restore(registers)));
+            return Ok(Handling::ToEnd(changed, AtEnd::Restore(entry.registers)));
         }
         Ok(action)
     }
@@ -91,12 +87,16 @@ impl Tracer<'_> {
     /// A read of what the tracer itself says: what is random, and how many processors there are.
     fn own_bytes(
         &mut self,
-        tid: Tid,
-        process: Tid,
-        call: Call,
-        a: [u64; 6],
+        entry: Entry,
         descriptor: &Descriptor,
     ) -> Result<Option<Handling>, Halt> {
+        let Entry {
+            tid,
+            process,
+            call,
+            a,
+            ..
+        } = entry;
         let from = match call {
             Call::Splice => self.descriptor(process, int(a[0])),
             Call::Sendfile => self.descriptor(process, int(a[1])),
@@ -130,43 +130,33 @@ impl Tracer<'_> {
     /// The same on a port.
     fn port_transfer(
         &mut self,
-        tid: Tid,
-        (index, descriptor): (usize, &Descriptor),
-        call: Call,
-        a: [u64; 6],
-        crept: bool,
+        entry: Entry,
+        index: usize,
+        descriptor: &Descriptor,
     ) -> Result<Handling, Halt> {
+        let a = entry.a;
         let length = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
-        match call {
+        let parts = || Memory(entry.tid).read_parts(a[1], a[2]);
+        match entry.call {
             // Programs fall back to reading and writing.
             Call::Splice | Call::Sendfile => Ok(failure(libc::EINVAL)),
-            Call::Write => self.write_port(tid, index, descriptor, &[(a[1], a[2])], crept),
-            Call::Writev => {
-                let parts = Memory(tid).read_parts(a[1], a[2])?;
-                self.write_port(tid, index, descriptor, &parts, crept)
-            }
+            Call::Write => self.write_port(entry, index, descriptor, &[(a[1], a[2])]),
+            Call::Writev => self.write_port(entry, index, descriptor, &parts()?),
             Call::Read => {
                 let asked = (length(a[2]), Some(a[1]));
-                Ok(self.read_port(tid, index, descriptor, asked, crept))
+                Ok(self.read_port(entry, index, descriptor, asked))
             }
             Call::Readv => {
-                let parts = Memory(tid).read_parts(a[1], a[2])?;
-                let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
-                let asked = (length(parts.iter().fold(0, add)), None);
-                Ok(self.read_port(tid, index, descriptor, asked, crept))
+                let asked = (length(whole_length(&parts()?)), None);
+                Ok(self.read_port(entry, index, descriptor, asked))
             }
             _ => Ok(Handling::Make),
         }
     }
 
     /// What a read or write of something that is no port waits for, and how long.
-    fn transfer_rule(
-        &self,
-        tid: Tid,
-        call: Call,
-        a: [u64; 6],
-        descriptor: &Descriptor,
-    ) -> Result<Rule, Halt> {
+    fn transfer_rule(&self, entry: Entry, descriptor: &Descriptor) -> Result<Rule, Halt> {
+        let Entry { tid, call, a, .. } = entry;
         let (flags, room) = match call {
             Call::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
             Call::Writev
@@ -218,24 +208,22 @@ impl Tracer<'_> {
         tid: Tid,
         parts: &[(u64, u64)],
     ) -> Result<Handling, Halt> {
-        let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
-        let count = usize::try_from(parts.iter().fold(0, add)).unwrap_or(usize::MAX);
-        let mut bytes = vec![0; count.min(MOST_RANDOM)];
+        let length = usize::try_from(whole_length(parts)).unwrap_or(usize::MAX);
+        let mut bytes = vec![0; length.min(MOST_RANDOM)];
         if self.random(&mut bytes).is_none() {
             return Ok(Handling::Make);
         }
         let written = Memory(tid).write_parts(parts, &bytes)?;
-        Ok(Handling::Answer(i64::try_from(written).unwrap_or(0)))
+        Ok(Handling::Answer(counted(written)))
     }
 
     /// A read or write that may wait.
     fn may_wait(
         &mut self,
-        tid: Tid,
+        entry: Entry,
         fd: i32,
         descriptor: &Descriptor,
         rule: &Rule,
-        crept: bool,
     ) -> Handling {
         let ready = if rule.flags.contains(PollFlags::OUT) {
             descriptor.has_room(rule.room)
@@ -246,7 +234,7 @@ impl Tracer<'_> {
             return Handling::Make;
         }
         if rule.at_once || descriptor.is_nonblocking() {
-            return self.ask(tid, crept).unwrap_or(Handling::Make);
+            return self.ask(entry).unwrap_or(Handling::Make);
         }
         let wait = Wait::Descriptor {
             fd,
@@ -257,6 +245,12 @@ impl Tracer<'_> {
         };
         Handling::Hold(wait, rule.deadline)
     }
+}
+
+/// The length of all parts of a read or write.
+fn whole_length(parts: &[(u64, u64)]) -> u64 {
+    let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
+    parts.iter().fold(0, add)
 }
 
 /// A message queue is a file, too, and one that waits.

@@ -158,6 +158,25 @@ pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
     stat.rsplit_once(')')?.1.trim_start().chars().next()
 }
 
+/// The part of a process's memory that holds an address: where it begins, and what the system says of
+/// it (`proc_pid_maps(5)`) from its rights on.
+pub(crate) fn mapping(process: Tid, address: u64) -> Option<(u64, String)> {
+    let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
+    maps.lines().find_map(|line| {
+        let (ends, rest) = line.split_once(' ')?;
+        let (from, to) = ends.split_once('-')?;
+        let (from, to) = (number(from)?, number(to)?);
+        (from..to)
+            .contains(&address)
+            .then(|| (from, rest.to_owned()))
+    })
+}
+
+/// A number as the system writes addresses.
+pub(crate) fn number(text: &str) -> Option<u64> {
+    u64::from_str_radix(text, 16).ok()
+}
+
 /// File that a descriptor of a process leads to.
 pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
     std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()

@@ -1,6 +1,7 @@
 //! Turns: one thread runs at a time, until it waits.
 
 use crate::traced::arch::{self, Registers};
+use crate::traced::entry::Entry;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Handling, Tracer};
@@ -76,9 +77,7 @@ impl Tracer<'_> {
             Handling::Hold(wait, deadline) => self.hold(tid, registers, wait, deadline),
             Handling::ToEnd(changed, at_end) => {
                 changed.set(tid)?;
-                if let Some(thread) = self.threads.get_mut(&tid) {
-                    thread.at_end = Some(at_end);
-                }
+                self.look_at_end(tid, at_end);
                 sys::go_on_to_end_of_call(tid, 0)?;
             }
         }
@@ -117,10 +116,10 @@ impl Tracer<'_> {
 
     /// A thread asks and waits for nothing; after many of these each takes a little time. `None` if
     /// it may be answered at once.
-    pub(crate) fn ask(&mut self, tid: Tid, crept: bool) -> Option<Handling> {
-        let thread = self.threads.get_mut(&tid)?;
+    pub(crate) fn ask(&mut self, entry: Entry) -> Option<Handling> {
+        let thread = self.threads.get_mut(&entry.tid)?;
         thread.asks = thread.asks.saturating_add(1);
-        if crept || thread.asks <= FREE_ASKS {
+        if entry.crept || thread.asks <= FREE_ASKS {
             return None;
         }
         Some(Handling::Hold(Wait::Creep, Some(self.now + CREEP)))

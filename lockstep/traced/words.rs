@@ -5,7 +5,7 @@ use std::io;
 use crate::traced::arch::Registers;
 use crate::traced::sys::{self, Tid, Whom};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{State, name_of, path_of};
+use crate::traced::tree::{State, mapping, name_of, path_of};
 use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
@@ -110,16 +110,6 @@ fn place_of(process: Tid, tid: Tid) -> Option<String> {
         }
     }
     let place = Registers::of(tid).ok()?.place();
-    let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
-    let line = maps.lines().find(|line| {
-        let ends = line
-            .split_whitespace()
-            .next()
-            .and_then(|r| r.split_once('-'));
-        ends.is_some_and(|(from, to)| {
-            let number = |text| u64::from_str_radix(text, 16).unwrap_or(0);
-            (number(from)..number(to)).contains(&place)
-        })
-    })?;
-    line.split_whitespace().nth(5).map(str::to_owned)
+    let (_, rest) = mapping(process, place)?;
+    rest.split_whitespace().nth(4).map(str::to_owned)
 }

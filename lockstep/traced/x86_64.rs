@@ -7,10 +7,10 @@ mod vdso;
 
 use std::io;
 
-use crate::traced::memory::{self, Memory};
+use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 
-pub(crate) use calls::{call, filter};
+pub(crate) use calls::{Call, call, filter};
 pub(crate) use vdso::{Vdso, write_clocks};
 
 /// The registers of a thread that has stopped at a call.
@@ -121,18 +121,20 @@ pub(crate) fn prepare_image(
     /// Arguments and environment have at most a quarter of the stack; this is beyond any limit.
     const MOST: u64 = 1 << 24;
     // The count of arguments, the arguments, a null, the environment, a null, the vector.
-    let mut words = memory::Words::new(memory, stack + 8);
-    let mut vdso = None;
-    for _ in 0..2 {
-        while words.next()? != 0 {
-            if words.address() - stack > MOST {
-                return Err(io::Error::other("its stack is not as it should be"));
-            }
+    let mut at = stack;
+    let mut next = || {
+        at += 8;
+        if at - stack > MOST {
+            return Err(io::Error::other("its stack is not as it should be"));
         }
+        Ok((at, memory.read_u64(at)?))
+    };
+    for _ in 0..2 {
+        while next()?.1 != 0 {}
     }
+    let mut vdso = None;
     loop {
-        let at = words.address();
-        let (kind, value) = (words.next()?, words.next()?);
+        let ((at, kind), (_, value)) = (next()?, next()?);
         match kind {
             0 => return Ok(vdso),
             AT_SYSINFO_EHDR => vdso = Vdso::find(memory, at, value)?,
@@ -142,9 +144,6 @@ pub(crate) fn prepare_image(
                 }
             }
             _ => {}
-        }
-        if words.address() - stack > MOST {
-            return Err(io::Error::other("its stack is not as it should be"));
         }
     }
 }

@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
-use sim_pty::{Event, LineSettings, Parity, PtyPort, PtySetup};
+use sim_pty::{Event, LineSettings, Port, PtySetup};
 
 #[test]
 fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
     for baud in [115_200, 9_600, 250_000, 1_234_567] {
-        let port = PtyPort::open_unlinked(PtySetup::raw(baud)).unwrap();
+        let port = Port::open_unlinked(PtySetup::raw(baud)).unwrap();
         let client = Client::open(port.path());
         let termios = client.termios();
         assert_eq!(termios.output_speed(), baud);
@@ -36,14 +36,13 @@ fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
         );
         assert_eq!(
             port.client_line().unwrap(),
-            LineSettings {
+            Some(LineSettings {
                 baud,
-                data_bits: 8,
-                parity: Parity::None,
+                parity: false,
                 stop_bits: 1,
                 rts_cts: false,
                 raw: true
-            }
+            })
         );
     }
 }
@@ -56,7 +55,7 @@ fn every_byte_passes_both_ways_and_none_is_echoed() {
     let all: Vec<u8> = (0..=255).collect();
     client.send(&all);
     assert_eq!(bench.expect_bytes(256), all);
-    assert_eq!(bench.port.write(&all).unwrap().accepted, 256);
+    assert_eq!(bench.port.write(&all).unwrap(), 256);
     assert_eq!(client.receive(256), all);
     assert_eq!(client.try_receive(), b"");
     bench.expect_quiet();
@@ -66,7 +65,7 @@ fn every_byte_passes_both_ways_and_none_is_echoed() {
 
 #[test]
 fn a_baud_rate_of_zero_is_refused_by_name() {
-    let error = PtyPort::open_unlinked(PtySetup::raw(0))
+    let error = Port::open_unlinked(PtySetup::raw(0))
         .unwrap_err()
         .to_string();
     assert!(error.contains("baud rate is 0"), "{error}");
@@ -92,13 +91,13 @@ fn a_client_that_only_listens_is_reported_too() {
     bench.expect_quiet();
     let client = bench.client();
     bench.expect(Event::Attached);
-    assert_eq!(bench.port.write(b"telemetry").unwrap().accepted, 9);
+    assert_eq!(bench.port.write(b"telemetry").unwrap(), 9);
     assert_eq!(client.receive(9), b"telemetry");
 }
 
 #[test]
 fn without_a_waiter_reading_tells_as_much() {
-    let mut port = PtyPort::open_unlinked(PtySetup::raw(115_200)).unwrap();
+    let mut port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
     let mut buf = [0; 16];
     for _ in 0..3 {
         assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
@@ -160,7 +159,7 @@ fn settings_of_one_client_do_not_outlive_it() {
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
     let line = bench.port.client_line().unwrap().unwrap();
-    assert_eq!((line.to_string().as_str(), line.raw), ("115200 8N1", true));
+    assert_eq!((line.baud, line.raw), (115_200, true));
 }
 
 #[test]
@@ -170,9 +169,7 @@ fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
     bench.expect(Event::Attached);
     let mut accepted = 0;
     for _ in 0..100 {
-        let written = bench.port.write(&[0x55; 1_000]).unwrap();
-        assert_eq!(written.accepted + written.dropped, 1_000);
-        accepted += written.accepted;
+        accepted += bench.port.write(&[0x55; 1_000]).unwrap();
     }
     assert!(
         (70_000..100_000).contains(&accepted),
@@ -182,7 +179,7 @@ fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
     assert_eq!(counters.sent_bytes, accepted as u64);
     assert_eq!(counters.dropped_full_bytes, 100_000 - accepted as u64);
     // The client gets what was accepted, and the last of all, once it reads.
-    assert_eq!(bench.port.write(b"!").unwrap().dropped, 1);
+    assert_eq!(bench.port.write(b"!").unwrap(), 0);
     let mut read = Vec::new();
     until("it has read all", || {
         read.extend(client.try_receive());
@@ -194,7 +191,7 @@ fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
     });
     assert_eq!(read.last(), Some(&b'!'));
     bench.expect_quiet();
-    assert_eq!(bench.port.write(b"?").unwrap().accepted, 1);
+    assert_eq!(bench.port.write(b"?").unwrap(), 1);
     assert_eq!(client.receive(1), b"?");
 }
 
@@ -205,7 +202,7 @@ fn what_is_kept_for_a_client_is_gone_when_it_flushes_its_input_or_leaves() {
         for seen in [true, false] {
             let mut client = bench.client();
             bench.expect(Event::Attached);
-            assert_eq!(bench.port.write(&[b'x'; 50_000]).unwrap().accepted, 50_000);
+            assert_eq!(bench.port.write(&[b'x'; 50_000]).unwrap(), 50_000);
             if flushes {
                 tcflush(&client, QueueSelector::IFlush).unwrap();
             } else {
@@ -228,7 +225,7 @@ fn what_is_kept_for_a_client_is_gone_when_it_flushes_its_input_or_leaves() {
                     bench.expect(*event);
                 }
             }
-            assert_eq!(bench.port.write(b"reply").unwrap().accepted, 5);
+            assert_eq!(bench.port.write(b"reply").unwrap(), 5);
             assert_eq!(client.receive(5), b"reply");
             assert_eq!(client.try_receive(), b"");
             drop(client);
@@ -272,7 +269,7 @@ fn a_client_that_opened_together_with_another_is_still_served_when_that_one_leav
         let _ = bench.port.read(&mut buf).unwrap();
     }
     assert!(bench.port.is_attached());
-    assert_eq!(bench.port.write(b"reply").unwrap().accepted, 5);
+    assert_eq!(bench.port.write(b"reply").unwrap(), 5);
     assert_eq!(listener.receive(5), b"reply");
     listener.send(b"request");
     assert_eq!(bench.expect_bytes(7), b"request");

@@ -20,7 +20,7 @@ use std::process::{Command, Stdio};
 use common::{Bench, Client, unprivileged};
 use rustix::io::Errno;
 use rustix::termios::ioctl_tiocexcl;
-use sim_pty::{Event, PtyPort, PtySetup};
+use sim_pty::{Event, Port, PtySetup};
 
 /// Opens the port exclusively in another process and kills that.
 fn be_killed_while_exclusive(bench: &mut Bench) {
@@ -57,14 +57,14 @@ fn an_ordinary_user_s_port_can_be_opened_again() {
 fn exclusive_flag_without_privileges() {
     assert!(!rustix::process::geteuid().is_root());
     let path = unprivileged::dir().join("r150");
-    let mut bench = Bench::new(PtyPort::open_at(&path, PtySetup::raw(115_200)).unwrap());
+    let mut bench = Bench::new(Port::open_at(&path, PtySetup::raw(115_200)).unwrap());
     for round in 0..5 {
-        let before = bench.pty().slave_path().to_owned();
+        let before = bench.port.node().to_owned();
         be_killed_while_exclusive(&mut bench);
         // There is no other way in than a new pair, opened before the old
         // one is given up so that the link always leads somewhere.
-        assert_ne!(bench.pty().slave_path(), before, "round {round}");
-        assert_eq!(fs::read_link(&path).unwrap(), bench.pty().slave_path());
+        assert_ne!(bench.port.node(), before, "round {round}");
+        assert_eq!(fs::read_link(&path).unwrap(), bench.port.node());
         bench.expect_quiet();
 
         let client = Client::open(&path);
@@ -103,7 +103,7 @@ fn a_replaced_link_is_not_turned() {
 #[ignore = "run by another test in a process of its own"]
 fn replaced_link_is_not_turned() {
     let path = unprivileged::dir().join("r150");
-    let mut port = PtyPort::open_at(&path, PtySetup::raw(115_200)).unwrap();
+    let mut port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
     let mut buf = [0; 16];
     let client = Client::open(&path);
     assert_eq!(port.read(&mut buf).unwrap(), Event::Attached);
@@ -128,7 +128,7 @@ fn root_s_port_can_be_opened_by_others_again() {
         return;
     }
     let mut bench = Bench::unlinked();
-    let node = bench.pty().slave_path().to_owned();
+    let node = bench.port.node().to_owned();
     fs::set_permissions(&node, fs::Permissions::from_mode(0o666)).unwrap();
     let open_as_nobody = |node: &Path| {
         let mut shell = Command::new("sh");
@@ -146,7 +146,7 @@ fn root_s_port_can_be_opened_by_others_again() {
     drop(client);
     bench.expect(Event::Detached);
     be_killed_while_exclusive(&mut bench);
-    assert_eq!(bench.pty().slave_path(), node, "root keeps the node");
+    assert_eq!(bench.port.node(), node, "root keeps the node");
     assert!(open_as_nobody(&node));
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);

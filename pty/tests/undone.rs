@@ -22,7 +22,7 @@ use rustix::termios::{
     Action, ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios, Winsize,
     ioctl_tiocexcl, tcflow, tcgetattr, tcsendbreak, tcsetwinsize,
 };
-use sim_pty::{Event, PtyPort, PtySetup};
+use sim_pty::{Event, Port, PtySetup};
 
 type Deed = (&'static str, fn(&Client));
 
@@ -122,7 +122,7 @@ fn expect_sound(bench: &mut Bench, fresh: &Termios, after: &str) {
     // Those who read do not wait for ever.
     client.send(b"request\r\n\x13");
     assert_eq!(bench.expect_bytes(10), b"request\r\n\x13", "after {after}");
-    assert_eq!(bench.port.write(b"reply\r\n\x13").unwrap().accepted, 8);
+    assert_eq!(bench.port.write(b"reply\r\n\x13").unwrap(), 8);
     assert_eq!(client.receive(8), b"reply\r\n\x13", "after {after}");
     client.send(b"more");
     assert_eq!(bench.expect_bytes(4), b"more", "after {after}");
@@ -139,7 +139,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
             ..PtySetup::raw(9_600)
         },
     ] {
-        let mut bench = Bench::new(PtyPort::open_unlinked(setup).unwrap());
+        let mut bench = Bench::new(Port::open_unlinked(setup).unwrap());
         let fresh = bench.client().termios();
         bench.expect(Event::Attached);
         bench.expect(Event::Detached);
@@ -150,7 +150,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
                     act(&client);
                 }
                 // One after the other, or before anybody has looked.
-                while bench.pty().counters().attached == 0 || bench.port.is_attached() {
+                while bench.port.counters().attached == 0 || bench.port.is_attached() {
                     let _ = bench.next();
                 }
                 settle(&mut bench);
@@ -228,7 +228,7 @@ fn permissions_are_as_asked_for_and_stay_so() {
         group: Some(group),
         ..PtySetup::raw(115_200)
     };
-    let mut bench = Bench::new(PtyPort::open_unlinked(setup).unwrap());
+    let mut bench = Bench::new(Port::open_unlinked(setup).unwrap());
     let found = |bench: &Bench| {
         let found = std::fs::metadata(bench.port.path()).unwrap();
         (found.permissions().mode() & 0o777, found.gid())
@@ -284,6 +284,6 @@ fn a_group_that_is_not_the_user_s_is_refused_in_words() {
         group: Some(0),
         ..PtySetup::raw(115_200)
     };
-    let error = PtyPort::open_unlinked(setup).unwrap_err().to_string();
+    let error = Port::open_unlinked(setup).unwrap_err().to_string();
     assert!(error.contains("group"), "{error}");
 }

@@ -6,14 +6,14 @@ use std::time::{Duration, Instant};
 
 use common::{Client, PATIENCE};
 use rustix::time::{ClockId, clock_gettime};
-use sim_pty::{Event, Port, PtyPort, PtySetup, Waiter, sharpen_timers};
+use sim_pty::{Event, Port, PtySetup, Waiter, sharpen_timers};
 
 #[test]
 fn of_many_ports_those_with_news_are_named() {
     const PORTS: usize = 200;
     let mut waiter = Waiter::new().unwrap();
     let mut ports: Vec<Port> = (0..PORTS)
-        .map(|_| PtyPort::open_unlinked(PtySetup::raw(9_600)).unwrap().into())
+        .map(|_| Port::open_unlinked(PtySetup::raw(9_600)).unwrap())
         .collect();
     for (token, port) in ports.iter_mut().enumerate() {
         waiter.add(token, port).unwrap();
@@ -80,7 +80,7 @@ fn a_wait_is_never_too_short() {
     for timeout in [0, 1, 86_806, 999_999, 1_000_001, 20_000_000].map(Duration::from_nanos) {
         let start = Instant::now();
         let wake = waiter.wait(Some(timeout)).unwrap();
-        assert!(wake.ready().is_empty() && wake.signal().is_none());
+        assert!(wake.ready().is_empty() && !wake.is_signalled());
         assert!(
             start.elapsed() >= timeout,
             "{:?} of {timeout:?}",
@@ -92,7 +92,7 @@ fn a_wait_is_never_too_short() {
 #[test]
 fn a_port_is_forgotten_with_its_last_news() {
     let mut waiter = Waiter::new().unwrap();
-    let mut port = Port::from(PtyPort::open_unlinked(PtySetup::raw(9_600)).unwrap());
+    let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
     waiter.add(0, &mut port).unwrap();
     let client = Client::open(port.path());
     client.send(b"unheard");
@@ -110,7 +110,7 @@ fn a_port_is_forgotten_with_its_last_news() {
 fn a_port_may_move_to_another_waiter_with_its_client() {
     let mut first = Waiter::new().unwrap();
     let mut second = Waiter::new().unwrap();
-    let mut port = Port::from(PtyPort::open_unlinked(PtySetup::raw(9_600)).unwrap());
+    let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
     first.add(0, &mut port).unwrap();
     let client = Client::open(port.path());
     assert_eq!(port.read(&mut [0; 8]).unwrap(), Event::Attached);
@@ -124,7 +124,7 @@ fn a_port_may_move_to_another_waiter_with_its_client() {
 
 #[test]
 fn a_client_from_before_the_watch_is_not_taken_for_another() {
-    let mut port = Port::from(PtyPort::open_unlinked(PtySetup::raw(9_600)).unwrap());
+    let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
     let client = Client::open(port.path());
     let mut waiter = Waiter::new().unwrap();
     waiter.add(0, &mut port).unwrap();
@@ -157,7 +157,7 @@ fn looking_busily_finds_what_sleeping_finds() {
     const REQUESTS: usize = 2000;
     let mut waiter = Waiter::new().unwrap();
     waiter.set_busy_poll(Duration::from_micros(50));
-    let mut port = Port::from(PtyPort::open_unlinked(PtySetup::raw(115_200)).unwrap());
+    let mut port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
     waiter.add(0, &mut port).unwrap();
     let client = Client::open(port.path());
     // The waiter looks busily while the client asks in quick succession, and sleeps through its
@@ -181,7 +181,7 @@ fn looking_busily_finds_what_sleeping_finds() {
             continue;
         }
         match port.read(&mut buf).unwrap() {
-            Event::Data(n) => assert_eq!(port.write(&buf[..n]).unwrap().accepted, n),
+            Event::Data(n) => assert_eq!(port.write(&buf[..n]).unwrap(), n),
             Event::Detached => break,
             Event::Attached | Event::Idle => {}
         }
@@ -195,7 +195,7 @@ fn looking_busily_comes_to_an_end() {
     let longest = Duration::from_millis(1);
     let mut waiter = Waiter::new().unwrap();
     waiter.set_busy_poll(longest);
-    let mut port = Port::from(PtyPort::open_unlinked(PtySetup::raw(115_200)).unwrap());
+    let mut port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
     waiter.add(0, &mut port).unwrap();
     let client = Client::open(port.path());
     // News at once, so that the wait for more begins busily.

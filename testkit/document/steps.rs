@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use super::{Writer, condition};
+use super::{Writer, table};
 use crate::fault::FaultChoice;
 
 /// Keys of which only one may be there, by what has them.
@@ -24,10 +24,7 @@ impl Writer<'_> {
         if name == "RangeText" {
             let least = Value::from("0 s");
             let most = self.defined("Span", "max");
-            return Value::Table(Table::from_iter([
-                ("min".to_owned(), least),
-                ("max".to_owned(), most),
-            ]));
+            return table([("min", least), ("max", most)]);
         }
         if name == "SignalText" {
             let generator = &["from_output"][..];
@@ -107,8 +104,7 @@ impl Writer<'_> {
                     let (cause, value) = if count > 0 && self.choices.once_in(2) {
                         ("step", format!("s{}", self.choices.below(count)))
                     } else {
-                        let devices = &self.devices;
-                        ("whenever", condition::condition(&mut self.choices, devices))
+                        ("whenever", self.condition())
                     };
                     response.insert(cause.to_owned(), Value::from(value));
                 }
@@ -152,7 +148,7 @@ impl Writer<'_> {
                 }
             }
             _ => {
-                let when = condition::condition(&mut self.choices, &self.devices);
+                let when = self.condition();
                 put("when", Value::from(when));
                 put("may_not_trigger", Value::from(true));
             }
@@ -174,13 +170,12 @@ impl Writer<'_> {
             put("for", lasts);
         }
         if key == "fault" && self.choices.once_in(4) {
-            let until = condition::condition(&mut self.choices, &self.devices);
+            let until = self.condition();
             put("until", Value::from(until));
         }
         if self.choices.once_in(4) {
-            let value = condition::condition(&mut self.choices, &self.devices);
-            let remembered = Table::from_iter([("x0".to_owned(), Value::from(value))]);
-            put("remember", Value::Table(remembered));
+            let value = self.condition();
+            put("remember", table([("x0", Value::from(value))]));
         }
         put(key, action);
         if self.choices.once_in(4) && !self.choices.is_odd() {
@@ -208,16 +203,12 @@ impl Writer<'_> {
             action.remove("link");
         }
         if let Some(add) = action.get_mut("add") {
-            let circle = Table::from_iter([
-                ("name".to_owned(), Value::from("o0")),
-                (
-                    "at_m".to_owned(),
-                    Value::Array(vec![Value::from(1.0), Value::from(0.5)]),
-                ),
-                ("radius".to_owned(), Value::from("0.2 m")),
+            let circle = table([
+                ("name", Value::from("o0")),
+                ("at_m", Value::Array([1.0, 0.5].map(Value::from).into())),
+                ("radius", Value::from("0.2 m")),
             ]);
-            let things = Value::Array(vec![Value::Table(circle)]);
-            *add = Value::Table(Table::from_iter([("circle".to_owned(), things)]));
+            *add = table([("circle", Value::Array(vec![circle]))]);
         }
     }
 }

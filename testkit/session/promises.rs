@@ -174,17 +174,6 @@ impl Client {
     }
 }
 
-/// Something is always due, since batteries and temperatures never stand still.
-pub(super) trait ExpectDue {
-    fn expect_due(self) -> SimTime;
-}
-
-impl ExpectDue for Option<SimTime> {
-    fn expect_due(self) -> SimTime {
-        self.unwrap_or_else(|| panic!("nothing is due for ever"))
-    }
-}
-
 /// The numbers of a device's truth.
 #[must_use]
 pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {

@@ -2,123 +2,132 @@
 
 use libc::{BPF_ABS, BPF_JEQ, BPF_JMP, BPF_JSET, BPF_K, BPF_LD, BPF_RET, BPF_W, sock_filter};
 
-use crate::traced::call::{Call, Rule};
+use crate::traced::terminal::REQUESTS;
 
 const ENOSYS: u32 = libc::ENOSYS.cast_unsigned();
 
-/// What is stopped, refused or let through; everything else is let through.
-const RULES: &[(i64, Call, Rule)] = &[
+/// Action of the filter on a call that matters; all others are let through.
+#[derive(Debug, Clone, Copy)]
+enum Rule {
+    /// The tracer sees it.
+    Stop,
+    /// The tracer sees it if that argument is one of these.
+    If(u32, &'static [u64]),
+    /// The tracer sees it if that argument has one of these bits.
+    IfBits(u32, u32),
+}
+
+/// Lists the calls that matter, each with its numbers and what is done with it.
+macro_rules! calls {
+    ($($call:ident $numbers:tt $rule:expr;)+) => {
+        /// A call at which a thread is stopped.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub(crate) enum Call {
+            $($call,)+
+        }
+
+        const RULES: &[(&[i64], Call, Rule)] = &[$((&$numbers, Call::$call, $rule),)+];
+    };
+}
+
+calls! {
     // Clocks. Those of processor time have other numbers, and stay as they are.
-    (
-        libc::SYS_clock_gettime,
-        Call::ClockGettime,
-        Rule::If(0, &[0, 1, 4, 5, 6, 7, 8, 9, 11]),
-    ),
-    (libc::SYS_clock_settime, Call::ClockSettime, Rule::Stop),
-    (libc::SYS_gettimeofday, Call::Gettimeofday, Rule::Stop),
-    (libc::SYS_settimeofday, Call::Settimeofday, Rule::Stop),
-    (libc::SYS_time, Call::Time, Rule::Stop),
-    (libc::SYS_times, Call::Times, Rule::Stop),
+    ClockGettime [libc::SYS_clock_gettime] Rule::If(0, &[0, 1, 4, 5, 6, 7, 8, 9, 11]);
+    ClockSettime [libc::SYS_clock_settime] Rule::Stop;
+    Gettimeofday [libc::SYS_gettimeofday] Rule::Stop;
+    Settimeofday [libc::SYS_settimeofday] Rule::Stop;
+    Time [libc::SYS_time] Rule::Stop;
+    Times [libc::SYS_times] Rule::Stop;
     // Sleeps and waits.
-    (libc::SYS_nanosleep, Call::Nanosleep, Rule::Stop),
-    (libc::SYS_clock_nanosleep, Call::ClockNanosleep, Rule::Stop),
-    (libc::SYS_poll, Call::Poll, Rule::Stop),
-    (libc::SYS_ppoll, Call::Ppoll, Rule::Stop),
-    (libc::SYS_select, Call::Select, Rule::Stop),
-    (libc::SYS_pselect6, Call::Pselect, Rule::Stop),
-    (libc::SYS_epoll_wait, Call::EpollWait, Rule::Stop),
-    (libc::SYS_epoll_pwait, Call::EpollPwait, Rule::Stop),
-    (libc::SYS_epoll_pwait2, Call::EpollPwait2, Rule::Stop),
-    (libc::SYS_futex, Call::Futex, Rule::Stop),
-    (449, Call::Refused, Rule::Fail(ENOSYS)), // futex_waitv
-    (454, Call::Refused, Rule::Fail(ENOSYS)), // futex_wake
-    (455, Call::Refused, Rule::Fail(ENOSYS)), // futex_wait
-    (456, Call::Refused, Rule::Fail(ENOSYS)), // futex_requeue
-    (libc::SYS_pause, Call::Pause, Rule::Stop),
-    (libc::SYS_rt_sigsuspend, Call::Sigsuspend, Rule::Stop),
-    (libc::SYS_rt_sigtimedwait, Call::Sigtimedwait, Rule::Stop),
-    (libc::SYS_wait4, Call::Wait4, Rule::Stop),
-    (libc::SYS_waitid, Call::Waitid, Rule::Stop),
-    (libc::SYS_flock, Call::Flock, Rule::Stop),
+    Nanosleep [libc::SYS_nanosleep] Rule::Stop;
+    ClockNanosleep [libc::SYS_clock_nanosleep] Rule::Stop;
+    Poll [libc::SYS_poll] Rule::Stop;
+    Ppoll [libc::SYS_ppoll] Rule::Stop;
+    Select [libc::SYS_select] Rule::Stop;
+    Pselect [libc::SYS_pselect6] Rule::Stop;
+    EpollWait [libc::SYS_epoll_wait] Rule::Stop;
+    EpollPwait [libc::SYS_epoll_pwait] Rule::Stop;
+    EpollPwait2 [libc::SYS_epoll_pwait2] Rule::Stop;
+    Futex [libc::SYS_futex] Rule::Stop;
+    Pause [libc::SYS_pause] Rule::Stop;
+    Sigsuspend [libc::SYS_rt_sigsuspend] Rule::Stop;
+    Sigtimedwait [libc::SYS_rt_sigtimedwait] Rule::Stop;
+    Wait4 [libc::SYS_wait4] Rule::Stop;
+    Waitid [libc::SYS_waitid] Rule::Stop;
+    Flock [libc::SYS_flock] Rule::Stop;
     // F_SETLKW and F_OFD_SETLKW.
-    (libc::SYS_fcntl, Call::Fcntl, Rule::If(1, &[7, 38])),
-    (libc::SYS_semop, Call::Semop, Rule::Stop),
-    (libc::SYS_semtimedop, Call::Semtimedop, Rule::Stop),
-    (libc::SYS_msgsnd, Call::Msgsnd, Rule::Stop),
-    (libc::SYS_msgrcv, Call::Msgrcv, Rule::Stop),
-    (libc::SYS_mq_timedsend, Call::MqTimedsend, Rule::Stop),
-    (libc::SYS_mq_timedreceive, Call::MqTimedreceive, Rule::Stop),
-    (libc::SYS_restart_syscall, Call::Restart, Rule::Stop),
-    (libc::SYS_sched_yield, Call::Yield, Rule::Stop),
-    (libc::SYS_sched_getaffinity, Call::Getaffinity, Rule::Stop),
-    (libc::SYS_sched_setaffinity, Call::Setaffinity, Rule::Stop),
-    (libc::SYS_getcpu, Call::Getcpu, Rule::Stop),
-    // It would tell in memory on which processor a thread runs.
-    (libc::SYS_rseq, Call::Refused, Rule::Fail(ENOSYS)),
+    Fcntl [libc::SYS_fcntl] Rule::If(1, &[7, 38]);
+    Semop [libc::SYS_semop] Rule::Stop;
+    Semtimedop [libc::SYS_semtimedop] Rule::Stop;
+    Msgsnd [libc::SYS_msgsnd] Rule::Stop;
+    Msgrcv [libc::SYS_msgrcv] Rule::Stop;
+    MqTimedsend [libc::SYS_mq_timedsend] Rule::Stop;
+    MqTimedreceive [libc::SYS_mq_timedreceive] Rule::Stop;
+    Restart [libc::SYS_restart_syscall] Rule::Stop;
+    Yield [libc::SYS_sched_yield] Rule::Stop;
+    Getaffinity [libc::SYS_sched_getaffinity] Rule::Stop;
+    Setaffinity [libc::SYS_sched_setaffinity] Rule::Stop;
+    Getcpu [libc::SYS_getcpu] Rule::Stop;
     // Timers.
-    (libc::SYS_alarm, Call::Alarm, Rule::Stop),
-    (libc::SYS_setitimer, Call::Setitimer, Rule::If(0, &[0])),
-    (libc::SYS_getitimer, Call::Getitimer, Rule::If(0, &[0])),
-    (libc::SYS_timer_create, Call::TimerCreate, Rule::Stop),
-    (libc::SYS_timer_settime, Call::TimerSettime, Rule::Stop),
-    (libc::SYS_timer_gettime, Call::TimerGettime, Rule::Stop),
-    (libc::SYS_timer_delete, Call::TimerDelete, Rule::Stop),
-    (libc::SYS_timerfd_settime, Call::TimerfdSettime, Rule::Stop),
-    (libc::SYS_timerfd_gettime, Call::TimerfdGettime, Rule::Stop),
+    Alarm [libc::SYS_alarm] Rule::Stop;
+    Setitimer [libc::SYS_setitimer] Rule::If(0, &[0]);
+    Getitimer [libc::SYS_getitimer] Rule::If(0, &[0]);
+    TimerCreate [libc::SYS_timer_create] Rule::Stop;
+    TimerSettime [libc::SYS_timer_settime] Rule::Stop;
+    TimerGettime [libc::SYS_timer_gettime] Rule::Stop;
+    TimerDelete [libc::SYS_timer_delete] Rule::Stop;
+    TimerfdSettime [libc::SYS_timerfd_settime] Rule::Stop;
+    TimerfdGettime [libc::SYS_timerfd_gettime] Rule::Stop;
     // What may wait for others, or is of a port.
-    (libc::SYS_read, Call::Read, Rule::Stop),
-    (libc::SYS_readv, Call::Readv, Rule::Stop),
-    (libc::SYS_pread64, Call::Pread, Rule::Stop),
-    (libc::SYS_preadv, Call::Preadv, Rule::Stop),
-    (libc::SYS_preadv2, Call::Preadv2, Rule::Stop),
-    (libc::SYS_write, Call::Write, Rule::Stop),
-    (libc::SYS_writev, Call::Writev, Rule::Stop),
-    (libc::SYS_recvfrom, Call::Recvfrom, Rule::Stop),
-    (libc::SYS_recvmsg, Call::Recvmsg, Rule::Stop),
-    (libc::SYS_recvmmsg, Call::Recvmmsg, Rule::Stop),
-    (libc::SYS_sendto, Call::Sendto, Rule::Stop),
-    (libc::SYS_sendmsg, Call::Sendmsg, Rule::Stop),
-    (libc::SYS_sendmmsg, Call::Sendmmsg, Rule::Stop),
-    (libc::SYS_accept, Call::Accept, Rule::Stop),
-    (libc::SYS_accept4, Call::Accept, Rule::Stop),
-    (libc::SYS_splice, Call::Splice, Rule::Stop),
-    (libc::SYS_sendfile, Call::Sendfile, Rule::Stop),
-    (
-        libc::SYS_ioctl,
-        Call::Ioctl,
-        Rule::If(1, crate::traced::call::REQUESTS),
-    ),
+    Read [libc::SYS_read] Rule::Stop;
+    Readv [libc::SYS_readv] Rule::Stop;
+    Pread [libc::SYS_pread64] Rule::Stop;
+    Preadv [libc::SYS_preadv] Rule::Stop;
+    Preadv2 [libc::SYS_preadv2] Rule::Stop;
+    Write [libc::SYS_write] Rule::Stop;
+    Writev [libc::SYS_writev] Rule::Stop;
+    Recvfrom [libc::SYS_recvfrom] Rule::Stop;
+    Recvmsg [libc::SYS_recvmsg] Rule::Stop;
+    Recvmmsg [libc::SYS_recvmmsg] Rule::Stop;
+    Sendto [libc::SYS_sendto] Rule::Stop;
+    Sendmsg [libc::SYS_sendmsg] Rule::Stop;
+    Sendmmsg [libc::SYS_sendmmsg] Rule::Stop;
+    Accept [libc::SYS_accept, libc::SYS_accept4] Rule::Stop;
+    Splice [libc::SYS_splice] Rule::Stop;
+    Sendfile [libc::SYS_sendfile] Rule::Stop;
+    Ioctl [libc::SYS_ioctl] Rule::If(1, REQUESTS);
     // What is random.
-    (libc::SYS_getrandom, Call::Getrandom, Rule::Stop),
+    Getrandom [libc::SYS_getrandom] Rule::Stop;
     // Processes.
-    (libc::SYS_kill, Call::Kill, Rule::Stop),
-    (libc::SYS_tkill, Call::Kill, Rule::Stop),
-    (libc::SYS_tgkill, Call::Tgkill, Rule::Stop),
-    (libc::SYS_rt_sigqueueinfo, Call::Kill, Rule::Stop),
-    (libc::SYS_rt_tgsigqueueinfo, Call::Tgkill, Rule::Stop),
-    (
-        libc::SYS_pidfd_send_signal,
-        Call::PidfdSendSignal,
-        Rule::Stop,
-    ),
-    (libc::SYS_exit, Call::Exit, Rule::Stop),
-    (libc::SYS_exit_group, Call::ExitGroup, Rule::Stop),
-    // Nobody leaves the tree; the flag of clone3 lies in memory, and libraries do without it.
-    (libc::SYS_clone, Call::Clone, Rule::IfBits(0, 0x0080_0000)),
-    (libc::SYS_clone3, Call::Refused, Rule::Fail(ENOSYS)),
-    (libc::SYS_ptrace, Call::Ptrace, Rule::Stop),
-    (libc::SYS_io_uring_setup, Call::Refused, Rule::Fail(ENOSYS)),
-    (libc::SYS_io_uring_enter, Call::Refused, Rule::Fail(ENOSYS)),
-    (
-        libc::SYS_io_uring_register,
-        Call::Refused,
-        Rule::Fail(ENOSYS),
-    ),
+    Kill [libc::SYS_kill, libc::SYS_tkill, libc::SYS_rt_sigqueueinfo] Rule::Stop;
+    Tgkill [libc::SYS_tgkill, libc::SYS_rt_tgsigqueueinfo] Rule::Stop;
+    PidfdSendSignal [libc::SYS_pidfd_send_signal] Rule::Stop;
+    Exit [libc::SYS_exit] Rule::Stop;
+    ExitGroup [libc::SYS_exit_group] Rule::Stop;
+    // Nobody leaves the tree.
+    Clone [libc::SYS_clone] Rule::IfBits(0, 0x0080_0000);
+    Ptrace [libc::SYS_ptrace] Rule::Stop;
+}
+
+/// Calls that the filter itself answers, as a system that lacks them; programs do without.
+const REFUSED: &[i64] = &[
+    // futex_waitv, futex_wake, futex_wait and futex_requeue.
+    449,
+    454,
+    455,
+    456,
+    // It would tell in memory on which processor a thread runs.
+    libc::SYS_rseq,
+    // Its flags lie in memory.
+    libc::SYS_clone3,
+    libc::SYS_io_uring_setup,
+    libc::SYS_io_uring_enter,
+    libc::SYS_io_uring_register,
 ];
 
 /// Call of a number.
 pub(crate) fn call(number: i64) -> Option<Call> {
-    let rule = RULES.iter().find(|rule| rule.0 == number)?;
+    let rule = RULES.iter().find(|rule| rule.0.contains(&number))?;
     Some(rule.1)
 }
 
@@ -154,34 +163,41 @@ pub(crate) fn filter(random: bool) -> Vec<sock_filter> {
         jump(BPF_JSET, X32, 0, 1),
         give(libc::SECCOMP_RET_ERRNO | ENOSYS),
     ];
-    for (number, call, rule) in RULES {
+    let mut add = |number: i64, block: Vec<sock_filter>| {
+        let number = u32::try_from(number).unwrap_or(u32::MAX);
+        program.push(jump(BPF_JEQ, number, 0, block.len()));
+        program.extend(block);
+    };
+    for number in REFUSED {
+        add(*number, vec![give(libc::SECCOMP_RET_ERRNO | ENOSYS)]);
+    }
+    for (numbers, call, rule) in RULES {
         if *call == Call::Getrandom && !random {
             continue;
         }
-        let number = u32::try_from(*number).unwrap_or(u32::MAX);
-        let argument = |index: u32| ARGUMENTS + 8 * index;
+        let argument = |index: u32| load(ARGUMENTS + 8 * index);
         let mut block = Vec::new();
         match rule {
-            Rule::Stop => block.push(give(libc::SECCOMP_RET_TRACE)),
-            Rule::Fail(errno) => block.push(give(libc::SECCOMP_RET_ERRNO | errno)),
+            Rule::Stop => {}
             Rule::If(index, values) => {
-                block.push(load(argument(*index)));
+                block.push(argument(*index));
                 for (at, value) in values.iter().enumerate() {
                     // Over the others and the permission.
-                    block.push(jump(BPF_JEQ, *value, values.len() - at, 0));
+                    let value = u32::try_from(*value).unwrap_or(u32::MAX);
+                    block.push(jump(BPF_JEQ, value, values.len() - at, 0));
                 }
                 block.push(give(libc::SECCOMP_RET_ALLOW));
-                block.push(give(libc::SECCOMP_RET_TRACE));
             }
             Rule::IfBits(index, bits) => {
-                block.push(load(argument(*index)));
+                block.push(argument(*index));
                 block.push(jump(BPF_JSET, *bits, 1, 0));
                 block.push(give(libc::SECCOMP_RET_ALLOW));
-                block.push(give(libc::SECCOMP_RET_TRACE));
             }
         }
-        program.push(jump(BPF_JEQ, number, 0, block.len()));
-        program.extend(block);
+        block.push(give(libc::SECCOMP_RET_TRACE));
+        for number in *numbers {
+            add(*number, block.clone());
+        }
     }
     program.push(give(libc::SECCOMP_RET_ALLOW));
     program

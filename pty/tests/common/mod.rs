@@ -17,7 +17,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
-use sim_pty::{Event, Port, PtyPort, PtySetup, Waiter};
+use sim_pty::{Event, Port, PtySetup, Waiter};
 
 /// How long a test waits for what must happen before it calls it a failure.
 /// Generous, since it is spent only on failure.
@@ -110,22 +110,14 @@ pub struct Bench {
 }
 
 impl Bench {
-    pub fn new(port: PtyPort) -> Self {
-        let mut port = Port::from(port);
+    pub fn new(mut port: Port) -> Self {
         let mut waiter = Waiter::new().unwrap();
         waiter.add(7, &mut port).unwrap();
         Self { waiter, port }
     }
 
     pub fn unlinked() -> Self {
-        Self::new(PtyPort::open_unlinked(PtySetup::raw(115_200)).unwrap())
-    }
-
-    pub fn pty(&self) -> &PtyPort {
-        match &self.port {
-            Port::Pty(port) => port,
-            _ => panic!("this is no pseudo-terminal"),
-        }
+        Self::new(Port::open_unlinked(PtySetup::raw(115_200)).unwrap())
     }
 
     pub fn client(&self) -> Client {
