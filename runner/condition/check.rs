@@ -205,7 +205,7 @@ impl Scope<'_> {
                         .and_then(|rest| rest.strip_prefix('.'))
                         .or_else(|| (self.usual == Some(index)).then_some(name))?;
                     let info = device.find_name(inner)?;
-                    Some((Origin::Device(index, info.getter()), info.unit))
+                    Some((Origin::Device(index, info.getter), info.unit))
                 });
         candidates.next().ok_or_else(|| self.unknown(name))
     }

@@ -54,7 +54,7 @@ impl Run {
                 name: format!("{own}.{}", info.name),
                 unit: info.unit,
                 device: Some(device),
-                origin: Origin::Device(device, info.getter()),
+                origin: Origin::Device(device, info.getter),
             })
         };
         let devices = self.scenario().rig.kinds().into_iter();
