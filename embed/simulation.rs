@@ -7,7 +7,7 @@ use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_core::report::Report;
 use sim_core::rig::{PortId, Rig};
-use sim_runner::condition::Value;
+use sim_runner::condition::Reading;
 use sim_runner::{Outcome, Run, RunError};
 
 use crate::builder::Builder;
@@ -115,8 +115,8 @@ impl Simulation {
     /// When it makes no sense, or is not a number.
     pub fn number(&self, expression: &str) -> Result<f64, Error> {
         match self.value(expression)? {
-            Value::Number(number) => Ok(number),
-            Value::Flag(_) => {
+            Reading::Number(number) => Ok(number),
+            Reading::Flag(_) => {
                 let why = format!("`{expression}` is true or false, not a number");
                 Err(Error::Expression(why))
             }
@@ -129,15 +129,15 @@ impl Simulation {
     /// When it makes no sense, or is a number.
     pub fn holds(&self, condition: &str) -> Result<bool, Error> {
         match self.value(condition)? {
-            Value::Flag(flag) => Ok(flag),
-            Value::Number(_) => {
+            Reading::Flag(flag) => Ok(flag),
+            Reading::Number(_) => {
                 let why = format!("`{condition}` is a number, not true or false");
                 Err(Error::Expression(why))
             }
         }
     }
 
-    fn value(&self, expression: &str) -> Result<Value, Error> {
+    fn value(&self, expression: &str) -> Result<Reading, Error> {
         let value = self.state().run.value(expression);
         value.map_err(Error::Expression)
     }
@@ -379,6 +379,8 @@ impl Step {
     /// Number of times that its fault has hit something so far; `sim faults` says what counts.
     #[must_use]
     pub fn hits(&self) -> u64 {
-        self.simulation.state().run.step_hits(self.index)
+        let state = self.simulation.state();
+        let report = state.run.step_report(self.index);
+        report.map_or(0, |step| step.hits)
     }
 }
