@@ -13,6 +13,7 @@
 //! function or a type.
 
 mod check;
+mod error;
 mod nearness;
 mod probe;
 
@@ -33,6 +34,7 @@ pub use probe::{Probe, ProbeValue};
 pub use check::identifier;
 
 pub use check::Scope;
+pub use error::ExpressionError;
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
@@ -104,7 +106,7 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+    pub fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
         Self::parse_as(text, scope, check::condition).map(|(condition, _)| condition)
     }
 
@@ -112,12 +114,15 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+    pub fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
         Self::parse_as(text, scope, check::value).map(|(value, _)| value)
     }
 
     /// The same, and whether it is true or false.
-    pub(crate) fn parse_typed(text: &str, scope: &Scope<'_>) -> Result<(Self, bool), String> {
+    pub(crate) fn parse_typed(
+        text: &str,
+        scope: &Scope<'_>,
+    ) -> Result<(Self, bool), ExpressionError> {
         Self::parse_as(text, scope, check::value)
     }
 
@@ -125,9 +130,14 @@ impl Condition {
         text: &str,
         scope: &Scope<'_>,
         check: check::Check,
-    ) -> Result<(Self, bool), String> {
+    ) -> Result<(Self, bool), ExpressionError> {
+        let unsound = |why| ExpressionError::Unsound {
+            expression: text.to_owned(),
+            why,
+        };
         if text.len() > MOST_TEXT {
-            return Err(format!("a condition has at most {MOST_TEXT} bytes"));
+            let why = format!("a condition has at most {MOST_TEXT} bytes");
+            return Err(unsound(why));
         }
         let parser = Parser::new().max_recursion_depth(MOST_DEPTH);
         let mut expression = parser.parse(text).map_err(|errors| {
@@ -135,7 +145,7 @@ impl Condition {
             unreadable(text, usize::try_from(at.unwrap_or_default()).unwrap_or(0))
         })?;
         let mut names = BTreeMap::new();
-        let is_flag = check(&mut expression, scope, &mut names)?;
+        let is_flag = check(&mut expression, scope, &mut names).map_err(unsound)?;
         let condition = Self {
             text: text.to_owned(),
             expression,
@@ -160,10 +170,12 @@ impl Condition {
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
+    pub fn holds(&self, situation: Situation<'_>) -> Result<bool, ExpressionError> {
         match self.value(situation)? {
             Value::Flag(holds) => Ok(holds),
-            Value::Number(_) => Err(format!("`{}` is neither true nor false", self.text)),
+            Value::Number(_) => Err(ExpressionError::NoFlag {
+                expression: self.text.clone(),
+            }),
         }
     }
 
@@ -171,12 +183,15 @@ impl Condition {
     ///
     /// # Errors
     /// As [`Condition::holds`].
-    pub fn value(&self, situation: Situation<'_>) -> Result<Value, String> {
-        self.value_of(&self.expression, situation)
-            .map_err(|why| format!("`{}` has no value{why}", self.text))
+    pub fn value(&self, situation: Situation<'_>) -> Result<Value, ExpressionError> {
+        let value = self.value_of(&self.expression, situation);
+        value.map_err(|why| ExpressionError::NoValue {
+            expression: self.text.clone(),
+            why,
+        })
     }
 
-    /// What a part of it is now; or why it has no value.
+    /// Evaluates a part of it now; or says why it has no value.
     fn value_of(&self, part: &Expression, situation: Situation<'_>) -> Result<Value, String> {
         let resolver = Resolver {
             names: &self.names,
@@ -184,8 +199,7 @@ impl Condition {
         };
         let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
         context.set_variable_resolver(&resolver);
-        let value =
-            cel::Value::resolve_val(part, &context).map_err(|error| format!(": {error}"))?;
+        let value = cel::Value::resolve_val(part, &context).map_err(|error| error.to_string())?;
         let flag = value.downcast_ref::<CelBool>();
         let flag = flag.map(|flag| Value::Flag(*flag.inner()));
         let number = || value.downcast_ref::<CelDouble>();
@@ -252,11 +266,16 @@ impl VariableResolver for Resolver<'_> {
 }
 
 /// Says where an expression cannot be read.
-fn unreadable(text: &str, at: usize) -> String {
+fn unreadable(text: &str, at: usize) -> ExpressionError {
+    let unreadable = |at, why| ExpressionError::Unreadable {
+        expression: text.to_owned(),
+        at,
+        why,
+    };
     let letters: Vec<char> = text.chars().collect();
     let at = at.min(letters.len());
     if letters[at..].iter().all(|letter| letter.is_whitespace()) {
-        return "the expression is not finished".to_owned();
+        return unreadable(at, "the expression is not finished".to_owned());
     }
     // Of a word that cannot be there, the reader may have taken the beginning.
     let in_word = |letter: &&char| letter.is_ascii_alphanumeric() || **letter == '_';
@@ -283,7 +302,8 @@ fn unreadable(text: &str, at: usize) -> String {
     };
     let rest: String = letters[start..].iter().take(20).collect();
     let (rest, from) = (rest.trim(), start + 1);
-    format!("the expression cannot be read from character {from} on: `{rest}`; {hint}")
+    let why = format!("the expression cannot be read from character {from} on: `{rest}`; {hint}");
+    unreadable(start, why)
 }
 
 const OPERATORS: &str = "it is made of names, numbers, and && || ! == != < <= > >= + - * / ?: ( )";

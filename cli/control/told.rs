@@ -213,8 +213,8 @@ pub(super) fn picture(run: &Run) -> Value {
 
 /// The values of names.
 pub(super) fn values_of(run: &Run, names: &[String]) -> Reply {
-    let probes: Result<Vec<Probe>, String> = names.iter().map(|name| run.probe(name)).collect();
-    let probes = probes.map_err(|why| Refusal::new(422, why))?;
+    let probes: Result<Vec<Probe>, _> = names.iter().map(|name| run.probe(name)).collect();
+    let probes = probes.map_err(|why| Refusal::new(422, why.to_string()))?;
     Ok(values(run, &probes))
 }
 

@@ -4,7 +4,7 @@ use sim_core::device::DeviceSpec;
 use sim_core::device::names::{Reading, Unit};
 
 use super::check::Scope;
-use super::{Devices, Origin, identifier};
+use super::{Devices, ExpressionError, Origin, identifier};
 use crate::run::Run;
 
 /// A name that can be read while a run goes on.
@@ -47,8 +47,12 @@ impl Probe {
     ///
     /// # Errors
     /// Says what names there are.
-    fn parse(name: &str, scope: &Scope<'_>) -> Result<Self, String> {
-        let (origin, unit) = scope.look_up(name)?;
+    fn parse(name: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
+        let found = scope.look_up(name);
+        let (origin, unit) = found.map_err(|why| ExpressionError::Unsound {
+            expression: name.to_owned(),
+            why,
+        })?;
         let device = match origin {
             Origin::Time | Origin::Saved(_) | Origin::Fixed(_) => None,
             Origin::Device(device, _) => Some(device),
@@ -93,7 +97,7 @@ impl Run {
     ///
     /// # Errors
     /// Says what names there are.
-    pub fn probe(&self, name: &str) -> Result<Probe, String> {
+    pub fn probe(&self, name: &str) -> Result<Probe, ExpressionError> {
         self.in_scope(|scope| Probe::parse(name, scope))
     }
 

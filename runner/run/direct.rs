@@ -7,7 +7,7 @@ use sim_settings::{SimTime, Source};
 use super::agenda::Item;
 use super::steps::StepState;
 use super::{Run, RunError};
-use crate::condition::{Condition, Scope, Value};
+use crate::condition::{Condition, ExpressionError, Scope, Value};
 use crate::rig_file::RigFileError;
 use crate::scenario::{MOST_STEPS, Trigger};
 
@@ -54,8 +54,8 @@ impl Run {
     /// The value of an expression over the names of `sim names` now, as `r150.truth.speed_mps`.
     ///
     /// # Errors
-    /// In words, when the expression makes no sense.
-    pub fn value(&self, expression: &str) -> Result<Value, String> {
+    /// When the expression makes no sense, or has no value.
+    pub fn value(&self, expression: &str) -> Result<Value, ExpressionError> {
         self.in_scope(|scope| Condition::parse_value(expression, scope))?
             .value(self.situation())
     }
@@ -63,8 +63,8 @@ impl Run {
     /// A condition as scenario files have them, to be asked for often with [`Run::holds`].
     ///
     /// # Errors
-    /// In words, when the condition makes no sense.
-    pub fn condition(&self, text: &str) -> Result<Condition, String> {
+    /// When the condition makes no sense.
+    pub fn condition(&self, text: &str) -> Result<Condition, ExpressionError> {
         self.in_scope(|scope| Condition::parse(text, scope))
     }
 
