@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use sim_core::SimTime;
+use sim_core::device::RowError;
 use sim_pty::PortError;
 use sim_runner::RunError;
 use sim_runner::condition::ExpressionError;
@@ -22,6 +23,9 @@ pub enum Error {
     /// An expression makes no sense, or has no value.
     #[error(transparent)]
     Expression(#[from] ExpressionError),
+    /// The table of devices is wrong.
+    #[error(transparent)]
+    Row(#[from] RowError),
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     File {
@@ -96,7 +100,7 @@ impl From<StepError> for Error {
         match error {
             StepError::Text(error) => error.into(),
             StepError::Run(error) => error.into(),
-            why => Self::Step(why),
+            why @ (StepError::Over | StepError::TooMany) => Self::Step(why),
         }
     }
 }
