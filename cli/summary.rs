@@ -76,8 +76,8 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
                 );
             }
         }
-        let mut faults = report.held_against_client().peekable();
-        if faults.peek().is_none() {
+        let mut blamed = report.held_against_client().peekable();
+        if blamed.peek().is_none() {
             let _ = write!(
                 text,
                 "\n    the client did nothing that the protocol forbids"
@@ -88,7 +88,7 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
                 "\n    what the client did that is forbidden or risky:"
             );
         }
-        for (code, tally) in faults {
+        for (code, tally) in blamed {
             let _ = write!(
                 text,
                 "\n      {code} {}x, first at {} s: {}",

@@ -80,7 +80,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
         .enumerate()
         .map(|(index, ((plan, report), (_, [length, width])))| {
             let own = ports.iter().filter(|port| port.device == plan.name);
-            let faults = report.held_against_client().map(|(code, tally)| {
+            let blamed = report.held_against_client().map(|(code, tally)| {
                 json!({
                     "code": code,
                     "count": tally.held_against_client,
@@ -116,7 +116,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
                 "sensors": sensors.collect::<Vec<_>>(),
                 "requests": report.requests,
                 "replies": report.replies,
-                "report": faults.collect::<Vec<_>>(),
+                "report": blamed.collect::<Vec<_>>(),
             })
         });
     devices.collect()
