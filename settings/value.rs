@@ -48,7 +48,7 @@ pub type Bounds<T> = RangeInclusive<T>;
 ///
 /// `unit` is the unit of its declaration, empty where it has none.
 pub trait SettingValue: Sized + Clone {
-    /// What its range is made of: the type itself, or the element of a list.
+    /// Type of the ends of its range: the type itself, or the element of a list.
     type Bound: PartialOrd;
 
     /// Takes `value` if it has the right form.

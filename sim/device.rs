@@ -230,7 +230,7 @@ pub trait Device: Any + Send + Sync {
     /// Does everything that the firmware has due by `now`.
     fn advance(&mut self, now: SimTime);
 
-    /// When the firmware next does something by itself.
+    /// Time at which the firmware next does something by itself.
     fn next_deadline(&self) -> Option<SimTime>;
 
     /// Tells whether output or events wait to be taken. Whatever bytes do to a device is told by
@@ -269,7 +269,7 @@ pub trait Device: Any + Send + Sync {
     /// row has faults of the firmware.
     fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
 
-    /// How often what is wrong with the firmware has shown.
+    /// Counts how often what is wrong with the firmware has shown.
     fn defect_counts(&self) -> DefectCounts {
         DefectCounts::default()
     }
@@ -284,7 +284,7 @@ pub trait Device: Any + Send + Sync {
         false
     }
 
-    /// What a link carries, for faults that spoil it.
+    /// Returns the form of what a link carries, for faults that spoil it.
     fn framing(&self, link: usize) -> &'static dyn Framing;
 
     /// A fault of its hardware, its sensors or its operators begins; says whether it has already
@@ -308,7 +308,7 @@ pub trait Device: Any + Send + Sync {
         false
     }
 
-    /// What it acts on now, in words.
+    /// Says in words what it acts on now.
     fn acted_on(&self, _handle: FaultHandle) -> String {
         String::new()
     }

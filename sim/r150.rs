@@ -202,7 +202,7 @@ impl R150 {
     }
 }
 
-/// What an operator does to the hardware.
+/// Deeds of an operator to the hardware.
 impl R150 {
     /// Wires a load to a rail; gives what was there before.
     pub fn set_load(&mut self, rail: Rail, load: Load) -> Load {
