@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, anyhow};
 use sim_core::device::Devices;
 use sim_core::settings::SimSettings;
-use sim_settings::{Origin, Root as _, load_toml, parse_assignment, set, show_toml};
+use sim_settings::{Origin, Settings as _, load_toml, parse_assignment, set, show_toml};
 
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
@@ -82,13 +82,11 @@ fn no_text() -> io::Error {
 
 /// Lists what differs from the defaults, as `key = value`.
 pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
-    let mut changed = Vec::new();
-    settings.visit(&mut |entry| {
-        if entry.value != entry.default {
-            changed.push(format!("{} = {}", entry.key, entry.value));
-        }
-    });
+    let entries = settings.entries().into_iter();
+    let changed = entries.filter(|entry| entry.value != entry.default);
     changed
+        .map(|entry| format!("{} = {}", entry.key, entry.value))
+        .collect()
 }
 
 /// The `config` subcommand.

@@ -260,7 +260,7 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
     let scenario = args.scenario.is_some().then_some(loaded);
     let plan: &RigPlan = &loaded.scenario.rig;
     let version = env!("CARGO_PKG_VERSION");
-    let wire = args.wire().word();
+    let wire = args.wire().as_str();
     let mut changed: Vec<String> = plan
         .devices
         .iter()

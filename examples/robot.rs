@@ -19,8 +19,8 @@ use sim_core::SimTime;
 use sim_core::device::host::{Field, Message, Reply, ReplyReader};
 use sim_core::device::names::MOTION;
 use sim_core::device::{
-    Device, DeviceSettings, DeviceSpec, Devices, Framing, HostSpec, LineSettings, LinkSpec,
-    NameInfo, Setup, TextLines,
+    Breakable, Device, DeviceSettings, DeviceSpec, Devices, Framing, HostSpec, LineSettings,
+    LinkSpec, NameInfo, Setup, TextLines,
 };
 use sim_core::event::{Code, EventKind, Role, Told, code};
 use sim_core::mecanum::MECANUM_SPEC;
@@ -164,7 +164,7 @@ struct Robot {
 impl Robot {
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         Self {
-            settings: setup.settings().cloned().unwrap_or_default(),
+            settings: setup.settings.get().cloned().unwrap_or_default(),
             body: Differential::new(setup.name, DifferentialShape::default(), world, setup.pose),
             line: Vec::new(),
             speeds: [0; 2],
@@ -197,6 +197,8 @@ impl Robot {
         self.events.push_back((at, Told { code, role, text }));
     }
 }
+
+impl Breakable for Robot {}
 
 impl Device for Robot {
     fn receive(&mut self, now: SimTime, _link: usize, bytes: &[u8]) {

@@ -6,8 +6,7 @@
 
 use crate::plant::Plant;
 use crate::pose::Pose;
-use crate::rest::RestSettings;
-use crate::vehicle_body::{Bounds, VehicleBody};
+use crate::vehicle_body::{Bounds, RestSettings, VehicleBody};
 use crate::world::{BodyShape, World};
 
 const BOUNDS: Bounds = Bounds {

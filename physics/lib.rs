@@ -44,7 +44,6 @@ pub mod noise;
 mod plant;
 mod pose;
 pub mod r150;
-mod rest;
 mod running_gear;
 mod tolerance;
 pub mod traction;
@@ -58,7 +57,6 @@ pub use mecanum::{
 pub use plant::{Motion, Plant};
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
-pub use rest::RestSettings;
 pub use running_gear::Energy;
-pub use vehicle_body::{Bounds, VehicleBody};
+pub use vehicle_body::{Bounds, RestSettings, VehicleBody};
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

@@ -23,7 +23,6 @@ mod drive;
 mod encoder;
 mod faults;
 mod motor;
-mod rest;
 mod sensing;
 mod sensors;
 mod settings;
@@ -130,7 +129,7 @@ impl MecanumPlant {
 
     /// From where the errors of its sensors are drawn.
     pub fn set_chance(&mut self, chance: Noise) {
-        self.sensors.set_chance(chance);
+        self.sensors.chance = chance;
     }
 
     /// Drives the pins.
@@ -158,7 +157,9 @@ impl MecanumPlant {
     /// motor turns back; those of a new car do not. To be called before anything turns.
     pub fn set_directed_encoders(&mut self, directed: bool) {
         self.directed_encoders = directed;
-        self.drive.set_directed(directed);
+        for pulses in &mut self.drive.pulses {
+            pulses.directed = directed;
+        }
     }
 
     /// Says that so much of the step that comes has passed when what follows is done to the pins.

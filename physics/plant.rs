@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::drawing::Drawing;
-use crate::pose::{BodyMotion, Pose};
+use crate::pose::Pose;
 use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyId, World};
 
@@ -22,22 +22,6 @@ pub struct Motion {
     pub distance: f64,
     /// With payload, kg.
     pub mass: f64,
-}
-
-impl Motion {
-    /// Of a body that has driven so far, m, and is so heavy, kg.
-    #[must_use]
-    pub fn of(motion: &BodyMotion, distance: f64, mass: f64) -> Self {
-        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
-        Self {
-            pose: motion.pose(),
-            forward_speed,
-            leftward_speed,
-            yaw_rate,
-            distance,
-            mass,
-        }
-    }
 }
 
 /// Hardware of a vehicle.
@@ -79,8 +63,16 @@ pub trait Plant {
 
     /// Returns its true pose and motion at the end of the last step.
     fn motion(&self) -> Motion {
-        let vehicle = self.vehicle();
-        Motion::of(vehicle.motion(), vehicle.distance(), self.mass())
+        let motion = self.vehicle().motion();
+        let [forward_speed, leftward_speed, yaw_rate] = motion.body_velocity();
+        Motion {
+            pose: motion.pose(),
+            forward_speed,
+            leftward_speed,
+            yaw_rate,
+            distance: self.vehicle().distance(),
+            mass: self.mass(),
+        }
     }
 
     /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in

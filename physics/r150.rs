@@ -35,7 +35,6 @@ use crate::drawing::Drawing;
 use crate::faults::MotorFaults;
 use crate::plant::Plant;
 use crate::pose::Pose;
-pub use crate::rest::RestSettings;
 use crate::vehicle_body::{Bounds, VehicleBody};
 use crate::world::{BodyShape, World};
 use drive::Drive;
@@ -238,9 +237,9 @@ impl R150Plant {
         let demand = Demand {
             source: Source {
                 voltage: (battery.open_circuit() - self.faults.supply_drop).max(LOWEST_SUPPLY),
-                resistance: battery.resistance() + self.faults.supply_resistance,
+                resistance: battery.resistance + self.faults.supply_resistance,
             },
-            takes_charge: !battery.is_full(),
+            takes_charge: !battery.full,
             motors: Side::BOTH.map(|side| self.motor_port(side)),
             tail: fuse_whole(FuseId::Tail) && self.commands.tail_power,
             rail_on: self.commands.rail_on,

@@ -3,7 +3,8 @@
 use crate::traction::{
     Chassis, Contact, GroundForce, Patch, Stance, Straight, Traction, TyreSettings, Wheel,
 };
-use crate::world::{BodyId, World};
+use crate::vehicle_body::VehicleBody;
+use crate::world::World;
 
 /// Patches of a vehicle on the ground: front left, front right, rear left, rear right.
 pub(crate) const PATCHES: usize = 4;
@@ -153,12 +154,29 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.wheel_speed[wheel] = 0.0;
     }
 
-    /// Comes to a full stop from a velocity, for which it has been slow for long.
-    pub(crate) fn stand(&mut self, velocity: [f64; 3]) {
-        self.energy.held += self.of_body(velocity);
-        for wheel in 0..WHEELS {
-            self.stop(wheel);
+    /// Tells whether body and wheels are slow enough to stand.
+    pub(crate) fn is_slow(&self, body: &VehicleBody) -> bool {
+        body.is_slow(self.wheel_speed.map(|speed| speed * self.wheel_radius))
+    }
+
+    /// Counts for how long the vehicle `could_stand`; brings it to a full stop when that has been
+    /// long enough, and says so.
+    pub(crate) fn settle(
+        &mut self,
+        body: &mut VehicleBody,
+        world: &mut World,
+        seconds: f64,
+        could_stand: bool,
+    ) -> bool {
+        let velocity = body.motion().body_velocity();
+        let stands = body.settle(world, seconds, could_stand);
+        if stands {
+            self.energy.held += self.of_body(velocity);
+            for wheel in 0..WHEELS {
+                self.stop(wheel);
+            }
         }
+        stands
     }
 
     /// Forgets how it leaned and strained its tyres, as after lifting it off the ground.
@@ -175,18 +193,16 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.traction.on_ground(dt)
     }
 
-    /// Computes the forces of one step and gives the body the velocity they lead to. `push` is a
-    /// force ahead, to the left and counter-clockwise; `friction` is the most that the ground has.
+    /// Computes the forces of one step and gives the body the velocity they lead to.
     pub(crate) fn step(
         &mut self,
         world: &mut World,
-        body: BodyId,
+        body: &VehicleBody,
         drives: &[WheelDrive; WHEELS],
-        push: [f64; 3],
-        most_friction: Option<f64>,
     ) {
+        let push = body.total_push();
         let dt = world.step_length().as_secs_f64();
-        let motion = world.motion(body);
+        let motion = world.motion(body.id());
         let ground = world.ground_at(motion.x, motion.y);
         let weight = self.mass * world.gravity();
         let pull = motion
@@ -197,7 +213,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let (loads, lifts) = self.stance.carry(pull, on_tyres, pressing, dt);
         self.tipping = lifts;
         let mut friction = world.friction_under(&motion, &self.stance.places());
-        if let Some(most) = most_friction {
+        if let Some(most) = body.most_friction() {
             friction = friction.map(|friction| friction.min(most));
         }
 
@@ -230,7 +246,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.account(drives, mean, rolling);
         let [ahead, left, yaw_rate] = chassis.velocity;
         self.led_to = self.of_body(chassis.velocity);
-        world.set_velocity(body, motion.to_world([ahead, left]), yaw_rate);
+        world.set_velocity(body.id(), motion.to_world([ahead, left]), yaw_rate);
     }
 
     /// Takes over the velocity that a step of `dt` seconds really ended with.

@@ -1,8 +1,22 @@
 //! Body of every vehicle: place, payload, pushes, standing still.
 
+use std::time::Duration;
+
+use crate::faults::BodyFaults;
 use crate::pose::{BodyMotion, Pose};
-use crate::rest::RestSettings;
 use crate::world::{BodyId, World};
+
+sim_settings::settings! {
+    /// Limits below which a vehicle counts as standing.
+    pub struct RestSettings {
+        /// Speed of body and tyres under which it may stand.
+        speed: f64 = 0.001, unit "m/s", range 0.0..=0.1, assumed "a millimetre a second";
+        /// Time for which it must stay under that speed.
+        settle_time: Duration = Duration::from_millis(250),
+            range Duration::from_millis(10)..=Duration::from_secs(60),
+            assumed "longer than half a swing on the tyres";
+    }
+}
 
 /// The most that may be done to a vehicle.
 #[derive(Debug, Clone, Copy)]
@@ -28,6 +42,7 @@ pub struct VehicleBody {
     payload: f64,
     /// Ahead, left, counter-clockwise; N and N·m; without what faults add.
     push: [f64; 3],
+    faults: BodyFaults,
     /// For how long it has been slow enough to stand, s.
     settled: f64,
     resting: bool,
@@ -51,6 +66,7 @@ impl VehicleBody {
             distance: 0.0,
             payload,
             push: [0.0; 3],
+            faults: BodyFaults::default(),
             settled: 0.0,
             resting: false,
         }
@@ -98,6 +114,27 @@ impl VehicleBody {
     pub fn set_push(&mut self, push: [f64; 3]) {
         self.push = push.map(|part| within(part, self.bounds.push));
         self.wake();
+    }
+
+    /// Replaces what is wrong with it. The plant changes the body's mass.
+    pub(crate) fn set_faults(&mut self, faults: &BodyFaults) {
+        self.faults = faults.within(self.bounds);
+        self.wake();
+    }
+
+    /// Mass that it carries with what faults add, kg.
+    pub(crate) fn total_payload(&self) -> f64 {
+        self.payload + self.faults.payload
+    }
+
+    /// All that pushes it, ahead, left, counter-clockwise; N and N·m.
+    pub(crate) fn total_push(&self) -> [f64; 3] {
+        std::array::from_fn(|part| self.push[part] + self.faults.push[part])
+    }
+
+    /// Most friction that the ground gives it, if a fault bounds it.
+    pub(crate) fn most_friction(&self) -> Option<f64> {
+        self.faults.friction
     }
 
     /// Lifts it and sets it down elsewhere, standing. The plant stops the wheels.

@@ -17,11 +17,11 @@ use std::time::Duration;
 
 use rapier2d::prelude as rapier;
 
-pub use area::{Band, Disc, Rectangle};
-pub use features::{Feature, FeatureKind, FeatureShape};
+pub use area::{Band, Disc, Rectangle, Shape};
+pub use features::{Feature, FeatureKind};
 pub use file::WorldFileError;
 pub use ground::Ground;
-pub use map::{Area, FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};
+pub use map::{FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};
 pub use obstacle::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Obstacles};
 pub use scan::{Cone, Tag};
 pub use settings::WorldSettings;
@@ -64,7 +64,7 @@ pub struct World {
     step: Duration,
     gravity: f64,
     ground: Ground,
-    areas: Vec<(Area, Change)>,
+    areas: Vec<(Shape, Change)>,
     /// Things that stand around.
     standing: Vec<Standing>,
     tags: Vec<Tag>,

@@ -363,7 +363,7 @@ impl Run {
 
     /// Counts of what happened at each device so far, and of what is held against its client.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
-        self.observed.iter().map(Observed::report)
+        self.observed.iter().map(|observed| &observed.report)
     }
 
     /// Number of events that were lost because nobody took them.

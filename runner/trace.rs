@@ -33,7 +33,7 @@ use sim_core::SimTime;
 use sim_core::event::{Event, Level};
 use sim_core::line::{ClientLine, Wire};
 use sim_core::rig::{PortId, Rig};
-use sim_settings::{Root, Source};
+use sim_settings::{Settings, Source};
 
 pub use onlooker::Onlooker;
 pub use record::{Header, Hexed, PortRecord, Record, TextRecord};
@@ -300,12 +300,10 @@ impl Recorder {
 }
 
 /// The settings that are not as they are by default, as TOML.
-fn changed_settings(settings: &dyn Root) -> String {
-    let mut text = String::new();
-    settings.visit(&mut |entry| {
-        if entry.value != entry.default {
-            text.push_str(&format!("{} = {}\n", entry.key, entry.value));
-        }
-    });
-    text
+fn changed_settings(settings: &dyn Settings) -> String {
+    let entries = settings.entries().into_iter();
+    let changed = entries.filter(|entry| entry.value != entry.default);
+    changed
+        .map(|entry| format!("{} = {}\n", entry.key, entry.value))
+        .collect()
 }

@@ -1,6 +1,40 @@
 //! Settings that are one of a few words.
 
-/// Declares an enum whose variants are words in files and flags.
+/// Declares enums whose variants are words.
+#[macro_export]
+macro_rules! words {
+    ($(
+        $(#[$meta:meta])*
+        $vis:vis enum $name:ident {
+            $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
+        }
+    )+) => { $(
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        $vis enum $name {
+            $( $(#[$variant_meta])* $variant ),+
+        }
+
+        impl $name {
+            /// All, in order of declaration.
+            pub const ALL: &'static [Self] = &[$( Self::$variant ),+];
+
+            /// The word that stands for it.
+            #[must_use]
+            pub fn as_str(self) -> &'static str {
+                match self { $( Self::$variant => $word ),+ }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+    )+ };
+}
+
+/// Declares [words](crate::words) that settings may have.
 ///
 /// ```
 /// sim_settings::choices! {
@@ -12,35 +46,25 @@
 ///         Answer = "answer",
 ///     }
 /// }
-/// assert_eq!(OverRate::Silent.word(), "silent");
+/// assert_eq!(OverRate::Silent.as_str(), "silent");
 /// ```
 #[macro_export]
 macro_rules! choices {
-    (
+    ($(
         $(#[$meta:meta])*
         $vis:vis enum $name:ident {
             $( $(#[$variant_meta:meta])* $variant:ident = $word:literal ),+ $(,)?
         }
-    ) => {
-        $(#[$meta])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-        $vis enum $name {
-            $( $(#[$variant_meta])* $variant ),+
-        }
-
-        impl $name {
-            /// Every choice, in order of declaration.
-            pub const ALL: &'static [Self] = &[$( Self::$variant ),+];
-
-            /// The word that stands for it in files and flags.
-            #[must_use]
-            pub fn word(self) -> &'static str {
-                match self { $( Self::$variant => $word ),+ }
+    )+) => { $(
+        $crate::words! {
+            $(#[$meta])*
+            $vis enum $name {
+                $( $(#[$variant_meta])* $variant = $word ),+
             }
         }
 
         impl $crate::SettingValue for $name {
-            type Bound = Self;
+            type Bound = std::convert::Infallible;
 
             fn read(value: &$crate::Value, _unit: &str) -> Result<Self, String> {
                 // `--set key=false` arrives as a boolean, which may be meant as the word.
@@ -52,31 +76,27 @@ macro_rules! choices {
                 Self::ALL
                     .iter()
                     .copied()
-                    .find(|choice| choice.word() == text)
+                    .find(|choice| choice.as_str() == text)
                     .ok_or_else(|| format!("{value} is not one of the choices"))
             }
 
             fn show(&self, _unit: &str) -> String {
-                format!("\"{}\"", self.word())
+                format!("\"{}\"", self.as_str())
             }
 
-            fn within(&self, bounds: &$crate::Bounds<Self>) -> bool {
-                bounds.contains(self)
-            }
-
-            fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self>>) -> String {
+            fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self::Bound>>) -> String {
                 let words: Vec<String> =
-                    Self::ALL.iter().map(|choice| format!("\"{}\"", choice.word())).collect();
+                    Self::ALL.iter().map(|choice| format!("\"{}\"", choice.as_str())).collect();
                 words.join(", ")
             }
 
             fn schema(
                 _unit: &str,
-                _bounds: Option<&$crate::Bounds<Self>>,
+                _bounds: Option<&$crate::Bounds<Self::Bound>>,
             ) -> $crate::private::schemars::Schema {
-                let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.word()).collect();
+                let words: Vec<&str> = Self::ALL.iter().map(|choice| choice.as_str()).collect();
                 $crate::private::schemars::json_schema!({"enum": words})
             }
         }
-    };
+    )+ };
 }

@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{Origin, SettingsError, shorten};
 use crate::key::key_at;
 use crate::value::Value;
-use crate::{Problem, Settings};
+use crate::{Entry, Problem, Settings};
 
 /// The most errors that one file reports.
 const MOST_ERRORS: usize = 20;
@@ -65,7 +65,7 @@ impl Source<'_> {
 pub fn load_toml(
     text: &str,
     file: &str,
-    settings: &mut dyn Root,
+    settings: &mut dyn Settings,
 ) -> Result<(), Vec<SettingsError>> {
     let source = Source { file, text };
     let table = DeTable::parse(text).map_err(|error| vec![source.syntax(&error)])?;
@@ -81,7 +81,7 @@ pub fn apply_table(
     place: &dyn Fn(usize) -> Origin,
     table: &DeTable<'_>,
     prefix: &str,
-    settings: &mut dyn Root,
+    settings: &mut dyn Settings,
 ) -> Result<(), Vec<SettingsError>> {
     let mut errors = Vec::new();
     walk(table, prefix, &mut |key, key_at, value| {
@@ -131,7 +131,7 @@ pub fn parse_assignment(flag: &str, text: &str) -> Result<(String, Value), Setti
 /// # Errors
 /// Names the key, the origin and the allowed values.
 pub fn set(
-    settings: &mut dyn Root,
+    settings: &mut dyn Settings,
     key: &str,
     value: &Value,
     origin: Origin,
@@ -141,35 +141,13 @@ pub fn set(
         .map_err(|problem| explain(settings, key, origin, problem))
 }
 
-/// The root of a tree of settings: its keys have no prefix.
-pub trait Root {
-    /// Hands every setting to `visit`, with its full key.
-    fn visit(&self, visit: &mut dyn FnMut(crate::Entry));
-
-    /// Sets the one with this full key.
-    ///
-    /// # Errors
-    /// Says what is wrong with the key or the value; nothing has changed then.
-    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem>;
-}
-
-impl<T: Settings> Root for T {
-    fn visit(&self, visit: &mut dyn FnMut(crate::Entry)) {
-        Settings::visit(self, "", visit);
-    }
-
-    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem> {
-        Settings::assign(self, key, value)
-    }
-}
-
 /// The effective settings as a TOML document that [`load_toml`] takes back, each with its
 /// meaning, its allowed values, and whether it is documented or assumed.
 #[must_use]
-pub fn show_toml(settings: &dyn Root) -> String {
+pub fn show_toml(settings: &dyn Settings) -> String {
     // A group's own values may stand behind another group in it, but a table must be in one piece.
     let mut tables: Vec<(String, String)> = Vec::new();
-    settings.visit(&mut |entry| {
+    for entry in settings.entries() {
         let (table, name) = entry.key.rsplit_once('.').unwrap_or(("", &entry.key));
         let at = tables
             .iter()
@@ -184,13 +162,13 @@ pub fn show_toml(settings: &dyn Root) -> String {
         for line in entry.doc.trim().lines() {
             let _ = writeln!(text, "# {}", line.trim());
         }
-        let _ = writeln!(text, "# {}: {}", entry.basis.word(), entry.basis.source());
+        let _ = writeln!(text, "# {}: {}", entry.basis.as_str(), entry.basis.source());
         let _ = writeln!(text, "# allowed: {}", entry.allowed);
         if entry.value != entry.default {
             let _ = writeln!(text, "# default: {}", entry.default);
         }
         let _ = writeln!(text, "{name} = {}", entry.value);
-    });
+    }
     // The root's own values have no table to name, and must come first.
     tables.sort_by_key(|(table, _)| !table.is_empty());
     let part = |(table, text): (String, String)| match table.as_str() {
@@ -204,13 +182,13 @@ pub fn show_toml(settings: &dyn Root) -> String {
 /// The JSON Schema of a table of these settings: each key with its meaning, its allowed values, its
 /// default and whether it is documented or assumed, and no other key.
 #[must_use]
-pub fn schema_of(settings: &dyn Root) -> schemars::Schema {
+pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
     let mut schema = group();
-    settings.visit(&mut |entry| {
+    for entry in settings.entries() {
         let mut own = entry.schema.to_value();
         let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
         let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
-        own["description"] = format!("{doc} {}: {}", basis.word(), basis.source()).into();
+        own["description"] = format!("{doc} {}: {}", basis.as_str(), basis.source()).into();
         // What a setting shows as TOML is JSON too.
         if let Ok(default) = serde_json::from_str(&entry.default) {
             own["default"] = default;
@@ -225,7 +203,7 @@ pub fn schema_of(settings: &dyn Root) -> schemars::Schema {
             table = inner;
         }
         table["properties"][name] = own;
-    });
+    }
     schemars::Schema::try_from(schema).unwrap_or_default()
 }
 
@@ -265,7 +243,7 @@ fn plain(value: &DeValue<'_>) -> Value {
     }
 }
 
-fn explain(settings: &dyn Root, key: &str, origin: Origin, problem: Problem) -> SettingsError {
+fn explain(settings: &dyn Settings, key: &str, origin: Origin, problem: Problem) -> SettingsError {
     let key = shorten(key.to_owned());
     match problem {
         Problem::Invalid { why, allowed } => SettingsError::Invalid {
@@ -275,21 +253,17 @@ fn explain(settings: &dyn Root, key: &str, origin: Origin, problem: Problem) -> 
             allowed,
         },
         Problem::IsGroup => {
-            let mut example = String::new();
-            settings.visit(&mut |entry| {
-                if example.is_empty() && entry.key.starts_with(&format!("{key}.")) {
-                    example = entry.key;
-                }
-            });
+            let within = |entry: &Entry| entry.key.starts_with(&format!("{key}."));
+            let example = settings.entries().into_iter().find(within);
             SettingsError::IsGroup {
                 origin,
+                example: example.map_or_else(String::new, |entry| entry.key),
                 key,
-                example,
             }
         }
         Problem::UnknownKey => {
             let mut nearest: Option<(f64, String)> = None;
-            settings.visit(&mut |entry| {
+            for entry in settings.entries() {
                 // A forgotten group in front is as common as a misspelling.
                 let likeness = if entry.key.ends_with(&format!(".{key}")) {
                     1.0
@@ -299,7 +273,7 @@ fn explain(settings: &dyn Root, key: &str, origin: Origin, problem: Problem) -> 
                 if likeness > 0.85 && nearest.as_ref().is_none_or(|(best, _)| likeness > *best) {
                     nearest = Some((likeness, entry.key));
                 }
-            });
+            }
             SettingsError::UnknownKey {
                 origin,
                 key,

@@ -19,9 +19,7 @@ mod time;
 mod value;
 mod written;
 
-pub use document::{
-    Root, Source, apply_table, load_toml, parse_assignment, schema_of, set, show_toml,
-};
+pub use document::{Source, apply_table, load_toml, parse_assignment, schema_of, set, show_toml};
 pub use error::{Origin, SettingsError, shorten};
 pub use quantity::parse_quantity;
 pub use time::{SimTime, show_duration};
@@ -43,7 +41,7 @@ pub enum Basis {
 impl Basis {
     /// `documented` or `assumed`.
     #[must_use]
-    pub fn word(&self) -> &'static str {
+    pub fn as_str(&self) -> &'static str {
         match self {
             Self::Documented(_) => "documented",
             Self::Assumed(_) => "assumed",
@@ -59,7 +57,7 @@ impl Basis {
     }
 }
 
-/// One setting as it stands, handed to the visitor of [`Settings::visit`].
+/// One setting as it stands.
 #[derive(Debug, Clone)]
 pub struct Entry {
     /// Full dotted key, such as `r150.heartbeat_timeout`.
@@ -96,14 +94,21 @@ pub enum Problem {
 
 /// A tree of settings, as [`settings!`] declares it.
 pub trait Settings {
-    /// Hands every setting to `visit` in order of declaration; `prefix` goes before each key.
-    fn visit(&self, prefix: &str, visit: &mut dyn FnMut(Entry));
+    /// Adds every setting to `entries`, in order of declaration; `prefix` goes before each key.
+    fn list(&self, prefix: &str, entries: &mut Vec<Entry>);
 
     /// Sets the one at `path` (dotted, relative to this tree).
     ///
     /// # Errors
     /// Says what is wrong with the key or the value; nothing has changed then.
     fn assign(&mut self, path: &str, value: &Value) -> Result<(), Problem>;
+
+    /// Every setting, in order of declaration.
+    fn entries(&self) -> Vec<Entry> {
+        let mut entries = Vec::new();
+        self.list("", &mut entries);
+        entries
+    }
 }
 
 /// Puts a group's key before a name in it; the root's key is empty.

@@ -1,6 +1,6 @@
 //! The declaration of a group of settings.
 
-/// Declares a group of settings: a struct with defaults that files and flags can change.
+/// Declares groups of settings: structs with defaults that files and flags can change.
 ///
 /// ```
 /// use std::time::Duration;
@@ -12,8 +12,6 @@
 ///         /// Charge at the start.
 ///         initial_soc: f64 = 80.0, unit "%", range 0.0..=100.0, assumed "a typical charge";
 ///     }
-/// }
-/// settings! {
 ///     /// The module.
 ///     pub struct Module {
 ///         /// Silence after which control goes back.
@@ -25,15 +23,15 @@
 ///         pack: Pack,
 ///     }
 /// }
-/// let mut keys = Vec::new();
-/// Module::default().visit("r150", &mut |entry| keys.push(entry.key));
-/// assert_eq!(keys, ["r150.timeout", "r150.pack.initial_soc"]);
+/// let entries = Module::default().entries();
+/// let keys = entries.iter().map(|entry| entry.key.as_str());
+/// assert!(keys.eq(["timeout", "pack.initial_soc"]));
 /// ```
 #[macro_export]
 macro_rules! settings {
-    (
+    ($(
         $(#[doc = $doc:literal])*
-        $vis:vis struct $name:ident {
+        pub struct $name:ident {
             $(
                 $(#[doc = $field_doc:literal])+
                 $field:ident : $ty:ty = $default:expr
@@ -49,10 +47,10 @@ macro_rules! settings {
                 $( $(#[doc = $group_doc:literal])* $group:ident : $group_ty:ty ),* $(,)?
             }
         )?
-    ) => {
+    )+) => { $(
         $(#[doc = $doc])*
         #[derive(Debug, Clone, PartialEq)]
-        $vis struct $name {
+        pub struct $name {
             $( $(#[doc = $field_doc])+ pub $field: $ty, )*
             $( $( $(#[doc = $group_doc])* pub $group: $group_ty, )* )?
         }
@@ -68,10 +66,10 @@ macro_rules! settings {
 
         impl $crate::Settings for $name {
             #[allow(unused_variables, reason = "a group may have no fields")]
-            fn visit(&self, prefix: &str, visit: &mut dyn FnMut($crate::Entry)) {
+            fn list(&self, prefix: &str, entries: &mut Vec<$crate::Entry>) {
                 let defaults = Self::default();
                 $(
-                    visit($crate::Entry {
+                    entries.push($crate::Entry {
                         key: $crate::join(prefix, stringify!($field)),
                         doc: concat!($($field_doc, "\n"),+).to_owned(),
                         value: $crate::SettingValue::show(&self.$field, $crate::settings!(@unit $($unit)?)),
@@ -88,10 +86,10 @@ macro_rules! settings {
                     });
                 )*
                 $( $(
-                    $crate::Settings::visit(
+                    $crate::Settings::list(
                         &self.$group,
                         &$crate::join(prefix, stringify!($group)),
-                        visit,
+                        entries,
                     );
                 )* )?
             }
@@ -126,7 +124,7 @@ macro_rules! settings {
                 }
             }
         }
-    };
+    )+ };
     (@unit) => { "" };
     (@unit $unit:literal) => { $unit };
     (@range) => { None };

@@ -48,7 +48,8 @@ pub type Bounds<T> = RangeInclusive<T>;
 ///
 /// `unit` is the unit of its declaration, empty where it has none.
 pub trait SettingValue: Sized + Clone {
-    /// Type of the ends of its range: the type itself, or the element of a list.
+    /// Type of the ends of its range: the type itself, or the element of a list;
+    /// [`Infallible`](std::convert::Infallible) of a type that has no range.
     type Bound: PartialOrd;
 
     /// Takes `value` if it has the right form.
@@ -60,8 +61,10 @@ pub trait SettingValue: Sized + Clone {
     /// The value as a TOML literal that [`SettingValue::read`] takes back unchanged.
     fn show(&self, unit: &str) -> String;
 
-    /// Tells whether it lies in the range.
-    fn within(&self, bounds: &Bounds<Self::Bound>) -> bool;
+    /// Tells whether it lies in the range; to be given by every type that has one.
+    fn within(&self, _bounds: &Bounds<Self::Bound>) -> bool {
+        true
+    }
 
     /// The allowed values in words.
     fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> String;
@@ -202,7 +205,7 @@ impl SettingValue for u32 {
 }
 
 impl SettingValue for bool {
-    type Bound = bool;
+    type Bound = std::convert::Infallible;
 
     fn read(value: &Value, _unit: &str) -> Result<Self, String> {
         match value {
@@ -217,15 +220,11 @@ impl SettingValue for bool {
         self.to_string()
     }
 
-    fn within(&self, bounds: &Bounds<bool>) -> bool {
-        bounds.contains(self)
-    }
-
-    fn allowed(_unit: &str, _bounds: Option<&Bounds<bool>>) -> String {
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> String {
         "true or false".to_owned()
     }
 
-    fn schema(_unit: &str, _bounds: Option<&Bounds<bool>>) -> Schema {
+    fn schema(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> Schema {
         json_schema!({"type": "boolean"})
     }
 }

@@ -211,19 +211,11 @@ pub struct Setup<'a> {
     pub seed: u64,
 }
 
-impl<'a> Setup<'a> {
-    /// Its settings as those of this type; `None` if they are another device's.
-    #[must_use]
-    pub fn settings<T: DeviceSettings>(&self) -> Option<&'a T> {
-        (self.settings as &dyn Any).downcast_ref()
-    }
-}
-
 /// Firmware and hardware of one device, tied together.
 ///
 /// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
 /// `settle`, and takes all output and events.
-pub trait Device: Any + Send + Sync {
+pub trait Device: Breakable + Any + Send + Sync {
     /// Takes bytes whose last has arrived on `link` at `now`.
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
 
@@ -265,8 +257,8 @@ pub trait Device: Any + Send + Sync {
         self.plant_mut().after_step(world);
     }
 
-    /// Replaces all that is wrong with the firmware. This and what follows is only called if the
-    /// row has faults of the firmware.
+    /// Replaces all that is wrong with the firmware. This and what follows, but for the framing, is
+    /// only called if the row has faults of the firmware.
     fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
 
     /// Counts how often what is wrong with the firmware has shown.
@@ -286,9 +278,12 @@ pub trait Device: Any + Send + Sync {
 
     /// Returns the form of what a link carries, for faults that spoil it.
     fn framing(&self, link: usize) -> &'static dyn Framing;
+}
 
-    /// A fault of its hardware, its sensors or its operators begins; says whether it has already
-    /// acted. This and what follows is only called if the row has such faults.
+/// Faults of a device's hardware, its sensors and its operators. What is here is only called if the
+/// row has such faults.
+pub trait Breakable {
+    /// A fault begins; says whether it has already acted.
     fn arm(&mut self, _now: SimTime, _handle: FaultHandle, _fault: &Fault, _noise: Noise) -> bool {
         false
     }
@@ -303,14 +298,14 @@ pub trait Device: Any + Send + Sync {
     /// on.
     fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(FaultHandle, String)) {}
 
-    /// Tells whether such a fault has an effect now.
-    fn acts(&self, _handle: FaultHandle) -> bool {
+    /// Tells whether an armed fault has an effect now.
+    fn acts(&self, _handle: FaultHandle, _fault: &Fault) -> bool {
         false
     }
 
     /// Says in words what it acts on now.
-    fn acted_on(&self, _handle: FaultHandle) -> String {
-        String::new()
+    fn acted_on(&self, fault: &Fault) -> String {
+        fault.in_words()
     }
 }
 

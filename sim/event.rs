@@ -11,26 +11,15 @@ use sim_settings::SimTime;
 
 pub use code::{Blame, Code};
 
-/// Importance of an event to somebody who writes a client.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// Ordinary requests and replies; shown when asked for.
-    Traffic,
-    /// Worth knowing.
-    Notice,
-    /// Something is wrong, or a command had no effect.
-    Warning,
-}
-
-impl Level {
-    /// Lower-case name.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Traffic => "traffic",
-            Self::Notice => "notice",
-            Self::Warning => "warning",
-        }
+sim_settings::words! {
+    /// Importance of an event to somebody who writes a client.
+    pub enum Level {
+        /// Ordinary requests and replies; shown when asked for.
+        Traffic = "traffic",
+        /// Worth knowing.
+        Notice = "notice",
+        /// Something is wrong, or a command had no effect.
+        Warning = "warning",
     }
 }
 
@@ -62,13 +51,17 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
     fn code(&self) -> Code;
 
     /// Index of the link that it is about, if it is about one.
-    fn link(&self) -> Option<usize>;
+    fn link(&self) -> Option<usize> {
+        None
+    }
 
     /// Returns what it is to whoever counts.
     fn role(&self) -> Role;
 
     /// The bytes it is about, if it is about bytes.
-    fn bytes(&self) -> Option<Cow<'_, [u8]>>;
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
 
     /// Number of bytes that were lost.
     fn lost_bytes(&self) -> u64 {
@@ -158,16 +151,8 @@ impl EventKind for Told {
         self.code
     }
 
-    fn link(&self) -> Option<usize> {
-        None
-    }
-
     fn role(&self) -> Role {
         self.role
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 }
 

@@ -18,62 +18,29 @@ pub mod parameters;
 #[cfg(test)]
 mod tests;
 
-use std::borrow::Cow;
 use std::fmt;
 
 pub use catalogue::{Fault, catalogue};
 
 use crate::event::{Code, EventKind, Level, Role, code};
 
-/// At what level something goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum FaultLevel {
-    /// Bytes on their way.
-    Wire,
-    /// Whole frames, packets and lines of the device.
-    Protocol,
-    /// The device's program.
-    Firmware,
-    /// Supply, outputs, fuses.
-    Electrical,
-    /// Motors, wheels, brakes, load, ground.
-    Mechanical,
-    /// People.
-    Operator,
-    /// Sensors of the world.
-    Sensor,
-}
-
-impl FaultLevel {
-    /// All, in the order of the catalogue.
-    pub const ALL: [Self; 7] = [
-        Self::Wire,
-        Self::Protocol,
-        Self::Firmware,
-        Self::Electrical,
-        Self::Mechanical,
-        Self::Operator,
-        Self::Sensor,
-    ];
-
-    /// Lower-case name.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Wire => "wire",
-            Self::Protocol => "protocol",
-            Self::Firmware => "firmware",
-            Self::Electrical => "electrical",
-            Self::Mechanical => "mechanical",
-            Self::Operator => "operator",
-            Self::Sensor => "sensor",
-        }
-    }
-}
-
-impl fmt::Display for FaultLevel {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
+sim_settings::words! {
+    /// At what level something goes wrong, in the order of the catalogue.
+    pub enum FaultLevel {
+        /// Bytes on their way.
+        Wire = "wire",
+        /// Whole frames, packets and lines of the device.
+        Protocol = "protocol",
+        /// The device's program.
+        Firmware = "firmware",
+        /// Supply, outputs, fuses.
+        Electrical = "electrical",
+        /// Motors, wheels, brakes, load, ground.
+        Mechanical = "mechanical",
+        /// People.
+        Operator = "operator",
+        /// Sensors of the world.
+        Sensor = "sensor",
     }
 }
 
@@ -193,16 +160,8 @@ impl EventKind for FaultEvent {
         }
     }
 
-    fn link(&self) -> Option<usize> {
-        None
-    }
-
     fn role(&self) -> Role {
         Role::Other
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 }
 

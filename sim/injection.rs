@@ -94,16 +94,12 @@ impl Injection {
         let mut tally = Tally::default();
         let (work, acted) = match fault.level() {
             FaultLevel::Wire => {
-                let Some(wire) = WireFault::new(fault, link, now, stream) else {
-                    return;
-                };
+                let wire = WireFault::new(fault, link, now, stream);
                 (Work::Wire(wire), false)
             }
             FaultLevel::Protocol => {
                 let framing = device.framing(link);
-                let Some(own) = FrameFault::new(fault, now, framing, stream("frames")) else {
-                    return;
-                };
+                let own = FrameFault::new(fault, now, framing, stream("frames"));
                 (Work::Frames(own), false)
             }
             FaultLevel::Firmware => {
@@ -187,9 +183,9 @@ impl Injection {
                     }
                 }
                 Work::Device(acted) => {
-                    let acts = device.acts(armed.handle);
+                    let acts = device.acts(armed.handle, &armed.fault);
                     if acts && !*acted {
-                        armed.tally.hit(|| device.acted_on(armed.handle));
+                        armed.tally.hit(|| device.acted_on(&armed.fault));
                     }
                     *acted = acts;
                 }

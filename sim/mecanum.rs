@@ -20,7 +20,6 @@ use crate::defects::{DefectCounts, Defects};
 use crate::device::names::MOTION;
 use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, TextLines};
 use crate::event::{EventKind, Told};
-use crate::fault::{Fault, FaultHandle};
 use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
 use crate::noise::Noise;
@@ -123,7 +122,7 @@ impl Mecanum {
     /// A car that has just been switched on; with two links its second UART is the ROS link
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
-        let settings = setup.settings::<MecanumSettings>();
+        let settings = setup.settings.get::<MecanumSettings>();
         let MecanumSettings { firmware, plant } = settings.cloned().unwrap_or_default();
         let plant = plant.expecting(firmware.wiring);
         let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
@@ -285,30 +284,5 @@ impl Device for Mecanum {
                 unasked: b"V0 S0 \n",
             },
         }
-    }
-
-    fn arm(&mut self, _now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
-        self.arm_fault(handle, fault, noise);
-        false
-    }
-
-    fn disarm(&mut self, _now: SimTime, handle: FaultHandle) {
-        self.disarm_fault(handle);
-    }
-
-    fn apply_faults(&mut self, world: &mut World) {
-        self.apply_all_faults(world);
-    }
-
-    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
-        self.add_pulses(seconds, acted);
-    }
-
-    fn acts(&self, handle: FaultHandle) -> bool {
-        self.fault_acts(handle)
-    }
-
-    fn acted_on(&self, handle: FaultHandle) -> String {
-        self.fault_acted_on(handle)
     }
 }

@@ -232,7 +232,7 @@ impl MecanumDevice {
         self.event(now, MecanumEvent::Operated(action));
         match action {
             OperatorInput::Press(movement) => {
-                if self.works() && !self.drive.is_remote() {
+                if self.works() && !self.drive.remote {
                     self.event(now, MecanumEvent::KeyIgnored(movement));
                 }
                 self.drive.set_key(now, Some(movement));
@@ -291,7 +291,7 @@ impl MecanumDevice {
     #[must_use]
     pub fn commands(&self) -> MecanumCommands {
         if self.measured.board_powered && self.boot_due.is_none() {
-            self.drive.commands(&self.settings)
+            self.drive.commands()
         } else {
             MecanumCommands::default()
         }
@@ -300,25 +300,25 @@ impl MecanumDevice {
     /// Tells whether the remote control drives.
     #[must_use]
     pub fn is_remote(&self) -> bool {
-        self.drive.is_remote()
+        self.drive.remote
     }
 
     /// The key of the remote control that is held.
     #[must_use]
     pub fn key(&self) -> Option<Movement> {
-        self.drive.key()
+        self.drive.key
     }
 
     /// The motion that runs.
     #[must_use]
     pub fn running(&self) -> Option<&Motion> {
-        self.drive.motions().running()
+        self.drive.motions.running()
     }
 
     /// Number of motions that wait.
     #[must_use]
     pub fn waiting(&self) -> usize {
-        self.drive.motions().waiting()
+        self.drive.motions.waiting()
     }
 
     /// Direction in which the firmware drives each wheel, LF, RF, LR, RR: 1 forward, −1 backward, 0
@@ -369,10 +369,10 @@ impl MecanumDevice {
             .settings
             .link_timeout
             .filter(|_| !self.missed_timeout)?;
-        if self.drive.is_remote() {
+        if self.drive.remote {
             return None;
         }
-        self.drive.motions().running()?;
+        self.drive.motions.running()?;
         Some(self.heard + timeout)
     }
 

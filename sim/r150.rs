@@ -12,7 +12,7 @@ mod watch;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::r150::{Load, PwmSource, R150Plant, R150Truth, Rail};
+use sim_physics::r150::{R150Plant, R150Truth, Rail};
 use sim_physics::{Plant, Pose, World};
 use sim_settings::SimTime;
 
@@ -21,7 +21,6 @@ use crate::device::names::MOTION;
 use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, StartSpec};
 use crate::event::EventKind;
 use crate::fault::parameters::{Key, RailName};
-use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
 use crate::r150_device::vehicle::{self, OperatorInput, Start};
@@ -145,7 +144,8 @@ impl R150 {
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let &Setup { name, seed, .. } = setup;
         let settings = setup
-            .settings::<R150Settings>()
+            .settings
+            .get::<R150Settings>()
             .cloned()
             .unwrap_or_default();
         let start = match setup.start {
@@ -199,21 +199,6 @@ impl R150 {
     /// The hardware, to load or break it.
     pub fn plant_mut(&mut self) -> &mut R150Plant {
         &mut self.plant
-    }
-}
-
-/// Deeds of an operator to the hardware.
-impl R150 {
-    /// Wires a load to a rail; gives what was there before.
-    pub fn set_load(&mut self, rail: Rail, load: Load) -> Load {
-        let before = self.plant.load(rail);
-        self.plant.set_load(rail, load);
-        before
-    }
-
-    /// Wires a source to a PWM input, 0–3.
-    pub fn set_pwm_source(&mut self, input: usize, source: PwmSource) {
-        self.plant.set_pwm_source(input, source);
     }
 }
 
@@ -301,29 +286,5 @@ impl Device for R150 {
 
     fn framing(&self, _link: usize) -> &'static dyn Framing {
         &framing::Frames
-    }
-
-    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
-        self.arm_fault(now, handle, fault, noise)
-    }
-
-    fn disarm(&mut self, now: SimTime, handle: FaultHandle) {
-        self.disarm_fault(now, handle);
-    }
-
-    fn apply_faults(&mut self, world: &mut World) {
-        self.apply_all_faults(world);
-    }
-
-    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
-        self.spoil_encoders(acted);
-    }
-
-    fn acts(&self, handle: FaultHandle) -> bool {
-        self.fault_acts(handle)
-    }
-
-    fn acted_on(&self, handle: FaultHandle) -> String {
-        self.fault_acted_on(handle)
     }
 }

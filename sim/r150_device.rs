@@ -156,7 +156,7 @@ impl R150Device {
     /// Takes what the sensors read at `now`.
     pub fn sense(&mut self, now: SimTime, measured: &R150Measurements) {
         self.advance_before(now);
-        self.can.follow(now, self.motors.set_point());
+        self.can.follow(now, self.motors.set_point);
         if self.overlooks(measured) {
             return;
         }
@@ -171,7 +171,7 @@ impl R150Device {
             _ => {}
         }
         if self.runs() {
-            let requested = self.control.outputs().power;
+            let requested = self.control.outputs.power;
             self.protection
                 .sense(now, measured, requested, &mut |event| {
                     keep(&mut self.events, now, event);
@@ -206,9 +206,9 @@ impl R150Device {
             return self.boot_due;
         }
         let next = earlier(self.decoder.deadline(), self.control.deadline());
-        let next = earlier(next, self.motors.watchdog());
-        let next = earlier(next, self.motors.answer_due());
-        let next = earlier(next, self.protection.deadline());
+        let next = earlier(next, self.motors.watchdog_due);
+        let next = earlier(next, self.motors.answer_due);
+        let next = earlier(next, self.protection.deadline);
         let next = earlier(next, self.can.deadline());
         earlier(next, self.replies.front().map(|(due, _)| *due))
     }
@@ -242,12 +242,12 @@ impl R150Device {
             Bridges::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
             Bridges::Open => ([0.0; 2], false),
         };
-        let stopped = self.vehicle.emergency_stop() && self.settings.emergency_stop_brakes;
+        let stopped = self.vehicle.emergency_stop && self.settings.emergency_stop_brakes;
         R150Commands {
             motor_duty: Sides::from(duty),
             propulsion_power,
             parking_brake: self.vehicle.holds(set_point) || stopped,
-            tail_power: !(self.vehicle.emergency_stop() && self.settings.emergency_stop_cuts_tail),
+            tail_power: !(self.vehicle.emergency_stop && self.settings.emergency_stop_cuts_tail),
             rail_on: std::array::from_fn(|rail| power >> rail & 1 == 1),
             pwm_out_duty: self
                 .pwm_outputs()
@@ -270,19 +270,19 @@ impl R150Device {
     /// The CAN to the vehicle's controller fails in this way, or works.
     pub fn set_can_failure(&mut self, now: SimTime, failure: Option<CanFailure>) {
         self.advance_before(now);
-        self.can.fail(now, self.motors.set_point(), failure);
+        self.can.fail(now, self.motors.set_point, failure);
     }
 
     /// The motor set-point as the vehicle's controller has heard it, right then left, ±1000.
     #[must_use]
     pub fn heard_set_point(&self) -> [i16; 2] {
-        self.can.heard(self.motors.set_point())
+        self.can.heard(self.motors.set_point)
     }
 
     /// The motor set-point in effect, right then left, ±1000.
     #[must_use]
     pub fn motor_set_point(&self) -> [i16; 2] {
-        self.motors.set_point()
+        self.motors.set_point
     }
 
     /// Tells whether the module had a supply when it was last measured.
@@ -295,7 +295,7 @@ impl R150Device {
     #[must_use]
     pub fn power_status(&self) -> u8 {
         if self.runs() {
-            self.control.outputs().power & self.protection.allowed()
+            self.control.outputs.power & self.protection.allowed()
         } else {
             0
         }
@@ -309,7 +309,7 @@ impl R150Device {
 
     fn pwm_outputs(&self) -> [u16; 4] {
         if self.runs() {
-            self.control.outputs().pwm
+            self.control.outputs.pwm
         } else {
             [0; 4]
         }
@@ -330,7 +330,7 @@ impl R150Device {
     /// Does what is due at `now` and not earlier.
     fn serve(&mut self, due: SimTime) {
         let now = due.max(self.not_before);
-        self.can.follow(now, self.motors.set_point());
+        self.can.follow(now, self.motors.set_point);
         if self.boot_due.is_some() {
             self.boot(now);
             return;
@@ -362,7 +362,7 @@ impl R150Device {
         }
         let events = &mut self.events;
         self.protection
-            .advance(now, self.control.outputs().power, &mut |event| {
+            .advance(now, self.control.outputs.power, &mut |event| {
                 keep(events, now, event)
             });
         self.send_due(now);
@@ -371,7 +371,7 @@ impl R150Device {
     /// The requested rails may have changed, which ends the latch of those that are off.
     fn power_requested(&mut self, now: SimTime) {
         let events = &mut self.events;
-        let requested = self.control.outputs().power;
+        let requested = self.control.outputs.power;
         self.protection
             .requested(now, requested, &mut |event| keep(events, now, event));
     }

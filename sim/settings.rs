@@ -1,7 +1,7 @@
 //! Every setting of a run, in one tree.
 
 use sim_physics::WorldSettings;
-use sim_settings::{Entry, Problem, Root, Settings, Value};
+use sim_settings::{Entry, Problem, Settings, Value, join};
 
 use crate::device::{DeviceSettings, DeviceSpec, Devices};
 
@@ -71,11 +71,11 @@ impl SimSettings {
     }
 }
 
-impl Root for SimSettings {
-    fn visit(&self, visit: &mut dyn FnMut(Entry)) {
-        Settings::visit(&self.world, "world", visit);
+impl Settings for SimSettings {
+    fn list(&self, prefix: &str, entries: &mut Vec<Entry>) {
+        self.world.list(&join(prefix, "world"), entries);
         for (device, own) in self.table.iter().zip(&self.devices) {
-            Settings::visit(&**own, device.id, visit);
+            own.list(&join(prefix, device.id), entries);
         }
     }
 
@@ -91,7 +91,7 @@ impl Root for SimSettings {
             let own = at.and_then(|at| self.devices.get_mut(at));
             own.ok_or(Problem::UnknownKey)?.as_mut()
         };
-        Settings::assign(own, rest.ok_or(Problem::IsGroup)?, value)
+        own.assign(rest.ok_or(Problem::IsGroup)?, value)
     }
 }
 
@@ -108,10 +108,10 @@ mod tests {
         let text = sim_settings::show_toml(&tree);
         sim_settings::load_toml(&text, "defaults", &mut tree).unwrap();
         assert_eq!(tree, SimSettings::new(crate::SHIPPED));
-        tree.visit(&mut |entry| {
+        for entry in tree.entries() {
             assert!(seen.insert(entry.key.clone()), "{} twice", entry.key);
             assert!(!entry.basis.source().is_empty());
-        });
+        }
         assert!(seen.contains("r150.heartbeat_timeout"));
         assert!(seen.contains("r150.battery.initial_soc"));
         assert_eq!(tree.check(), Ok(()));
@@ -123,10 +123,8 @@ mod tests {
     fn the_r150_s_page_names_every_setting_and_no_other() {
         let page = include_str!("../docs/r150.md");
         let words: BTreeSet<&str> = page.split('`').skip(1).step_by(2).collect();
-        let mut keys = BTreeSet::new();
-        SimSettings::new(crate::SHIPPED).visit(&mut |entry| {
-            keys.insert(entry.key);
-        });
+        let entries = SimSettings::new(crate::SHIPPED).entries();
+        let keys: BTreeSet<String> = entries.into_iter().map(|entry| entry.key).collect();
         for key in keys.iter().filter(|key| key.starts_with("r150.")) {
             let (group, last) = key.rsplit_once('.').unwrap();
             let ways = [key.clone(), format!(".{last}"), format!("{group}.*")];

@@ -22,24 +22,6 @@ pub fn byte_time(baud: u32, stop_bits: u8) -> Duration {
     Duration::from_nanos((bits * 1_000_000_000 + baud / 2) / baud)
 }
 
-/// A byte as the receiver found it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Received {
-    /// Its value.
-    pub byte: u8,
-    /// Time at which the receiver had it, from the beginning of the burst.
-    pub after: Duration,
-}
-
-/// Returns the bytes that a receiver at `to_baud` finds in `bytes` sent back to back at
-/// `from_baud`; the line is idle before and after.
-#[must_use]
-pub fn resample(bytes: &[u8], from_baud: u32, to_baud: u32) -> Vec<Received> {
-    let mut receiver = Receiver::new(from_baud, to_baud);
-    receiver.hear(bytes);
-    receiver.if_idle()
-}
-
 /// A receiver that listens to a burst at another speed than the sender's.
 ///
 /// It hands on bytes whose stop bit is wrong too, as common UARTs do, and then waits for the line
@@ -50,7 +32,6 @@ pub struct Receiver {
     /// speeds; half of the receiver's bit needs a factor of two.
     sent_bit: u128,
     read_bit: u128,
-    second: u128,
     /// Bytes that were sent, as far as they still matter, and the number of those before.
     sent: VecDeque<u8>,
     forgotten: u128,
@@ -67,7 +48,6 @@ impl Receiver {
         Self {
             sent_bit: 2 * to,
             read_bit: 2 * from,
-            second: 2 * to * from,
             sent: VecDeque::new(),
             forgotten: 0,
             time: 0,
@@ -87,7 +67,7 @@ impl Receiver {
     }
 
     /// The next byte that is what it is, whatever follows.
-    pub fn next_settled(&mut self) -> Option<Received> {
+    pub fn next_settled(&mut self) -> Option<u8> {
         let found = self.advance(false);
         while self.time >= (self.forgotten + 1) * BITS * self.sent_bit
             && self.sent.pop_front().is_some()
@@ -99,14 +79,14 @@ impl Receiver {
 
     /// All that is still to come if the line is idle from here on.
     #[must_use]
-    pub fn if_idle(&self) -> Vec<Received> {
+    pub fn if_idle(&self) -> Vec<u8> {
         let mut receiver = self.clone();
         std::iter::from_fn(|| receiver.advance(true)).collect()
     }
 
     /// Goes on to the end of the next byte; unless the line is `idle` behind what was sent, only if
     /// all that it has to look at is known.
-    fn advance(&mut self, idle: bool) -> Option<Received> {
+    fn advance(&mut self, idle: bool) -> Option<u8> {
         let end = (self.forgotten + self.sent.len() as u128) * BITS * self.sent_bit;
         let known = |time: u128| idle || time < end;
         while self.time < end {
@@ -135,11 +115,9 @@ impl Receiver {
             let byte = (0..8).fold(0, |byte, bit| {
                 byte | u8::from(self.level(middle(1 + bit))) << bit
             });
-            let nanos = stop * 1_000_000_000 / self.second;
-            let after = Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX));
             self.was_high = self.level(stop);
             self.time = stop;
-            return Some(Received { byte, after });
+            return Some(byte);
         }
         None
     }
@@ -162,8 +140,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn values(bytes: &[u8], from: u32, to: u32) -> Vec<u8> {
-        resample(bytes, from, to).iter().map(|r| r.byte).collect()
+    /// What a receiver finds in bytes sent back to back; the line is idle before and after.
+    fn resample(bytes: &[u8], from_baud: u32, to_baud: u32) -> Vec<u8> {
+        let mut receiver = Receiver::new(from_baud, to_baud);
+        receiver.hear(bytes);
+        receiver.if_idle()
     }
 
     #[test]
@@ -171,8 +152,8 @@ mod tests {
         // 0x55 is 0 1010 1010 1 on the line. Sent at 57,600 and read at 115,200, each bit is seen
         // twice: 0011 0011 0 is read as start 0, data 0110 0110 least significant first, which is
         // 0x66, stop 0. From then on the receiver finds the second half's edges.
-        assert_eq!(values(&[0x55], 57_600, 115_200)[0], 0x66);
-        assert!(values(&[0x55], 57_600, 115_200).len() > 1);
+        assert_eq!(resample(&[0x55], 57_600, 115_200)[0], 0x66);
+        assert!(resample(&[0x55], 57_600, 115_200).len() > 1);
     }
 
     #[test]
@@ -191,10 +172,10 @@ mod tests {
     #[test]
     fn tolerance_is_about_five_per_cent() {
         let sent: Vec<u8> = (0..=255).collect();
-        assert_eq!(values(&sent, 115_200, 118_000), sent);
-        assert_eq!(values(&sent, 115_200, 112_500), sent);
-        assert_ne!(values(&sent, 115_200, 123_000), sent);
-        assert_ne!(values(&sent, 115_200, 106_000), sent);
+        assert_eq!(resample(&sent, 115_200, 118_000), sent);
+        assert_eq!(resample(&sent, 115_200, 112_500), sent);
+        assert_ne!(resample(&sent, 115_200, 123_000), sent);
+        assert_ne!(resample(&sent, 115_200, 106_000), sent);
     }
 
     proptest! {
@@ -203,7 +184,7 @@ mod tests {
             bytes in prop::collection::vec(any::<u8>(), 0..60),
             baud in 1u32..4_000_000,
         ) {
-            prop_assert_eq!(values(&bytes, baud, baud), bytes);
+            prop_assert_eq!(resample(&bytes, baud, baud), bytes);
         }
 
         #[test]

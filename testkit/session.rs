@@ -347,7 +347,7 @@ impl Player {
             }),
             Hands::Load { rail, watts } => rig.with_device(device, |r150: &mut R150, _, _| {
                 let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
-                r150.set_load(rail, Load::Power(watts.into()));
+                r150.plant_mut().set_load(rail, Load::Power(watts.into()));
             }),
         };
     }

@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use sim_core::settings::SimSettings;
-use sim_settings::{Entry, Root as _, load_toml};
+use sim_settings::{Entry, Settings as _, load_toml};
 
 /// A choice of a setting and its value; any numbers are one.
 #[derive(Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
@@ -63,9 +63,7 @@ pub fn settings(choices: &[SettingChoice]) -> SimSettings {
 /// Every setting.
 #[must_use]
 pub fn entries() -> Vec<Entry> {
-    let mut entries = Vec::new();
-    SimSettings::new(sim_core::SHIPPED).visit(&mut |entry| entries.push(entry));
-    entries
+    SimSettings::new(sim_core::SHIPPED).entries()
 }
 
 /// A line of a settings file.

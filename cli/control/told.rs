@@ -8,7 +8,7 @@ use sim_core::rig::Rig;
 use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
 use sim_physics::Drawing;
-use sim_physics::world::{FeatureKind, FeatureShape};
+use sim_physics::world::{FeatureKind, Shape};
 use sim_runner::condition::{Probe, ProbeValue};
 use sim_runner::run::StepReport;
 use sim_runner::{Run, Scenario};
@@ -145,11 +145,11 @@ fn world(run: &Run) -> Value {
                 "areas",
                 json!({"kind": "friction", "friction": friction, "outline": outline()}),
             ),
-            (FeatureKind::Strip, FeatureShape::Band(band)) => put(
+            (FeatureKind::Strip, Shape::Band(band)) => put(
                 "strips",
                 json!({"from": band.ends[0], "to": band.ends[1], "radius": band.radius}),
             ),
-            (FeatureKind::Tag(number), FeatureShape::Disc(disc)) => put(
+            (FeatureKind::Tag(number), Shape::Disc(disc)) => put(
                 "tags",
                 json!({"x": disc.centre[0], "y": disc.centre[1], "number": number}),
             ),
@@ -161,7 +161,7 @@ fn world(run: &Run) -> Value {
     world
 }
 
-fn outline(shape: &FeatureShape) -> Vec<[f64; 2]> {
+fn outline(shape: &Shape) -> Vec<[f64; 2]> {
     let round = |centre: [f64; 2], radius: f64, from: f64, part: f64| {
         (0..=CORNERS).map(move |corner| {
             let angle = from + part * f64::from(corner) / f64::from(CORNERS);
@@ -172,11 +172,9 @@ fn outline(shape: &FeatureShape) -> Vec<[f64; 2]> {
         })
     };
     match shape {
-        FeatureShape::Rectangle(rectangle) => rectangle.corners().to_vec(),
-        FeatureShape::Disc(disc) => {
-            round(disc.centre, disc.radius, 0.0, std::f64::consts::TAU).collect()
-        }
-        FeatureShape::Band(band) => {
+        Shape::Rectangle(rectangle) => rectangle.corners().to_vec(),
+        Shape::Disc(disc) => round(disc.centre, disc.radius, 0.0, std::f64::consts::TAU).collect(),
+        Shape::Band(band) => {
             let [from, to] = band.ends;
             let heading = (to[1] - from[1]).atan2(to[0] - from[0]);
             let quarter = std::f64::consts::FRAC_PI_2;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use maud::{Markup, PreEscaped, html};
-use sim_physics::world::{Feature, FeatureKind, FeatureShape};
+use sim_physics::world::{Feature, FeatureKind, Shape};
 
 use super::film::{Film, Way};
 
@@ -153,9 +153,9 @@ fn class(kind: FeatureKind) -> &'static str {
 /// Tells whether any of it can be seen.
 fn is_near(view: &View, feature: &Feature) -> bool {
     let (points, reach) = match &feature.shape {
-        FeatureShape::Rectangle(rectangle) => (rectangle.corners().to_vec(), 0.0),
-        FeatureShape::Disc(disc) => (vec![disc.centre], disc.radius),
-        FeatureShape::Band(band) => (band.ends.to_vec(), band.radius),
+        Shape::Rectangle(rectangle) => (rectangle.corners().to_vec(), 0.0),
+        Shape::Disc(disc) => (vec![disc.centre], disc.radius),
+        Shape::Band(band) => (band.ends.to_vec(), band.radius),
     };
     (0..2).all(|axis| {
         let at = points.iter().map(|point| point[axis]);
@@ -168,14 +168,14 @@ fn is_near(view: &View, feature: &Feature) -> bool {
 fn shape(view: &View, feature: &Feature, class: &str) -> Markup {
     let number = |length: f64| format!("{:.1}", length * view.scale);
     match &feature.shape {
-        FeatureShape::Rectangle(rectangle) => {
+        Shape::Rectangle(rectangle) => {
             html! { polygon class=(class) points=(view.points(rectangle.corners())) {} }
         }
-        FeatureShape::Disc(disc) => {
+        Shape::Disc(disc) => {
             let [x, y] = view.at(disc.centre).map(|at| format!("{at:.1}"));
             html! { circle class=(class) cx=(x) cy=(y) r=(number(disc.radius)) {} }
         }
-        FeatureShape::Band(band) => html! {
+        Shape::Band(band) => html! {
             polyline class=(format!("{class} band")) points=(view.points(band.ends))
                 stroke-width=(number((band.radius * 2.0).max(1.5 / view.scale))) {}
         },

@@ -16,7 +16,7 @@ use crate::world::World;
 pub(super) struct Drive {
     pub(super) gear: RunningGear<WHEELS, Slanted>,
     motors: [Motor; WHEELS],
-    pulses: [PulseWire; WHEELS],
+    pub(super) pulses: [PulseWire; WHEELS],
     /// Factor by which each wheel turns faster than it should.
     speed_factors: [f64; WHEELS],
     /// Factor by which the rollers of each wheel drag more than they should.
@@ -89,16 +89,6 @@ impl Drive {
         self.gear.set_masses(&own, &carried);
     }
 
-    pub(super) fn set_directed(&mut self, directed: bool) {
-        for pulses in &mut self.pulses {
-            pulses.set_directed(directed);
-        }
-    }
-
-    pub(super) fn count(&self, wheel: Wheel) -> u32 {
-        self.pulses[wheel.index()].count()
-    }
-
     /// Takes over the velocity that a step really ended with.
     pub(super) fn follow(
         &mut self,
@@ -156,7 +146,7 @@ impl MecanumPlant {
     }
 
     /// Returns what a wheel's motor is asked to do.
-    pub(super) fn order(&self, wheel: Wheel) -> Order {
+    fn order(&self, wheel: Wheel) -> Order {
         let faults = &self.wheel_faults[wheel.index()];
         if faults.brake_stuck_on {
             return Order::Brake;
@@ -175,13 +165,25 @@ impl MecanumPlant {
             }
         }
     }
+
+    /// Counts how long the car has been slow enough, and then brings it to a full stop.
+    pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
+        let could_stand = self.drive.gear.is_slow(&self.body) && !self.is_driven();
+        let (gear, body) = (&mut self.drive.gear, &mut self.body);
+        gear.settle(body, world, seconds, could_stand);
+    }
+
+    /// Tells whether something is trying to move the car.
+    fn is_driven(&self) -> bool {
+        let turns = |wheel| matches!(self.order(wheel), Order::Turn(speed) if speed != 0.0);
+        self.body.total_push() != [0.0; 3] || Wheel::ALL.into_iter().any(turns)
+    }
 }
 
 /// Computes the forces of one step and gives the body the velocity they lead to. The motors answer to
 /// the speeds at the end of the step: their control is quicker than the step.
 pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
-    let push = plant.total_push();
     let grips = Wheel::ALL.map(|wheel| {
         let order = plant.order(wheel);
         let drive = &mut plant.drive;
@@ -202,8 +204,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
             blocked: faults.blocked,
         }
     });
-    let (body, most_friction) = (plant.body.id(), plant.faults.body.friction);
-    drive.gear.step(world, body, &drives, push, most_friction);
+    drive.gear.step(world, &plant.body, &drives);
     for (index, grip) in grips.iter().enumerate() {
         drive.motor_torque[index] = grip.gain * (grip.speed - drive.gear.wheel_speed[index]);
     }

@@ -12,9 +12,9 @@ pub(super) struct PulseWire {
     angle: f64,
     edge: f64,
     /// Set if the counter counts down when the wheel turns back.
-    directed: bool,
+    pub(super) directed: bool,
     /// Count that shows.
-    count: u32,
+    pub(super) count: u32,
     /// Count that a stuck counter keeps back.
     held_back: u32,
 }
@@ -31,15 +31,6 @@ impl PulseWire {
             count: 0,
             held_back: 0,
         }
-    }
-
-    pub(super) fn count(&self) -> u32 {
-        self.count
-    }
-
-    /// Has the counter count down when the wheel turns back, or up both ways.
-    pub(super) fn set_directed(&mut self, directed: bool) {
-        self.directed = directed;
     }
 
     /// Seconds until the next pulse if the wheel turns on with this speed, rad/s; none of one that
@@ -113,7 +104,7 @@ mod tests {
                         EncoderState::Working,
                     );
                 }
-                assert_eq!(wire.count(), 60, "{sign} {pieces}");
+                assert_eq!(wire.count, 60, "{sign} {pieces}");
             }
         }
     }
@@ -125,9 +116,9 @@ mod tests {
             for count in 1..=5 {
                 let seconds = wire.next_in(speed).unwrap();
                 wire.turn(speed * seconds * 0.999, EncoderState::Working);
-                assert_eq!(wire.count(), count - 1, "{speed}");
+                assert_eq!(wire.count, count - 1, "{speed}");
                 wire.turn(speed * seconds * 0.002, EncoderState::Working);
-                assert_eq!(wire.count(), count, "{speed}");
+                assert_eq!(wire.count, count, "{speed}");
             }
         }
         assert_eq!(wire().next_in(0.0), None);
@@ -138,35 +129,35 @@ mod tests {
         let mut wire = wire();
         wire.turn(5.0 * PULSE, EncoderState::Working);
         wire.turn(-5.0 * PULSE, EncoderState::Working);
-        assert_eq!(wire.count(), 10);
+        assert_eq!(wire.count, 10);
         wire.turn(0.51 * PULSE, EncoderState::Working);
-        let count = wire.count();
+        let count = wire.count;
         for _ in 0..100 {
             wire.turn(-0.02 * PULSE, EncoderState::Working);
             wire.turn(0.02 * PULSE, EncoderState::Working);
         }
-        assert_eq!(wire.count(), count);
+        assert_eq!(wire.count, count);
     }
 
     #[test]
     fn a_counter_with_a_direction_counts_down() {
         let mut wire = wire();
-        wire.set_directed(true);
+        wire.directed = true;
         wire.turn(-5.0 * PULSE, EncoderState::Working);
-        assert_eq!(wire.count().cast_signed(), -5);
+        assert_eq!(wire.count.cast_signed(), -5);
         wire.turn(-2.0 * PULSE, EncoderState::Stuck);
         wire.turn(12.0 * PULSE, EncoderState::Working);
-        assert_eq!(wire.count(), 5);
+        assert_eq!(wire.count, 5);
     }
 
     #[test]
     fn a_lost_wire_loses_pulses_and_a_stuck_counter_keeps_them() {
         let mut wire = wire();
         wire.turn(10.0 * PULSE, EncoderState::Lost);
-        assert_eq!(wire.count(), 0);
+        assert_eq!(wire.count, 0);
         wire.turn(10.0 * PULSE, EncoderState::Stuck);
-        assert_eq!(wire.count(), 0);
+        assert_eq!(wire.count, 0);
         wire.turn(PULSE, EncoderState::Working);
-        assert_eq!(wire.count(), 11);
+        assert_eq!(wire.count, 11);
     }
 }

@@ -1,7 +1,7 @@
 //! Deeds of an operator, a scenario or bad luck to the car.
 
+use super::MecanumPlant;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
-use super::{BOUNDS, MecanumPlant};
 use crate::faults::{BodyFaults, MotorFaults};
 use crate::vehicle_body::number;
 use crate::world::World;
@@ -64,7 +64,6 @@ impl MecanumFaults {
     /// can hear them.
     fn within_limits(&self, hearing: f64) -> Self {
         Self {
-            body: self.body.within(BOUNDS),
             ultrasonic: self.ultrasonic.map(|sensor| match sensor {
                 Ultrasonic::Ghost(distance) => {
                     Ultrasonic::Ghost(number(distance).clamp(0.0, hearing))
@@ -88,8 +87,8 @@ impl MecanumPlant {
             let jump = before[port].wrapping_sub(after[port]);
             *offset = offset.wrapping_add(jump);
         }
+        self.body.set_faults(&faults.body);
         self.follow_payload(world);
-        self.body.wake();
     }
 
     /// Returns the faults of the car as a whole.
@@ -120,7 +119,7 @@ impl MecanumPlant {
     }
 
     pub(super) fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.body.payload() + self.faults.body.payload;
+        let payload = self.body.total_payload();
         self.drive.set_payload(&self.settings, payload);
         world.set_mass(
             self.body.id(),

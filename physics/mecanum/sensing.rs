@@ -49,7 +49,7 @@ impl MecanumPlant {
         for (pulses, offset) in pulses.iter_mut().zip(self.pulse_offset) {
             *pulses = pulses.wrapping_add(offset);
         }
-        let seen = self.sensors.seen();
+        let seen = self.sensors.seen;
         MecanumMeasurements {
             board_powered: self.is_supplied(),
             pulses,
@@ -69,7 +69,7 @@ impl MecanumPlant {
     pub(super) fn raw_pulses(&self) -> [u32; PORTS] {
         let mut pulses = [0; PORTS];
         for wheel in Wheel::ALL {
-            let count = self.drive.count(wheel);
+            let count = self.drive.pulses[wheel.index()].count;
             // A motor that is plugged in the other way round counts the other way, too.
             let turned_round = self.directed_encoders && self.wiring.is_reversed(wheel);
             pulses[self.wiring.port(wheel).index()] = if turned_round {

@@ -33,8 +33,8 @@ pub(super) struct Sensors {
     /// Of a distance, m.
     noise: f64,
     crosstalk: f64,
-    chance: Noise,
-    seen: Seen,
+    pub(super) chance: Noise,
+    pub(super) seen: Seen,
 }
 
 /// A cone in the axes of the body.
@@ -117,14 +117,6 @@ impl Sensors {
             chance: Noise::new(0, "ultrasonic"),
             seen: Seen::default(),
         }
-    }
-
-    pub(super) fn set_chance(&mut self, chance: Noise) {
-        self.chance = chance;
-    }
-
-    pub(super) fn seen(&self) -> &Seen {
-        &self.seen
     }
 
     /// Looks with those sensors that are due, if anything has changed since they last did.

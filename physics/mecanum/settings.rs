@@ -5,9 +5,9 @@ use std::time::Duration;
 use sim_settings::{choices, settings};
 
 use super::signals::{Plugs, Wheel, Wiring};
-use crate::rest::RestSettings;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
+use crate::vehicle_body::RestSettings;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;
@@ -51,9 +51,7 @@ settings! {
         /// Limits below which a car counts as standing.
         rest: RestSettings,
     }
-}
 
-settings! {
     /// Chassis and payload.
     pub struct CarBodySettings {
         /// Length of the car.
@@ -76,9 +74,7 @@ settings! {
         /// Height of the payload's centre of mass above the ground.
         payload_height: f64 = 0.2, unit "m", range 0.0..=3.0, assumed "on the deck";
     }
-}
 
-settings! {
     /// Wheels and rollers.
     pub struct MecanumWheelSettings {
         /// Radius of a wheel over its rollers.
@@ -113,9 +109,7 @@ settings! {
         rolling_resistance: f64 = 0.02, range 0.0..=0.5,
             assumed "rubber on a hard floor, 0.01 to 0.03 in textbooks";
     }
-}
 
-settings! {
     /// Brushless gear motors with speed control; speeds and torques are those of the wheel.
     pub struct CarMotorSettings {
         /// Speed at full speed voltage.
@@ -147,9 +141,7 @@ settings! {
         at_zero_speed: ZeroSpeed = ZeroSpeed::Coast,
             assumed "most controllers switch their bridge off";
     }
-}
 
-settings! {
     /// Encoders.
     pub struct EncoderSettings {
         /// Pulses of PG for one revolution of a wheel.
@@ -159,9 +151,7 @@ settings! {
         hysteresis: f64 = 0.1, range 0.0..=0.9,
             assumed "Hall sensors have a little, so that a standing wheel gives no pulses";
     }
-}
 
-settings! {
     /// Ultrasonic sensors; lists are four in front from left to right, then four in the rear from
     /// left to right, where left is the car's left.
     pub struct UltrasonicSettings {
@@ -192,9 +182,7 @@ settings! {
         period: Duration = MS(60), range MS(1)..=S(10),
             assumed "common advice, so that no echo of the ping before is heard";
     }
-}
 
-settings! {
     /// The infrared sensor.
     pub struct BeamSettings {
         /// Place ahead of the car's middle.
@@ -208,9 +196,7 @@ settings! {
         /// Time between two looks.
         period: Duration = MS(20), range MS(1)..=S(10), assumed "quick beside the status packet";
     }
-}
 
-settings! {
     /// The RFID reader under the car.
     pub struct ReaderSettings {
         /// Place ahead of the car's middle.
@@ -222,9 +208,7 @@ settings! {
         /// Time between two readings.
         period: Duration = MS(50), range MS(1)..=S(10), assumed "common readers, 20 tags a second";
     }
-}
 
-settings! {
     /// The bar of 16 magnetic sensors across the car.
     pub struct BarSettings {
         /// Place of its middle ahead of the car's middle.

@@ -8,18 +8,19 @@ pub(super) struct Battery {
     /// Open-circuit voltage from empty to full in steps of 10 %, V.
     open_circuit: [f64; 11],
     /// Of the packs and their wiring, Ω.
-    resistance: f64,
+    pub(super) resistance: f64,
     /// A·s
     capacity: f64,
     /// 0–1
     soc: f64,
     /// Share of the capacity that a fault has taken away for as long as it lasts.
-    missing: f64,
+    pub(super) missing: f64,
     /// A·s drawn so far.
     drawn: f64,
     /// 0–1
     charge_limit: f64,
-    full: bool,
+    /// It takes no more charge.
+    pub(super) full: bool,
 }
 
 /// A battery that was full takes charge again when it has lost this share.
@@ -54,26 +55,13 @@ impl Battery {
         low + (high - low) * fraction
     }
 
-    pub(super) fn resistance(&self) -> f64 {
-        self.resistance
-    }
-
     pub(super) fn soc(&self) -> f64 {
         (self.soc - self.missing).max(0.0)
-    }
-
-    /// Tells whether it takes no more charge.
-    pub(super) fn is_full(&self) -> bool {
-        self.full
     }
 
     /// Without what is missing.
     pub(super) fn own_soc(&self) -> f64 {
         self.soc
-    }
-
-    pub(super) fn set_missing(&mut self, share: f64) {
-        self.missing = share;
     }
 
     /// A·h

@@ -116,8 +116,5 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     plant.follow_duty(dt);
     let drives = Side::BOTH.map(|side| plant.wheel_drive(side, dt));
-    let push = plant.total_push();
-    let (body, most_friction) = (plant.body.id(), plant.faults.body.friction);
-    let gear = &mut plant.drive.gear;
-    gear.step(world, body, &drives, push, most_friction);
+    plant.drive.gear.step(world, &plant.body, &drives);
 }

@@ -1,8 +1,8 @@
 //! Deeds of an operator, a scenario or bad luck to the vehicle.
 
+use super::R150Plant;
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
-use super::{BOUNDS, R150Plant};
 use crate::faults::{BodyFaults, MotorFaults};
 use crate::vehicle_body::{number, within};
 use crate::world::World;
@@ -48,7 +48,6 @@ impl R150Faults {
                 right: within(self.encoder_error.right, 1e5),
                 left: within(self.encoder_error.left, 1e5),
             },
-            body: self.body.within(BOUNDS),
             ..*self
         }
     }
@@ -58,10 +57,10 @@ impl R150Plant {
     /// Replaces all that is wrong with the vehicle as a whole.
     pub fn set_faults(&mut self, world: &mut World, faults: &R150Faults) {
         self.faults = faults.within_limits();
-        self.slow.battery.set_missing(self.faults.missing_charge);
+        self.slow.battery.missing = self.faults.missing_charge;
+        self.body.set_faults(&faults.body);
         self.follow_payload(world);
         self.solve_network();
-        self.body.wake();
     }
 
     /// Returns the faults of the vehicle as a whole.
@@ -107,7 +106,7 @@ impl R150Plant {
     }
 
     pub(super) fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.body.payload() + self.faults.body.payload;
+        let payload = self.body.total_payload();
         self.drive.set_payload(&self.settings, payload);
         world.set_mass(
             self.body.id(),
@@ -135,7 +134,7 @@ impl R150Plant {
     /// Tells whether a fuse has blown.
     #[must_use]
     pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
-        self.slow.fuses[fuse.index()].is_blown() || self.faults.fuses_out[fuse.index()]
+        self.slow.fuses[fuse.index()].blown || self.faults.fuses_out[fuse.index()]
     }
 
     /// Returns what is wired to a PWM input, 0–3.

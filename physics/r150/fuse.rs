@@ -44,7 +44,7 @@ pub(super) struct Fuse {
     time_constant: f64,
     /// In terms of the steady current that makes it, A².
     warmth: f64,
-    blown: bool,
+    pub(super) blown: bool,
 }
 
 impl Fuse {
@@ -63,14 +63,6 @@ impl Fuse {
                 blown: false,
             }
         })
-    }
-
-    pub(super) fn is_blown(&self) -> bool {
-        self.blown
-    }
-
-    pub(super) fn blow(&mut self) {
-        self.blown = true;
     }
 
     /// Seconds until a steady current blows it.

@@ -34,16 +34,12 @@ impl R150Plant {
 
     /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
     pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
-        let radius = self.settings.tyre.wheel_radius;
-        let tyre_speeds = self.drive.gear.wheel_speed.map(|speed| speed * radius);
-        let could_stand = self.body.is_slow(tyre_speeds) && !self.is_driven();
-        let velocity = self.body.motion().body_velocity();
-        if !self.body.settle(world, seconds, could_stand) {
-            return;
+        let could_stand = self.drive.gear.is_slow(&self.body) && !self.is_driven();
+        let (gear, body) = (&mut self.drive.gear, &mut self.body);
+        if gear.settle(body, world, seconds, could_stand) {
+            self.note_encoders();
+            self.solve_network();
         }
-        self.drive.gear.stand(velocity);
-        self.note_encoders();
-        self.solve_network();
     }
 
     /// Tells whether something is trying to move the vehicle. A motor against a blocked wheel
@@ -54,12 +50,6 @@ impl R150Plant {
             let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
             port.connected && (port.duty != 0.0 || driven)
         });
-        motors || self.total_push() != [0.0; 3]
-    }
-
-    /// Ahead, left, counter-clockwise; N and N·m.
-    pub(super) fn total_push(&self) -> [f64; 3] {
-        let push = self.body.push();
-        std::array::from_fn(|part| push[part] + self.faults.body.push[part])
+        motors || self.body.total_push() != [0.0; 3]
     }
 }

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::rest::RestSettings;
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
+use crate::vehicle_body::RestSettings;
 
 sim_settings::settings! {
     /// The vehicle around the module.
@@ -33,9 +33,7 @@ sim_settings::settings! {
         /// Limits below which a vehicle counts as standing.
         rest: RestSettings,
     }
-}
 
-sim_settings::settings! {
     /// Chassis and payload.
     pub struct BodySettings {
         /// Length of the chassis.
@@ -113,9 +111,7 @@ sim_settings::settings! {
         brake_torque: f64 = 200.0, unit "N*m", range 0.0..=10000.0,
             assumed "holds the loaded vehicle on its steepest slope with a margin of two";
     }
-}
 
-sim_settings::settings! {
     /// Warming of the motors and of their drivers, each with the square of the motor's current. A
     /// driver allows less current above a temperature and none above another.
     pub struct MotorThermalSettings {
@@ -149,9 +145,7 @@ sim_settings::settings! {
         driver_shut_off: f64 = 95.0, unit "degC", range -60.0..=500.0,
             assumed "drivers end at 85 to 100 degC at their plate";
     }
-}
 
-sim_settings::settings! {
     /// Two packs of 13 cells in parallel.
     pub struct BatterySettings {
         /// Charge at the start.
@@ -180,9 +174,7 @@ sim_settings::settings! {
         wiring_resistance: f64 = 0.005, unit "ohm", range 0.0005..=10.0,
             assumed "short thick cables and a connector";
     }
-}
 
-sim_settings::settings! {
     /// The module's outputs and what it draws itself.
     pub struct RailSettings {
         /// Voltage of the 12 V outputs without load.
@@ -210,9 +202,7 @@ sim_settings::settings! {
         small_modules_power: f64 = 20.0, unit "W", range 0.0..=500.0,
             assumed "controller, lights and sounder";
     }
-}
 
-sim_settings::settings! {
     /// Fuses of the junction box.
     pub struct FuseSettings {
         /// Fuse of each motor's supply.
@@ -229,9 +219,7 @@ sim_settings::settings! {
             range Duration::from_millis(10)..=Duration::from_secs(1000),
             assumed "twice the rating then blows in about five seconds";
     }
-}
 
-sim_settings::settings! {
     /// Warming of the 12 V converters.
     pub struct ThermalSettings {
         /// Temperature around the vehicle.
@@ -258,9 +246,7 @@ sim_settings::choices! {
         /// Last measurement.
         Last = "last",
     }
-}
 
-sim_settings::choices! {
     /// Reading of an input while its level never changes.
     pub enum SteadyLevel {
         /// The same as of any signal that it cannot measure.
@@ -268,9 +254,7 @@ sim_settings::choices! {
         /// 0 Hz, and a duty of 0 or 100 % as the level is.
         Level = "level",
     }
-}
 
-sim_settings::choices! {
     /// Level whose share the duty of an open-drain output is.
     pub enum OutputDuty {
         /// The time in which it lets go of the line, which is then high.

@@ -100,7 +100,7 @@ impl SlowStates {
             .filter_map(|(fuse, current)| fuse.time_to_blow(current).map(|time| (time, fuse)))
             .min_by(|(first, _), (second, _)| first.total_cmp(second));
         if let Some((_, fuse)) = due {
-            fuse.blow();
+            fuse.blown = true;
         }
     }
 }

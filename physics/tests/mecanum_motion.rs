@@ -8,7 +8,7 @@ mod car;
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
 use sim_physics::faults::MotorFaults;
 use sim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, Wiring};
-use sim_physics::world::{Area, FrictionPatch, Rectangle};
+use sim_physics::world::{FrictionPatch, Rectangle, Shape};
 use sim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
 
 fn unsupplied() -> MecanumFaults {
@@ -385,7 +385,7 @@ fn each_wheel_stands_on_its_own_ground() {
     // Ice under the left wheels only.
     let ice = Rectangle::new([5.0, 0.5], 0.0, 20.0, 1.0);
     car.world.add_friction(&FrictionPatch {
-        area: Area::Rectangle(ice),
+        area: Shape::Rectangle(ice),
         friction: 0.02,
     });
     car.turn(FORWARD, 1.0);

@@ -70,8 +70,6 @@ fn with_numbers(literal: &str, change: fn(f64) -> f64) -> String {
 /// Names of the settings that no story tells of.
 fn unnoticed<S: Settings + Default>(stories: &[fn(&S) -> Vec<String>]) -> Vec<String> {
     let usual: Vec<_> = stories.iter().map(|story| story(&S::default())).collect();
-    let mut entries = Vec::new();
-    S::default().visit("", &mut |entry| entries.push(entry));
     let matters = |entry: &Entry| {
         others(entry).into_iter().any(|literal| {
             let assignment = format!("{}={literal}", entry.key);
@@ -85,7 +83,10 @@ fn unnoticed<S: Settings + Default>(stories: &[fn(&S) -> Vec<String>]) -> Vec<St
                     .any(|(story, usual)| story(&settings) != *usual)
         })
     };
-    let dead = entries.into_iter().filter(|entry| !matters(entry));
+    let dead = S::default()
+        .entries()
+        .into_iter()
+        .filter(|entry| !matters(entry));
     dead.map(|entry| entry.key).collect()
 }
 

@@ -1,5 +1,16 @@
 //! Parts of the plane: what stands on it, and where the ground is another.
 
+/// A part of the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A rectangle.
+    Rectangle(Rectangle),
+    /// A disc.
+    Disc(Disc),
+    /// A band with round ends.
+    Band(Band),
+}
+
 /// A rectangle that may be turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rectangle {
@@ -27,6 +38,31 @@ pub struct Band {
     pub ends: [[f64; 2]; 2],
     /// Half its thickness, m.
     pub radius: f64,
+}
+
+impl Shape {
+    /// Tells whether a point lies in it or on its rim.
+    #[must_use]
+    pub fn contains(&self, point: [f64; 2]) -> bool {
+        match self {
+            Self::Rectangle(rectangle) => rectangle.contains(point),
+            Self::Disc(disc) => disc.contains(point),
+            Self::Band(band) => band.contains(point),
+        }
+    }
+
+    /// A disc that holds it.
+    pub(super) fn bounds(&self) -> ([f64; 2], f64) {
+        match self {
+            Self::Rectangle(Rectangle { centre, half, .. }) => (*centre, half[0] + half[1]),
+            Self::Disc(Disc { centre, radius }) => (*centre, *radius),
+            Self::Band(Band { ends, radius }) => {
+                let [start, end] = *ends;
+                let middle = [(start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0];
+                (middle, square(from(middle, end)).sqrt() + radius)
+            }
+        }
+    }
 }
 
 impl Rectangle {

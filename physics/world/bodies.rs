@@ -120,12 +120,6 @@ impl World {
         self.bodies[id.0].collisions
     }
 
-    /// The name that a body was added under.
-    #[must_use]
-    pub fn name(&self, id: BodyId) -> &str {
-        &self.bodies[id.0].name
-    }
-
     fn rigid_body(&self, id: BodyId) -> &rapier::RigidBody {
         &self.rapier.bodies[self.bodies[id.0].handle]
     }

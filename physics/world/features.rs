@@ -1,9 +1,7 @@
 //! The world as a map shows it.
 
 use super::World;
-use super::area::{Band, Disc, Rectangle};
-use super::map::Area;
-use super::scan::Solid;
+use super::area::{Band, Disc, Shape};
 use super::terrain::Change;
 
 /// How wide a magnetic strip is shown, m.
@@ -17,7 +15,7 @@ pub struct Feature {
     /// Kind of it.
     pub kind: FeatureKind,
     /// Place of it.
-    pub shape: FeatureShape,
+    pub shape: Shape,
 }
 
 /// Kind of a feature.
@@ -35,17 +33,6 @@ pub enum FeatureKind {
     Obstacle,
 }
 
-/// The shape of a feature.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum FeatureShape {
-    /// A rectangle.
-    Rectangle(Rectangle),
-    /// A disc.
-    Disc(Disc),
-    /// A band with round ends.
-    Band(Band),
-}
-
 impl World {
     /// All that lies and stands around, the lowest first. Vehicles are none of it.
     pub fn features(&self) -> impl Iterator<Item = Feature> {
@@ -54,33 +41,26 @@ impl World {
                 Change::Slope(_) => FeatureKind::Slope,
                 Change::Friction(ground) => FeatureKind::Friction(ground.friction()),
             },
-            shape: match *area {
-                Area::Rectangle(rectangle) => FeatureShape::Rectangle(rectangle),
-                Area::Disc(disc) => FeatureShape::Disc(disc),
-            },
+            shape: *area,
         });
         let strips = self.strips.iter().map(|piece| Feature {
             kind: FeatureKind::Strip,
-            shape: FeatureShape::Band(Band {
+            shape: Shape::Band(Band {
                 radius: STRIP_WIDTH / 2.0,
                 ..*piece
             }),
         });
         let tags = self.tags.iter().map(|tag| Feature {
             kind: FeatureKind::Tag(tag.number),
-            shape: FeatureShape::Disc(Disc {
+            shape: Shape::Disc(Disc {
                 centre: tag.at,
                 radius: TAG_RADIUS,
             }),
         });
         let solids = self.obstacles().flat_map(|obstacle| obstacle.solids());
-        let obstacles = solids.map(|solid| Feature {
+        let obstacles = solids.map(|shape| Feature {
             kind: FeatureKind::Obstacle,
-            shape: match solid {
-                Solid::Rectangle(rectangle) => FeatureShape::Rectangle(rectangle),
-                Solid::Disc(disc) => FeatureShape::Disc(disc),
-                Solid::Band(band) => FeatureShape::Band(band),
-            },
+            shape,
         });
         areas.chain(strips).chain(tags).chain(obstacles)
     }

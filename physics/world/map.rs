@@ -1,6 +1,6 @@
 //! Things that lie and stand on the plane.
 
-use super::area::{Disc, Rectangle};
+use super::area::Shape;
 use super::obstacle::{ObstacleError, Obstacles};
 use super::scan::Tag;
 use super::{World, WorldSettings};
@@ -22,20 +22,11 @@ pub struct WorldMap {
     pub strips: Vec<Strip>,
 }
 
-/// A part of the plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Area {
-    /// A rectangle.
-    Rectangle(Rectangle),
-    /// A disc.
-    Disc(Disc),
-}
-
 /// Sloping ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slope {
     /// Place of it.
-    pub area: Area,
+    pub area: Shape,
     /// Steepness of it.
     pub slope: f64,
     /// Direction in which it rises.
@@ -46,7 +37,7 @@ pub struct Slope {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPatch {
     /// Place of it.
-    pub area: Area,
+    pub area: Shape,
     /// Coefficient of friction between wheel and ground.
     pub friction: f64,
 }
@@ -60,17 +51,6 @@ pub struct Strip {
     pub closed: bool,
     /// Radius with which it goes around its points; where it does not fit, as much as does.
     pub corner_radius: f64,
-}
-
-impl Area {
-    /// Tells whether a point lies in it or on its rim.
-    #[must_use]
-    pub fn contains(&self, point: [f64; 2]) -> bool {
-        match self {
-            Self::Rectangle(rectangle) => rectangle.contains(point),
-            Self::Disc(disc) => disc.contains(point),
-        }
-    }
 }
 
 /// Most parts of a world: boxes, posts, areas, tags, and the pieces of walls and strips. With so

@@ -1,8 +1,7 @@
 //! Things that stand on the plane and are no vehicles: walls, boxes, posts.
 
-use super::area::{Band, Disc, Rectangle, from};
+use super::area::{Band, Disc, Rectangle, Shape, from};
 use super::map::MOST_PARTS;
-use super::scan::Solid;
 use crate::pose::Pose;
 
 /// The plane ends here, m.
@@ -163,7 +162,7 @@ impl Obstacle {
     }
 
     /// Its parts, as sensors see them.
-    pub(super) fn solids(&self) -> Vec<Solid> {
+    pub(super) fn solids(&self) -> Vec<Shape> {
         match &self.shape {
             ObstacleShape::Wall {
                 points,
@@ -173,15 +172,15 @@ impl Obstacle {
                 let back = points.first().filter(|_| *closed && points.len() > 2);
                 let ends = points.iter().skip(1).chain(back);
                 let piece = |(from, to): (&[f64; 2], &[f64; 2])| {
-                    Solid::Band(Band {
+                    Shape::Band(Band {
                         ends: [*from, *to],
                         radius: thickness / 2.0,
                     })
                 };
                 points.iter().zip(ends).map(piece).collect()
             }
-            ObstacleShape::Box(rectangle) => vec![Solid::Rectangle(*rectangle)],
-            ObstacleShape::Circle(disc) => vec![Solid::Disc(*disc)],
+            ObstacleShape::Box(rectangle) => vec![Shape::Rectangle(*rectangle)],
+            ObstacleShape::Circle(disc) => vec![Shape::Disc(*disc)],
         }
     }
 }

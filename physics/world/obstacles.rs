@@ -2,9 +2,8 @@
 
 use rapier2d::prelude as rapier;
 
-use super::area::{Band, Disc, Rectangle};
+use super::area::{Band, Disc, Rectangle, Shape};
 use super::obstacle::{Obstacle, ObstacleError, free};
-use super::scan::Solid;
 use super::{World, rapier_pose, rapier_vector};
 use crate::pose::Pose;
 
@@ -12,7 +11,7 @@ use crate::pose::Pose;
 pub(super) struct Standing {
     obstacle: Obstacle,
     /// As sensors see it.
-    solids: Vec<Solid>,
+    solids: Vec<Shape>,
     colliders: Vec<rapier::ColliderHandle>,
 }
 
@@ -91,7 +90,7 @@ impl World {
     }
 
     /// Lists what stands around, as sensors see it.
-    pub(super) fn solids(&self) -> impl Iterator<Item = &Solid> {
+    pub(super) fn solids(&self) -> impl Iterator<Item = &Shape> {
         self.standing.iter().flat_map(|standing| &standing.solids)
     }
 
@@ -137,9 +136,9 @@ impl World {
 
 /// A wall is a capsule because a fast body cannot slip through one; rapier's line segment has no
 /// thickness.
-fn collider(solid: &Solid) -> rapier::ColliderBuilder {
+fn collider(solid: &Shape) -> rapier::ColliderBuilder {
     match solid {
-        Solid::Rectangle(Rectangle {
+        Shape::Rectangle(Rectangle {
             centre: [x, y],
             direction: [cos, sin],
             half: [length, width],
@@ -148,10 +147,10 @@ fn collider(solid: &Solid) -> rapier::ColliderBuilder {
             y: *y,
             heading: libm::atan2(*sin, *cos),
         })),
-        Solid::Disc(Disc { centre, radius }) => {
+        Shape::Disc(Disc { centre, radius }) => {
             rapier::ColliderBuilder::ball(*radius).translation(rapier_vector(*centre))
         }
-        Solid::Band(Band {
+        Shape::Band(Band {
             ends: [from, to],
             radius,
         }) => rapier::ColliderBuilder::capsule_from_endpoints(

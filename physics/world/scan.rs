@@ -4,7 +4,7 @@
 //! lies within the cone and faces the sensor well enough; ends and corners face every way. Nothing
 //! is too thin to be seen.
 
-use super::area::{Band, Disc, Rectangle, dot, from, square};
+use super::area::{Band, Disc, Rectangle, Shape, dot, from, square};
 use super::{BodyId, World};
 
 /// The cone of an ultrasonic sensor, or with no width the beam of an infrared one.
@@ -20,14 +20,6 @@ pub struct Cone {
     pub grazing: f64,
     /// Range, m.
     pub range: f64,
-}
-
-/// A thing that sends an echo back.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Solid {
-    Rectangle(Rectangle),
-    Disc(Disc),
-    Band(Band),
 }
 
 /// An RFID tag on the ground.
@@ -53,7 +45,7 @@ impl World {
                 continue;
             }
             let motion = self.motion(id);
-            nearest.look_at(&Solid::Rectangle(Rectangle {
+            nearest.look_at(&Shape::Rectangle(Rectangle {
                 centre: [motion.x, motion.y],
                 direction: [motion.cos, motion.sin],
                 half: body.half,
@@ -118,22 +110,22 @@ impl<'c> Nearest<'c> {
         Self { cone, found: None }
     }
 
-    fn look_at(&mut self, solid: &Solid) {
+    fn look_at(&mut self, solid: &Shape) {
         let (centre, radius) = solid.bounds();
         let limit = self.limit() + radius;
         if square(from(self.cone.origin, centre)) > limit * limit {
             return;
         }
         match solid {
-            Solid::Rectangle(rectangle) if rectangle.contains(self.cone.origin) => self.note(0.0),
-            Solid::Rectangle(rectangle) => {
+            Shape::Rectangle(rectangle) if rectangle.contains(self.cone.origin) => self.note(0.0),
+            Shape::Rectangle(rectangle) => {
                 let corners = rectangle.corners();
                 for (index, corner) in corners.iter().enumerate() {
                     self.look_at_edge(*corner, corners[(index + 1) % 4]);
                 }
             }
-            Solid::Disc(disc) => self.look_at_disc(disc),
-            Solid::Band(band) => self.look_at_band(band),
+            Shape::Disc(disc) => self.look_at_disc(disc),
+            Shape::Band(band) => self.look_at_band(band),
         }
     }
 
@@ -233,21 +225,6 @@ impl<'c> Nearest<'c> {
     fn note(&mut self, distance: f64) {
         if distance <= self.limit() {
             self.found = Some(distance);
-        }
-    }
-}
-
-impl Solid {
-    /// A disc that holds it.
-    fn bounds(&self) -> ([f64; 2], f64) {
-        match self {
-            Self::Rectangle(Rectangle { centre, half, .. }) => (*centre, half[0] + half[1]),
-            Self::Disc(Disc { centre, radius }) => (*centre, *radius),
-            Self::Band(Band { ends, radius }) => {
-                let [start, end] = *ends;
-                let middle = [(start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0];
-                (middle, square(from(middle, end)).sqrt() + radius)
-            }
         }
     }
 }

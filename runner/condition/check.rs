@@ -236,7 +236,7 @@ impl<'a> Scope<'a> {
                         .and_then(|rest| rest.strip_prefix('.'))
                         .or_else(|| (self.usual == Some(index)).then_some(name))?;
                     let info = device.find_name(inner)?;
-                    Some((Origin::Device(index, info.getter()), info.unit))
+                    Some((Origin::Device(index, info.getter), info.unit))
                 });
         candidates.next().ok_or_else(|| self.unknown(name))
     }

@@ -73,7 +73,7 @@ impl Probe {
                 name: format!("{own}.{}", info.name),
                 unit: info.unit,
                 device: Some(device),
-                origin: Origin::Device(device, info.getter()),
+                origin: Origin::Device(device, info.getter),
             })
         };
         devices.iter().enumerate().flat_map(of_device).collect()

@@ -222,7 +222,7 @@ pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -
     schema::add_properties(&mut table, more);
     let own = devices.iter().map(|device| {
         let settings = (device.settings)();
-        sim_settings::schema_of(&settings).to_value()
+        sim_settings::schema_of(&*settings).to_value()
     });
     table["properties"]["settings"]["anyOf"] = own.collect();
     table

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use sim_settings::Root;
+use sim_settings::Settings;
 use toml::{Table, Value};
 
 use super::{DevicePlan, RigPlan};
@@ -77,10 +77,9 @@ fn table<const N: usize>(keys: [(&str, Value); N]) -> Table {
 }
 
 /// Every setting with its value as TOML.
-fn values(settings: &dyn Root) -> BTreeMap<String, String> {
-    let mut all = BTreeMap::new();
-    settings.visit(&mut |entry| drop(all.insert(entry.key, entry.value)));
-    all
+fn values(settings: &dyn Settings) -> BTreeMap<String, String> {
+    let entries = settings.entries().into_iter();
+    entries.map(|entry| (entry.key, entry.value)).collect()
 }
 
 /// Puts a value into the tables that its key names.

@@ -67,7 +67,7 @@ impl Run {
                 .enumerate()
                 .map(|(device, (plan, observed))| DeviceReport {
                     name: plan.name.clone(),
-                    report: observed.report().clone(),
+                    report: observed.report.clone(),
                     distance_m: self.rig.distance_m(device),
                 })
                 .collect(),
@@ -176,7 +176,7 @@ impl Run {
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
             let found: Vec<String> = self.observed[index]
-                .report()
+                .report
                 .held_against_client()
                 .filter(|(code, _)| match &demand.allowed {
                     Some(allowed) => !allowed.iter().any(|kind| kind == code),

@@ -17,7 +17,8 @@ pub struct NameInfo {
     pub unit: Unit,
     /// Meaning in a sentence.
     pub meaning: &'static str,
-    getter: Getter,
+    /// Way to its value.
+    pub getter: Getter,
 }
 
 /// Unit of a name's value.
@@ -55,7 +56,7 @@ impl<'a> View<'a> {
     /// Returns the notes of the device's own observer, if it is of this type.
     #[must_use]
     pub fn noted<T: super::Observer>(&self) -> Option<&'a T> {
-        (self.observed.own() as &dyn std::any::Any).downcast_ref()
+        (&*self.observed.own as &dyn std::any::Any).downcast_ref()
     }
 
     /// Seconds since `then`; without end if it never was.
@@ -197,11 +198,5 @@ impl NameInfo {
             meaning,
             getter: Getter::Count(code),
         }
-    }
-
-    /// Returns the way to its value.
-    #[must_use]
-    pub fn getter(&self) -> Getter {
-        self.getter
     }
 }

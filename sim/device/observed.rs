@@ -24,7 +24,8 @@ impl Observer for () {
 
 /// Observations of one device since the start.
 pub struct Observed {
-    report: Report,
+    /// Counts of its events.
+    pub report: Report,
     /// Events by their codes, also those that are held against nobody.
     counts: BTreeMap<&'static str, u64>,
     /// Number of its ports that are open.
@@ -35,7 +36,8 @@ pub struct Observed {
     pub last_motion: Option<(SimTime, f64)>,
     /// Number of requests for motion.
     pub motion_requests: u64,
-    own: Box<dyn Observer>,
+    /// Notes of the device's own observer.
+    pub own: Box<dyn Observer>,
 }
 
 impl Observed {
@@ -72,21 +74,9 @@ impl Observed {
         }
     }
 
-    /// Counts of its events.
-    #[must_use]
-    pub fn report(&self) -> &Report {
-        &self.report
-    }
-
     /// Counts the events of a code.
     #[must_use]
     pub fn count(&self, code: &str) -> f64 {
         names::as_number(self.counts.get(code).copied().unwrap_or(0))
-    }
-
-    /// Notes of the device's own observer.
-    #[must_use]
-    pub fn own(&self) -> &dyn Observer {
-        &*self.own
     }
 }

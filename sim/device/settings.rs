@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::fmt;
 
-use sim_settings::{Entry, Problem, Root, Settings, Value};
+use sim_settings::Settings;
 
 use crate::event::Same;
 
@@ -72,16 +72,6 @@ impl PartialEq for dyn DeviceSettings {
     }
 }
 
-impl Root for Box<dyn DeviceSettings> {
-    fn visit(&self, visit: &mut dyn FnMut(Entry)) {
-        Settings::visit(&**self, "", visit);
-    }
-
-    fn assign(&mut self, key: &str, value: &Value) -> Result<(), Problem> {
-        Settings::assign(&mut **self, key, value)
-    }
-}
-
 /// Joins a firmware's and a plant's settings under one name.
 #[macro_export]
 macro_rules! device_settings {
@@ -96,9 +86,9 @@ macro_rules! device_settings {
         }
 
         impl ::sim_settings::Settings for $name {
-            fn visit(&self, prefix: &str, visit: &mut dyn FnMut(::sim_settings::Entry)) {
-                self.firmware.visit(prefix, visit);
-                self.plant.visit(prefix, visit);
+            fn list(&self, prefix: &str, entries: &mut Vec<::sim_settings::Entry>) {
+                self.firmware.list(prefix, entries);
+                self.plant.list(prefix, entries);
             }
 
             fn assign(

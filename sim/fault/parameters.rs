@@ -107,25 +107,20 @@ impl JsonSchema for HexBytes {
     }
 }
 
-/// Declares a choice of words.
+/// Declares words that files have.
 macro_rules! words {
     ($( $(#[doc = $doc:literal])+ $name:ident $(default $default:ident)? {
         $( $(#[doc = $about:literal])+ $variant:ident = $word:literal $(or $alias:literal)?, )+
     } )+) => { $(
-        $(#[doc = $doc])+
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-        pub enum $name {
-            $( $(#[doc = $about])+ #[serde(rename = $word $(, alias = $alias)?)] $variant, )+
-        }
-
-        impl $name {
-            /// All of them.
-            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
-
-            /// As it is in files.
-            #[must_use]
-            pub fn as_str(self) -> &'static str {
-                match self { $(Self::$variant => $word,)+ }
+        sim_settings::words! {
+            $(#[doc = $doc])+
+            #[derive(Deserialize, Serialize, JsonSchema)]
+            pub enum $name {
+                $(
+                    $(#[doc = $about])+
+                    #[serde(rename = $word $(, alias = $alias)?)]
+                    $variant = $word,
+                )+
             }
         }
 
@@ -134,12 +129,6 @@ macro_rules! words {
                 Self::$default
             }
         } )?
-
-        impl fmt::Display for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(self.as_str())
-            }
-        }
     )+ };
 }
 

@@ -18,28 +18,12 @@ const SHORTEST_EVERY: Duration = Duration::from_millis(1);
 /// A protocol fault at work.
 pub(super) struct FrameFault {
     framing: &'static dyn Framing,
-    command: Option<u8>,
-    chance: f64,
-    most: Option<u64>,
-    effect: Effect,
+    fault: Fault,
     noise: Noise,
-}
-
-#[derive(Debug)]
-enum Effect {
-    Crc,
-    Command(Option<u8>),
-    Length(i8, WrongLength),
-    Torn,
-    Late(Duration),
-    Twice,
-    Missing,
-    Previous(Option<Vec<u8>>),
-    Unsolicited {
-        bytes: Vec<u8>,
-        every: Option<Duration>,
-        due: Option<SimTime>,
-    },
+    /// The frame before, for a fault that sends it again.
+    previous: Option<Vec<u8>>,
+    /// Time at which it next sends something by itself.
+    due: Option<SimTime>,
 }
 
 impl FrameFault {
@@ -48,43 +32,24 @@ impl FrameFault {
         now: SimTime,
         framing: &'static dyn Framing,
         noise: Noise,
-    ) -> Option<Self> {
-        let effect = match fault {
-            Fault::BadCrc { .. } => Effect::Crc,
-            Fault::WrongCommand { with, .. } => Effect::Command(*with),
-            Fault::WrongLength { by, what, .. } => Effect::Length(*by, *what),
-            Fault::TornReply { .. } => Effect::Torn,
-            Fault::LateReply { by, .. } => Effect::Late(by.0),
-            Fault::ReplyTwice { .. } => Effect::Twice,
-            Fault::MissingReply { .. } => Effect::Missing,
-            Fault::PreviousReply { .. } => Effect::Previous(None),
-            Fault::UnsolicitedFrame { bytes, every, .. } => {
-                let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
-                Effect::Unsolicited {
-                    bytes: bytes.unwrap_or_else(|| framing.unasked()),
-                    every: every.map(|every| every.0.max(SHORTEST_EVERY)),
-                    due: Some(now),
-                }
-            }
-            _ => return None,
-        };
-        Some(Self {
+    ) -> Self {
+        let sends = matches!(fault, Fault::UnsolicitedFrame { .. });
+        Self {
             framing,
-            command: fault.command(),
-            chance: fault.probability().get(),
-            most: fault.most(),
-            effect,
+            fault: fault.clone(),
             noise,
-        })
+            previous: None,
+            due: sends.then_some(now),
+        }
     }
 
     /// Passes frames on, each with the time at which it is sent.
     pub(super) fn pass(&mut self, frames: &mut Vec<(SimTime, Vec<u8>)>, tally: &mut Tally) {
+        let (command, most) = (self.fault.command(), self.fault.most());
+        let chance = self.fault.probability().get();
         for (at, frame) in std::mem::take(frames) {
-            let wanted = self
-                .command
-                .is_none_or(|command| self.framing.is_command(&frame, command));
-            let happens = wanted && self.noise.uniform() < self.chance && tally.is_below(self.most);
+            let wanted = command.is_none_or(|command| self.framing.is_command(&frame, command));
+            let happens = wanted && self.noise.uniform() < chance && tally.is_below(most);
             self.pass_frame(at, frame, happens, frames, tally);
             frames.truncate(MOST_OF_ONE);
         }
@@ -99,8 +64,8 @@ impl FrameFault {
         tally: &mut Tally,
     ) {
         let framing = self.framing;
-        if let Effect::Previous(previous) = &mut self.effect {
-            let before = previous.replace(frame.clone());
+        if let Fault::PreviousReply { .. } = self.fault {
+            let before = self.previous.replace(frame.clone());
             if let (true, Some(before)) = (happens, before) {
                 tally.hit(|| {
                     format!(
@@ -115,46 +80,50 @@ impl FrameFault {
             }
             return;
         }
-        if !happens || matches!(self.effect, Effect::Unsolicited { .. }) {
+        if !happens || matches!(self.fault, Fault::UnsolicitedFrame { .. }) {
             frames.push((at, frame));
             return;
         }
         tally.hit(|| framing.name(&frame));
-        match self.effect {
-            Effect::Crc => frames.push((at, spoil_end(frame))),
-            Effect::Command(with) => frames.push((at, framing.with_command(frame, with))),
-            Effect::Length(by, what) => frames.push((at, with_length(framing, frame, by, what))),
-            Effect::Torn => {
+        match &self.fault {
+            Fault::BadCrc { .. } => frames.push((at, spoil_end(frame))),
+            Fault::WrongCommand { with, .. } => {
+                frames.push((at, framing.with_command(frame, *with)));
+            }
+            Fault::WrongLength { by, what, .. } => {
+                frames.push((at, with_length(framing, frame, *by, *what)));
+            }
+            Fault::TornReply { .. } => {
                 let half = frame.len().div_ceil(2);
                 frames.push((at, frame[..half].to_vec()));
             }
-            Effect::Late(by) => frames.push((at + by, frame)),
-            Effect::Twice => frames.extend([(at, frame.clone()), (at, frame)]),
-            Effect::Missing | Effect::Previous(_) | Effect::Unsolicited { .. } => {}
+            Fault::LateReply { by, .. } => frames.push((at + by.0, frame)),
+            Fault::ReplyTwice { .. } => frames.extend([(at, frame.clone()), (at, frame)]),
+            // A missing one.
+            _ => {}
         }
     }
 
     /// Time at which it next sends something by itself.
     pub(super) fn due(&self) -> Option<SimTime> {
-        match self.effect {
-            Effect::Unsolicited { due, .. } => due,
-            _ => None,
-        }
+        self.due
     }
 
     /// Returns the frame that it sends by itself at `now`, if any.
     pub(super) fn send(&mut self, now: SimTime, tally: &mut Tally) -> Option<Vec<u8>> {
-        let Effect::Unsolicited { bytes, every, due } = &mut self.effect else {
+        let Fault::UnsolicitedFrame { bytes, every, .. } = &self.fault else {
             return None;
         };
-        due.filter(|due| *due <= now)?;
-        if !tally.is_below(self.most) {
-            *due = None;
+        self.due.filter(|due| *due <= now)?;
+        if !tally.is_below(self.fault.most()) {
+            self.due = None;
             return None;
         }
-        *due = every.map(|every| now + every);
+        self.due = every.map(|every| now + every.0.max(SHORTEST_EVERY));
+        let bytes = bytes.as_ref().map(|bytes| bytes.0.clone());
+        let bytes = bytes.unwrap_or_else(|| self.framing.unasked());
         tally.hit(|| format!("{} bytes that nobody asked for", bytes.len()));
-        Some(bytes.clone())
+        Some(bytes)
     }
 }
 

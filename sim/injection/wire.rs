@@ -38,38 +38,19 @@ const MOST_OF_ONE: usize = 64;
 #[derive(Debug)]
 pub(super) struct WireFault {
     pub(super) link: usize,
-    pub(super) direction: Direction,
-    pub(super) most: Option<u64>,
-    pub(super) effect: Effect,
-    pub(super) ways: [OneWay; 2],
+    fault: Fault,
+    ways: [OneWay; 2],
 }
 
 /// State of one direction.
 #[derive(Debug)]
-pub(super) struct OneWay {
-    pub(super) noise: Noise,
+struct OneWay {
+    noise: Noise,
     /// Bytes of a burst that are still to come, or of a piece that have passed.
-    pub(super) counted: u16,
+    counted: u16,
     /// Time of the last byte.
-    pub(super) last: SimTime,
-    pub(super) noise_due: Option<SimTime>,
-}
-
-/// Effect of a fault on bytes.
-#[derive(Debug)]
-pub(super) enum Effect {
-    Flip(f64),
-    Drop(f64),
-    Double(f64),
-    Insert(f64),
-    Burst { chance: f64, length: u16 },
-    Delay { by: Duration, jitter: Duration },
-    Fragment { size: u16, pause: Duration },
-    Stall,
-    Mute,
-    Noise { every: Duration },
-    Cable,
-    Baud(u32),
+    last: SimTime,
+    noise_due: Option<SimTime>,
 }
 
 /// Longest mean time between two bytes of idle noise.
@@ -84,39 +65,10 @@ impl WireFault {
         link: usize,
         now: SimTime,
         stream: impl Fn(&str) -> Noise,
-    ) -> Option<Self> {
-        let chance = fault.probability().get();
-        let effect = match fault {
-            Fault::BitFlips { .. } => Effect::Flip(chance),
-            Fault::DroppedBytes { .. } => Effect::Drop(chance),
-            Fault::DuplicatedBytes { .. } => Effect::Double(chance),
-            Fault::InsertedBytes { .. } => Effect::Insert(chance),
-            Fault::Burst { length, .. } => Effect::Burst {
-                chance,
-                length: (*length).max(1),
-            },
-            Fault::Delay { by, jitter, .. } => Effect::Delay {
-                by: by.0,
-                jitter: jitter.0,
-            },
-            Fault::Fragmentation { size, pause, .. } => Effect::Fragment {
-                size: (*size).max(1),
-                pause: pause.0,
-            },
-            Fault::Stall { .. } => Effect::Stall,
-            Fault::Mute { .. } => Effect::Mute,
-            Fault::IdleNoise { every, .. } => Effect::Noise {
-                every: every.0.clamp(SHORTEST_NOISE, LONGEST_NOISE),
-            },
-            Fault::CablePulled { .. } => Effect::Cable,
-            Fault::WrongBaud { baud, .. } => Effect::Baud((*baud).max(1)),
-            _ => return None,
-        };
+    ) -> Self {
         let mut own = Self {
             link,
-            direction: fault.direction(),
-            most: fault.most(),
-            effect,
+            fault: fault.clone(),
             ways: ["to-device", "to-client"].map(|way| OneWay {
                 noise: stream(way),
                 counted: 0,
@@ -127,11 +79,11 @@ impl WireFault {
         for way in Way::BOTH {
             own.schedule_noise(now, way);
         }
-        Some(own)
+        own
     }
 
     fn acts(&self, way: Way) -> bool {
-        match self.direction {
+        match self.fault.direction() {
             Direction::Both => true,
             Direction::ToDevice => way == Way::ToDevice,
             Direction::ToClient => way == Way::ToClient,
@@ -139,11 +91,11 @@ impl WireFault {
     }
 
     pub(super) fn pulls_cable(&self, link: usize) -> bool {
-        self.link == link && matches!(self.effect, Effect::Cable)
+        self.link == link && matches!(self.fault, Fault::CablePulled { .. })
     }
 
     pub(super) fn stalls(&self) -> bool {
-        matches!(self.effect, Effect::Stall)
+        matches!(self.fault, Fault::Stall { .. })
     }
 
     pub(super) fn stalls_way(&self, link: usize, way: Way) -> bool {
@@ -152,20 +104,19 @@ impl WireFault {
 
     /// The speed at which the device's end runs, if that is what is wrong.
     pub(super) fn baud(&self) -> Option<u32> {
-        match self.effect {
-            Effect::Baud(baud) => Some(baud),
+        match self.fault {
+            Fault::WrongBaud { baud, .. } => Some(baud.max(1)),
             _ => None,
         }
     }
 
     /// Something is sent while a speed is wrong or the cable is out.
     pub(super) fn note_sent(&self, way: Way, bytes: usize, tally: &mut Tally) {
-        match self.effect {
-            Effect::Baud(baud) => {
-                tally.hit(|| format!("{bytes} bytes {} at {baud} baud", way.words()));
-            }
-            Effect::Cable => tally.hit(|| format!("{bytes} bytes {} went nowhere", way.words())),
-            _ => {}
+        let to = way.words();
+        if let Some(baud) = self.baud() {
+            tally.hit(|| format!("{bytes} bytes {to} at {baud} baud"));
+        } else if self.pulls_cable(self.link) {
+            tally.hit(|| format!("{bytes} bytes {to} went nowhere"));
         }
     }
 
@@ -190,14 +141,15 @@ impl WireFault {
         bytes: &mut Vec<(SimTime, u8)>,
         tally: &mut Tally,
     ) {
-        let more = tally.is_below(self.most);
+        let more = tally.is_below(self.fault.most());
+        let chance = self.fault.probability().get();
         let own = &mut self.ways[way.index()];
         // A draw for each byte, whether it is used or not, so that the limit shifts nothing.
-        let mut happens = |chance: f64| own.noise.uniform() < chance && more;
+        let mut happens = || own.noise.uniform() < chance && more;
         let to = way.words();
-        match self.effect {
-            Effect::Flip(chance) => {
-                let hit = happens(chance);
+        match &self.fault {
+            Fault::BitFlips { .. } => {
+                let hit = happens();
                 let bit = own.noise.below(8);
                 if hit {
                     tally.hit(|| format!("bit {bit} of a byte 0x{byte:02X} {to}"));
@@ -206,22 +158,22 @@ impl WireFault {
                     bytes.push((at, byte));
                 }
             }
-            Effect::Drop(chance) => {
-                if happens(chance) {
+            Fault::DroppedBytes { .. } => {
+                if happens() {
                     tally.hit(|| format!("a byte 0x{byte:02X} {to}"));
                 } else {
                     bytes.push((at, byte));
                 }
             }
-            Effect::Double(chance) => {
+            Fault::DuplicatedBytes { .. } => {
                 bytes.push((at, byte));
-                if happens(chance) {
+                if happens() {
                     tally.hit(|| format!("a byte 0x{byte:02X} {to}"));
                     bytes.push((at, byte));
                 }
             }
-            Effect::Insert(chance) => {
-                let hit = happens(chance);
+            Fault::InsertedBytes { .. } => {
+                let hit = happens();
                 let foreign = own.noise.byte();
                 if hit {
                     tally.hit(|| format!("0x{foreign:02X} before a byte 0x{byte:02X} {to}"));
@@ -229,8 +181,9 @@ impl WireFault {
                 }
                 bytes.push((at, byte));
             }
-            Effect::Burst { chance, length } => {
-                let begins = happens(chance);
+            Fault::Burst { length, .. } => {
+                let length = (*length).max(1);
+                let begins = happens();
                 let garbage = own.noise.byte();
                 if own.counted == 0 && begins {
                     tally.hit(|| format!("{length} bytes from a byte 0x{byte:02X} {to}"));
@@ -243,14 +196,15 @@ impl WireFault {
                     bytes.push((at, byte));
                 }
             }
-            Effect::Delay { by, jitter } => {
-                let late = by.saturating_add(jitter.mul_f64(own.noise.uniform()));
+            Fault::Delay { by, jitter, .. } => {
+                let late = by.0.saturating_add(jitter.0.mul_f64(own.noise.uniform()));
                 if !late.is_zero() {
                     tally.hit(|| format!("a byte 0x{byte:02X} {to} by {late:?}"));
                 }
                 bytes.push((before_held_up(at, late), byte));
             }
-            Effect::Fragment { size, pause } => {
+            Fault::Fragmentation { size, pause, .. } => {
+                let (size, pause) = ((*size).max(1), pause.0);
                 let gap = at.since(own.last) > pause;
                 let mut at = at.max(own.last);
                 if gap {
@@ -265,14 +219,14 @@ impl WireFault {
                 own.last = at;
                 bytes.push((at, byte));
             }
-            Effect::Stall => {
+            Fault::Stall { .. } => {
                 tally.hit(|| format!("a byte 0x{byte:02X} {to}"));
                 bytes.push((HELD_UP, byte));
             }
-            Effect::Mute => tally.hit(|| format!("a byte 0x{byte:02X} {to}")),
+            Fault::Mute { .. } => tally.hit(|| format!("a byte 0x{byte:02X} {to}")),
             // Counted when they were sent.
-            Effect::Cable => {}
-            Effect::Noise { .. } | Effect::Baud(_) => bytes.push((at, byte)),
+            Fault::CablePulled { .. } => {}
+            _ => bytes.push((at, byte)),
         }
     }
 
@@ -294,16 +248,17 @@ impl WireFault {
         own.noise_due.filter(|due| *due <= now)?;
         let byte = own.noise.byte();
         self.schedule_noise(now, way);
-        if !idle || !tally.is_below(self.most) {
+        if !idle || !tally.is_below(self.fault.most()) {
             return None;
         }
         tally.hit(|| format!("0x{byte:02X} {}", way.words()));
         Some(byte)
     }
 
-    pub(super) fn schedule_noise(&mut self, now: SimTime, way: Way) {
+    fn schedule_noise(&mut self, now: SimTime, way: Way) {
         let acts = self.acts(way);
-        if let (Effect::Noise { every }, true) = (&self.effect, acts) {
+        if let (Fault::IdleNoise { every, .. }, true) = (&self.fault, acts) {
+            let every = every.0.clamp(SHORTEST_NOISE, LONGEST_NOISE);
             let own = &mut self.ways[way.index()];
             // Evenly spread from nothing to twice the mean, but never at once again.
             let wait = every.mul_f64(2.0 * own.noise.uniform());

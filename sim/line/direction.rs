@@ -6,7 +6,7 @@ use std::ops::Range;
 use sim_settings::SimTime;
 
 use super::{MOST_IN_FLIGHT, Wire};
-use crate::uart::{Received, Receiver};
+use crate::uart::Receiver;
 
 /// Relative difference of the speeds beyond which bytes arrive wrong.
 const TOLERANCE: f64 = 0.035;
@@ -113,10 +113,7 @@ impl Direction {
             kept.unwrap_or_else(|| (Receiver::new(ends.from_baud, ends.to_baud), speeds));
         receiver.hear(&[sent.byte]);
         // Nothing is whole any more, so that each stands for itself.
-        let heard = |found: Received| {
-            let (byte, first) = (found.byte, true);
-            (gone, Sent { byte, first })
-        };
+        let heard = |byte| (gone, Sent { byte, first: true });
         let settled = std::iter::from_fn(|| receiver.next_settled());
         self.arrived.extend(settled.map(heard));
         if self.shifting.is_some() {

@@ -1,6 +1,5 @@
 //! Events of a line.
 
-use std::borrow::Cow;
 use std::fmt;
 use std::time::Duration;
 
@@ -122,10 +121,6 @@ impl EventKind for OnLine {
             LineEvent::Detached => Role::Detached,
             _ => Role::Other,
         }
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 
     fn lost_bytes(&self) -> u64 {

@@ -5,8 +5,10 @@ use sim_physics::faults::MotorFaults;
 use sim_physics::mecanum::{
     ECHOES, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel,
 };
+use sim_settings::SimTime;
 
 use super::Mecanum;
+use crate::device::Breakable;
 use crate::fault::parameters::{Motors, PortName};
 use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
@@ -58,8 +60,8 @@ struct Armed {
     pulses: [f64; 4],
 }
 
-impl Mecanum {
-    pub(super) fn arm_fault(&mut self, handle: FaultHandle, fault: &Fault, noise: Noise) {
+impl Breakable for Mecanum {
+    fn arm(&mut self, _now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
         self.faults.armed.push(Armed {
             handle,
             fault: fault.clone(),
@@ -67,20 +69,21 @@ impl Mecanum {
             echoes: self.plant.unspoilt().echoes,
             pulses: [0.0; 4],
         });
+        false
     }
 
-    pub(super) fn disarm_fault(&mut self, handle: FaultHandle) {
+    fn disarm(&mut self, _now: SimTime, handle: FaultHandle) {
         self.faults.armed.retain(|armed| armed.handle != handle);
     }
 
-    pub(super) fn apply_all_faults(&mut self, world: &mut World) {
+    fn apply_faults(&mut self, world: &mut World) {
         let armed = self.faults.armed.iter();
         let layer = Layer::of(armed.map(|armed| (&armed.fault, &armed.echoes)));
         layer.apply(&self.faults.layer, &mut self.plant, world);
         self.faults.layer = layer;
     }
 
-    pub(super) fn add_pulses(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
         for own in &mut self.faults.armed {
             let Fault::EncoderNoisy {
                 motors,
@@ -104,19 +107,54 @@ impl Mecanum {
         }
     }
 
-    fn armed(&self, handle: FaultHandle) -> Option<&Armed> {
-        let mut armed = self.faults.armed.iter();
-        armed.find(|armed| armed.handle == handle)
-    }
-
-    pub(super) fn fault_acts(&self, handle: FaultHandle) -> bool {
-        let own = self.armed(handle);
-        own.is_some_and(|own| acts(&own.fault, &own.echoes, self))
-    }
-
-    pub(super) fn fault_acted_on(&self, handle: FaultHandle) -> String {
-        let own = self.armed(handle);
-        own.map_or_else(String::new, |own| own.fault.in_words())
+    fn acts(&self, handle: FaultHandle, fault: &Fault) -> bool {
+        let plant = &self.plant;
+        let truth = plant.truth();
+        let commands = plant.commands();
+        let command = |wheel| plant.wiring().command(commands, wheel);
+        let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
+        let driven = |wheel| runs(command(wheel));
+        let turns = |wheel: Wheel| truth.wheel_speed[wheel.index()].abs() > STANDING;
+        let any = |holds: &dyn Fn(Wheel) -> bool| {
+            let motors = fault.motors();
+            Wheel::ALL
+                .into_iter()
+                .any(|wheel| motors.is_none_or(|motors| has_wheel(motors, wheel)) && holds(wheel))
+        };
+        match fault {
+            Fault::SupplyLost {} => true,
+            Fault::Blocked { .. }
+            | Fault::FreeWheeling { .. }
+            | Fault::WiredBackwards { .. }
+            | Fault::BrakeStuckOn { .. } => any(&driven),
+            Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
+                any(&|wheel| driven(wheel) || turns(wheel))
+            }
+            Fault::EncoderLost { .. } | Fault::EncoderStuck { .. } => any(&turns),
+            Fault::BrakeStuckOpen { .. } => any(&|wheel| command(wheel).brake),
+            Fault::PortsSwapped { port, with } => {
+                let runs = |port: Port| runs(commands.ports[port.index()]);
+                runs(port_of(*port)) || runs(port_of(*with))
+            }
+            Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
+            Fault::UltrasonicMissing { .. }
+            | Fault::UltrasonicStuck { .. }
+            | Fault::UltrasonicGhost { .. }
+            | Fault::TagMisread { .. }
+            | Fault::StripLost {}
+            | Fault::InfraredStuck { .. } => {
+                let unspoilt = plant.unspoilt();
+                let mut alone = MecanumFaults::default();
+                let mut armed = self.faults.armed.iter();
+                if let Some(own) = armed.find(|armed| armed.handle == handle) {
+                    add(&mut alone, fault, &own.echoes);
+                }
+                let mut spoilt = unspoilt;
+                alone.spoil(&mut spoilt);
+                spoilt != unspoilt
+            }
+            _ => false,
+        }
     }
 }
 
@@ -216,53 +254,5 @@ fn add(whole: &mut MecanumFaults, fault: &Fault, echoes: &Echoes) {
         Fault::StripLost {} => whole.strip_lost = true,
         Fault::InfraredStuck { sees } => whole.infrared_stuck = Some(*sees),
         _ => {}
-    }
-}
-
-/// Tells whether a fault of the hardware has an effect now.
-fn acts(fault: &Fault, echoes: &Echoes, car: &Mecanum) -> bool {
-    let plant = car.plant();
-    let truth = plant.truth();
-    let commands = plant.commands();
-    let command = |wheel| plant.wiring().command(commands, wheel);
-    let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
-    let driven = |wheel| runs(command(wheel));
-    let turns = |wheel: Wheel| truth.wheel_speed[wheel.index()].abs() > STANDING;
-    let any = |holds: &dyn Fn(Wheel) -> bool| {
-        let motors = fault.motors();
-        Wheel::ALL
-            .into_iter()
-            .any(|wheel| motors.is_none_or(|motors| has_wheel(motors, wheel)) && holds(wheel))
-    };
-    match fault {
-        Fault::SupplyLost {} => true,
-        Fault::Blocked { .. }
-        | Fault::FreeWheeling { .. }
-        | Fault::WiredBackwards { .. }
-        | Fault::BrakeStuckOn { .. } => any(&driven),
-        Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
-            any(&|wheel| driven(wheel) || turns(wheel))
-        }
-        Fault::EncoderLost { .. } | Fault::EncoderStuck { .. } => any(&turns),
-        Fault::BrakeStuckOpen { .. } => any(&|wheel| command(wheel).brake),
-        Fault::PortsSwapped { port, with } => {
-            let runs = |port: Port| runs(commands.ports[port.index()]);
-            runs(port_of(*port)) || runs(port_of(*with))
-        }
-        Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
-        Fault::UltrasonicMissing { .. }
-        | Fault::UltrasonicStuck { .. }
-        | Fault::UltrasonicGhost { .. }
-        | Fault::TagMisread { .. }
-        | Fault::StripLost {}
-        | Fault::InfraredStuck { .. } => {
-            let unspoilt = plant.unspoilt();
-            let mut alone = MecanumFaults::default();
-            add(&mut alone, fault, echoes);
-            let mut spoilt = unspoilt;
-            alone.spoil(&mut spoilt);
-            spoilt != unspoilt
-        }
-        _ => false,
     }
 }

@@ -1,31 +1,29 @@
 //! The driving half of the firmware: who drives, what the wheels do, and what their pulses say.
 
 use sim_physics::mecanum::{
-    MecanumCommands, MecanumMeasurements, PORTS, Port, PortCommand, WHEELS, Wheel, Wiring,
+    MecanumCommands, MecanumMeasurements, PORTS, Port, PortCommand, WHEELS, Wheel,
 };
 use sim_settings::SimTime;
 
 use super::encoder::{Counting, Encoder, SpeedWindow, Stopping};
 use super::kinematics::{Movement, body_speed};
-use super::motion::{Change, Motion, Motions, Rules};
+use super::motion::{Change, Motions};
 use super::odometry::Odometry;
 use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode};
 
 /// Motions, remote control, encoders and dead reckoning.
 #[derive(Debug, Clone)]
 pub(super) struct Locomotion {
-    wiring: Wiring,
-    remote_rpm: f64,
-    full_rpm: f64,
+    settings: MecanumFirmwareSettings,
     window: SpeedWindow,
-    pulses_per_revolution: f64,
-    motions: Motions,
-    remote: bool,
+    pub motions: Motions,
+    /// The remote control drives; the board otherwise.
+    pub remote: bool,
     /// The key that the operator holds.
-    key: Option<Movement>,
+    pub key: Option<Movement>,
     /// By wheel, not by port.
     encoders: [Encoder; WHEELS],
-    odometry: Odometry,
+    pub odometry: Odometry,
     /// The movement in effect or last in effect; late pulses belong to it.
     last: Option<Movement>,
     /// Number of motions that had begun when the last one that was noticed did.
@@ -35,17 +33,13 @@ pub(super) struct Locomotion {
 impl Locomotion {
     /// Standing at the origin, with the board in control.
     pub fn new(settings: &MecanumFirmwareSettings, measured: &MecanumMeasurements) -> Self {
-        let per_revolution = settings.odometry.pulses_per_revolution;
         Self {
-            wiring: settings.wiring,
-            remote_rpm: settings.remote_speed,
-            full_rpm: settings.full_speed,
+            settings: settings.clone(),
             window: SpeedWindow {
                 window: settings.speed_window,
                 timeout: settings.speed_timeout,
             },
-            pulses_per_revolution: f64::from(per_revolution),
-            motions: Motions::new(Rules::of(settings)),
+            motions: Motions::new(settings.clone()),
             remote: settings.start_mode == StartMode::Remote,
             key: None,
             encoders: Wheel::ALL.map(|wheel| {
@@ -69,26 +63,10 @@ impl Locomotion {
         }
     }
 
-    pub fn motions(&self) -> &Motions {
-        &self.motions
-    }
-
-    pub fn odometry(&self) -> &Odometry {
-        &self.odometry
-    }
-
-    pub fn is_remote(&self) -> bool {
-        self.remote
-    }
-
     /// Says who drives; motions go on when it is the board.
     pub fn set_remote(&mut self, now: SimTime, remote: bool, changed: &mut impl FnMut(Change)) {
         self.remote = remote;
         self.go_on(now, changed);
-    }
-
-    pub fn key(&self) -> Option<Movement> {
-        self.key
     }
 
     pub fn set_key(&mut self, now: SimTime, key: Option<Movement>) {
@@ -97,20 +75,6 @@ impl Locomotion {
             self.odometry.begin_motion();
         }
         self.follow(now);
-    }
-
-    pub fn set_pose(&mut self, position: [f64; 2], heading: f64) {
-        self.odometry.set_pose(position, heading);
-    }
-
-    /// Appends a motion; gives the one that is lost where there is no room.
-    pub fn append(&mut self, motion: Motion) -> Option<Motion> {
-        self.motions.append(motion)
-    }
-
-    /// Puts a motion in place of others; says how many were discarded.
-    pub fn preempt(&mut self, motion: Motion) -> usize {
-        self.motions.preempt(motion)
     }
 
     /// Starts what may start.
@@ -147,7 +111,7 @@ impl Locomotion {
         let mut came = [0; WHEELS];
         for wheel in Wheel::ALL {
             let at = wheel.index();
-            let count = pulses[self.wiring.port(wheel).index()];
+            let count = pulses[self.settings.wiring.port(wheel).index()];
             came[at] = self.encoders[at].read(now, count, self.window);
         }
         if came == [0; WHEELS] {
@@ -166,26 +130,26 @@ impl Locomotion {
         if !self.remote {
             return self.motions.rotations();
         }
-        match self.key.filter(|_| self.remote_rpm > 0.0) {
+        match self.key.filter(|_| self.settings.remote_speed > 0.0) {
             Some(movement) => movement.rotations(),
             None => [0; WHEELS],
         }
     }
 
     /// The pins. A wheel that is not driven while others are is always held: SV is shared.
-    pub fn commands(&self, settings: &MecanumFirmwareSettings) -> MecanumCommands {
+    pub fn commands(&self) -> MecanumCommands {
         let rotations = self.rotations();
         let idle = rotations == [0; WHEELS];
-        let held = !idle || settings.idle_wheels == IdleWheels::Hold;
+        let held = !idle || self.settings.idle_wheels == IdleWheels::Hold;
         // A port without a wheel holds what may be plugged in there.
         let mut commands = MecanumCommands::default();
         for wheel in Wheel::ALL {
             let at = wheel.index();
-            let port: Port = self.wiring.port(wheel);
+            let port: Port = self.settings.wiring.port(wheel);
             let stands = rotations[at] == 0;
             let backward = self.encoders[at].is_backward();
             commands.ports[port.index()] = PortCommand {
-                reverse: backward != self.wiring.is_reversed(wheel),
+                reverse: backward != self.settings.wiring.is_reversed(wheel),
                 brake: stands && held,
             };
         }
@@ -221,22 +185,23 @@ impl Locomotion {
 
     fn wheels_rpm(&self, now: SimTime) -> [f64; WHEELS] {
         let rotations = self.rotations();
+        let per_revolution = f64::from(self.settings.odometry.pulses_per_revolution);
         std::array::from_fn(|at| {
             let rate = self.encoders[at].pulse_rate(now, rotations[at] != 0, self.window);
-            rate * 60.0 / self.pulses_per_revolution
+            rate * 60.0 / per_revolution
         })
     }
 
     /// Wheel speed of whoever drives, as a share of the full one.
     fn speed_share(&self) -> f64 {
         let rpm = if self.remote {
-            self.remote_rpm
+            self.settings.remote_speed
         } else {
             self.motions
                 .running()
                 .map_or(0.0, |motion| motion.speed_rpm)
         };
-        (rpm / self.full_rpm).clamp(0.0, 1.0)
+        (rpm / self.settings.full_speed).clamp(0.0, 1.0)
     }
 
     /// Lets the encoders count the way in which the wheels are driven now.
@@ -244,8 +209,8 @@ impl Locomotion {
         let running = self.motions.running().map(|motion| motion.movement);
         let movement = if self.remote { self.key } else { running };
         self.last = movement.or(self.last);
-        if self.motions.started() != self.started {
-            self.started = self.motions.started();
+        if self.motions.started != self.started {
+            self.started = self.motions.started;
             self.odometry.begin_motion();
         }
         let rotations = self.rotations();

@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::fmt;
-use std::time::Duration;
 
 use sim_physics::mecanum::WHEELS;
 use sim_settings::SimTime;
@@ -69,76 +68,24 @@ pub enum Change {
     Done(Motion),
 }
 
-/// Settings of motions.
-#[derive(Debug, Clone)]
-pub struct Rules {
-    /// Number of motions that may wait beside the one that runs.
-    pub most_waiting: usize,
-    /// Time for which the wheels are held between two motions.
-    pub pause: Duration,
-    /// Pulses of a wheel's revolution.
-    pub pulses_per_revolution: u32,
-    /// Motions that a preempting one discards.
-    pub preempt: Preempt,
-    /// Moment at which the wheels stop.
-    pub end: MotionEnd,
-    /// Meaning of a motion without distance.
-    pub zero_distance: ZeroDistance,
-    /// Meaning of a motion without speed.
-    pub zero_speed: ZeroSpeed,
-}
-
-impl Rules {
-    /// As the settings have it.
-    #[must_use]
-    pub fn of(settings: &MecanumFirmwareSettings) -> Self {
-        Self {
-            most_waiting: usize::try_from(settings.queue_length).unwrap_or(usize::MAX),
-            pause: settings.motion_pause,
-            pulses_per_revolution: settings.odometry.pulses_per_revolution,
-            preempt: settings.preempt,
-            end: settings.motion_end,
-            zero_distance: settings.zero_distance,
-            zero_speed: settings.zero_speed,
-        }
-    }
-
-    /// Tells whether a motion ends as it begins.
-    fn is_nothing(&self, motion: &Motion) -> bool {
-        let no_distance = motion.revolutions <= 0.0 && self.zero_distance == ZeroDistance::End;
-        no_distance || motion.speed_rpm <= 0.0 && self.zero_speed == ZeroSpeed::End
-    }
-
-    /// Pulses after which a wheel has turned far enough, which is at the first one at or beyond the
-    /// distance; `None` if it never has.
-    fn pulses(&self, motion: &Motion) -> Option<i64> {
-        if motion.revolutions <= 0.0 {
-            return None;
-        }
-        let pulses = motion.revolutions * f64::from(self.pulses_per_revolution);
-        // What is beyond a whole number by rounding alone is that number.
-        Some(super::telemetry::whole((pulses - 1e-6).ceil()))
-    }
-}
-
 /// The motion that runs and those that wait.
 #[derive(Debug, Clone)]
 pub struct Motions {
-    rules: Rules,
+    settings: MecanumFirmwareSettings,
     running: Option<Running>,
     waiting: VecDeque<Motion>,
     /// Earliest time of the next.
     not_before: SimTime,
-    /// Number that have begun to run.
-    started: u64,
+    /// Number that have begun to run so far.
+    pub started: u64,
 }
 
 impl Motions {
     /// None.
     #[must_use]
-    pub fn new(rules: Rules) -> Self {
+    pub fn new(settings: MecanumFirmwareSettings) -> Self {
         Self {
-            rules,
+            settings,
             running: None,
             waiting: VecDeque::new(),
             not_before: SimTime::ZERO,
@@ -148,7 +95,8 @@ impl Motions {
 
     /// Appends a motion; gives it back where there is no room.
     pub fn append(&mut self, motion: Motion) -> Option<Motion> {
-        if self.running.is_some() && self.waiting.len() >= self.rules.most_waiting {
+        let most = usize::try_from(self.settings.queue_length).unwrap_or(usize::MAX);
+        if self.running.is_some() && self.waiting.len() >= most {
             return Some(motion);
         }
         self.waiting.push_back(motion);
@@ -157,7 +105,7 @@ impl Motions {
 
     /// Discards what a motion that preempts does and puts it first; says how many were discarded.
     pub fn preempt(&mut self, motion: Motion) -> usize {
-        let count = match self.rules.preempt {
+        let count = match self.settings.preempt {
             Preempt::All => self.discard(),
             Preempt::Running => usize::from(self.running.take().is_some()),
         };
@@ -185,7 +133,7 @@ impl Motions {
         if let Some(left) = &mut running.pulses_left {
             for (wheel, pulses) in pulses.into_iter().enumerate() {
                 // One that has arrived has stopped, and goes on no more if it is turned back.
-                let counts = match self.rules.end {
+                let counts = match self.settings.motion_end {
                     MotionEnd::EachWheel => left[wheel] > 0,
                     MotionEnd::Mean => running.rotations[wheel] != 0,
                 };
@@ -195,10 +143,10 @@ impl Motions {
             }
         }
         let running = &*running;
-        if !(0..WHEELS).any(|wheel| running.drives(wheel, self.rules.end)) {
+        if !(0..WHEELS).any(|wheel| running.drives(wheel, self.settings.motion_end)) {
             changed(Change::Done(running.motion));
             self.running = None;
-            self.not_before = now + self.rules.pause;
+            self.not_before = now + self.settings.motion_pause;
             self.start(now, changed);
         }
     }
@@ -232,12 +180,6 @@ impl Motions {
         rotations.map(|rotation| rotation != 0)
     }
 
-    /// Number that have begun to run so far.
-    #[must_use]
-    pub fn started(&self) -> u64 {
-        self.started
-    }
-
     /// Direction in which each wheel is driven now; one that has turned far enough has stopped.
     #[must_use]
     pub fn rotations(&self) -> [i8; WHEELS] {
@@ -245,7 +187,7 @@ impl Motions {
             return [0; WHEELS];
         };
         std::array::from_fn(|wheel| {
-            if running.drives(wheel, self.rules.end) {
+            if running.drives(wheel, self.settings.motion_end) {
                 running.rotations[wheel]
             } else {
                 0
@@ -260,7 +202,7 @@ impl Motions {
             let Some(motion) = self.waiting.pop_front() else {
                 return;
             };
-            if self.rules.is_nothing(&motion) {
+            if self.is_nothing(&motion) {
                 continue;
             }
             let rotations = motion.movement.rotations();
@@ -269,16 +211,35 @@ impl Motions {
             self.running = Some(Running {
                 motion,
                 rotations,
-                pulses_left: self.rules.pulses(&motion).map(of_wheel),
+                pulses_left: self.pulses(&motion).map(of_wheel),
             });
             self.started += 1;
             changed(Change::Started(motion));
         }
     }
+    /// Tells whether a motion ends as it begins.
+    fn is_nothing(&self, motion: &Motion) -> bool {
+        let no_distance =
+            motion.revolutions <= 0.0 && self.settings.zero_distance == ZeroDistance::End;
+        no_distance || motion.speed_rpm <= 0.0 && self.settings.zero_speed == ZeroSpeed::End
+    }
+
+    /// Pulses after which a wheel has turned far enough, which is at the first one at or beyond the
+    /// distance; `None` if it never has.
+    fn pulses(&self, motion: &Motion) -> Option<i64> {
+        if motion.revolutions <= 0.0 {
+            return None;
+        }
+        let pulses = motion.revolutions * f64::from(self.settings.odometry.pulses_per_revolution);
+        // What is beyond a whole number by rounding alone is that number.
+        Some(super::telemetry::whole((pulses - 1e-6).ceil()))
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::super::kinematics::Course;
     use super::*;
 
@@ -301,7 +262,7 @@ mod tests {
             ..MecanumFirmwareSettings::default()
         };
         change(&mut settings);
-        Motions::new(Rules::of(&settings))
+        Motions::new(settings)
     }
 
     /// Appends a motion and starts what can; false if one was lost.

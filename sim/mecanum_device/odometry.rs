@@ -11,16 +11,17 @@ use super::settings::{Mileage, OdometrySettings};
 #[derive(Debug, Clone)]
 pub struct Odometry {
     settings: OdometrySettings,
-    /// Revolutions of a wheel along both axes of the frame.
-    position: [f64; 2],
+    /// Position in revolutions of a wheel along both axes of the frame.
+    pub position: [f64; 2],
     /// Heading in radians when `turn_pulses` was 0.
     heading_from: f64,
     /// Pulses of right wheels less pulses of left ones; kept whole, so that the heading of a car
     /// that turns there and back is exactly what it was.
     turn_pulses: i64,
-    mileage: f64,
+    /// Mileage in revolutions of a wheel.
+    pub mileage: f64,
     /// The same with negative motions counted down.
-    net_mileage: f64,
+    pub net_mileage: f64,
     /// Mileage when the last motion began.
     motion_from: f64,
 }
@@ -78,29 +79,11 @@ impl Odometry {
         self.net_mileage += travel * f64::from(movement.map_or(1, Movement::sign));
     }
 
-    /// Position in revolutions of a wheel.
-    #[must_use]
-    pub fn position(&self) -> [f64; 2] {
-        self.position
-    }
-
     /// Heading in radians, counter-clockwise; full turns add up.
     #[must_use]
     pub fn heading(&self) -> f64 {
         let travel = self.revolutions(self.turn_pulses) * self.circumference_m();
         self.heading_from + travel / (4.0 * self.arm_m())
-    }
-
-    /// Mileage in revolutions of a wheel.
-    #[must_use]
-    pub fn mileage(&self) -> f64 {
-        self.mileage
-    }
-
-    /// Mileage in revolutions of a wheel, negative motions counted down.
-    #[must_use]
-    pub fn net_mileage(&self) -> f64 {
-        self.net_mileage
     }
 
     /// Mileage of the last motion in revolutions of a wheel.
@@ -178,14 +161,14 @@ mod tests {
     fn a_revolution_of_all_wheels_is_a_revolution_along_the_heading() {
         let mut odometry = new();
         odometry.add([60; 4], ALL);
-        close(odometry.position(), [1.0, 0.0]);
+        close(odometry.position, [1.0, 0.0]);
         odometry.add([-60, 60, 60, -60], ALL);
-        close(odometry.position(), [1.0, 1.0]);
+        close(odometry.position, [1.0, 1.0]);
         odometry.set_pose([-3.0, 2.0], FRAC_PI_2);
         odometry.add([60; 4], ALL);
-        close(odometry.position(), [-3.0, 3.0]);
+        close(odometry.position, [-3.0, 3.0]);
         close(odometry.to_frame([1.0, 0.0]), [0.0, 1.0]);
-        assert_eq!(odometry.mileage(), 3.0);
+        assert_eq!(odometry.mileage, 3.0);
         assert!((odometry.mileage_m() - 3.0 * TAU * 0.05).abs() < 1e-12);
     }
 
@@ -195,10 +178,10 @@ mod tests {
         odometry.add([60, -60, 60, -60], ALL);
         // To the right; the arm is 0.10 m + 0.12 m.
         assert!((odometry.heading() + TAU * 0.05 / 0.22).abs() < 1e-12);
-        close(odometry.position(), [0.0, 0.0]);
+        close(odometry.position, [0.0, 0.0]);
         odometry.add([-60, 60, -60, 60], ALL);
         assert_eq!(odometry.heading(), 0.0);
-        assert_eq!(odometry.mileage(), 2.0);
+        assert_eq!(odometry.mileage, 2.0);
     }
 
     #[test]
@@ -210,15 +193,15 @@ mod tests {
         });
         let mut odometry = new();
         odometry.add(diagonal, counted);
-        assert_eq!(odometry.mileage(), 1.0);
+        assert_eq!(odometry.mileage, 1.0);
         let mut odometry = Odometry::new(OdometrySettings {
             mileage: Mileage::Path,
             ..OdometrySettings::default()
         });
         odometry.add(diagonal, counted);
-        assert!((odometry.mileage() - 0.5_f64.sqrt()).abs() < 1e-12);
+        assert!((odometry.mileage - 0.5_f64.sqrt()).abs() < 1e-12);
         odometry.add([60, -60, 60, -60], ALL);
-        assert!((odometry.mileage() - 0.5_f64.sqrt()).abs() < 1e-12);
+        assert!((odometry.mileage - 0.5_f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]
@@ -230,9 +213,9 @@ mod tests {
             });
             odometry.add([60; 4], ALL);
             odometry.set_pose([0.0, 0.0], 0.0);
-            assert_eq!(odometry.mileage(), if clears { 0.0 } else { 1.0 });
+            assert_eq!(odometry.mileage, if clears { 0.0 } else { 1.0 });
             odometry.add([60; 4], ALL);
-            assert_eq!(odometry.mileage(), if clears { 1.0 } else { 2.0 });
+            assert_eq!(odometry.mileage, if clears { 1.0 } else { 2.0 });
         }
     }
 
@@ -246,8 +229,8 @@ mod tests {
             negative: true,
         });
         odometry.add([-30; 4], back);
-        assert_eq!(odometry.mileage(), 1.5);
-        assert_eq!(odometry.net_mileage(), 0.5);
+        assert_eq!(odometry.mileage, 1.5);
+        assert_eq!(odometry.net_mileage, 0.5);
         assert_eq!(odometry.motion_mileage(), 0.5);
     }
 
@@ -259,7 +242,7 @@ mod tests {
                 odometry.add(pulses.map(i64::from), ALL);
             }
             prop_assert!(odometry.heading().is_finite());
-            prop_assert!(odometry.position().iter().all(|axis| axis.is_finite()));
+            prop_assert!(odometry.position.iter().all(|axis| axis.is_finite()));
         }
 
         #[test]
@@ -270,7 +253,7 @@ mod tests {
             }
             let angle = odometry.heading();
             let radius = (go * steps) as f64 / 60.0 / angle;
-            let [x, y] = odometry.position();
+            let [x, y] = odometry.position;
             let off = (x - radius * angle.sin()).abs() + (y - radius * (1.0 - angle.cos())).abs();
             prop_assert!(off <= 0.002 * radius.abs() + 1e-9, "{off} of {radius}");
         }

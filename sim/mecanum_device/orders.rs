@@ -45,7 +45,7 @@ impl MecanumDevice {
             } => {
                 let position = [axis_x, axis_y].map(|axis| f64::from(axis) / 10.0);
                 let heading = (f64::from(ori) / 10.0).to_radians();
-                self.drive.set_pose(position, heading);
+                self.drive.odometry.set_pose(position, heading);
             }
             Request::ControlMode { mode, .. } => self.control_mode_packet(now, mode),
         }
@@ -155,14 +155,14 @@ impl MecanumDevice {
     }
 
     fn order(&mut self, now: SimTime, motion: Motion, preempt: bool) {
-        if self.drive.is_remote() {
+        if self.drive.remote {
             self.event(now, MecanumEvent::IgnoredInRemote(motion));
             return;
         }
         if preempt {
-            let count = self.drive.preempt(motion);
+            let count = self.drive.motions.preempt(motion);
             self.discarded(now, count, Discard::Preempted);
-        } else if let Some(lost) = self.drive.append(motion) {
+        } else if let Some(lost) = self.drive.motions.append(motion) {
             self.event(now, MecanumEvent::QueueFull(lost));
         }
         self.go_on(now);
@@ -177,7 +177,7 @@ impl MecanumDevice {
     }
 
     fn control_mode(&mut self, now: SimTime, remote: bool) {
-        if remote == self.drive.is_remote() {
+        if remote == self.drive.remote {
             return;
         }
         if remote && self.settings.mode_change == ModeChange::Discard {

@@ -189,9 +189,7 @@ settings! {
         /// Belief of the firmware about the wheels; the real ones are the plant's.
         odometry: OdometrySettings,
     }
-}
 
-settings! {
     /// Belief of the firmware about the wheels.
     pub struct OdometrySettings {
         /// Encoder pulses for one revolution of a wheel.
@@ -258,8 +256,9 @@ mod tests {
                 }
             }
         };
-        MecanumFirmwareSettings::default().visit("", &mut look);
-        sim_physics::MecanumPlantSettings::default().visit("", &mut look);
+        let firmware = MecanumFirmwareSettings::default().entries();
+        let plant = sim_physics::MecanumPlantSettings::default().entries();
+        firmware.into_iter().chain(plant).for_each(&mut look);
         assert_eq!(missing, [] as [&str; 0]);
     }
 }

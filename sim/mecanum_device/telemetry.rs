@@ -54,8 +54,8 @@ impl MecanumDevice {
     #[must_use]
     pub fn status(&self, now: SimTime) -> Status {
         let measured = &self.measured;
-        let odometry = self.drive.odometry();
-        let [x, y] = odometry.position();
+        let odometry = &self.drive.odometry;
+        let [x, y] = odometry.position;
         let body = self.drive.velocity_rpm(now);
         let [v_x, v_y] = match self.settings.velocity_frame {
             VelocityFrame::Odometry => odometry.to_frame(body),
@@ -93,10 +93,10 @@ impl MecanumDevice {
             AsciiSpeedSign::Motion => speed,
             AsciiSpeedSign::None => speed.abs(),
         };
-        let odometry = self.drive.odometry();
+        let odometry = &self.drive.odometry;
         let mileage = match self.settings.ascii_mileage {
-            AsciiMileage::Total => odometry.mileage(),
-            AsciiMileage::Signed => odometry.net_mileage(),
+            AsciiMileage::Total => odometry.mileage,
+            AsciiMileage::Signed => odometry.net_mileage,
             AsciiMileage::Motion => odometry.motion_mileage(),
         };
         Report {
@@ -106,7 +106,7 @@ impl MecanumDevice {
     }
 
     fn heading_degrees(&self) -> f64 {
-        let degrees = self.drive.odometry().heading().to_degrees();
+        let degrees = self.drive.odometry.heading().to_degrees();
         match self.settings.heading_range {
             HeadingRange::FullTurns => degrees,
             // To a tenth first, so that what rounds to −180.0° is 180.0°.

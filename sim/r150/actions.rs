@@ -89,7 +89,7 @@ impl Operator {
 fn is_now(r150: &R150, input: OperatorInput) -> Option<(&'static str, OperatorInput)> {
     let (vehicle, control) = (r150.device().vehicle(), r150.device().control());
     match input {
-        OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked() => {
+        OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked => {
             Some(("lock", OperatorInput::Lock))
         }
         OperatorInput::Unlock | OperatorInput::Lock => Some(("lock", OperatorInput::Unlock)),
@@ -99,14 +99,14 @@ fn is_now(r150: &R150, input: OperatorInput) -> Option<(&'static str, OperatorIn
             Some(("key", key))
         }
         OperatorInput::EmergencyStop(_) => {
-            let stop = OperatorInput::EmergencyStop(vehicle.emergency_stop());
+            let stop = OperatorInput::EmergencyStop(vehicle.emergency_stop);
             Some(("emergency stop", stop))
         }
         OperatorInput::AppHolds { .. } => {
-            let Parts { power, pwm } = control.held_by_app();
+            let Parts { power, pwm } = control.held_by_app;
             Some(("app holds", OperatorInput::AppHolds { power, pwm }))
         }
-        OperatorInput::AppSets(_) => Some(("app sets", OperatorInput::AppSets(control.of_app()))),
+        OperatorInput::AppSets(_) => Some(("app sets", OperatorInput::AppSets(control.app))),
         OperatorInput::ReleaseParking | OperatorInput::Park | OperatorInput::Autonomous => None,
     }
 }
@@ -253,22 +253,23 @@ impl device::Action for Surroundings {
         match *self {
             Self::Load(LoadText { rail, load }) => {
                 let rail = super::rail(rail);
-                let before = r150.set_load(rail, load);
+                let before = r150.plant().load(rail);
+                r150.plant_mut().set_load(rail, load);
                 let now = r150.plant().load(rail);
                 let of = format!("load {}", rail.index());
                 Some(Change::of(of, before, &now, move |load, device, _, _| {
                     if let Some(r150) = device.get_mut::<R150>() {
-                        r150.set_load(rail, load);
+                        r150.plant_mut().set_load(rail, load);
                     }
                 }))
             }
             Self::PwmSignal(SignalText { input, source }) => {
                 let before = r150.plant().pwm_source(input);
-                r150.set_pwm_source(input, source);
+                r150.plant_mut().set_pwm_source(input, source);
                 let of = format!("pwm input {input}");
                 let restore = move |source, device: &mut dyn Device, _: &mut World, _| {
                     if let Some(r150) = device.get_mut::<R150>() {
-                        r150.set_pwm_source(input, source);
+                        r150.plant_mut().set_pwm_source(input, source);
                     }
                 };
                 Some(Change::of(of, before, &source, restore))

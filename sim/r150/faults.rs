@@ -6,6 +6,7 @@ use sim_physics::r150::{FuseId, Load, R150Faults, R150Plant, Side, Sides};
 use sim_settings::SimTime;
 
 use super::R150;
+use crate::device::Breakable;
 use crate::fault::parameters::{Motors, RailName};
 use crate::fault::{Fault, FaultHandle};
 use crate::noise::Noise;
@@ -76,14 +77,8 @@ struct Armed {
     errors: [f64; 2],
 }
 
-impl R150 {
-    pub(super) fn arm_fault(
-        &mut self,
-        now: SimTime,
-        handle: FaultHandle,
-        fault: &Fault,
-        noise: Noise,
-    ) -> bool {
+impl Breakable for R150 {
+    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
         let (undo, done) = begin(fault, self, now);
         let held = self.faults.held().chain(held_by(fault)).collect::<Vec<_>>();
         let done = done || hold(held.into_iter(), self, now);
@@ -100,7 +95,7 @@ impl R150 {
         done
     }
 
-    pub(super) fn disarm_fault(&mut self, now: SimTime, handle: FaultHandle) {
+    fn disarm(&mut self, now: SimTime, handle: FaultHandle) {
         let armed = &mut self.faults.armed;
         let Some(at) = armed.iter().position(|armed| armed.handle == handle) else {
             return;
@@ -127,7 +122,7 @@ impl R150 {
         }
     }
 
-    pub(super) fn apply_all_faults(&mut self, world: &mut World) {
+    fn apply_faults(&mut self, world: &mut World) {
         let armed = &self.faults.armed;
         let errors = armed.iter().fold([0.0; 2], |sum: [f64; 2], own| {
             [sum[0] + own.errors[0], sum[1] + own.errors[1]]
@@ -137,7 +132,7 @@ impl R150 {
         self.faults.layer = layer;
     }
 
-    pub(super) fn spoil_encoders(&mut self, acted: &mut dyn FnMut(FaultHandle, String)) {
+    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
         let mut errors = [0.0; 2];
         for own in &mut self.faults.armed {
             let Fault::EncoderNoisy {
@@ -162,18 +157,79 @@ impl R150 {
         }
     }
 
-    fn fault(&self, handle: FaultHandle) -> Option<&Fault> {
-        let mut armed = self.faults.armed.iter();
-        Some(&armed.find(|armed| armed.handle == handle)?.fault)
+    fn acts(&self, _handle: FaultHandle, fault: &Fault) -> bool {
+        let plant = &self.plant;
+        let commands = plant.commands();
+        let truth = plant.truth();
+        let powered = plant.measurements().module_powered;
+        let driven = |side| is_driven(plant, side);
+        let turns = |side: Side| truth.wheel_speed[side].abs() > STANDING;
+        let any = |holds: &dyn Fn(Side) -> bool| {
+            let motors = fault.motors();
+            Side::BOTH
+                .into_iter()
+                .any(|side| motors.is_none_or(|motors| has_side(motors, side)) && holds(side))
+        };
+        match fault {
+            Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
+                powered && commands.rail_on[super::rail(*rail).index()]
+            }
+            Fault::SupplySag { by, resistance } => {
+                by.0 + resistance.0 * truth.battery_current.abs() >= 0.1
+            }
+            Fault::OverTemperature { pair, temperature } => {
+                powered && temperature.0 > plant.own_temperature()[*pair as usize]
+            }
+            Fault::PowerModuleFault {} => powered,
+            Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => plant.own_soc() > 0.0,
+            Fault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
+                FuseId::MotorRight => driven(Side::Right),
+                FuseId::MotorLeft => driven(Side::Left),
+                FuseId::Tail | FuseId::SmallModules => true,
+            },
+            Fault::Blocked { .. }
+            | Fault::FreeWheeling { .. }
+            | Fault::WiredBackwards { .. }
+            | Fault::BrakeStuckOn { .. } => any(&driven),
+            Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
+                any(&|side| driven(side) || turns(side))
+            }
+            Fault::EncoderLost { .. } => any(&turns),
+            Fault::EncoderStuck { .. } => any(&|side| plant.encoder_lag(side).abs() > 1.0),
+            Fault::SidesSwapped {} => {
+                (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
+            }
+            Fault::CanFailing { .. } => {
+                self.device.heard_set_point() != self.device.motor_set_point()
+            }
+            Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
+            Fault::BrakeStuckOpen { .. } => commands.parking_brake,
+            _ => false,
+        }
     }
 
-    pub(super) fn fault_acts(&self, handle: FaultHandle) -> bool {
-        self.fault(handle).is_some_and(|fault| acts(fault, self))
-    }
-
-    pub(super) fn fault_acted_on(&self, handle: FaultHandle) -> String {
-        let fault = self.fault(handle);
-        fault.map_or_else(String::new, |fault| what(fault, self))
+    fn acted_on(&self, fault: &Fault) -> String {
+        let measured = self.plant.measurements();
+        match fault {
+            Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
+                let index = super::rail(*rail).index();
+                format!(
+                    "output {rail}: {:.2} A at {:.2} V",
+                    measured.rail_current[index], measured.rail_voltage[index]
+                )
+            }
+            Fault::SupplySag { .. } | Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => {
+                let truth = self.truth();
+                let charge = truth.soc * 100.0;
+                format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
+            }
+            Fault::OverTemperature { pair, .. } => {
+                let celsius = measured.temperature[*pair as usize];
+                format!("converter {pair}: {celsius:.1} degC")
+            }
+            Fault::FuseBlown { fuse } => format!("fuse {fuse}"),
+            other => other.in_words(),
+        }
     }
 }
 
@@ -301,58 +357,6 @@ fn add(whole: &mut R150Faults, fault: &Fault) {
     }
 }
 
-/// Tells whether a fault of the hardware has an effect now.
-fn acts(fault: &Fault, r150: &R150) -> bool {
-    let plant = r150.plant();
-    let commands = plant.commands();
-    let truth = plant.truth();
-    let powered = plant.measurements().module_powered;
-    let driven = |side| is_driven(plant, side);
-    let turns = |side: Side| truth.wheel_speed[side].abs() > STANDING;
-    let any = |holds: &dyn Fn(Side) -> bool| {
-        let motors = fault.motors();
-        Side::BOTH
-            .into_iter()
-            .any(|side| motors.is_none_or(|motors| has_side(motors, side)) && holds(side))
-    };
-    match fault {
-        Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
-            powered && commands.rail_on[super::rail(*rail).index()]
-        }
-        Fault::SupplySag { by, resistance } => {
-            by.0 + resistance.0 * truth.battery_current.abs() >= 0.1
-        }
-        Fault::OverTemperature { pair, temperature } => {
-            powered && temperature.0 > plant.own_temperature()[*pair as usize]
-        }
-        Fault::PowerModuleFault {} => powered,
-        Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => plant.own_soc() > 0.0,
-        Fault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
-            FuseId::MotorRight => driven(Side::Right),
-            FuseId::MotorLeft => driven(Side::Left),
-            FuseId::Tail | FuseId::SmallModules => true,
-        },
-        Fault::Blocked { .. }
-        | Fault::FreeWheeling { .. }
-        | Fault::WiredBackwards { .. }
-        | Fault::BrakeStuckOn { .. } => any(&driven),
-        Fault::Dragging { .. } | Fault::Ice { .. } | Fault::Payload { .. } => {
-            any(&|side| driven(side) || turns(side))
-        }
-        Fault::EncoderLost { .. } => any(&turns),
-        Fault::EncoderStuck { .. } => any(&|side| plant.encoder_lag(side).abs() > 1.0),
-        Fault::SidesSwapped {} => {
-            (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
-        }
-        Fault::CanFailing { .. } => {
-            r150.device().heard_set_point() != r150.device().motor_set_point()
-        }
-        Fault::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
-        Fault::BrakeStuckOpen { .. } => commands.parking_brake,
-        _ => false,
-    }
-}
-
 fn is_driven(plant: &R150Plant, side: Side) -> bool {
     let commands = plant.commands();
     let port = match (plant.faults().sides_swapped, side) {
@@ -361,31 +365,6 @@ fn is_driven(plant: &R150Plant, side: Side) -> bool {
         (true, Side::Left) => Side::Right,
     };
     commands.propulsion_power && commands.motor_duty[port] != 0.0
-}
-
-/// What a fault of the hardware acts on now.
-fn what(fault: &Fault, r150: &R150) -> String {
-    let measured = r150.plant().measurements();
-    match fault {
-        Fault::RailLoad { rail, .. } | Fault::RailShort { rail } | Fault::RailOpen { rail } => {
-            let index = super::rail(*rail).index();
-            format!(
-                "output {rail}: {:.2} A at {:.2} V",
-                measured.rail_current[index], measured.rail_voltage[index]
-            )
-        }
-        Fault::SupplySag { .. } | Fault::BatteryEmpty {} | Fault::ChargeDrop { .. } => {
-            let truth = r150.truth();
-            let charge = truth.soc * 100.0;
-            format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
-        }
-        Fault::OverTemperature { pair, .. } => {
-            let celsius = measured.temperature[*pair as usize];
-            format!("converter {pair}: {celsius:.1} degC")
-        }
-        Fault::FuseBlown { fuse } => format!("fuse {fuse}"),
-        other => other.in_words(),
-    }
 }
 
 /// Nobody drives with this key: it is let go at the same instant.
@@ -397,8 +376,8 @@ const TOUCH: [OperatorInput; 2] = [
 /// Does it; gives what undoes it, and whether it changed anything.
 fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, bool) {
     let vehicle = r150.device().vehicle();
-    let (locked, parked) = (vehicle.locked(), vehicle.parked());
-    let (autonomous, stopped) = (vehicle.autonomous(), vehicle.emergency_stop());
+    let (locked, parked) = (vehicle.locked, vehicle.parked);
+    let (autonomous, stopped) = (vehicle.autonomous, vehicle.emergency_stop);
     // A key that goes on driving after it is let go is ended by the top button, which does nothing
     // else while the parking brake is off; while it is on, nothing drives.
     let end_key =
@@ -451,8 +430,8 @@ fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, b
     if matches!(fault, Fault::EmergencyStop {}) {
         // The emergency stop may have locked the vehicle, too.
         let vehicle = r150.device().vehicle();
-        undo.extend((vehicle.locked() && !locked).then_some(OperatorInput::Unlock));
-        if vehicle.parked() && !parked {
+        undo.extend((vehicle.locked && !locked).then_some(OperatorInput::Unlock));
+        if vehicle.parked && !parked {
             release(&mut undo);
         }
     }
@@ -479,7 +458,7 @@ fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool
         power: all.power || held.power,
         pwm: all.pwm || held.pwm,
     });
-    if wanted == r150.device().control().held_by_app() {
+    if wanted == r150.device().control().held_by_app {
         return false;
     }
     let Parts { power, pwm } = wanted;

@@ -1,7 +1,6 @@
 //! Events of an R150's hardware that its firmware does not know of: fuses that blow, motors
 //! that are too hot, wheels that would lift.
 
-use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
@@ -39,19 +38,11 @@ impl EventKind for HardwareEvent {
         }
     }
 
-    fn link(&self) -> Option<usize> {
-        None
-    }
-
     fn role(&self) -> Role {
         match self {
             Self::MotorCooled(_) => Role::Other,
             _ => Role::Damage,
         }
-    }
-
-    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
-        None
     }
 }
 

@@ -77,13 +77,14 @@ impl Parts {
 /// one that comes back after a lost heartbeat finds what the app has set, not what it set itself.
 #[derive(Debug, Clone)]
 pub struct Control {
-    by_client: Parts,
+    /// Parts that follow the client.
+    pub by_client: Parts,
     /// Parts that the app keeps whatever the client sends.
-    held_by_app: Parts,
-    /// Set-points of the app.
-    app: Outputs,
+    pub held_by_app: Parts,
+    /// Set-points of the app, in effect where it has control.
+    pub app: Outputs,
     /// Set-points in effect.
-    outputs: Outputs,
+    pub outputs: Outputs,
     /// Set-points that were in effect when the client lost control.
     lost: Outputs,
     heartbeat_due: Option<SimTime>,
@@ -119,30 +120,6 @@ impl Control {
         };
         control.follow_app();
         control
-    }
-
-    /// Parts that follow the client.
-    #[must_use]
-    pub fn by_client(&self) -> Parts {
-        self.by_client
-    }
-
-    /// Parts that the app keeps whatever the client sends.
-    #[must_use]
-    pub fn held_by_app(&self) -> Parts {
-        self.held_by_app
-    }
-
-    /// The set-points of the app, in effect where it has control.
-    #[must_use]
-    pub fn of_app(&self) -> Outputs {
-        self.app
-    }
-
-    /// The set-points in effect.
-    #[must_use]
-    pub fn outputs(&self) -> Outputs {
-        self.outputs
     }
 
     /// The client, which controls power, sets the rails.

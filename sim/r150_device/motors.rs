@@ -22,10 +22,13 @@ pub enum Answer {
 /// Set-points of the client for the motors, right then left.
 #[derive(Debug, Clone, Default)]
 pub struct Motors {
-    set_point: [i16; 2],
-    watchdog_due: Option<SimTime>,
+    /// PWM of the right and the left motor, ±1000.
+    pub set_point: [i16; 2],
+    /// Time at which the watchdog fires unless a command comes.
+    pub watchdog_due: Option<SimTime>,
     last_answer: Option<SimTime>,
-    answer_due: Option<SimTime>,
+    /// Time at which a delayed answer is due.
+    pub answer_due: Option<SimTime>,
     /// A watchdog that is out of order has missed its time.
     missed: bool,
     /// Times of the last commands; as many as are allowed within [`WINDOW`], and one more.
@@ -42,12 +45,6 @@ const MOST_RECENT: usize = 4096;
 pub const FULL: i16 = 1000;
 
 impl Motors {
-    /// PWM of the right and the left motor, ±1000.
-    #[must_use]
-    pub fn set_point(&self) -> [i16; 2] {
-        self.set_point
-    }
-
     /// Takes a command that is answered if `answered`; values beyond ±1000 are clamped. Says how it
     /// is answered, and how many have come within a second if that is more than is allowed.
     pub fn command(
@@ -134,18 +131,6 @@ impl Motors {
             bursts: std::mem::take(&mut self.bursts),
             ..Self::default()
         };
-    }
-
-    /// Time at which the watchdog fires unless a command comes.
-    #[must_use]
-    pub fn watchdog(&self) -> Option<SimTime> {
-        self.watchdog_due
-    }
-
-    /// Time at which a delayed answer is due.
-    #[must_use]
-    pub fn answer_due(&self) -> Option<SimTime> {
-        self.answer_due
     }
 
     /// Stops the motors if the watchdog is due at `now`; gives the set-point it cleared.

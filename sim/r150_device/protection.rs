@@ -52,8 +52,9 @@ pub struct Protection {
     fault: bool,
     /// Since when the supply has been too low, and how low it is.
     low: Option<(SimTime, f64)>,
-    /// Value of [`Self::deadline`]. It is asked far more often than anything changes.
-    deadline: Option<SimTime>,
+    /// The next time at which something happens by itself. It is asked far more often than anything
+    /// changes.
+    pub deadline: Option<SimTime>,
 }
 
 impl Protection {
@@ -149,12 +150,6 @@ impl Protection {
             }
         }
         self.find_deadline();
-    }
-
-    /// The next time at which something happens by itself.
-    #[must_use]
-    pub fn deadline(&self) -> Option<SimTime> {
-        self.deadline
     }
 
     /// Does what is due at `now`; `requested` is what the outputs should be.

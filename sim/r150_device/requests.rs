@@ -146,18 +146,18 @@ impl R150Device {
 
     /// Says whether it succeeded, if that is answered.
     fn set_power(&mut self, now: SimTime, status: u32) -> Option<bool> {
-        if !self.control.by_client().power {
+        if !self.control.by_client.power {
             return self.refuse_for_app(now, code::POWER_CONTROL);
         }
         self.control.set_power(status.to_le_bytes()[0]);
         self.power_requested(now);
-        let done = self.power_status() == self.control.outputs().power;
+        let done = self.power_status() == self.control.outputs.power;
         Some(done || self.settings.true_when_tripped)
     }
 
     /// Says whether it succeeded, if that is answered.
     fn set_pwm(&mut self, now: SimTime, mut duty: [u16; 4]) -> Option<bool> {
-        if !self.control.by_client().pwm {
+        if !self.control.by_client.pwm {
             return self.refuse_for_app(now, code::SET_PWM_OUTPUTS);
         }
         if duty.iter().any(|duty| *duty > FULL_DUTY) {

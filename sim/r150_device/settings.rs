@@ -168,9 +168,7 @@ settings! {
         /// The module's protections.
         protection: ProtectionSettings,
     }
-}
 
-settings! {
     /// Protections by which the module switches outputs off.
     pub struct ProtectionSettings {
         /// State of a rail after a protection has switched it off.

@@ -20,7 +20,8 @@ pub struct Speedometer {
     /// Time at which the encoder was last read, and its place then, turns.
     read: SimTime,
     turns: f64,
-    rpm: f64,
+    /// The speed, rpm.
+    pub rpm: f64,
 }
 
 impl Speedometer {
@@ -76,12 +77,6 @@ impl Speedometer {
         self.turns = turns;
     }
 
-    /// The speed, rpm.
-    #[must_use]
-    pub fn rpm(&self) -> f64 {
-        self.rpm
-    }
-
     fn whole(&self, turns: f64) -> f64 {
         // What is a hair short of a whole number by rounding alone is that number.
         (turns * self.pulses_per_turn + 1e-6).floor()
@@ -100,7 +95,7 @@ mod tests {
         (1..=1000_u32)
             .map(|ms| {
                 meter.read(SimTime::from_millis(ms.into()), f64::from(ms) * 0.01);
-                meter.rpm()
+                meter.rpm
             })
             .collect()
     }
@@ -145,6 +140,6 @@ mod tests {
         let mut meter = Speedometer::new(&settings, SimTime::ZERO, 0.0);
         meter.read(SimTime::from_millis(20), 0.2);
         meter.read(SimTime::from_secs(3600), 0.2);
-        assert_eq!(meter.rpm(), 0.0);
+        assert_eq!(meter.rpm, 0.0);
     }
 }

@@ -35,7 +35,7 @@ impl R150Device {
         let spread = self.settings.measurement_noise / 100.0;
         let noise = &mut self.noise;
         let [right_rpm, left_rpm] = self.speeds.each_ref().map(|speed| {
-            let rpm = speed.rpm();
+            let rpm = speed.rpm;
             round(if spread > 0.0 {
                 rpm * (1.0 + spread * noise.normal())
             } else {
@@ -103,8 +103,8 @@ impl R150Device {
         let pwm = self.pwm_outputs();
         SystemInfo {
             sys_status: self.protection.sys_status(),
-            power_ctrl_mode: u8::from(!self.control.by_client().power),
-            pwm_ctrl_mode: u8::from(!self.control.by_client().pwm),
+            power_ctrl_mode: u8::from(!self.control.by_client.power),
+            pwm_ctrl_mode: u8::from(!self.control.by_client.pwm),
             power_status: self.power_status(),
             pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
             ..SystemInfo::default()

@@ -117,21 +117,16 @@ pub enum Start {
 /// State of the vehicle.
 #[derive(Debug, Clone)]
 pub struct Vehicle {
-    locked: bool,
-    parked: bool,
-    autonomous: bool,
-    emergency_stop: bool,
+    /// The remote control has locked it.
+    pub locked: bool,
+    /// The parking brake is on.
+    pub parked: bool,
+    /// It is in autonomous mode.
+    pub autonomous: bool,
+    /// The emergency stop is in.
+    pub emergency_stop: bool,
     key: Option<Key>,
-    rules: Rules,
-}
-
-/// What the manual leaves open about the buttons; the settings of the same names say more.
-#[derive(Debug, Clone, Copy)]
-struct Rules {
-    locking_parks: bool,
-    emergency_stop_locks: bool,
-    driving_needs_release: bool,
-    remote_key_drives: RemoteKeyDrives,
+    settings: R150FirmwareSettings,
 }
 
 /// State of the motor bridges, right then left.
@@ -154,12 +149,7 @@ impl Vehicle {
             autonomous: ready,
             emergency_stop: false,
             key: None,
-            rules: Rules {
-                locking_parks: settings.locking_parks,
-                emergency_stop_locks: settings.emergency_stop_locks,
-                driving_needs_release: settings.driving_needs_release,
-                remote_key_drives: settings.remote_key_drives,
-            },
+            settings: settings.clone(),
         }
     }
 
@@ -190,7 +180,7 @@ impl Vehicle {
             OperatorInput::ReleaseKey => self.key = None,
             OperatorInput::EmergencyStop(pushed_in) => {
                 self.emergency_stop = pushed_in;
-                if pushed_in && self.rules.emergency_stop_locks {
+                if pushed_in && self.settings.emergency_stop_locks {
                     self.lock();
                 }
             }
@@ -200,7 +190,7 @@ impl Vehicle {
 
     fn lock(&mut self) {
         self.locked = true;
-        self.parked |= self.rules.locking_parks;
+        self.parked |= self.settings.locking_parks;
         self.key = None;
     }
 
@@ -209,40 +199,16 @@ impl Vehicle {
         !self.locked && !self.autonomous
     }
 
-    /// Tells whether the emergency stop is in.
-    #[must_use]
-    pub fn emergency_stop(&self) -> bool {
-        self.emergency_stop
-    }
-
-    /// Tells whether the parking brake is on.
-    #[must_use]
-    pub fn parked(&self) -> bool {
-        self.parked
-    }
-
-    /// Tells whether it is locked.
-    #[must_use]
-    pub fn locked(&self) -> bool {
-        self.locked
-    }
-
     /// Tells whether a motion key goes on driving after it is let go.
     #[must_use]
     pub fn key_outlasts_press(&self) -> bool {
-        self.rules.remote_key_drives == RemoteKeyDrives::UntilNextButton
+        self.settings.remote_key_drives == RemoteKeyDrives::UntilNextButton
     }
 
     /// The motion key that is held. One that outlasts its press is not known to be.
     #[must_use]
     pub fn held_key(&self) -> Option<Key> {
         self.key.filter(|_| !self.key_outlasts_press())
-    }
-
-    /// Tells whether it is in autonomous mode.
-    #[must_use]
-    pub fn autonomous(&self) -> bool {
-        self.autonomous
     }
 
     /// Tells whether the parking brake holds while the client wants this of the motors.
@@ -254,7 +220,7 @@ impl Vehicle {
 
     /// Tells whether the parking brake keeps commands from driving.
     fn brake_hinders(&self) -> bool {
-        let gives_way = self.autonomous && !self.rules.driving_needs_release;
+        let gives_way = self.autonomous && !self.settings.driving_needs_release;
         self.parked && !gives_way
     }
 

@@ -216,7 +216,8 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
     let run = |disturb: bool| {
         let mut rig = rig(Wire::Instant);
         rig.with_device(0, |r150: &mut R150, _, _| {
-            r150.set_load(sim_physics::r150::Rail::V48, Load::Power(100.0));
+            r150.plant_mut()
+                .set_load(sim_physics::r150::Rail::V48, Load::Power(100.0));
         });
         for second in 0..60 {
             let now = SimTime::from_millis(1000 * second + 33);
@@ -243,7 +244,8 @@ fn charge_is_counted_the_same_at_rest_and_in_steps() {
 fn an_overload_on_a_real_rail_trips_through_measured_currents() {
     let mut rig = rig(Wire::Instant);
     rig.with_device(0, |r150: &mut R150, _, _| {
-        r150.set_load(sim_physics::r150::Rail::V12A, Load::Power(300.0));
+        r150.plant_mut()
+            .set_load(sim_physics::r150::Rail::V12A, Load::Power(300.0));
     });
     let on = SimTime::from_millis(7);
     rig.client_sends(PORT, on, &Request::PowerControl { status: 1 }.encode())
@@ -263,7 +265,9 @@ fn a_short_on_each_rail_trips_within_a_millisecond() {
         let on = SimTime::from_millis(7);
         let all = Request::PowerControl { status: 0b11_1111 };
         rig.client_sends(PORT, on, &all.encode()).unwrap();
-        rig.with_device(0, |r150: &mut R150, _, _| r150.set_load(rail, Load::Short));
+        rig.with_device(0, |r150: &mut R150, _, _| {
+            r150.plant_mut().set_load(rail, Load::Short)
+        });
         rig.advance(on + Duration::from_millis(1)).unwrap();
         let device = rig.device::<R150>(0).unwrap().device();
         assert_eq!(device.power_status() >> bit & 1, 0, "{rail:?}");

@@ -189,7 +189,7 @@ pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
     let groups = ["truth.", "wheel.", "rail."];
     let names = spec.all_names();
     let names = names.filter(|info| groups.iter().any(|group| info.name.starts_with(group)));
-    let numbers = names.filter_map(|info| match info.getter().read(&view) {
+    let numbers = names.filter_map(|info| match info.getter.read(&view) {
         Reading::Number(number) => Some(number),
         Reading::Flag(_) => None,
     });

@@ -4,6 +4,7 @@
 //! a port says that FR turns the motor there the other way round. `"x-y-e0-e1"` is the article's
 //! table, `"y-x-e0-e1"` has the front motors swapped, `"x-!y-e0-e1"` has one reversed.
 
+use std::convert::Infallible;
 use std::fmt;
 
 use schemars::{Schema, json_schema};
@@ -138,7 +139,7 @@ impl fmt::Display for Wiring {
 }
 
 impl SettingValue for Wiring {
-    type Bound = Self;
+    type Bound = Infallible;
 
     fn read(value: &Value, _unit: &str) -> Result<Self, String> {
         let Value::Text(text) = value else {
@@ -166,17 +167,13 @@ impl SettingValue for Wiring {
         format!("\"{self}\"")
     }
 
-    fn within(&self, bounds: &Bounds<Self>) -> bool {
-        bounds.contains(self)
-    }
-
-    fn allowed(_unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
+    fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
         "ports of LF, RF, LR, RR joined by \"-\", each of x, y, z, e0, e1, none twice, with \"!\" \
          before one that turns the other way: \"x-y-e0-e1\", \"x-y-z-e0\", \"x-!y-e0-e1\", …"
             .to_owned()
     }
 
-    fn schema(_unit: &str, _bounds: Option<&Bounds<Self>>) -> Schema {
+    fn schema(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
         json_schema!({"type": "string", "pattern": "^!?(x|y|z|e0|e1)(-!?(x|y|z|e0|e1)){3}$"})
     }
 }
@@ -206,7 +203,7 @@ impl Plugs {
 }
 
 impl SettingValue for Plugs {
-    type Bound = Self;
+    type Bound = Infallible;
 
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         match value {
@@ -222,15 +219,11 @@ impl SettingValue for Plugs {
         }
     }
 
-    fn within(&self, bounds: &Bounds<Self>) -> bool {
-        bounds.contains(self)
-    }
-
-    fn allowed(unit: &str, _bounds: Option<&Bounds<Self>>) -> String {
+    fn allowed(unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
         format!("\"{AS_EXPECTED}\", or {}", Wiring::allowed(unit, None))
     }
 
-    fn schema(unit: &str, _bounds: Option<&Bounds<Self>>) -> Schema {
+    fn schema(unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
         json_schema!({"anyOf": [{"const": AS_EXPECTED}, Wiring::schema(unit, None)]})
     }
 }

@@ -238,10 +238,10 @@ impl Circle {
 }
 
 impl Area {
-    fn area(&self) -> world::Area {
+    fn area(&self) -> world::Shape {
         match self {
-            Self::Rectangle(rectangle) => world::Area::Rectangle(rectangle.shape()),
-            Self::Circle(circle) => world::Area::Disc(circle.shape()),
+            Self::Rectangle(rectangle) => world::Shape::Rectangle(rectangle.shape()),
+            Self::Circle(circle) => world::Shape::Disc(circle.shape()),
         }
     }
 }

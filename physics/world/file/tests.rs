@@ -1,5 +1,5 @@
 use super::*;
-use crate::world::{Area, Obstacle, ObstacleError, ObstacleShape, World, WorldSettings};
+use crate::world::{Obstacle, ObstacleError, ObstacleShape, Shape, World, WorldSettings};
 
 fn read(text: &str) -> Result<WorldMap, WorldFileError> {
     WorldMap::from_toml(text, "test.toml")
@@ -34,7 +34,7 @@ fn the_shipped_worlds_load() {
     assert!(line_loop.strips[0].closed);
     let [ramp] = &slope.slopes[..] else { panic!() };
     assert!((ramp.slope - 0.1745).abs() < 1e-3);
-    assert!(matches!(ramp.area, Area::Rectangle(_)));
+    assert!(matches!(ramp.area, Shape::Rectangle(_)));
 }
 
 #[test]

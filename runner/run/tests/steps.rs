@@ -294,7 +294,7 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
             .unwrap()
             .device()
             .vehicle()
-            .locked();
+            .locked;
         let events: Vec<_> = std::iter::from_fn(|| run.poll_event())
             .filter(|event| event.kind.code().as_str() == "operated")
             .map(|event| (event.at, event.kind.to_string()))

@@ -90,14 +90,10 @@ fn on_the_r150() {
         assert!(settled(&rig), "{} left a trace", info.id);
         is_sound(&mut rig);
         let vehicle = rig.device::<R150>(0).unwrap().device().vehicle().clone();
-        assert!(
-            !vehicle.locked() && !vehicle.emergency_stop(),
-            "{}",
-            info.id
-        );
-        assert!(vehicle.autonomous(), "{}", info.id);
+        assert!(!vehicle.locked && !vehicle.emergency_stop, "{}", info.id);
+        assert!(vehicle.autonomous, "{}", info.id);
         if info.id != "brake-stuck-open" {
-            assert!(!vehicle.parked(), "{}", info.id);
+            assert!(!vehicle.parked, "{}", info.id);
             let before = rig.distance_m(0);
             drive(&mut rig, 300, 300, 20);
             assert!(rig.distance_m(0) > before + 0.1, "{}", info.id);

@@ -10,9 +10,7 @@ choices! {
         /// The most significant first.
         Big = "big",
     }
-}
 
-choices! {
     /// Mark of a packet's beginning.
     pub enum Framing {
         /// A known type, and after it the length that this type has; any other byte is skipped by
@@ -22,9 +20,7 @@ choices! {
         /// whole.
         Length = "length",
     }
-}
 
-choices! {
     /// Fate of a packet that was begun and not finished in time.
     pub enum PartialPacket {
         /// The search for a packet goes on at its second byte.
@@ -32,9 +28,7 @@ choices! {
         /// All its bytes are dropped.
         Drop = "drop",
     }
-}
 
-choices! {
     /// Answer to a valid packet or line.
     pub enum Acknowledge {
         /// Nothing.
@@ -42,9 +36,7 @@ choices! {
         /// A status packet, or on the ROS link a report line, at once.
         Status = "status",
     }
-}
 
-choices! {
     /// Meaning of a status packet's sequence number.
     pub enum StatusSeq {
         /// It counts the status packets.
@@ -52,9 +44,7 @@ choices! {
         /// That of the client's last packet.
         Echo = "echo",
     }
-}
 
-choices! {
     /// Links whose motions count while the ROS link is configured.
     pub enum OrdersWithRos {
         /// Those of both links; the last order counts.
@@ -62,9 +52,7 @@ choices! {
         /// Those of the ROS link; those of the main link are ignored.
         RosOnly = "ros-only",
     }
-}
 
-choices! {
     /// Motions that a preempting one discards.
     pub enum Preempt {
         /// The motion that runs and those that wait.
@@ -72,9 +60,7 @@ choices! {
         /// The motion that runs; those that wait follow the new one.
         Running = "running",
     }
-}
 
-choices! {
     /// Moment at which the wheels of a motion stop.
     pub enum MotionEnd {
         /// Each by itself, when it has turned far enough.
@@ -82,9 +68,7 @@ choices! {
         /// All at once, when they have turned far enough on average.
         Mean = "mean",
     }
-}
 
-choices! {
     /// Meaning of a motion without distance.
     pub enum ZeroDistance {
         /// It ends at once.
@@ -92,9 +76,7 @@ choices! {
         /// It runs until another preempts it.
         Endless = "endless",
     }
-}
 
-choices! {
     /// Meaning of a motion without speed.
     pub enum ZeroSpeed {
         /// It ends at once.
@@ -102,9 +84,7 @@ choices! {
         /// It stands until another preempts it.
         Wait = "wait",
     }
-}
 
-choices! {
     /// Meaning of a speed beyond its range.
     pub enum OverSpeed {
         /// The end of the range.
@@ -114,9 +94,7 @@ choices! {
         /// Its motion is ignored.
         Ignore = "ignore",
     }
-}
 
-choices! {
     /// Direction in which a positive speed turns the car.
     pub enum PositiveTurn {
         /// To the right, clockwise.
@@ -124,9 +102,7 @@ choices! {
         /// To the left, as `ori` counts.
         Left = "left",
     }
-}
 
-choices! {
     /// Direction in which a positive speed strafes.
     pub enum PositiveStrafe {
         /// To the left.
@@ -134,9 +110,7 @@ choices! {
         /// To the right.
         Right = "right",
     }
-}
 
-choices! {
     /// Driver when the board starts.
     pub enum StartMode {
         /// The board.
@@ -144,9 +118,7 @@ choices! {
         /// The remote control.
         Remote = "remote",
     }
-}
 
-choices! {
     /// Fate of motions when the control mode changes.
     pub enum ModeChange {
         /// They are discarded.
@@ -154,9 +126,7 @@ choices! {
         /// They stand still while the remote control drives, and go on after it.
         Keep = "keep",
     }
-}
 
-choices! {
     /// State of BK while no wheel is driven.
     pub enum IdleWheels {
         /// It holds the wheels.
@@ -164,9 +134,7 @@ choices! {
         /// It lets them go.
         Release = "release",
     }
-}
 
-choices! {
     /// Source of the direction in which a wheel has turned.
     pub enum PulseDirection {
         /// It takes pulses for those of the direction in which it last drove the wheel.
@@ -174,9 +142,7 @@ choices! {
         /// The motors tell, and their counters count down when a wheel turns back.
         Counted = "counted",
     }
-}
 
-choices! {
     /// Meaning of the letters Y and Z on the ROS link; the article's table and its picture differ.
     pub enum AsciiLetters {
         /// Y+ strafes left, Z+ turns right.
@@ -184,9 +150,7 @@ choices! {
         /// Y+ turns right, Z+ strafes left.
         Picture = "picture",
     }
-}
 
-choices! {
     /// In which axes the status packet gives the velocity.
     pub enum VelocityFrame {
         /// In those of the frame in which it gives the position.
@@ -194,9 +158,7 @@ choices! {
         /// In the car's: ahead and to the left.
         Body = "body",
     }
-}
 
-choices! {
     /// Time during which the status packet calls a side's motors running.
     pub enum MotorState {
         /// While the firmware drives one of them.
@@ -204,9 +166,7 @@ choices! {
         /// While pulses come from one of them.
         Turning = "turning",
     }
-}
 
-choices! {
     /// Distance that the mileage counts.
     pub enum Mileage {
         /// Turning of the driven wheels, as the distance of a motion does; turning on the spot
@@ -215,9 +175,7 @@ choices! {
         /// Way of the middle of the car.
         Path = "path",
     }
-}
 
-choices! {
     /// Reading of a number on the ROS link.
     pub enum AsciiNumbers {
         /// Digits, perhaps after a minus, and nothing else.
@@ -226,9 +184,7 @@ choices! {
         /// it is 0.
         Atoi = "atoi",
     }
-}
 
-choices! {
     /// Places in a line where spaces and carriage returns are skipped.
     pub enum AsciiSpaces {
         /// Anywhere.
@@ -236,9 +192,7 @@ choices! {
         /// Before its end.
         Trailing = "trailing",
     }
-}
 
-choices! {
     /// Meaning of a number beyond its range.
     pub enum AsciiOutOfRange {
         /// Its line is ignored.
@@ -246,9 +200,7 @@ choices! {
         /// The end of the range.
         Clamp = "clamp",
     }
-}
 
-choices! {
     /// The sign of a reported speed.
     pub enum AsciiSpeedSign {
         /// Negative while a motion goes its negative way.
@@ -256,9 +208,7 @@ choices! {
         /// It has none.
         None = "none",
     }
-}
 
-choices! {
     /// Distance that the reported mileage counts.
     pub enum AsciiMileage {
         /// All that was driven, either way.
@@ -268,9 +218,7 @@ choices! {
         /// Distance of the last motion.
         Motion = "motion",
     }
-}
 
-choices! {
     /// Reading of a value beyond its field.
     pub enum Overflow {
         /// Its low bits.
@@ -278,9 +226,7 @@ choices! {
         /// The end of the field's range.
         Saturate = "saturate",
     }
-}
 
-choices! {
     /// Range of a heading.
     pub enum HeadingRange {
         /// Full turns add up.
@@ -288,9 +234,7 @@ choices! {
         /// Above −180° and up to 180°.
         HalfTurn = "half-turn",
     }
-}
 
-choices! {
     /// Meaning of the bits of `magn`.
     pub enum MagnBits {
         /// One for each channel, bit 0 leftmost.
@@ -300,9 +244,7 @@ choices! {
         /// 1 when any channel is over a strip, and else 0.
         Any = "any",
     }
-}
 
-choices! {
     /// Reading of an ultrasonic sensor without an echo.
     pub enum NoEcho {
         /// Its longest distance.

@@ -15,9 +15,7 @@ choices! {
         /// It changes nothing and gets no reply.
         Ignore = "ignore",
     }
-}
 
-choices! {
     /// State of the outputs when the client's heartbeat stops.
     pub enum OnHeartbeatLoss {
         /// They follow the app's set-points, which are all off unless the app set them.
@@ -27,9 +25,7 @@ choices! {
         /// They switch off.
         Off = "off",
     }
-}
 
-choices! {
     /// State of a rail after a protection has switched it off.
     pub enum OvercurrentRecovery {
         /// It stays off until the client commands it off; the next "on" tries again.
@@ -37,9 +33,7 @@ choices! {
         /// It tries again by itself after the retry period.
         Retry = "retry",
     }
-}
 
-choices! {
     /// Command byte of a reply.
     pub enum ReplyCommand {
         /// That of the request.
@@ -47,9 +41,7 @@ choices! {
         /// That of the request with the highest bit set.
         HighBit = "high-bit",
     }
-}
 
-choices! {
     /// Place at which the decoder goes on after a frame that is not valid.
     pub enum Resync {
         /// At that frame's second byte, so that a valid frame inside it is found.
@@ -57,9 +49,7 @@ choices! {
         /// Behind that frame.
         NextFrame = "next-frame",
     }
-}
 
-choices! {
     /// Answer to a request that the module does not understand.
     pub enum RefusalReply {
         /// No reply.
@@ -67,9 +57,7 @@ choices! {
         /// The reply `false`, one parameter byte 0.
         False = "false",
     }
-}
 
-choices! {
     /// Answer to a motor command that is refused.
     pub enum MotorsRefusalReply {
         /// No reply.
@@ -79,9 +67,7 @@ choices! {
         /// The reply that any motor command gets: speeds and charge.
         Speeds = "speeds",
     }
-}
 
-choices! {
     /// In which states of the vehicle motor commands are answered.
     pub enum MotorsAnswered {
         /// In all.
@@ -89,9 +75,7 @@ choices! {
         /// Only while they drive: unlocked, released, autonomous, not stopped.
         WhenDriving = "when-driving",
     }
-}
 
-choices! {
     /// Meaning of a heartbeat.
     pub enum HeartbeatBy {
         /// Each of the eight requests, if its number of parameter bytes is right.
@@ -99,9 +83,7 @@ choices! {
         /// Every frame with the right CRC, unknown commands and wrong lengths too.
         Frames = "frames",
     }
-}
 
-choices! {
     /// Request by which a client takes RS232 control.
     pub enum ControlTakenBy {
         /// Any request takes control of power and PWM.
@@ -109,9 +91,7 @@ choices! {
         /// 0x02 takes control of power and 0x03 of PWM.
         OwnCommand = "own-command",
     }
-}
 
-choices! {
     /// Control of the outputs; the words are the manual's.
     pub enum ControlMode {
         /// The app.
@@ -119,9 +99,7 @@ choices! {
         /// The client.
         Rs232 = "rs232",
     }
-}
 
-choices! {
     /// Treatment of a value that is out of its range.
     pub enum OutOfRange {
         /// The command changes nothing, feeds no watchdog, and is answered `false` where its reply
@@ -130,9 +108,7 @@ choices! {
         /// The nearest allowed value is taken.
         Clamp = "clamp",
     }
-}
 
-choices! {
     /// Order of the bytes of a version word.
     pub enum VersionOrder {
         /// The major version is the most significant byte, so it is sent last.
@@ -140,9 +116,7 @@ choices! {
         /// The major version is the least significant byte, so it is sent first.
         MajorLow = "major-low",
     }
-}
 
-choices! {
     /// Meaning of `voltage48v`.
     pub enum Voltage48v {
         /// The supply bus, whether or not the 48 V output is on.
@@ -150,9 +124,7 @@ choices! {
         /// The 48 V output, 0 when it is off.
         Output = "output",
     }
-}
 
-choices! {
     /// Meaning of `voltage12v`.
     pub enum Voltage12v {
         /// The outputs, 0 where one is off.
@@ -160,9 +132,7 @@ choices! {
         /// The converter in front of the switch, whether or not the output is on.
         Converter = "converter",
     }
-}
 
-choices! {
     /// Meaning of `current48v`.
     pub enum Current48v {
         /// The 48 V output's current.
@@ -170,9 +140,7 @@ choices! {
         /// All that the module and its outputs draw from the supply.
         Supply = "supply",
     }
-}
 
-choices! {
     /// State of the outputs when the client takes control.
     pub enum OnTakeover {
         /// They stay as the app had them.
@@ -180,9 +148,7 @@ choices! {
         /// They return to what the client had set when it lost control.
         Restore = "restore",
     }
-}
 
-choices! {
     /// Time for which a motion key drives.
     pub enum RemoteKeyDrives {
         /// As long as it is held.
@@ -190,9 +156,7 @@ choices! {
         /// A short press is enough: until another button is pressed.
         UntilNextButton = "until-next-button",
     }
-}
 
-choices! {
     /// Reaction of the module to a load, a temperature or a supply out of its limits.
     pub enum ProtectionAction {
         /// It sets the status bit and switches the outputs concerned off.

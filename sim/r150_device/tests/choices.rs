@@ -37,7 +37,7 @@ fn a_bad_crc_may_be_answered_false_once_and_still_changes_nothing() {
     assert_eq!(bench.send(&frame), falsehood(0x02));
     assert_eq!(bench.reply(), None);
     assert_eq!(bench.device.power_status(), 0);
-    assert_eq!(bench.device.control().by_client(), NEITHER);
+    assert_eq!(bench.device.control().by_client, NEITHER);
     // What is no whole frame has no command to answer.
     bench.send(&[0x55, 0xAA, 0x55, 0x01]);
     bench.after(Duration::from_millis(21));
@@ -155,7 +155,7 @@ fn current_48v_may_be_that_of_the_supply() {
 fn any_frame_with_the_right_crc_may_be_a_heartbeat_but_takes_no_control() {
     let mut bench = Bench::with(|s| s.heartbeat_by = HeartbeatBy::Frames);
     bench.send(&encode(0x99, &[]));
-    assert_eq!(bench.device.control().by_client(), NEITHER);
+    assert_eq!(bench.device.control().by_client, NEITHER);
     bench.power(0b11);
     for bad in [encode(0x99, &[]), encode(0x02, &[]), encode(0x12, &[])] {
         bench.after(TIMEOUT - QUANTUM);
@@ -172,7 +172,7 @@ fn any_request_may_take_control_and_its_reply_tells_the_state_before() {
     let mut bench = Bench::with(|s| s.control_taken_by = ControlTakenBy::AnyRequest);
     let info = bench.info();
     assert_eq!((info.power_ctrl_mode, info.pwm_ctrl_mode), (1, 1));
-    assert_eq!(bench.device.control().by_client(), BOTH);
+    assert_eq!(bench.device.control().by_client, BOTH);
     let info = bench.info();
     assert_eq!((info.power_ctrl_mode, info.pwm_ctrl_mode), (0, 0));
 }
@@ -184,10 +184,10 @@ fn control_is_taken_by_the_command_that_needs_it() {
         bench.ask(request);
     }
     bench.drive(100, 100);
-    assert_eq!(bench.device.control().by_client(), NEITHER);
+    assert_eq!(bench.device.control().by_client, NEITHER);
     bench.events();
     assert!(bench.power(0b1));
-    assert_eq!(bench.device.control().by_client(), POWER);
+    assert_eq!(bench.device.control().by_client, POWER);
     let taken = bench.events().into_iter().find_map(|event| match event {
         R150Event::ControlTaken(taken) => Some((taken, event.to_string())),
         _ => None,
@@ -197,9 +197,9 @@ fn control_is_taken_by_the_command_that_needs_it() {
     let info = bench.info();
     assert_eq!((info.power_ctrl_mode, info.pwm_ctrl_mode), (0, 1));
     bench.ask(Request::SetPwmOutputs { duty: [5; 4] });
-    assert_eq!(bench.device.control().by_client(), BOTH);
+    assert_eq!(bench.device.control().by_client, BOTH);
     bench.after(TIMEOUT);
-    assert_eq!(bench.device.control().by_client(), NEITHER);
+    assert_eq!(bench.device.control().by_client, NEITHER);
 }
 
 #[test]
@@ -212,10 +212,10 @@ fn it_may_start_in_rs232_mode_and_keep_it_until_a_first_heartbeat_is_lost() {
     };
     bench.device.operate(bench.now, OperatorInput::AppSets(app));
     assert_eq!(bench.device.power_status(), 0);
-    assert_eq!(bench.device.control().by_client(), BOTH);
+    assert_eq!(bench.device.control().by_client, BOTH);
     bench.ask(Request::Heartbeat);
     bench.after(TIMEOUT);
-    assert_eq!(bench.device.control().by_client(), NEITHER);
+    assert_eq!(bench.device.control().by_client, NEITHER);
     assert_eq!(bench.device.power_status(), 0b1);
 }
 
@@ -226,7 +226,7 @@ fn the_app_may_have_switched_things_on() {
         s.app_pwm = [1, 2, 3, 1000];
     });
     assert_eq!(bench.device.power_status(), 0b10_0010);
-    assert_eq!(bench.device.control().outputs().pwm, [1, 2, 3, 1000]);
+    assert_eq!(bench.device.control().outputs.pwm, [1, 2, 3, 1000]);
     assert!(bench.power(0b1));
     bench.after(TIMEOUT);
     assert_eq!(bench.device.power_status(), 0b10_0010);
@@ -249,7 +249,7 @@ fn off_on_a_lost_heartbeat_leaves_what_the_app_holds() {
         power: 0,
         pwm: [7; 4],
     };
-    assert_eq!(bench.device.control().outputs(), off);
+    assert_eq!(bench.device.control().outputs, off);
 }
 
 #[test]

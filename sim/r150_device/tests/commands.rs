@@ -200,7 +200,7 @@ fn a_wrong_length_is_answered_false_by_0x02_and_0x03_and_not_at_all_by_0x12() {
             assert_eq!(bench.device.power_status(), 0);
             assert_eq!(bench.duty(), [0.0, 0.0]);
             assert!(
-                !bench.device.control().by_client().power,
+                !bench.device.control().by_client.power,
                 "it takes no control"
             );
         }
@@ -214,7 +214,7 @@ fn an_unknown_command_gets_no_reply_and_changes_nothing() {
         let mut bench = Bench::new();
         assert_eq!(exchange(&mut bench, command, &[1, 0, 0, 0]), None);
         assert_eq!(bench.codes(), ["unknown_command"]);
-        assert!(!bench.device.control().by_client().power);
+        assert!(!bench.device.control().by_client.power);
     }
 }
 
@@ -246,7 +246,7 @@ fn other_choices() {
     let mut bench = Bench::with(|s| s.on_duty_out_of_range = OutOfRange::Clamp);
     let sent = [10, 0, 0xE9, 0x03, 0xFF, 0xFF, 0xE8, 0x03];
     assert_eq!(exchange(&mut bench, 0x03, &sent), answer(0x03, &[1]));
-    assert_eq!(bench.device.control().outputs().pwm, [10, 1000, 1000, 1000]);
+    assert_eq!(bench.device.control().outputs.pwm, [10, 1000, 1000, 1000]);
 
     let mut bench = Bench::with(|s| s.on_motors_out_of_range = OutOfRange::Refuse);
     bench.drive(100, 200);

@@ -9,7 +9,7 @@ const TIMEOUT: Duration = Duration::from_secs(3);
 
 fn modes(bench: &Bench) -> [bool; 2] {
     let control = bench.device.control();
-    [control.by_client().power, control.by_client().pwm]
+    [control.by_client.power, control.by_client.pwm]
 }
 
 /// A bench on which the client has switched things on.
@@ -113,7 +113,7 @@ fn on_heartbeat_loss_holds_or_switches_off_as_set() {
         );
         bench.after(TIMEOUT);
         assert_eq!(bench.device.power_status(), power, "{choice:?}");
-        assert_eq!(bench.device.control().outputs().pwm, pwm, "{choice:?}");
+        assert_eq!(bench.device.control().outputs.pwm, pwm, "{choice:?}");
         assert_eq!(modes(&bench), [false, false], "{choice:?}");
     }
 }

@@ -335,7 +335,8 @@ fn vehicles_of_both_kinds_share_a_world_and_collide() {
         pose,
     );
     rig.with_device(1, |r150: &mut R150, _, _| {
-        r150.set_load(sim_physics::r150::Rail::V48, Load::Open);
+        r150.plant_mut()
+            .set_load(sim_physics::r150::Rail::V48, Load::Open);
     });
     rig.client_sends(MAIN, SimTime::ZERO, &motion(0, 100, 500))
         .unwrap();
