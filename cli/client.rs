@@ -79,29 +79,13 @@ impl fmt::Display for ClientEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Exited(code) => write!(f, "ended with exit code {code}"),
-            Self::Killed(signal) => match signal_name(*signal) {
+            Self::Killed(signal) => match signal_hook::low_level::signal_name(*signal) {
                 Some(name) => write!(f, "was killed by {name}"),
                 None => write!(f, "was killed by signal {signal}"),
             },
             Self::NotStarted(why) => write!(f, "could not be started: {why}"),
         }
     }
-}
-
-fn signal_name(signal: i32) -> Option<&'static str> {
-    Some(match signal {
-        1 => "SIGHUP",
-        2 => "SIGINT",
-        4 => "SIGILL",
-        6 => "SIGABRT",
-        7 => "SIGBUS",
-        8 => "SIGFPE",
-        9 => "SIGKILL",
-        11 => "SIGSEGV",
-        13 => "SIGPIPE",
-        15 => "SIGTERM",
-        _ => return None,
-    })
 }
 
 impl Client {
@@ -183,7 +167,7 @@ impl Client {
             .wait()
             .context("cannot wait for the client")?;
         supervisors().remove(&self.supervisor.id());
-        let end = ClientEnd::parse(&line);
+        let end = serde_json::from_str(&line).ok();
         if end.is_none() {
             let others = supervisors();
             end_orphans(|pid| others.contains(&pid));

@@ -1,6 +1,6 @@
 //! Effective settings: defaults, then the file, then the flags.
 
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
@@ -11,6 +11,7 @@ use sim_settings::{Origin, Settings as _, load_toml, parse_assignment, set, show
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
 use crate::patient_file::PatientFile;
+use crate::print::print;
 use crate::visible;
 
 /// The largest file that is read.
@@ -90,19 +91,12 @@ pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
 }
 
 /// The `config` subcommand.
-pub(crate) fn print(devices: Devices, args: &SettingsArgs) -> Result<Exit, Failure> {
+pub(crate) fn list(devices: Devices, args: &SettingsArgs) -> Result<Exit, Failure> {
     let settings = load(devices, args)?;
-    let text = format!(
+    print(&format!(
         "# Settings of sim. \"documented\" is what the device's manual says; \"assumed\" is our\n\
          # decision where the manual is silent: check it against your hardware before you rely\n\
          # on it.\n\n{}",
-        show_toml(&settings)
-    );
-    match anstream::stdout().write_all(text.as_bytes()) {
-        // The reader may have seen enough, as `head` does.
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::system(
-            anyhow!(error).context("cannot print the settings"),
-        )),
-        _ => Ok(Exit::Clean),
-    }
+        show_toml(&settings).trim_end()
+    ))
 }

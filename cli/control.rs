@@ -60,7 +60,7 @@ pub(crate) struct Desk {
     stepping: Vec<Answer>,
     steps: Vec<Progress>,
     /// Goes behind those that listen and wait, who are told that it is over.
-    control: Control,
+    pub(crate) control: Control,
     /// Goes when this does.
     _session: SessionFile,
 }
@@ -114,16 +114,6 @@ impl Desk {
             stepping: Vec::new(),
             steps: Vec::new(),
         })
-    }
-
-    /// URL of it, with the token.
-    pub(crate) fn url(&self) -> String {
-        self.control.url()
-    }
-
-    /// Control that wakes it.
-    pub(crate) fn wakes(&self) -> &Control {
-        &self.control
     }
 
     /// Tells whether somebody waits for something that comes only with time.

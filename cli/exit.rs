@@ -6,13 +6,13 @@ use std::process::ExitCode;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Exit {
     /// Stopped by the user, or finished.
-    Clean,
+    Clean = 0,
     /// A scenario or the client failed.
-    Failed,
+    Failed = 1,
     /// A flag, a file or a setting is wrong.
-    Usage,
+    Usage = 2,
     /// The simulator or the system failed.
-    System,
+    System = 3,
 }
 
 impl Exit {
@@ -26,21 +26,9 @@ Exit codes:
      scenarios were broken off by Ctrl-C, or the machine was too busy for a verdict";
 }
 
-impl Exit {
-    /// As the system is told.
-    pub(crate) fn code(self) -> u8 {
-        match self {
-            Self::Clean => 0,
-            Self::Failed => 1,
-            Self::Usage => 2,
-            Self::System => 3,
-        }
-    }
-}
-
 impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
-        Self::from(exit.code())
+        Self::from(exit as u8)
     }
 }
 

@@ -49,7 +49,7 @@ pub fn main(devices: Devices) -> ExitCode {
         check_rows(devices).map_err(Failure::system)?;
         let cli = Cli::read(devices);
         match &cli.command {
-            Some(Command::Config(settings)) => config::print(devices, settings),
+            Some(Command::Config(settings)) => config::list(devices, settings),
             Some(Command::Run(args)) => run::run(devices, args),
             Some(Command::Check { files, given }) => run::check(devices, files, given),
             Some(Command::Replay { trace }) => replay::replay(devices, trace),
@@ -62,7 +62,7 @@ pub fn main(devices: Devices) -> ExitCode {
             }
             Some(Command::Names { device }) => lists::list_names(devices, device),
             Some(Command::Ctl(args)) => control::ctl::run(args),
-            Some(Command::Schema { of }) => schema::print(devices, *of),
+            Some(Command::Schema { of }) => schema::list(devices, *of),
             None => start::serve(devices, &cli.serve),
         }
     })

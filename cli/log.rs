@@ -14,7 +14,7 @@ use serde_json::json;
 use sim_core::SimTime;
 use sim_core::event::{Event, Level};
 
-pub(crate) use words::{DeviceName, Words};
+pub(crate) use words::Words;
 
 use crate::args::LogFormat;
 use crate::print::complain;
@@ -51,7 +51,7 @@ enum Line {
 pub(crate) struct Log {
     lines: Option<Sender<Line>>,
     dropped: Arc<AtomicU64>,
-    options: LogOptions,
+    pub(crate) options: LogOptions,
     /// Text to print after all lines, or after those for which there was time.
     last: Sender<String>,
     hurry: Arc<AtomicBool>,
@@ -62,8 +62,8 @@ pub(crate) struct Log {
 }
 
 impl Log {
-    /// Starts the thread; `names` are the devices by index.
-    pub(crate) fn start(options: LogOptions, names: Vec<DeviceName>) -> io::Result<Self> {
+    /// Starts the thread.
+    pub(crate) fn start(options: LogOptions, words: Words) -> io::Result<Self> {
         let (lines, receiver) = crossbeam_channel::bounded(MOST_LINES);
         let (last, last_receiver) = crossbeam_channel::bounded(1);
         let (ends, ended) = crossbeam_channel::bounded(1);
@@ -71,7 +71,7 @@ impl Log {
         let hurry = Arc::new(AtomicBool::new(false));
         let printer = Printer {
             options,
-            words: Words(names),
+            words,
             dropped: Arc::clone(&dropped),
             told_dropped: 0,
             repeats: BTreeMap::new(),
@@ -109,14 +109,6 @@ impl Log {
     /// Prints a line.
     pub(crate) fn text(&self, line: String) {
         self.send(Line::Text(line));
-    }
-
-    pub(crate) fn format(&self) -> LogFormat {
-        self.options.format
-    }
-
-    pub(crate) fn is_quiet(&self) -> bool {
-        self.options.quiet
     }
 
     fn send(&self, line: Line) {

@@ -1,18 +1,16 @@
 //! The file that tells scripts that clients can connect.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use serde_json::Value;
 
-use crate::visible;
+use crate::{visible, whole_file};
 
 /// No ready file of ours is longer.
 const MOST_BYTES: u64 = 1 << 16;
-/// Names to try for the draft; all but the first are for leftovers of killed simulators.
-const MOST_DRAFTS: u32 = 16;
 
 /// Exists while the simulator serves.
 #[derive(Debug)]
@@ -25,12 +23,8 @@ impl ReadyFile {
     /// Writes `text` to a new file beside `path` and moves it there, so that nobody reads half. It
     /// replaces nothing but a ready file, which a simulator that was killed has left.
     pub(crate) fn write(path: &Path, text: &str) -> anyhow::Result<Self> {
-        let cannot = || format!("cannot write the ready file {}", visible::name(path));
-        let draft = draft(path, text).with_context(cannot)?;
-        let placed = place(&draft, path);
-        // Gone already where it was moved.
-        let _ = fs::remove_file(&draft);
-        placed.with_context(cannot)?;
+        place(path, text)
+            .with_context(|| format!("cannot write the ready file {}", visible::name(path)))?;
         Ok(Self {
             path: path.to_owned(),
             text: text.to_owned(),
@@ -47,34 +41,13 @@ impl Drop for ReadyFile {
     }
 }
 
-/// A new file with `text`; what is there by its name, be it a link, is left alone.
-fn draft(path: &Path, text: &str) -> io::Result<PathBuf> {
-    let mut number = 0;
-    loop {
-        let mut name = path.as_os_str().to_owned();
-        name.push(format!(".{}-{number}", std::process::id()));
-        let name = PathBuf::from(name);
-        match OpenOptions::new().write(true).create_new(true).open(&name) {
-            Ok(mut file) => {
-                return file
-                    .write_all(text.as_bytes())
-                    .inspect_err(|_| drop(fs::remove_file(&name)))
-                    .map(|()| name);
-            }
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && number < MOST_DRAFTS => {
-                number += 1;
-            }
-            Err(error) => return Err(error),
-        }
-    }
-}
-
-fn place(draft: &Path, path: &Path) -> anyhow::Result<()> {
-    // A second name, unlike a move, replaces nothing.
-    match fs::hard_link(draft, path) {
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-        outcome => return Ok(outcome?),
-    }
+fn place(path: &Path, text: &str) -> anyhow::Result<()> {
+    let mut draft = whole_file::draft(path)?;
+    draft.write_all(text.as_bytes())?;
+    let draft = match draft.persist_noclobber(path) {
+        Err(there) if there.error.kind() == io::ErrorKind::AlreadyExists => there.file,
+        outcome => return Ok(outcome.map(drop)?),
+    };
     let ours = read(path).is_ok_and(|text| {
         serde_json::from_str(&text).is_ok_and(|value: Value| value["code"] == "ready")
     });
@@ -83,7 +56,8 @@ fn place(draft: &Path, path: &Path) -> anyhow::Result<()> {
             "something else is there, which is left alone; remove it or choose another path"
         ));
     }
-    Ok(fs::rename(draft, path)?)
+    draft.persist(path)?;
+    Ok(())
 }
 
 /// The content of an ordinary file that is not too long.
@@ -140,18 +114,6 @@ mod tests {
         symlink(&target, &path).unwrap();
         assert!(ReadyFile::write(&path, READY).is_err());
         assert_eq!(fs::read_link(&path).unwrap(), target);
-    }
-
-    #[test]
-    fn a_link_planted_at_the_draft_s_name_is_not_followed() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("ready");
-        let target = dir.path().join("target");
-        fs::write(&target, "precious").unwrap();
-        let planted = format!("ready.{}-0", std::process::id());
-        symlink(&target, dir.path().join(planted)).unwrap();
-        drop(ReadyFile::write(&path, READY).unwrap());
-        assert_eq!(fs::read_to_string(&target).unwrap(), "precious");
     }
 
     #[test]

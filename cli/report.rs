@@ -9,8 +9,6 @@ mod map;
 mod plots;
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,7 +18,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sim_core::device::Devices;
 
 use crate::exit::Failure;
-use crate::run::{self, Case, CaseResult, PlayedCase, worth};
+use crate::run::{Case, CaseResult, PlayedCase, Verdict, worth};
 use crate::visible::{self, lines as readable};
 use crate::whole_file::Target;
 use case::{Detail, shown};
@@ -39,7 +37,7 @@ pub(crate) struct Report {
     path: PathBuf,
     to: Target,
     /// Folder of recordings that nobody else wants.
-    folder: tempfile::TempDir,
+    pub(crate) folder: tempfile::TempDir,
     shown: Mutex<Shown>,
 }
 
@@ -56,21 +54,13 @@ struct Shown {
 impl Report {
     /// Makes sure that it can be written later on.
     pub(crate) fn begin(devices: Devices, path: &Path) -> Result<Self, Failure> {
-        if let Some(parent) = path
-            .parent()
-            .filter(|parent| !parent.as_os_str().is_empty())
-        {
-            fs::create_dir_all(parent)
-                .with_context(|| format!("cannot make the folder {}", visible::name(parent)))
-                .map_err(Failure::usage)?;
-        }
         let cannot = || format!("cannot write the report {}", visible::name(path));
         let to = Target::find(path, "a report", &[MARK])
             .with_context(cannot)
             .map_err(Failure::usage)?;
         if let Target::File = &to {
             // Emptied, lest a former report be taken for this one's if it is killed.
-            fs::File::create(path)
+            to.write(path, b"")
                 .with_context(cannot)
                 .map_err(Failure::usage)?;
         }
@@ -83,11 +73,6 @@ impl Report {
             folder: folder.map_err(Failure::system)?,
             shown: Mutex::default(),
         })
-    }
-
-    /// The folder for recordings that nobody else wants.
-    pub(crate) fn folder(&self) -> &Path {
-        self.folder.path()
     }
 
     /// Adds a case, whose recording is there. Without a picture when `stop` becomes true meanwhile.
@@ -123,12 +108,10 @@ impl Report {
         };
         let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
         let text = page(&rows, &shown.cases).into_string();
-        match &self.to {
-            Target::File => fs::write(&self.path, text),
-            Target::Stream(stream) => (&*stream).write_all(text.as_bytes()),
-        }
-        .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
-        .map_err(Failure::system)
+        let written = self.to.write(&self.path, text.as_bytes());
+        written
+            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
+            .map_err(Failure::system)
     }
 }
 
@@ -158,46 +141,34 @@ struct Row {
     time: Option<f64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
-    Passed,
-    Failed,
-    /// Not played to an end, or spoilt by the machine.
-    Error,
-    Skipped,
-}
-
-impl Verdict {
-    fn word(self) -> &'static str {
-        match self {
-            Self::Passed => "ok",
-            Self::Failed => "FAILED",
-            Self::Error => "error",
-            Self::Skipped => "skipped",
+/// A verdict as it is shown: its word, its class in the style sheet, and what is counted.
+fn shown_as(verdict: Verdict) -> [&'static str; 3] {
+    match verdict {
+        Verdict::Passed => ["ok", "passed", "passed"],
+        Verdict::Failed => ["FAILED", "failed", "failed"],
+        // Not played to an end, or spoilt by the machine.
+        Verdict::Spoilt | Verdict::Broken | Verdict::BrokenOff => {
+            ["error", "other", "could not be judged"]
         }
+        Verdict::Skipped => ["skipped", "other", "skipped"],
     }
 }
 
 impl Row {
     fn new(case: &Case<'_>, result: Option<&CaseResult>) -> Self {
-        let (verdict, says, time) = match result {
+        let (says, time) = match result {
             Some(CaseResult::Played(played)) => {
-                let verdict = match played.verdict() {
-                    run::Verdict::Passed => Verdict::Passed,
-                    run::Verdict::Failed => Verdict::Failed,
-                    run::Verdict::Spoilt => Verdict::Error,
-                };
                 let time = played.outcome.ended_at.as_secs_f64();
-                (verdict, worth(&played.outcome), Some(time))
+                (worth(&played.outcome), Some(time))
             }
-            Some(CaseResult::BrokenOff) => (Verdict::Error, "broken off".to_owned(), None),
-            Some(CaseResult::Broken(why)) => (Verdict::Error, why.clone(), None),
-            None => (Verdict::Skipped, "not played".to_owned(), None),
+            Some(CaseResult::BrokenOff) => ("broken off".to_owned(), None),
+            Some(CaseResult::Broken(why)) => (why.clone(), None),
+            None => ("not played".to_owned(), None),
         };
         Self {
             name: case.name(),
             title: case.loaded.scenario.title.clone(),
-            verdict,
+            verdict: result.map_or(Verdict::Skipped, CaseResult::verdict),
             says,
             time,
         }
@@ -206,8 +177,8 @@ impl Row {
 
 /// The whole page.
 fn page(rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
-    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
-    let passed = count(Verdict::Passed);
+    let passed = rows.iter().filter(|row| row.verdict == Verdict::Passed);
+    let passed = passed.count();
     let title = format!("{passed} of {} passed", rows.len());
     html! {
         (DOCTYPE)
@@ -241,19 +212,19 @@ fn page(rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
 }
 
 fn tally(rows: &[Row]) -> String {
-    let verdicts = [
-        (Verdict::Passed, "passed"),
-        (Verdict::Failed, "failed"),
-        (Verdict::Error, "could not be judged"),
-        (Verdict::Skipped, "skipped"),
+    let kinds = [
+        Verdict::Passed,
+        Verdict::Failed,
+        Verdict::Broken,
+        Verdict::Skipped,
     ];
-    let count = |verdict| rows.iter().filter(|row| row.verdict == verdict).count();
-    let counts = verdicts.map(|(verdict, word)| (count(verdict), word));
-    let some = counts.iter().filter(|(count, _)| *count > 0);
-    let words: Vec<String> = some
-        .map(|(count, word)| format!("{count} {word}"))
-        .collect();
-    words.join(", ")
+    let words = kinds.into_iter().filter_map(|kind| {
+        let is_such = |row: &&Row| shown_as(row.verdict) == shown_as(kind);
+        let count = rows.iter().filter(is_such).count();
+        let [.., counted] = shown_as(kind);
+        (count > 0).then(|| format!("{count} {counted}"))
+    });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 fn table(rows: &[Row]) -> Markup {
@@ -279,12 +250,8 @@ fn table(rows: &[Row]) -> Markup {
 }
 
 fn badge(verdict: Verdict) -> Markup {
-    let class = match verdict {
-        Verdict::Passed => "passed",
-        Verdict::Failed => "failed",
-        Verdict::Error | Verdict::Skipped => "other",
-    };
-    html! { span class=(format!("badge {class}")) { (verdict.word()) } }
+    let [word, class, _] = shown_as(verdict);
+    html! { span class=(format!("badge {class}")) { (word) } }
 }
 
 /// A case that failed is open, one that passed is folded.

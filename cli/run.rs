@@ -5,9 +5,9 @@ mod folder;
 mod junit;
 mod live;
 mod lockstep;
+mod play;
 mod pool;
 mod report;
-mod scripted;
 mod tell;
 mod trace_file;
 mod twice;
@@ -15,7 +15,7 @@ mod twice;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::IsTerminal as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::device::Devices;
@@ -32,7 +32,6 @@ use crate::supervise::adopt_orphans;
 use crate::visible;
 
 use junit::Junit;
-use pool::Audience;
 
 pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
 pub(crate) use live::NO_PORT_OPENED;
@@ -130,7 +129,8 @@ struct Told<'a> {
     junit: Option<Junit>,
 }
 
-impl Audience for Told<'_> {
+impl Told<'_> {
+    /// A case has a result; they come as they come.
     fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
         self.counts.add(result);
         let case = &self.cases[index];
@@ -143,12 +143,14 @@ impl Audience for Told<'_> {
         }
     }
 
+    /// Nothing has come for a moment.
     fn idle(&mut self) -> Result<(), Failure> {
         // Without a thread of its own, which the system may refuse.
         self.progress.tick();
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
+    /// A case has a result; they come in the order of the cases.
     fn told(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
         let text = tell::told(self.args, &self.cases[index], result);
         self.progress.inc(1);
@@ -197,22 +199,15 @@ fn refuse_shared_files(loaded: &[Loaded]) -> Result<(), Failure> {
 
 /// Finds out now, and not when all has been played, whether results can be written.
 fn prepare(args: &RunArgs) -> Result<(), Failure> {
-    let folder = |path: &Path| {
-        fs::create_dir_all(path)
-            .with_context(|| format!("cannot make the folder {}", visible::name(path)))
-            .map_err(Failure::usage)
+    let Some(output) = &args.output else {
+        return Ok(());
     };
-    if let Some(output) = &args.output {
-        folder(output)?;
-        tempfile::tempfile_in(output)
-            .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
-            .map_err(Failure::usage)?;
-    }
-    if let Some(parent) = args.junit.as_deref().and_then(Path::parent)
-        && !parent.as_os_str().is_empty()
-    {
-        folder(parent)?;
-    }
+    fs::create_dir_all(output)
+        .with_context(|| format!("cannot make the folder {}", visible::name(output)))
+        .map_err(Failure::usage)?;
+    tempfile::tempfile_in(output)
+        .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
+        .map_err(Failure::usage)?;
     Ok(())
 }
 
@@ -232,52 +227,32 @@ fn progress(count: usize) -> indicatif::ProgressBar {
 
 /// How many results there are of each kind.
 #[derive(Default)]
-struct Counts {
-    passed: usize,
-    failed: usize,
-    spoilt: usize,
-    broken: usize,
-    broken_off: usize,
-}
+struct Counts(BTreeMap<Verdict, usize>);
 
 impl Counts {
     fn add(&mut self, result: &CaseResult) {
-        let count = match result {
-            CaseResult::Played(played) => match played.verdict() {
-                Verdict::Passed => &mut self.passed,
-                Verdict::Failed => &mut self.failed,
-                Verdict::Spoilt => &mut self.spoilt,
-            },
-            CaseResult::Broken(_) => &mut self.broken,
-            CaseResult::BrokenOff => &mut self.broken_off,
-        };
-        *count += 1;
+        *self.0.entry(result.verdict()).or_default() += 1;
     }
 
     /// The last line, and the exit code; `all` were to be played.
     fn finish(&self, all: usize) -> Result<Exit, Failure> {
-        let Self {
-            passed,
-            failed,
-            spoilt,
-            broken,
-            broken_off,
-        } = self;
-        let skipped = all - passed - failed - spoilt - broken - broken_off;
-        let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
-        for (count, what) in [
-            (spoilt, "spoilt by the machine"),
-            (broken, "could not be played"),
-            (broken_off, "broken off"),
+        let count = |verdict| self.0.get(&verdict).copied().unwrap_or_default();
+        let (passed, failed) = (count(Verdict::Passed), count(Verdict::Failed));
+        let known: usize = self.0.values().sum();
+        let mut text = format!("{passed} passed, {failed} failed, {} skipped", all - known);
+        for (verdict, what) in [
+            (Verdict::Spoilt, "spoilt by the machine"),
+            (Verdict::Broken, "could not be played"),
+            (Verdict::BrokenOff, "broken off"),
         ] {
-            if *count > 0 {
-                text += &format!(", {count} {what}");
+            if count(verdict) > 0 {
+                text += &format!(", {} {what}", count(verdict));
             }
         }
         print(&text)?;
-        Ok(if spoilt + broken + broken_off > 0 {
+        Ok(if known > passed + failed {
             Exit::System
-        } else if *failed > 0 {
+        } else if failed > 0 {
             Exit::Failed
         } else {
             Exit::Clean

@@ -293,7 +293,7 @@ fn load_cases(
     others: &mut Vec<String>,
 ) -> Result<Vec<Loaded>, Failure> {
     let files = read_files(given, path)?;
-    if files.is_no_fault_file() {
+    if files.is_no_fault_file {
         others.push(visible::name(path));
         return Ok(Vec::new());
     }
@@ -373,7 +373,11 @@ fn compose(
     let loaded = Loaded {
         path: path.to_owned(),
         scenario: Arc::new(scenario),
-        world: given.world.or(files.world()).map(world).transpose()?,
+        world: given
+            .world
+            .or(files.world.as_deref())
+            .map(world)
+            .transpose()?,
         parameters: parameters.to_vec(),
         broken: None,
     };

@@ -15,13 +15,13 @@ use crate::args::{LogFormat, ServeArgs};
 use crate::config;
 use crate::control::Desk;
 use crate::exit::{Exit, Failure};
-use crate::log::{DeviceName, Log, LogOptions, Words};
+use crate::log::{Log, LogOptions, Words};
 use crate::looking::Looking;
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
 use crate::run::{self, TraceFile};
 use crate::scenario_files::Loaded;
-use crate::summary::{self, DeviceSummary, RunSummary};
+use crate::summary;
 use crate::visible;
 use sim_embed::ports::{Elsewhere, ShownPort, open_all};
 use sim_embed::serve::{Begin, Ended, Server};
@@ -72,7 +72,6 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
 struct Session {
     server: Server,
     log: Log,
-    names: Vec<DeviceName>,
     counters: Vec<(PortId, Counters)>,
     ready_file: Option<ReadyFile>,
     desk: Option<Desk>,
@@ -109,14 +108,10 @@ impl Session {
             verbose: args.verbose,
             quiet: args.quiet,
         };
-        let Words(names) = Words::new(plan);
-        let log = Log::start(options, names.clone())
+        let log = Log::start(options, Words::new(plan))
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
-        let shown: Vec<ShownPort> = ports
-            .iter()
-            .map(|port| ShownPort::new(port, plan))
-            .collect();
+        let shown = ShownPort::all(&ports, plan);
         let when = (begin, args.speed);
         let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
         announce(&log, args, loaded, &shown, seed);
@@ -126,7 +121,7 @@ impl Session {
             .map(|listen| Desk::open(listen, server.run(), shown))
             .transpose()?;
         if let Some(desk) = &desk {
-            server.wake_from(desk.wakes()).map_err(Failure::system)?;
+            server.wake_from(&desk.control).map_err(Failure::system)?;
             announce_control(
                 &log,
                 desk,
@@ -147,14 +142,13 @@ impl Session {
             .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
             .transpose()
             .map_err(Failure::usage)?;
-        log.text(match log.format() {
+        log.text(match log.options.format {
             LogFormat::Text => "ready".to_owned(),
             LogFormat::Json => visible::json(&ready),
         });
         Ok(Self {
             server,
             log,
-            names,
             counters: Vec::new(),
             ready_file,
             desk,
@@ -200,33 +194,9 @@ impl Session {
 
     fn print_summary(&mut self, verdict: Option<String>) {
         let run = self.server.run();
-        let summary = (!self.log.is_quiet()).then(|| {
-            let devices: Vec<DeviceSummary<'_>> = self
-                .names
-                .iter()
-                .zip(run.reports())
-                .enumerate()
-                .map(|(device, (named, report))| DeviceSummary {
-                    name: &named.name,
-                    report,
-                    distance_m: run.rig().distance_m(device),
-                    ports: self
-                        .counters
-                        .iter()
-                        .filter(|(id, _)| id.device == device)
-                        .map(|(_, counters)| *counters)
-                        .collect(),
-                })
-                .collect();
-            let run = RunSummary {
-                now: run.rig().now(),
-                events_lost: run.events_lost(),
-                excused: run.excused(),
-            };
-            match self.log.format() {
-                LogFormat::Text => summary::text(&run, &devices),
-                LogFormat::Json => visible::json(&summary::json(&run, &devices)),
-            }
+        let summary = (!self.log.options.quiet).then(|| match self.log.options.format {
+            LogFormat::Text => summary::text(run, &self.counters),
+            LogFormat::Json => visible::json(&summary::json(run, &self.counters)),
         });
         let last: Vec<String> = summary.into_iter().chain(verdict).collect();
         let last = (!last.is_empty()).then(|| last.join("\n"));
@@ -238,9 +208,9 @@ impl Session {
 
 /// Says where the simulator is controlled, and warns if others can reach that.
 fn announce_control(log: &Log, desk: &Desk, is_public: bool) {
-    log.text(match log.format() {
+    log.text(match log.options.format {
         LogFormat::Text => {
-            let mut text = format!("  control on {}", desk.url());
+            let mut text = format!("  control on {}", desk.control.url());
             if is_public {
                 text += "\n  warning: other machines can reach this address, and whoever has the token \
                          controls the simulator; nothing is encrypted";
@@ -248,13 +218,13 @@ fn announce_control(log: &Log, desk: &Desk, is_public: bool) {
             text
         }
         LogFormat::Json => {
-            visible::json(&json!({"code": "control", "url": desk.url(), "public": is_public}))
+            visible::json(&json!({"code": "control", "url": desk.control.url(), "public": is_public}))
         }
     });
 }
 
 fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], seed: u64) {
-    if log.is_quiet() {
+    if log.options.quiet {
         return;
     }
     let scenario = args.scenario.is_some().then_some(loaded);
@@ -268,7 +238,7 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
         .collect();
     changed.sort();
     changed.dedup();
-    let text = match log.format() {
+    let text = match log.options.format {
         LogFormat::Text => {
             let changed = match changed.as_slice() {
                 [] => "all default (`sim config` lists them)".to_owned(),
@@ -280,17 +250,14 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
             );
             for (device, planned) in plan.devices.iter().enumerate() {
                 let start = planned.start_word().map(|word| format!(", start {word}"));
-                for port in ports
-                    .iter()
-                    .filter(|port| port.device == plan.devices[device].name)
-                {
+                for port in ports.iter().filter(|port| port.link.id.device == device) {
                     text += &format!(
                         "\n  {} ({} link) on {} at {} baud 8N{}{}",
-                        port.device,
-                        port.link,
+                        port.link.device,
+                        port.link.name,
                         visible::name(&port.path),
-                        port.baud,
-                        port.stop_bits,
+                        port.link.baud,
+                        port.link.stop_bits,
                         start.as_deref().unwrap_or_default(),
                     );
                 }

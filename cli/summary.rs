@@ -3,42 +3,20 @@
 use std::fmt::Write as _;
 
 use serde_json::{Value, json};
-use sim_core::SimTime;
 use sim_core::event::Hex;
-use sim_core::report::Report;
+use sim_core::report::{Report, Tally};
+use sim_core::rig::PortId;
 use sim_pty::Counters;
+use sim_runner::Run;
 
-/// One device's part of the summary.
-pub(crate) struct DeviceSummary<'a> {
-    pub(crate) name: &'a str,
-    pub(crate) report: &'a Report,
-    pub(crate) distance_m: f64,
-    /// Totals of its ports, by link.
-    pub(crate) ports: Vec<Counters>,
-}
-
-/// Facts that concern all devices.
-pub(crate) struct RunSummary {
-    pub(crate) now: SimTime,
-    /// Events that nobody took in time.
-    pub(crate) events_lost: u64,
-    /// Events that were not held against a client since the simulator was late.
-    pub(crate) excused: u64,
-}
-
-/// For people.
-pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
+/// For people; the counters are those of all ports.
+pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
     let mut text = format!(
         "summary after {:.1} s of simulated time",
-        run.now.as_secs_f64()
+        run.rig().now().as_secs_f64()
     );
-    for DeviceSummary {
-        name,
-        report,
-        distance_m,
-        ports,
-    } in devices
-    {
+    for (device, name, report) in reports(run) {
+        let distance_m = run.rig().distance_m(device);
         let Report {
             requests,
             replies,
@@ -59,13 +37,9 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
             let _ = write!(text, "\n    events: {}", other.join(", "));
         }
         for (code, tally) in report.damage() {
-            let _ = write!(
-                text,
-                "\n    damage: {code} {}x, first at {} s: {}",
-                tally.count, tally.first_at, tally.first
-            );
+            let _ = write!(text, "\n    damage: {}", counted(code, tally.count, tally));
         }
-        for port in ports {
+        for port in ports_of(counters, device) {
             let full = port.dropped_full_bytes;
             let alone = port.dropped_detached_bytes;
             if full > 0 || alone > 0 {
@@ -89,74 +63,78 @@ pub(crate) fn text(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> String {
             );
         }
         for (code, tally) in blamed {
-            let _ = write!(
-                text,
-                "\n      {code} {}x, first at {} s: {}",
-                tally.held_against_client, tally.first_at, tally.first
-            );
+            let told = counted(code, tally.held_against_client, tally);
+            let _ = write!(text, "\n      {told}");
             if tally.count > 1 && tally.lost_bytes > 0 {
                 let _ = write!(text, "; {} bytes in all", tally.lost_bytes);
             }
         }
     }
-    if run.excused > 0 {
+    if run.excused() > 0 {
         let _ = write!(
             text,
             "\n  {} events are held against nobody: the machine was busy, and delivered at once \
              what clients may have sent in time",
-            run.excused
+            run.excused()
         );
     }
-    if run.events_lost > 0 {
+    if run.events_lost() > 0 {
         let _ = write!(
             text,
             "\n  {} events were lost before they were counted",
-            run.events_lost
+            run.events_lost()
         );
     }
     text
 }
 
+/// Events of one kind, of which these count, in words.
+pub(crate) fn counted(code: &str, count: u64, tally: &Tally) -> String {
+    format!(
+        "{code} {count}x, first at {} s: {}",
+        tally.first_at, tally.first
+    )
+}
+
+/// Index, name and report of each device.
+fn reports(run: &Run) -> impl Iterator<Item = (usize, &str, &Report)> {
+    let plans = run.scenario().rig.devices.iter();
+    let reports = plans.zip(run.reports()).enumerate();
+    reports.map(|(device, (plan, report))| (device, plan.name.as_str(), report))
+}
+
+fn ports_of(counters: &[(PortId, Counters)], device: usize) -> impl Iterator<Item = &Counters> {
+    let own = counters.iter().filter(move |(id, _)| id.device == device);
+    own.map(|(_, counters)| counters)
+}
+
 /// For programs.
-pub(crate) fn json(run: &RunSummary, devices: &[DeviceSummary<'_>]) -> Value {
-    let devices: Vec<Value> = devices
-        .iter()
-        .map(
-            |DeviceSummary {
-                 name,
-                 report,
-                 distance_m,
-                 ports,
-             }| {
-                let ports: Vec<Value> = ports
-                    .iter()
-                    .map(|port| {
-                        json!({
-                            "received_bytes": port.received_bytes,
-                            "sent_bytes": port.sent_bytes,
-                            "dropped_full_bytes": port.dropped_full_bytes,
-                            "dropped_detached_bytes": port.dropped_detached_bytes,
-                            "attached": port.attached,
-                        })
-                    })
-                    .collect();
-                json!({
-                    "device": name,
-                    "requests": report.requests,
-                    "replies": report.replies,
-                    "distance_m": distance_m,
-                    "events": events_json(report),
-                    "ports": ports,
-                })
-            },
-        )
-        .collect();
+pub(crate) fn json(run: &Run, counters: &[(PortId, Counters)]) -> Value {
+    let port = |port: &Counters| {
+        json!({
+            "received_bytes": port.received_bytes,
+            "sent_bytes": port.sent_bytes,
+            "dropped_full_bytes": port.dropped_full_bytes,
+            "dropped_detached_bytes": port.dropped_detached_bytes,
+            "attached": port.attached,
+        })
+    };
+    let devices = reports(run).map(|(device, name, report)| {
+        json!({
+            "device": name,
+            "requests": report.requests,
+            "replies": report.replies,
+            "distance_m": run.rig().distance_m(device),
+            "events": events_json(report),
+            "ports": ports_of(counters, device).map(port).collect::<Vec<_>>(),
+        })
+    });
     json!({
         "code": "summary",
-        "time_s": run.now.as_secs_f64(),
-        "events_lost": run.events_lost,
-        "excused": run.excused,
-        "devices": devices,
+        "time_s": run.rig().now().as_secs_f64(),
+        "events_lost": run.events_lost(),
+        "excused": run.excused(),
+        "devices": devices.collect::<Vec<_>>(),
     })
 }
 

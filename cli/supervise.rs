@@ -22,6 +22,8 @@ use anyhow::{Context as _, anyhow};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal, WaitOptions, WaitStatus};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
@@ -35,7 +37,7 @@ const ROUND: Duration = Duration::from_millis(10);
 const MOST_ROUNDS: u32 = 200;
 
 /// End of a client.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum ClientEnd {
     /// With this exit code.
     Exited(i32),
@@ -43,31 +45,6 @@ pub(crate) enum ClientEnd {
     Killed(i32),
     /// It could not be started; why.
     NotStarted(String),
-}
-
-impl ClientEnd {
-    fn line(&self) -> String {
-        match self {
-            Self::Exited(code) => format!("exited {code}"),
-            Self::Killed(signal) => format!("killed {signal}"),
-            Self::NotStarted(why) => format!("not started {why}"),
-        }
-    }
-
-    /// Reads what [`Self::line`] wrote.
-    pub(crate) fn parse(line: &str) -> Option<Self> {
-        let line = line.trim_end();
-        if let Some(why) = line.strip_prefix("not started ") {
-            return Some(Self::NotStarted(why.to_owned()));
-        }
-        let (how, number) = line.split_once(' ')?;
-        let number = number.parse().ok()?;
-        match how {
-            "exited" => Some(Self::Exited(number)),
-            "killed" => Some(Self::Killed(number)),
-            _ => None,
-        }
-    }
 }
 
 enum News {
@@ -89,15 +66,14 @@ pub(crate) fn supervise(command: &[OsString], folder: Option<&Path>) -> Result<E
         let _ = fs::remove_dir_all(folder);
     }
     // A simulator that has been killed reads no more.
-    let _ = writeln!(io::stdout(), "{}", end.line());
+    let _ = writeln!(io::stdout(), "{}", json!(end));
     Ok(Exit::Clean)
 }
 
 /// How the client ended, and whether the simulator was killed before.
 fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
     let (program, args) = command.split_first().context("no client is named")?;
-    let this = rustix::process::getpid();
-    rustix::process::set_child_subreaper(Some(this)).context("cannot adopt orphans")?;
+    adopt_orphans()?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("cannot catch signals")?;
     let spawned = Command::new(program)
         .args(args)
@@ -256,20 +232,6 @@ fn parent(pid: Pid) -> Option<Pid> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_is_written_can_be_read() {
-        for end in [
-            ClientEnd::Exited(0),
-            ClientEnd::Exited(255),
-            ClientEnd::Killed(9),
-            ClientEnd::NotStarted("No such file".to_owned()),
-        ] {
-            assert_eq!(ClientEnd::parse(&format!("{}\n", end.line())), Some(end));
-        }
-        assert_eq!(ClientEnd::parse(""), None);
-        assert_eq!(ClientEnd::parse("exited x"), None);
-    }
 
     #[test]
     fn a_child_is_found_and_so_is_its_parent() {

@@ -5,7 +5,10 @@ use std::io::{self, Read as _, Write as _};
 use std::os::unix::fs::{OpenOptionsExt as _, PermissionsExt as _};
 use std::path::Path;
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
+use tempfile::NamedTempFile;
+
+use crate::visible;
 
 /// How much of a file that is there is looked at.
 const GLANCE: u64 = 4096;
@@ -19,12 +22,24 @@ pub(crate) enum Target {
 }
 
 impl Target {
+    /// Writes results to `path`, for which this was found.
+    pub(crate) fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::File => write(path, bytes),
+            Self::Stream(stream) => (&*stream).write_all(bytes),
+        }
+    }
+
     /// Finds out how results can be written to `path`. A file that is neither empty nor begins with
-    /// one of these marks, as `what` does, is left alone.
+    /// one of these marks, as `what` does, is left alone. Makes the folder that it is in.
     ///
     /// # Errors
     /// When they cannot.
     pub(crate) fn find(path: &Path, what: &str, marks: &[&str]) -> anyhow::Result<Self> {
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)
+                .with_context(|| format!("cannot make the folder {}", visible::name(parent)))?;
+        }
         let metadata = match fs::metadata(path) {
             Ok(metadata) => metadata,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::File),
@@ -63,22 +78,26 @@ pub(crate) fn create(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// A new file beside `path`, to be moved there.
+pub(crate) fn draft(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    tempfile::Builder::new()
+        .prefix(".sim-")
+        // The system takes away what the user does not want others to have.
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(folder)
+}
+
 /// Writes a file beside `path` and moves it there. A link is followed; what is there keeps its
 /// permissions.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let real = fs::canonicalize(path);
     let path = real.as_deref().unwrap_or(path);
-    // The system takes away what the user does not want others to have.
-    let usual = || Permissions::from_mode(0o666);
     let old = fs::metadata(path).map(|metadata| metadata.permissions());
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut draft = tempfile::Builder::new()
-        .prefix(".sim-")
-        .permissions(usual())
-        .tempfile_in(folder)?;
+    let mut draft = draft(path)?;
     draft.write_all(bytes)?;
     if let Ok(old) = old {
         draft.as_file().set_permissions(old)?;

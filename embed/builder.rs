@@ -293,7 +293,7 @@ impl Builder {
                     |path: &Path| Ok::<_, Error>((path.display().to_string(), read(path)?));
                 let files = ScenarioFiles::read(path, self.job.as_deref(), &mut named)?;
                 let scenario = files.compose(&self.parameters, &[], &base)?;
-                return Ok((scenario, files.world().map(Path::to_owned)));
+                return Ok((scenario, files.world));
             }
         };
         let world = rig.world.as_ref().map(|path| self.folder().join(path));

@@ -39,8 +39,7 @@ pub(crate) struct PortState {
 
 impl PortState {
     pub(crate) fn new(id: PortId, run: &Run) -> Self {
-        let plan = &run.scenario().rig.devices[id.device];
-        let link = plan.links().into_iter().find(|link| link.index == id.link);
+        let link = run.scenario().rig.links().find(|link| link.id == id);
         let line = link.map_or(ClientLine::at(115_200), |link| ClientLine {
             stop_bits: u8::try_from(link.stop_bits).unwrap_or(1),
             ..ClientLine::at(link.baud)
@@ -215,7 +214,7 @@ impl Write for ClientPort {
             return Ok(0);
         }
         self.wait(self.timeout, |run, port| {
-            let count = run.space(port.id).min(buf.len());
+            let count = run.rig().space(port.id).min(buf.len());
             if count == 0 {
                 return Ok(None);
             }
@@ -226,7 +225,7 @@ impl Write for ClientPort {
 
     fn flush(&mut self) -> io::Result<()> {
         self.wait(Duration::MAX, |run, port| {
-            Ok((run.space(port.id) == MOST_IN_FLIGHT).then_some(()))
+            Ok((run.rig().space(port.id) == MOST_IN_FLIGHT).then_some(()))
         })
     }
 }
@@ -364,7 +363,7 @@ impl SerialPort for ClientPort {
     }
 
     fn bytes_to_write(&self) -> serialport::Result<u32> {
-        let waiting = self.with(|run, port| Ok(MOST_IN_FLIGHT - run.space(port.id)))?;
+        let waiting = self.with(|run, port| Ok(MOST_IN_FLIGHT - run.rig().space(port.id)))?;
         Ok(u32::try_from(waiting).unwrap_or(u32::MAX))
     }
 

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use sim_core::rig::PortId;
 use sim_pty::{ListenAddress, Port, PtySetup};
-use sim_runner::{RigPlan, Scenario};
+use sim_runner::{PlannedLink, RigPlan, Scenario};
 
 use crate::served::Served;
 use sim_pty::PortError;
@@ -37,115 +36,63 @@ pub fn open_all(
     elsewhere: &Elsewhere<'_>,
     setup: PtySetup,
 ) -> Result<Vec<Served>, PortError> {
-    let plan = &scenario.rig;
-    let links: usize = plan.devices.iter().map(|device| device.links().len()).sum();
-    sim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links as u64);
-    let mut ports = Vec::new();
-    let devices = plan.devices.iter().enumerate();
-    for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
-        for link in planned.links() {
-            let id = PortId {
-                device,
-                link: link.index,
-            };
-            let setup = PtySetup {
-                baud: link.baud,
-                ..setup
-            };
-            let served = match (serial, &link.path, elsewhere) {
-                (Some(serial), ..) if device == 0 && link.index == 0 => {
-                    Port::open_serial(serial, link.baud, link.stop_bits)
-                        .map(|port| Served::new(id, port))
-                }
-                (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
-                (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
-                (_, None, Elsewhere::In(dir)) => {
-                    let mut name = planned.name.clone();
-                    if link.index > 0 {
-                        name += &format!("-{}", link.name.to_lowercase());
-                    }
-                    Served::at(id, &dir.join(name), setup)
-                }
-                (_, None, Elsewhere::Unlinked) => {
-                    Port::open_unlinked(setup).map(|port| Served::new(id, port))
-                }
-            };
-            ports.push(served?);
+    let links = scenario.rig.links().count() as u64;
+    sim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links);
+    let open = |link: PlannedLink| {
+        let id = link.id;
+        let setup = PtySetup {
+            baud: link.baud,
+            ..setup
+        };
+        match (serial, &link.path, elsewhere) {
+            (Some(serial), ..) if id.device == 0 && id.link == 0 => {
+                Port::open_serial(serial, link.baud, link.stop_bits)
+                    .map(|port| Served::new(id, port))
+            }
+            (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
+            (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
+            (_, None, Elsewhere::In(dir)) => Served::at(id, &dir.join(link.file_name()), setup),
+            (_, None, Elsewhere::Unlinked) => {
+                Port::open_unlinked(setup).map(|port| Served::new(id, port))
+            }
         }
-    }
-    Ok(ports)
+    };
+    scenario.client_links().map(open).collect()
 }
 
 /// A port as the user is told of it.
 pub struct ShownPort {
-    /// Name of the device.
-    pub device: String,
-    /// Name of the link.
-    pub link: &'static str,
-    /// Index of the link on the device.
-    pub index: usize,
+    /// The link that is served there.
+    pub link: PlannedLink,
     /// Path at which a client opens it.
     pub path: PathBuf,
     /// Other machines can open it, too.
     pub is_public: bool,
-    /// Speed of the device's end.
-    pub baud: u32,
-    /// Stop bits of the device's end.
-    pub stop_bits: u32,
 }
 
 impl ShownPort {
-    /// A port of the plan as it is served.
-    pub fn new(served: &Served, plan: &RigPlan) -> Self {
-        Self {
-            is_public: served.port.as_ref().is_some_and(Port::is_public),
-            ..Self::at(served.id, &served.path, plan)
-        }
-    }
-
-    /// A port of the plan that is found at a path of this machine.
-    pub fn at(id: PortId, path: &Path, plan: &RigPlan) -> Self {
-        let device = &plan.devices[id.device];
-        let mut links = device.links().into_iter();
-        let link = links.find(|link| link.index == id.link);
-        let (link, baud, stop_bits) =
-            link.map_or(("", 0, 1), |link| (link.name, link.baud, link.stop_bits));
-        Self {
-            device: device.name.clone(),
-            link,
-            index: id.link,
-            path: path.to_owned(),
-            is_public: false,
-            baud,
-            stop_bits,
-        }
+    /// The ports of the plan as they are served.
+    pub fn all(served: &[Served], plan: &RigPlan) -> Vec<Self> {
+        let links = plan.links();
+        let shown = links.filter_map(|link| {
+            let served = served.iter().find(|served| served.id == link.id)?;
+            Some(Self {
+                link,
+                path: served.path.clone(),
+                is_public: served.port.as_ref().is_some_and(Port::is_public),
+            })
+        });
+        shown.collect()
     }
 
     /// The same as JSON.
     pub fn json(&self) -> Value {
         json!({
-            "device": self.device,
-            "link": self.link,
+            "device": self.link.device,
+            "link": self.link.name,
             "path": self.path.to_string_lossy(),
-            "baud": self.baud,
-            "stop_bits": self.stop_bits,
+            "baud": self.link.baud,
+            "stop_bits": self.link.stop_bits,
         })
     }
-
-    /// The variable of a client's environment that holds the path.
-    pub fn variable(&self) -> String {
-        variable(&self.device, self.index, self.link)
-    }
-}
-
-/// The variable of a client's environment that holds the path of a device's link: `SIM_R150_PORT`,
-/// and `SIM_CAR_ROS_PORT` for the second link of the device `car`.
-pub fn variable(device: &str, index: usize, link: &str) -> String {
-    let mut name = format!("SIM_{device}");
-    if index > 0 {
-        name += &format!("_{link}");
-    }
-    let clean = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-    let name: String = name.chars().map(clean).collect();
-    format!("{}_PORT", name.to_ascii_uppercase())
 }

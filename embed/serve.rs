@@ -434,7 +434,7 @@ impl Server {
         let mut is_dated = std::mem::take(&mut served.paused);
         let mut room = match is_dated && !resumes {
             true => 0,
-            false => self.run.room(id).min(buffer.len()),
+            false => self.run.rig().room(id).min(buffer.len()),
         };
         for _ in 0..MOST_READS {
             let Some(port) = &mut self.ports[token].port else {
@@ -467,7 +467,7 @@ impl Server {
                         self.deliver(token)?;
                     }
                     self.run.detach(id, now)?;
-                    room = self.run.room(id).min(buffer.len());
+                    room = self.run.rig().room(id).min(buffer.len());
                 }
                 Event::Data(count) => {
                     room -= count;
@@ -517,7 +517,7 @@ impl Server {
 
     fn may_resume(&self, token: usize) -> bool {
         let served = &self.ports[token];
-        served.paused && self.run.room(served.id) >= RESUME_ROOM
+        served.paused && self.run.rig().room(served.id) >= RESUME_ROOM
     }
 
     /// Tells the simulation how clients have set their ends, of which something passes by `to`.

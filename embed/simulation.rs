@@ -7,7 +7,7 @@ use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_core::report::Report;
 use sim_core::rig::{PortId, Rig};
-use sim_runner::condition::{ExpressionError, Value};
+use sim_runner::condition::{ExpressionError, Reading};
 use sim_runner::{Outcome, Run, RunError};
 
 use crate::builder::Builder;
@@ -115,8 +115,8 @@ impl Simulation {
     /// When it makes no sense, or is not a number.
     pub fn number(&self, expression: &str) -> Result<f64, Error> {
         match self.value(expression)? {
-            Value::Number(number) => Ok(number),
-            Value::Flag(_) => Err(Error::Expression(ExpressionError::NoNumber {
+            Reading::Number(number) => Ok(number),
+            Reading::Flag(_) => Err(Error::Expression(ExpressionError::NoNumber {
                 expression: expression.to_owned(),
             })),
         }
@@ -128,14 +128,14 @@ impl Simulation {
     /// When it makes no sense, or is a number.
     pub fn holds(&self, condition: &str) -> Result<bool, Error> {
         match self.value(condition)? {
-            Value::Flag(flag) => Ok(flag),
-            Value::Number(_) => Err(Error::Expression(ExpressionError::NoFlag {
+            Reading::Flag(flag) => Ok(flag),
+            Reading::Number(_) => Err(Error::Expression(ExpressionError::NoFlag {
                 expression: condition.to_owned(),
             })),
         }
     }
 
-    fn value(&self, expression: &str) -> Result<Value, Error> {
+    fn value(&self, expression: &str) -> Result<Reading, Error> {
         Ok(self.state().run.value(expression)?)
     }
 
@@ -376,6 +376,8 @@ impl Step {
     /// Number of times that its fault has hit something so far; `sim faults` says what counts.
     #[must_use]
     pub fn hits(&self) -> u64 {
-        self.simulation.state().run.step_hits(self.index)
+        let state = self.simulation.state();
+        let report = state.run.step_report(self.index);
+        report.map_or(0, |step| step.hits)
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use sim_core::device::{DeviceSettings, LineSettings, LinkSpec, Setup};
 use sim_core::fault::Fault;
 use sim_core::line::Wire;
-use sim_core::rig::{Rig, RigSettings};
+use sim_core::rig::{PortId, Rig, RigSettings};
 
 use sim_physics::WorldMap;
 
@@ -14,9 +14,11 @@ use crate::rig_file::{DevicePlan, RigPlan};
 /// A serial link of a planned device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PlannedLink {
-    /// Index of the link on the device.
-    pub index: usize,
-    /// Name of it.
+    /// Its port.
+    pub id: PortId,
+    /// Name of the device.
+    pub device: String,
+    /// Name of the link.
     pub name: &'static str,
     /// Speed of the device's end.
     pub baud: u32,
@@ -26,24 +28,31 @@ pub struct PlannedLink {
     pub path: Option<PathBuf>,
 }
 
-impl DevicePlan {
-    /// The links on which it is served.
+impl PlannedLink {
+    /// Name of its pseudo-terminal in a folder for those of all devices.
     #[must_use]
-    pub fn links(&self) -> Vec<PlannedLink> {
-        let ports = self.device.links.iter().zip(&self.ports).enumerate();
-        let link = |(index, (link, path)): (usize, (&LinkSpec, &Option<PathBuf>))| {
-            let LineSettings { baud, stop_bits } = self.own_settings()?.line(index);
-            Some(PlannedLink {
-                index,
-                name: link.name,
-                baud,
-                stop_bits: stop_bits.into(),
-                path: path.clone(),
-            })
-        };
-        ports.filter_map(link).collect()
+    pub fn file_name(&self) -> String {
+        match self.id.link {
+            0 => self.device.clone(),
+            _ => format!("{}-{}", self.device, self.name.to_lowercase()),
+        }
     }
 
+    /// The variable of a client's environment that holds the path of its port: `SIM_R150_PORT`, and
+    /// `SIM_CAR_ROS_PORT` for the second link of the device `car`.
+    #[must_use]
+    pub fn variable(&self) -> String {
+        let name = match self.id.link {
+            0 => self.device.clone(),
+            _ => format!("{}_{}", self.device, self.name),
+        };
+        let clean = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let name: String = name.chars().map(clean).collect();
+        format!("SIM_{}_PORT", name.to_ascii_uppercase())
+    }
+}
+
+impl DevicePlan {
     /// The settings of the device alone.
     #[must_use]
     pub fn own_settings(&self) -> Option<&dyn DeviceSettings> {
@@ -77,6 +86,26 @@ impl DevicePlan {
 }
 
 impl RigPlan {
+    /// The links on which its devices are served.
+    pub fn links(&self) -> impl Iterator<Item = PlannedLink> {
+        let links = |(device, plan): (usize, &DevicePlan)| {
+            let ports = plan.device.links.iter().zip(&plan.ports).enumerate();
+            let planned = |(link, (spec, path)): (usize, (&LinkSpec, &Option<PathBuf>))| {
+                let LineSettings { baud, stop_bits } = plan.own_settings()?.line(link);
+                Some(PlannedLink {
+                    id: PortId { device, link },
+                    device: plan.name.clone(),
+                    name: spec.name,
+                    baud,
+                    stop_bits: stop_bits.into(),
+                    path: path.clone(),
+                })
+            };
+            ports.filter_map(planned).collect::<Vec<_>>()
+        };
+        self.devices.iter().enumerate().flat_map(links)
+    }
+
     /// Builds the world and puts the devices into it; a device's index in the rig is its index in
     /// the plan.
     #[must_use]

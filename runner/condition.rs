@@ -25,46 +25,30 @@ use cel::common::value::CowVal;
 use cel::context::VariableResolver;
 use cel::parser::{Expression, Parser};
 use cel::{Context, Env, ExecutionError};
-use sim_core::device::names::{Getter, Reading};
+use sim_core::device::names::Getter;
 use sim_core::device::{DeviceSpec, Observed, View};
 use sim_core::rig::Rig;
 
-pub use probe::{Probe, ProbeValue};
-
+pub(crate) use check::Scope;
 pub use check::identifier;
-
-pub use check::Scope;
 pub use error::ExpressionError;
+pub use probe::Probe;
+pub use sim_core::device::names::Reading;
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
 /// How deeply a condition may be nested.
 const MOST_DEPTH: u16 = 40;
+/// What has no value yet where one has to be said.
+const NOTHING: Reading = Reading::Number(0.0);
 
 /// A checked condition.
 #[derive(Debug, Clone)]
 pub struct Condition {
-    text: String,
+    /// As it was written.
+    pub(crate) text: String,
     expression: Expression,
     names: BTreeMap<String, Origin>,
-}
-
-/// Value of an expression.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Value {
-    /// A number, in the unit of its names.
-    Number(f64),
-    /// True or false.
-    Flag(bool),
-}
-
-impl From<Value> for Reading {
-    fn from(value: Value) -> Self {
-        match value {
-            Value::Number(number) => Self::Number(number),
-            Value::Flag(flag) => Self::Flag(flag),
-        }
-    }
 }
 
 /// Where the value of a name comes from.
@@ -75,12 +59,12 @@ enum Origin {
     /// Value that a step has remembered, by its index.
     Saved(usize),
     /// A parameter.
-    Fixed(Value),
+    Fixed(Reading),
 }
 
 /// A value that a step remembers.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Saved {
+pub(crate) struct Saved {
     /// As conditions write it behind `saved.`.
     pub name: String,
     /// It is true or false, and no number.
@@ -88,17 +72,17 @@ pub struct Saved {
 }
 
 /// The devices that conditions can speak of: name and kind, by their index in the rig.
-pub type Devices<'a> = [(&'a str, &'static DeviceSpec)];
+pub(crate) type Devices<'a> = [(&'a str, &'static DeviceSpec)];
 
 /// State of a run that conditions are evaluated against.
 #[derive(Clone, Copy)]
-pub struct Situation<'a> {
+pub(crate) struct Situation<'a> {
     /// The devices and their world.
     pub rig: &'a Rig,
     /// Observations of each device, by its index.
     pub observed: &'a [Observed],
     /// Values that steps have remembered so far.
-    pub saved: &'a [Option<Value>],
+    pub saved: &'a [Option<Reading>],
 }
 
 impl Condition {
@@ -106,30 +90,30 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
-        Self::parse_as(text, scope, check::condition).map(|(condition, _)| condition)
+    pub(crate) fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
+        match Self::parse_typed(text, scope)? {
+            (condition, true) => Ok(condition),
+            (_, false) => Err(ExpressionError::Unsound {
+                expression: text.to_owned(),
+                why: "a condition is true or false, this is a number; \
+                      compare it, as in `truth.speed_mps > 1.5`"
+                    .to_owned(),
+            }),
+        }
     }
 
     /// Reads an expression that may be a number, too.
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
-        Self::parse_as(text, scope, check::value).map(|(value, _)| value)
+    pub(crate) fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
+        Self::parse_typed(text, scope).map(|(value, _)| value)
     }
 
     /// The same, and whether it is true or false.
     pub(crate) fn parse_typed(
         text: &str,
         scope: &Scope<'_>,
-    ) -> Result<(Self, bool), ExpressionError> {
-        Self::parse_as(text, scope, check::value)
-    }
-
-    fn parse_as(
-        text: &str,
-        scope: &Scope<'_>,
-        check: check::Check,
     ) -> Result<(Self, bool), ExpressionError> {
         let unsound = |why| ExpressionError::Unsound {
             expression: text.to_owned(),
@@ -145,7 +129,7 @@ impl Condition {
             unreadable(text, usize::try_from(at.unwrap_or_default()).unwrap_or(0))
         })?;
         let mut names = BTreeMap::new();
-        let is_flag = check(&mut expression, scope, &mut names).map_err(unsound)?;
+        let is_flag = check::is_flag(&mut expression, scope, &mut names).map_err(unsound)?;
         let condition = Self {
             text: text.to_owned(),
             expression,
@@ -155,25 +139,19 @@ impl Condition {
     }
 
     /// Tells whether all that it speaks of has a value by now: what steps remember has none before.
-    #[must_use]
-    pub fn is_known(&self, situation: Situation<'_>) -> bool {
-        self.names.values().all(|origin| origin.is_known(situation))
-    }
-
-    /// As it was written.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.text
+    pub(crate) fn is_known(&self, situation: Situation<'_>) -> bool {
+        let mut origins = self.names.values();
+        origins.all(|origin| origin.read(situation).is_some())
     }
 
     /// Tells whether it holds.
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub fn holds(&self, situation: Situation<'_>) -> Result<bool, ExpressionError> {
+    pub(crate) fn holds(&self, situation: Situation<'_>) -> Result<bool, ExpressionError> {
         match self.value(situation)? {
-            Value::Flag(holds) => Ok(holds),
-            Value::Number(_) => Err(ExpressionError::NoFlag {
+            Reading::Flag(holds) => Ok(holds),
+            Reading::Number(_) => Err(ExpressionError::NoFlag {
                 expression: self.text.clone(),
             }),
         }
@@ -183,7 +161,7 @@ impl Condition {
     ///
     /// # Errors
     /// As [`Condition::holds`].
-    pub fn value(&self, situation: Situation<'_>) -> Result<Value, ExpressionError> {
+    pub(crate) fn value(&self, situation: Situation<'_>) -> Result<Reading, ExpressionError> {
         let value = self.value_of(&self.expression, situation);
         value.map_err(|why| ExpressionError::NoValue {
             expression: self.text.clone(),
@@ -192,7 +170,7 @@ impl Condition {
     }
 
     /// Evaluates a part of it now; or says why it has no value.
-    fn value_of(&self, part: &Expression, situation: Situation<'_>) -> Result<Value, String> {
+    fn value_of(&self, part: &Expression, situation: Situation<'_>) -> Result<Reading, String> {
         let resolver = Resolver {
             names: &self.names,
             situation,
@@ -201,17 +179,16 @@ impl Condition {
         context.set_variable_resolver(&resolver);
         let value = cel::Value::resolve_val(part, &context).map_err(|error| error.to_string())?;
         let flag = value.downcast_ref::<CelBool>();
-        let flag = flag.map(|flag| Value::Flag(*flag.inner()));
+        let flag = flag.map(|flag| Reading::Flag(*flag.inner()));
         let number = || value.downcast_ref::<CelDouble>();
-        flag.or_else(|| number().map(|number| Value::Number(*number.inner())))
+        flag.or_else(|| number().map(|number| Reading::Number(*number.inner())))
             .ok_or_else(String::new)
     }
 
     /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.
-    #[must_use]
-    pub fn explain(&self, situation: Situation<'_>) -> String {
+    pub(crate) fn explain(&self, situation: Situation<'_>) -> String {
         let values = self.names.iter().map(|(name, origin)| {
-            let value = origin.read(situation);
+            let value = origin.read(situation).unwrap_or(NOTHING);
             format!("{name} = {value}")
         });
         values.collect::<Vec<_>>().join(", ")
@@ -219,33 +196,23 @@ impl Condition {
 }
 
 impl Origin {
-    fn is_known(self, situation: Situation<'_>) -> bool {
-        let Self::Saved(index) = self else {
-            return true;
-        };
-        situation.saved.get(index).is_some_and(Option::is_some)
-    }
-
-    fn read(self, situation: Situation<'_>) -> Reading {
+    /// Its value now; `None` if no step has remembered it yet.
+    fn read(self, situation: Situation<'_>) -> Option<Reading> {
+        let Situation {
+            rig,
+            observed,
+            saved,
+        } = situation;
         match self {
-            Self::Time => Reading::Number(situation.rig.now().as_secs_f64()),
-            Self::Saved(index) => {
-                let value = situation.saved.get(index).copied().flatten();
-                value.map_or(Reading::Number(0.0), Reading::from)
-            }
-            Self::Fixed(value) => value.into(),
-            Self::Device(index, getter) => {
-                let Situation { rig, observed, .. } = situation;
-                match (rig.any_device(index), observed.get(index)) {
-                    (Some(device), Some(observed)) => getter.read(&View {
-                        now: rig.now(),
-                        world: rig.world(),
-                        device,
-                        observed,
-                    }),
-                    _ => Reading::Number(0.0),
-                }
-            }
+            Self::Time => Some(Reading::Number(rig.now().as_secs_f64())),
+            Self::Saved(index) => saved.get(index).copied().flatten(),
+            Self::Fixed(value) => Some(value),
+            Self::Device(index, getter) => Some(getter.read(&View {
+                now: rig.now(),
+                world: rig.world(),
+                device: rig.any_device(index)?,
+                observed: observed.get(index)?,
+            })),
         }
     }
 }
@@ -258,7 +225,7 @@ struct Resolver<'a> {
 impl VariableResolver for Resolver<'_> {
     fn resolve<'b>(&'b self, variable: &str) -> Option<CowVal<'b, 'b>> {
         let origin = self.names.get(variable)?;
-        Some(match origin.read(self.situation) {
+        Some(match origin.read(self.situation).unwrap_or(NOTHING) {
             Reading::Number(number) => CowVal::owned(CelDouble::from(number)),
             Reading::Flag(flag) => CowVal::owned(CelBool::from(flag)),
         })

@@ -92,6 +92,14 @@ impl From<Vec<SettingsError>> for RigFileError {
 }
 
 impl RigPlan {
+    /// Names and kinds of its devices.
+    pub(crate) fn kinds(&self) -> Vec<(&str, &'static DeviceSpec)> {
+        let devices = self.devices.iter();
+        devices
+            .map(|plan| (plan.name.as_str(), plan.device))
+            .collect()
+    }
+
     /// The JSON Schema of rig files with these devices.
     #[must_use]
     pub fn json_schema(devices: Devices) -> String {

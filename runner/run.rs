@@ -7,7 +7,7 @@
 //! # How to drive it
 //!
 //! 1. Say what a client does, and when: [`Run::attach`], [`Run::detach`], [`Run::send`],
-//!    [`Run::set_line`]. Never send more than there is [`Run::space`] for; the rest would be lost.
+//!    [`Run::set_line`]. Never send more than there is [`Rig::space`] for; the rest would be lost.
 //! 2. Let time pass with [`Run::advance`], at the latest up to [`Run::next_deadline`] if what comes of it
 //!    is wanted at once. A time that has passed already does nothing.
 //! 3. Drain it: [`Run::read`] for each port, [`Run::poll_event`] and, if there is a trace,
@@ -69,9 +69,9 @@ use sim_settings::Source;
 pub use direct::{StepError, StepReport};
 pub use outcome::{Context, DeviceReport, Failure, FaultRecord, Outcome};
 
-use crate::condition::Value;
+use crate::condition::Reading;
 use crate::scenario::Scenario;
-use crate::trace::Recorder;
+use crate::trace::{Record, Recorder};
 use agenda::Agenda;
 use context::Recent;
 use host::HostPort;
@@ -150,7 +150,7 @@ pub struct Run {
     rules: Vec<RuleState>,
     responses: Vec<ResponseState>,
     /// Values that steps have remembered.
-    saved: Vec<Option<Value>>,
+    saved: Vec<Option<Reading>>,
     expected: Vec<Expected>,
     hosts: BTreeMap<PortId, HostPort>,
     /// Up to when what a disturbed line looks like is not the client's fault, by device.
@@ -194,19 +194,7 @@ impl Run {
         };
         scenario.check_obstacles(&map).map_err(RunError::World)?;
         let rig = scenario.rig.build(map, options.wire, options.seed);
-        let ports: Vec<PortId> = scenario
-            .rig
-            .devices
-            .iter()
-            .enumerate()
-            .flat_map(|(device, plan)| {
-                let links = plan.links().into_iter();
-                links.map(move |link| PortId {
-                    device,
-                    link: link.index,
-                })
-            })
-            .collect();
+        let ports: Vec<PortId> = scenario.rig.links().map(|link| link.id).collect();
         let first = |device| ports.partition_point(|port| port.device < device);
         let first_ports = (0..=scenario.rig.devices.len()).map(first).collect();
         let recorder = options
@@ -221,7 +209,7 @@ impl Run {
                 .collect(),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
-            rules: judge::rule_states(&scenario),
+            rules: vec![RuleState::default(); scenario.rules.len()],
             responses: vec![ResponseState::default(); scenario.responses.len()],
             saved: vec![None; scenario.saved.len()],
             expected: Vec::new(),
@@ -381,6 +369,13 @@ impl Run {
     /// The next event.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
+    }
+
+    /// Writes a line of the trace, if there is one.
+    fn record(&mut self, record: impl FnOnce() -> Record) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.write(&record());
+        }
     }
 
     /// The next line of the trace, without its line feed.

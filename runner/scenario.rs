@@ -44,14 +44,16 @@ use sim_core::settings::SimSettings;
 use sim_physics::WorldMap;
 use sim_settings::{Source, shorten};
 
-pub use compose::Texts;
 pub use document::{Only, Overlap};
 pub use files::{NamedText, ScenarioFiles};
 
 pub(crate) use actions::WorldAction;
+pub(crate) use check::{read, read_step};
+pub(crate) use compose::Texts;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
 
-use crate::condition::{Condition, Saved, Value};
+use crate::assemble::PlannedLink;
+use crate::condition::{Condition, Reading, Saved};
 use crate::problems::MOST_ERRORS;
 use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
@@ -97,7 +99,7 @@ pub struct Scenario {
     /// The values of parameters that were given.
     pub(crate) given: Vec<(String, String)>,
     /// The parameters that are no texts.
-    pub(crate) parameters: BTreeMap<String, Value>,
+    pub(crate) parameters: BTreeMap<String, Reading>,
     /// The settings that were given.
     pub(crate) set: Vec<String>,
     /// Devices that have the script for a client also where there is a real one.
@@ -260,15 +262,7 @@ impl Scenario {
             parameters: &[],
             set: &[],
         };
-        Self::compose(texts, base)
-    }
-
-    /// Reads a scenario file with those that it is based on; its settings change those of `base`.
-    ///
-    /// # Errors
-    /// As [`Scenario::parse`].
-    pub fn compose(texts: Texts<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
-        check::read(texts, base)
+        read(texts, base)
     }
 
     /// Tells whether a device has the script for a client also where there is a real one.
@@ -277,18 +271,16 @@ impl Scenario {
         self.scripted.get(device).copied().unwrap_or(false)
     }
 
+    /// The links that a client may open: all but those of devices that have the script for one.
+    pub fn client_links(&self) -> impl Iterator<Item = PlannedLink> {
+        let links = self.rig.links();
+        links.filter(|link| !self.is_scripted(link.id.device))
+    }
+
     /// The device that is meant where none is named: the only one, or the only one for a real
     /// client.
     pub(crate) fn usual_device(&self) -> Option<usize> {
         check::usual_device(&self.scripted)
-    }
-
-    /// Reads the table of a further step, whose name, if it says none, is no other's.
-    ///
-    /// # Errors
-    /// As [`Scenario::parse`].
-    pub(crate) fn read_step(&self, source: Source<'_>) -> Result<(Step, Vec<Saved>), RigFileError> {
-        check::read_step(source, self)
     }
 
     /// Devices that are served and nothing else: no steps, nothing to judge, no end.

@@ -8,11 +8,6 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 pub(crate) struct Tables<'t>(pub DeTable<'t>);
 
 impl<'t> Tables<'t> {
-    /// All of it.
-    pub(crate) fn root(&self) -> &DeTable<'t> {
-        &self.0
-    }
-
     /// The table with this name.
     pub(crate) fn table(&self, name: &str) -> Option<&DeTable<'t>> {
         table(&self.0, name)

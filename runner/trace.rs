@@ -27,11 +27,9 @@ mod record;
 mod replay;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::event::{Event, Level};
-use sim_core::line::{ClientLine, Wire};
+use sim_core::line::Wire;
 use sim_core::rig::{PortId, Rig};
 use sim_settings::{Settings, Source};
 
@@ -110,62 +108,6 @@ impl Recorder {
         self.lines.pop_front()
     }
 
-    pub(crate) fn time(&mut self, client: &'static str) {
-        self.write(&Record::Time {
-            client: client.into(),
-        });
-    }
-
-    pub(crate) fn attached(&mut self, at: SimTime, port: PortId) {
-        self.write(&Record::Attach {
-            t: at.as_nanos(),
-            port: port.into(),
-        });
-    }
-
-    pub(crate) fn detached(&mut self, at: SimTime, port: PortId) {
-        self.write(&Record::Detach {
-            t: at.as_nanos(),
-            port: port.into(),
-        });
-    }
-
-    pub(crate) fn line_set(&mut self, at: SimTime, port: PortId, line: ClientLine) {
-        self.write(&Record::Line {
-            t: at.as_nanos(),
-            port: port.into(),
-            baud: line.baud,
-            stop_bits: line.stop_bits,
-            raw: line.raw,
-            parity: line.parity,
-            rts_cts: line.rts_cts,
-        });
-    }
-
-    pub(crate) fn late(&mut self, at: SimTime, by: Duration, until: SimTime) {
-        self.write(&Record::Late {
-            t: at.as_nanos(),
-            by: u64::try_from(by.as_nanos()).unwrap_or(u64::MAX),
-            until: until.as_nanos(),
-        });
-    }
-
-    pub(crate) fn client_sent(&mut self, at: SimTime, port: PortId, bytes: &[u8]) {
-        self.write(&Record::In {
-            t: at.as_nanos(),
-            port: port.into(),
-            bytes: Hexed(bytes.to_vec()),
-        });
-    }
-
-    pub(crate) fn host_sent(&mut self, at: SimTime, port: PortId, bytes: &[u8]) {
-        self.write(&Record::Host {
-            t: at.as_nanos(),
-            port: port.into(),
-            bytes: Hexed(bytes.to_vec()),
-        });
-    }
-
     /// Bytes arrived at the client at one instant.
     pub(crate) fn device_sent(&mut self, at: SimTime, port: PortId, bytes: &[u8]) {
         for &byte in bytes {
@@ -194,55 +136,6 @@ impl Recorder {
         if let Some(burst) = self.out.insert(port, begun) {
             self.write_burst(port, burst);
         }
-    }
-
-    pub(crate) fn event(&mut self, event: &Event) {
-        if event.kind.level() != Level::Traffic {
-            self.write(&Record::Event {
-                t: event.at.as_nanos(),
-                device: event.device,
-                code: event.kind.code().as_str().into(),
-                text: event.kind.to_string(),
-            });
-        }
-    }
-
-    pub(crate) fn step(&mut self, at: SimTime, step: &str, what: &'static str) {
-        self.write(&Record::Step {
-            t: at.as_nanos(),
-            step: step.to_owned(),
-            what: what.into(),
-        });
-    }
-
-    pub(crate) fn step_added(&mut self, at: SimTime, step: &str, text: &str) {
-        self.write(&Record::Add {
-            t: at.as_nanos(),
-            step: step.to_owned(),
-            text: text.to_owned(),
-        });
-    }
-
-    pub(crate) fn step_cleared(&mut self, at: SimTime, step: &str) {
-        self.write(&Record::Clear {
-            t: at.as_nanos(),
-            step: step.to_owned(),
-        });
-    }
-
-    pub(crate) fn pace_changed(&mut self, at: SimTime, change: &str) {
-        self.write(&Record::Pace {
-            t: at.as_nanos(),
-            change: change.to_owned(),
-        });
-    }
-
-    pub(crate) fn failure(&mut self, at: SimTime, step: Option<&str>, what: &str) {
-        self.write(&Record::Failure {
-            t: at.as_nanos(),
-            step: step.map(str::to_owned),
-            what: what.to_owned(),
-        });
     }
 
     /// Notes where devices are, if it is time to.
@@ -290,7 +183,8 @@ impl Recorder {
         });
     }
 
-    fn write(&mut self, record: &Record) {
+    /// Adds a line, if there is room.
+    pub(crate) fn write(&mut self, record: &Record) {
         if self.lines.len() >= MOST_LINES {
             self.dropped += 1;
         } else {

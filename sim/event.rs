@@ -162,6 +162,20 @@ impl fmt::Display for Told {
     }
 }
 
+/// Reads bytes of two hexadecimal digits each; `None` if that is not what they are.
+#[must_use]
+pub fn read_hex(digits: impl Iterator<Item = char>) -> Option<Vec<u8>> {
+    let digit = |digit: char| {
+        digit
+            .to_digit(16)
+            .and_then(|digit| u8::try_from(digit).ok())
+    };
+    let digits: Vec<u8> = digits.map(digit).collect::<Option<_>>()?;
+    let pairs = digits.chunks_exact(2);
+    let is_whole = pairs.remainder().is_empty();
+    is_whole.then(|| pairs.map(|pair| pair[0] << 4 | pair[1]).collect())
+}
+
 /// Bytes as spaced upper-case hexadecimal: `AA 55 00`.
 #[derive(Debug, Clone, Copy)]
 pub struct Hex<'a>(pub &'a [u8]);

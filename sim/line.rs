@@ -6,6 +6,7 @@ mod event;
 use std::mem::{Discriminant, discriminant};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use sim_settings::{SimTime, choices};
 
 use crate::uart;
@@ -46,7 +47,7 @@ pub const MOST_IN_FLIGHT: usize = 4096;
 pub const UART_FIFO: usize = 16;
 
 /// Settings of a client's end of the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ClientLine {
     /// Bits per second; with 0 the port has hung up, and nothing passes.
     pub baud: u32,
@@ -55,8 +56,10 @@ pub struct ClientLine {
     /// Set if its port passes bytes on untouched, without echo, editing or translation.
     pub raw: bool,
     /// Set if it asks for a parity bit. It has no effect but to be told.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub parity: bool,
     /// Set if it waits for the line CTS before it sends. Likewise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub rts_cts: bool,
 }
 

@@ -9,7 +9,7 @@ use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
 use sim_physics::Drawing;
 use sim_physics::world::{FeatureKind, Shape};
-use sim_runner::condition::{Probe, ProbeValue};
+use sim_runner::condition::{Probe, Reading};
 use sim_runner::run::StepReport;
 use sim_runner::{Run, Scenario};
 
@@ -79,7 +79,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
     let devices = parts
         .enumerate()
         .map(|(index, ((plan, report), (_, [length, width])))| {
-            let own = ports.iter().filter(|port| port.device == plan.name);
+            let own = ports.iter().filter(|port| port.link.id.device == index);
             let blamed = report.held_against_client().map(|(code, tally)| {
                 json!({
                     "code": code,
@@ -222,9 +222,9 @@ pub(super) fn values(run: &Run, probes: &[Probe]) -> Value {
         .iter()
         .map(|probe| {
             let value = match probe.read(run) {
-                ProbeValue::Number(number) => json!(number),
-                ProbeValue::Flag(flag) => json!(flag),
-                ProbeValue::Unknown => Value::Null,
+                Some(Reading::Number(number)) => json!(number),
+                Some(Reading::Flag(flag)) => json!(flag),
+                None => Value::Null,
             };
             (probe.name.clone(), value)
         })

@@ -11,21 +11,23 @@ use crate::visible;
 
 /// Names of a device and its links.
 #[derive(Debug, Clone)]
-pub(crate) struct DeviceName {
-    pub(crate) name: String,
-    pub(crate) links: Vec<&'static str>,
+struct DeviceName {
+    name: String,
+    links: Vec<&'static str>,
 }
 
 /// Puts events into words; what the devices are called, by index.
 #[derive(Debug, Clone)]
-pub(crate) struct Words(pub(crate) Vec<DeviceName>);
+pub(crate) struct Words(Vec<DeviceName>);
 
 impl Words {
     /// For the devices of a rig.
     pub(crate) fn new(rig: &RigPlan) -> Self {
+        let links =
+            |device: &sim_runner::DevicePlan| device.device.links.iter().take(device.ports.len());
         let name = |device: &sim_runner::DevicePlan| DeviceName {
             name: device.name.clone(),
-            links: device.links().iter().map(|link| link.name).collect(),
+            links: links(device).map(|link| link.name).collect(),
         };
         Self(rig.devices.iter().map(name).collect())
     }

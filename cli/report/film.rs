@@ -10,7 +10,7 @@ use sim_core::event::Event;
 use sim_core::fault::{FaultEvent, FaultPhase};
 use sim_physics::world::{Feature, FeatureKind};
 use sim_runner::Run;
-use sim_runner::condition::Probe;
+use sim_runner::condition::{Probe, Reading};
 use sim_runner::trace::{Onlooker, Record};
 
 use crate::log::Words;
@@ -241,6 +241,15 @@ impl<'a> Film<'a> {
     }
 }
 
+/// The number that a name is now; true is 1, and what is not known is no number.
+fn number(probe: &Probe, run: &Run) -> f64 {
+    match probe.read(run) {
+        Some(Reading::Number(number)) => number,
+        Some(Reading::Flag(flag)) => f64::from(u8::from(flag)),
+        None => f64::NAN,
+    }
+}
+
 /// Tells whether it makes a plot: places are on the map, and ages and counts tell nothing that
 /// others do not.
 fn is_shown(name: &str, unit: &str) -> bool {
@@ -282,12 +291,12 @@ impl Onlooker for Film<'_> {
         self.times.push(run.rig().now().as_secs_f64());
         for way in &mut self.ways {
             if let Some(probes) = &way.probes {
-                let pose = [0, 1, 2].map(|index| probes[index].read(run).number());
+                let pose = [0, 1, 2].map(|index| number(&probes[index], run));
                 way.poses.push(pose);
             }
         }
         for series in &mut self.series {
-            series.values.push(series.probe.read(run).number());
+            series.values.push(number(&series.probe, run));
         }
     }
 }

@@ -1,15 +1,13 @@
 //! A case: one scenario to be played, with its parameters and seed, and what came of it.
 
 use std::ffi::OsString;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use sim_core::line::Wire;
 use sim_embed::ports::ShownPort;
 use sim_embed::serve::HeldUp;
-use sim_runner::{Outcome, Run, RunOptions};
+use sim_runner::{Outcome, Run};
 use sim_settings::show_duration;
 
 use crate::args::{RandomArg, RunArgs, TimeArg};
@@ -21,8 +19,6 @@ use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
 use crate::visible;
 
-use super::trace_file::TraceFile;
-
 /// Real time that a scenario may take beyond twice its own.
 const ALLOWANCE: Duration = Duration::from_secs(30);
 
@@ -33,31 +29,14 @@ const DATE: Duration = Duration::from_secs(1_735_689_600);
 #[derive(Clone)]
 pub(crate) struct Case<'a> {
     pub(crate) loaded: &'a Loaded,
-    args: &'a RunArgs,
+    pub(crate) args: &'a RunArgs,
     pub(crate) seed: u64,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
-    /// Whose time the client has.
-    pub(crate) time: TimeArg,
-    /// What the client reads as random comes from the seed.
-    pub(crate) random_from_seed: bool,
-    /// The date on which the client begins, since 1970.
-    pub(crate) date: Duration,
-    /// The same as it was asked for, if it was.
-    dated: bool,
-    /// Played two times, to be compared.
-    pub(crate) twice: bool,
     /// Simulated seconds for each second of real time.
     pub(crate) speed: f64,
-    /// Where each live run can be controlled.
-    pub(crate) control: Option<SocketAddr>,
     /// Real time that it may take.
     pub(crate) allowed: Duration,
-    /// The same as it was asked for.
-    timeout: Option<Duration>,
-    /// How long the machine may hold it up before a failure counts as the machine's.
-    pub(crate) most_held_up: Duration,
-    pub(crate) client: &'a [OsString],
     /// Where traces and reports go.
     pub(crate) output: Option<&'a Path>,
     /// The page that shows it.
@@ -77,35 +56,26 @@ impl<'a> Case<'a> {
             args,
             seed: seed.wrapping_add(u64::from(repeat)),
             repeat: (args.repeat > 1).then_some(repeat),
-            time: args.time,
-            random_from_seed: args.random == RandomArg::Seed,
-            date: args.date,
-            dated: args.date != DATE,
-            twice: args.twice,
             speed,
-            control: args.control.filter(|_| !args.client.is_empty()),
             allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
-            timeout,
-            most_held_up: args.max_hold_up.0,
-            client: &args.client,
             output: args.output.as_deref(),
             report: None,
         }
     }
 
     pub(crate) fn is_live(&self) -> bool {
-        !self.client.is_empty()
+        !self.args.client.is_empty()
     }
 
     /// Tells whether a real client plays in the simulator's time.
     pub(crate) fn is_lockstep(&self) -> bool {
-        self.is_live() && self.time == TimeArg::Lockstep
+        self.is_live() && self.args.time == TimeArg::Lockstep
     }
 
     /// What the time of the run is called.
     pub(crate) fn time_word(&self) -> &'static str {
         if self.is_live() {
-            self.time.word()
+            self.args.time.word()
         } else {
             "simulated"
         }
@@ -137,7 +107,7 @@ impl<'a> Case<'a> {
     /// The file of its trace, if anybody wants one.
     pub(crate) fn recording(&self) -> Option<PathBuf> {
         let wanted = self.file("trace.jsonl");
-        wanted.or_else(|| Some(self.file_in(self.report?.folder(), "trace.jsonl")))
+        wanted.or_else(|| Some(self.file_in(self.report?.folder.path(), "trace.jsonl")))
     }
 
     /// Shows it on the page, if there is one.
@@ -153,34 +123,23 @@ impl<'a> Case<'a> {
         Ok(())
     }
 
-    /// A run of it, and the file for its trace.
-    pub(crate) fn begin(&self) -> Result<(Run, Option<TraceFile>), Failure> {
-        let mut run = self.loaded.run(RunOptions {
-            seed: self.seed,
-            wire: Wire::Paced,
-            live: self.is_live(),
-            trace: self.recording().is_some(),
-        })?;
-        if self.is_live() {
-            run.name_time(self.time_word());
-        }
-        let trace = self.recording().map(TraceFile::create).transpose()?;
-        Ok((run, trace))
-    }
-
     /// Opens the socket on which a run is controlled, if there is to be one, and tells the client.
     pub(crate) fn desk(
         &self,
         run: &Run,
-        ports: impl FnOnce() -> Vec<ShownPort>,
+        ports: Vec<ShownPort>,
         environment: &mut Vec<(String, OsString)>,
     ) -> Result<Option<Desk>, Failure> {
-        let Some(listen) = self.control else {
+        let Some(listen) = self.args.control else {
             return Ok(None);
         };
-        let desk = Desk::open(listen, run, ports())?;
-        environment.push(("SIM_CONTROL".to_owned(), desk.url().into()));
-        complain(&format!("{}: control on {}", self.name(), desk.url()));
+        let desk = Desk::open(listen, run, ports)?;
+        environment.push(("SIM_CONTROL".to_owned(), desk.control.url().into()));
+        complain(&format!(
+            "{}: control on {}",
+            self.name(),
+            desk.control.url()
+        ));
         Ok(Some(desk))
     }
 
@@ -188,25 +147,25 @@ impl<'a> Case<'a> {
     pub(crate) fn command(&self) -> String {
         let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
         words.push(self.seed.to_string().into());
-        if self.is_live() && self.time == TimeArg::Real {
-            words.extend(["--time".into(), self.time.word().into()]);
+        if self.is_live() && self.args.time == TimeArg::Real {
+            words.extend(["--time".into(), self.args.time.word().into()]);
         }
-        if self.is_lockstep() && self.dated {
-            let date = std::time::UNIX_EPOCH + self.date;
+        if self.is_lockstep() && self.args.date != DATE {
+            let date = std::time::UNIX_EPOCH + self.args.date;
             let date = humantime::format_rfc3339_seconds(date).to_string();
             words.extend(["--date".into(), date.into()]);
         }
-        if self.is_lockstep() && !self.random_from_seed {
+        if self.is_lockstep() && self.args.random == RandomArg::Real {
             words.extend(["--random".into(), "real".into()]);
         }
         if self.is_live() && self.speed != 1.0 {
             words.extend(["--speed".into(), self.speed.to_string().into()]);
         }
-        if let Some(timeout) = self.timeout {
-            words.extend(["--timeout".into(), show_duration(timeout).into()]);
+        if let Some(timeout) = self.args.timeout {
+            words.extend(["--timeout".into(), show_duration(timeout.0).into()]);
         }
         let mut flag = |flag: &str, value: OsString| words.extend([flag.into(), value]);
-        if let Some(listen) = &self.control {
+        if let Some(listen) = self.args.control.filter(|_| self.is_live()) {
             flag("--control", listen.to_string().into());
         }
         if let Some(job) = &self.args.given.job {
@@ -227,7 +186,7 @@ impl<'a> Case<'a> {
         words.push(self.loaded.path.clone().into());
         if self.is_live() {
             words.push("--".into());
-            words.extend(self.client.iter().cloned());
+            words.extend(self.args.client.iter().cloned());
         }
         visible::command(words.iter().map(OsString::as_os_str))
     }
@@ -257,23 +216,19 @@ pub(crate) struct Played {
 }
 
 /// A verdict, and whom it is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Verdict {
     Passed,
     /// The client failed, or the vehicle did what it should not.
     Failed,
     /// The machine held the simulator up so much that a failure says nothing of the client.
     Spoilt,
-}
-
-impl Played {
-    pub(crate) fn verdict(&self) -> Verdict {
-        match (self.outcome.passed, self.is_spoilt) {
-            (true, _) => Verdict::Passed,
-            (false, true) => Verdict::Spoilt,
-            (false, false) => Verdict::Failed,
-        }
-    }
+    /// The simulator or the system failed.
+    Broken,
+    /// A signal asked for the end.
+    BrokenOff,
+    /// It was not played.
+    Skipped,
 }
 
 /// A client that has ended.
@@ -290,7 +245,13 @@ pub(crate) struct PlayedClient {
 }
 
 impl CaseResult {
-    pub(crate) fn passed(&self) -> bool {
-        matches!(self, Self::Played(played) if played.outcome.passed)
+    pub(crate) fn verdict(&self) -> Verdict {
+        match self {
+            Self::Played(played) if played.outcome.passed => Verdict::Passed,
+            Self::Played(played) if played.is_spoilt => Verdict::Spoilt,
+            Self::Played(_) => Verdict::Failed,
+            Self::BrokenOff => Verdict::BrokenOff,
+            Self::Broken(_) => Verdict::Broken,
+        }
     }
 }

@@ -17,7 +17,7 @@ const MOST: u32 = 1000;
 
 /// A folder, removed on drop. It is locked, so that what a killed run has left is known as such.
 pub(crate) struct Folder {
-    path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Beside it, and never removed by others while it is held.
     lock: (PathBuf, File),
 }
@@ -77,10 +77,6 @@ impl Folder {
             path,
             lock: (lock_path, lock),
         }))
-    }
-
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
     }
 }
 

@@ -3,7 +3,6 @@
 //! Each scenario is a test suite, with a test case for each time that it was played, since only
 //! suites can have properties everywhere.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -13,9 +12,9 @@ use sim_runner::Outcome;
 
 use crate::exit::Failure;
 use crate::visible;
-use crate::whole_file::{self, Target};
+use crate::whole_file::Target;
 
-use super::case::{Case, CaseResult, Played, Verdict};
+use super::case::{Case, CaseResult, Played};
 use super::tell;
 
 /// How many times as long as the last writing took to play on before the next: with thousands of
@@ -80,25 +79,22 @@ impl Junit {
 
     /// Writes all that is known.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
-        if let Target::Stream(_) = &self.to {
-            let text = self.text().map_err(Failure::system)?;
-            if let Target::Stream(stream) = &mut self.to {
-                return stream
-                    .write_all(text.as_bytes())
-                    .with_context(|| format!("cannot write {}", visible::name(&self.path)))
-                    .map_err(Failure::system);
-            }
-        }
-        self.update()
+        self.write()
     }
 
+    /// Writes it on the way, unless it can be written only once.
     fn update(&mut self) -> Result<(), Failure> {
-        if let Target::Stream(_) = &self.to {
-            return Ok(());
+        match &self.to {
+            Target::Stream(_) => Ok(()),
+            Target::File => self.write(),
         }
+    }
+
+    fn write(&mut self) -> Result<(), Failure> {
         let begun = Instant::now();
         let text = self.text().map_err(Failure::system)?;
-        whole_file::write(&self.path, text.as_bytes())
+        self.to
+            .write(&self.path, text.as_bytes())
             .with_context(|| format!("cannot write {}", visible::name(&self.path)))
             .map_err(Failure::system)?;
         self.written = Some((Instant::now(), begun.elapsed()));
@@ -208,22 +204,18 @@ fn surroundings(outcome: &Outcome) -> String {
 }
 
 fn status(result: Option<&CaseResult>) -> TestCaseStatus {
+    let error = |kind: &str, why: &str| {
+        let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
+        status.set_message(text(why)).set_type(kind);
+        status
+    };
     match result {
-        Some(CaseResult::Played(played)) => match played.verdict() {
-            Verdict::Passed => TestCaseStatus::success(),
-            Verdict::Failed => failed(played, NonSuccessKind::Failure, "scenario"),
-            Verdict::Spoilt => failed(played, NonSuccessKind::Error, "machine"),
-        },
-        Some(CaseResult::Broken(why)) => {
-            let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
-            status.set_message(text(why)).set_type("simulator");
-            status
-        }
+        Some(CaseResult::Played(played)) if played.outcome.passed => TestCaseStatus::success(),
+        Some(CaseResult::Played(played)) => failed(played),
+        Some(CaseResult::Broken(why)) => error("simulator", why),
         Some(CaseResult::BrokenOff) => {
-            let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
             let why = "a signal ended the run while this was being played";
-            status.set_message(why).set_type("broken off");
-            status
+            error("broken off", why)
         }
         None => {
             let mut status = TestCaseStatus::skipped();
@@ -233,7 +225,11 @@ fn status(result: Option<&CaseResult>) -> TestCaseStatus {
     }
 }
 
-fn failed(played: &Played, kind: NonSuccessKind, what: &str) -> TestCaseStatus {
+fn failed(played: &Played) -> TestCaseStatus {
+    let (kind, what) = match played.is_spoilt {
+        true => (NonSuccessKind::Error, "machine"),
+        false => (NonSuccessKind::Failure, "scenario"),
+    };
     let mut status = TestCaseStatus::non_success(kind);
     let machine = played.held_up.and_then(tell::machines_part);
     let failures = played.outcome.failures.iter().map(ToString::to_string);

@@ -2,9 +2,8 @@
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use sim_core::SimTime;
@@ -18,16 +17,17 @@ use sim_pty::ListenAddress;
 use sim_runner::Run;
 use sim_settings::show_duration;
 
+use crate::args::RandomArg;
 use crate::client::Output;
 use crate::control::Desk;
 use crate::exit::Failure;
 use crate::supervise::ClientEnd;
 use crate::visible;
 
-use super::case::{Case, CaseResult, Played, PlayedClient};
+use super::case::{Case, CaseResult, PlayedClient};
 use super::folder::Folder;
-use super::live::{no_port_opened, over_time, take};
-use super::trace_file::TraceFile;
+use super::live::no_port_opened;
+use super::play::{BROKEN_OFF, Playing, over_time};
 
 /// Instants of the simulation between looks at the real clock.
 const MOST_INSTANTS: u32 = 10_000;
@@ -35,47 +35,37 @@ const MOST_INSTANTS: u32 = 10_000;
 const ROOM: Duration = Duration::from_millis(5);
 /// How much of a client's output is kept in its file.
 const MOST_FILED: u64 = 1 << 26;
-/// Simulated time between looks for signals, once the client has ended.
-const SLICE: Duration = Duration::from_millis(500);
 
 /// Plays it. The client ends before this returns, whatever happens.
 pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
-    let begun = Instant::now();
     if stop.load(Ordering::Relaxed) {
         return Ok(CaseResult::BrokenOff);
     }
-    let (mut run, trace) = case.begin()?;
+    let (mut run, playing) = Playing::begin(case, stop)?;
     run.follow_bytes();
     let folder = Folder::take(case).map_err(Failure::system)?;
-    let (ids, mut ports) = open_ports(case, &folder)?;
-    let paths = ids.iter().zip(&ports);
-    let paths = paths.map(|(id, port)| (*id, port.path().to_owned()));
-    let mut environment = super::live::environment(case, paths)?;
-    let plan = &case.loaded.scenario.rig;
-    let shown = || {
-        let ports = ids.iter().zip(&ports);
-        ports.map(|(id, port)| ShownPort::at(*id, port.path(), plan))
-    };
-    let desk = case.desk(&run, || shown().collect(), &mut environment)?;
+    let (shown, mut ports) = open_ports(case, &folder)?;
+    let ids = shown.iter().map(|port| port.link.id).collect();
+    let mut environment = super::live::environment(case, &shown)?;
+    let desk = case.desk(&run, shown, &mut environment)?;
     let mut output = open_output(case).map_err(Failure::system)?;
     let program = Program {
-        words: case.client,
+        words: &case.args.client,
         environment: &environment,
         output: output
             .try_clone()
             .context("cannot share the client's output")
             .map_err(Failure::system)?,
     };
-    let until = begun.checked_add(case.allowed);
     let options = Options {
-        seed: case.random_from_seed.then_some(case.seed),
-        date: case.date,
-        until,
+        seed: (case.args.random == RandomArg::Seed).then_some(case.seed),
+        date: case.args.date,
+        until: playing.until(),
         stop,
     };
     let mut stage = Stage {
         run,
-        trace,
+        playing,
         desk,
         ids,
         begun_at: None,
@@ -87,28 +77,17 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let ending = ending.map_err(|error| failure(case, error))?;
     // Nobody is left to be answered.
     stage.desk = None;
-    let broken_off = !stage.conclude(case, &ending, begun, stop)?;
-    // The trace has its end in any case, so that it can be played again.
-    let outcome = stage.run.end().clone();
-    take(&mut stage.run, &mut stage.trace);
-    stage.trace.map_or(Ok(()), TraceFile::finish)?;
-    if broken_off {
-        return Ok(CaseResult::BrokenOff);
-    }
-    Ok(CaseResult::Played(Box::new(Played {
-        outcome,
-        client: Some(PlayedClient {
-            end: client_end(ending.end),
-            stopped: ending.reason != Reason::Itself,
-            output: read_output(&mut output).map_err(Failure::system)?,
-            outside: ending.outside.into_iter().collect(),
-            refused: ending.refused.into_iter().collect(),
-        }),
-        took: begun.elapsed(),
-        // The machine has no part in it.
-        held_up: None,
-        is_spoilt: false,
-    })))
+    let broken_off = !stage.conclude(case, &ending)?;
+    let client = PlayedClient {
+        end: client_end(ending.end),
+        stopped: ending.reason != Reason::Itself,
+        output: read_output(&mut output).map_err(Failure::system)?,
+        outside: ending.outside.into_iter().collect(),
+        refused: ending.refused.into_iter().collect(),
+    };
+    // The machine has no part in it.
+    let playing = stage.playing;
+    playing.conclude(&mut stage.run, broken_off, Some(client), None)
 }
 
 fn client_end(end: End) -> ClientEnd {
@@ -119,7 +98,7 @@ fn client_end(end: End) -> ClientEnd {
 }
 
 fn failure(case: &Case<'_>, error: Error) -> Failure {
-    let client = case.client.first().map(visible::name);
+    let client = case.args.client.first().map(visible::name);
     let client = client.unwrap_or_default();
     match error {
         Error::NotStarted(why) => {
@@ -136,43 +115,32 @@ fn failure(case: &Case<'_>, error: Error) -> Failure {
 }
 
 /// A port for each link of each device, in the folder or where the rig has it.
-fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<PortId>, Vec<Port>), Failure> {
-    let mut ids = Vec::new();
+fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<ShownPort>, Vec<Port>), Failure> {
+    let mut shown = Vec::new();
     let mut ports = Vec::new();
-    let scenario = &case.loaded.scenario;
-    let devices = scenario.rig.devices.iter().enumerate();
-    for (device, planned) in devices.filter(|(device, _)| !scenario.is_scripted(*device)) {
-        for link in planned.links() {
-            let path = match &link.path {
-                Some(path) if ListenAddress::is_url(path) => {
-                    return Err(Failure::system(anyhow!(
-                        "the network keeps real time, so no client in the simulator's time can open \
-                         {}; --time real runs it in real time",
-                        visible::name(path)
-                    )));
-                }
-                Some(path) => case.loaded.folder().join(path),
-                None => folder
-                    .path()
-                    .join(link_name(&planned.name, link.index, link.name)),
-            };
-            let port = Port::new(path.clone(), link.baud)
-                .with_context(|| format!("cannot serve a port at {}", path.display()));
-            ports.push(port.map_err(Failure::system)?);
-            ids.push(PortId {
-                device,
-                link: link.index,
-            });
-        }
+    for link in case.loaded.scenario.client_links() {
+        let path = match &link.path {
+            Some(path) if ListenAddress::is_url(path) => {
+                return Err(Failure::system(anyhow!(
+                    "the network keeps real time, so no client in the simulator's time can open \
+                     {}; --time real runs it in real time",
+                    visible::name(path)
+                )));
+            }
+            Some(path) => case.loaded.folder().join(path),
+            None => folder.path.join(link.file_name()),
+        };
+        let port = Port::new(path.clone(), link.baud)
+            .with_context(|| format!("cannot serve a port at {}", path.display()))
+            .map_err(Failure::system)?;
+        shown.push(ShownPort {
+            link,
+            path: port.path().to_owned(),
+            is_public: false,
+        });
+        ports.push(port);
     }
-    Ok((ids, ports))
-}
-
-fn link_name(device: &str, index: usize, link: &str) -> PathBuf {
-    match index {
-        0 => device.into(),
-        _ => format!("{device}-{}", link.to_lowercase()).into(),
-    }
+    Ok((shown, ports))
 }
 
 /// Where the client writes: a file, which takes everything at once. A reader of a pipe would be one
@@ -203,9 +171,9 @@ fn nanoseconds(span: Duration) -> u64 {
 }
 
 /// The devices, as a client's world.
-struct Stage {
+struct Stage<'a> {
     run: Run,
-    trace: Option<TraceFile>,
+    playing: Playing<'a>,
     desk: Option<Desk>,
     ids: Vec<PortId>,
     /// The client's time when it first opened a port, at which the scenario begins.
@@ -217,7 +185,7 @@ struct Stage {
     output: Option<File>,
 }
 
-impl Stage {
+impl Stage<'_> {
     /// The scenario's time.
     fn at(&self, now: u64) -> SimTime {
         SimTime::from_nanos(now.saturating_sub(self.begun_at.unwrap_or(now)))
@@ -240,7 +208,7 @@ impl Stage {
     /// whether that may be what the client waits for. It may have asked something itself if it `ran`.
     fn settle(&mut self, now: u64, ran: bool) -> Result<bool, Broken> {
         let Some(desk) = &mut self.desk else {
-            take(&mut self.run, &mut self.trace);
+            self.playing.take(&mut self.run);
             return Ok(false);
         };
         while let Some(event) = self.run.poll_event() {
@@ -250,7 +218,7 @@ impl Stage {
         if desk.wants_time() {
             self.begun_at.get_or_insert(now);
         }
-        take(&mut self.run, &mut self.trace);
+        self.playing.take(&mut self.run);
         Ok(any)
     }
 
@@ -291,16 +259,10 @@ impl Stage {
 
     /// Says what the client's end means, and plays what is left of the scenario; `false` if a signal
     /// came first.
-    fn conclude(
-        &mut self,
-        case: &Case<'_>,
-        ending: &Ending,
-        begun: Instant,
-        stop: &AtomicBool,
-    ) -> Result<bool, Failure> {
+    fn conclude(&mut self, case: &Case<'_>, ending: &Ending) -> Result<bool, Failure> {
         match &ending.reason {
             Reason::Stopped => {
-                self.run.fail("a signal ended it".to_owned());
+                self.run.fail(BROKEN_OFF.to_owned());
                 return Ok(false);
             }
             Reason::Over => {}
@@ -322,35 +284,10 @@ impl Stage {
             Reason::Itself if self.begun_at.is_none() => {
                 self.run.fail(no_port_opened(case));
             }
-            Reason::Itself => return self.play_the_rest(case, begun, stop),
-        }
-        Ok(true)
-    }
-
-    /// The client has done its work and left; the rest of the scenario shows what becomes of the
-    /// vehicle.
-    fn play_the_rest(
-        &mut self,
-        case: &Case<'_>,
-        begun: Instant,
-        stop: &AtomicBool,
-    ) -> Result<bool, Failure> {
-        while self.run.finished().is_none() {
-            let to = self.run.rig().now() + SLICE;
-            loop {
-                if stop.load(Ordering::Relaxed) {
-                    self.run.fail("a signal ended it".to_owned());
-                    return Ok(false);
-                }
-                if begun.elapsed() > case.allowed {
-                    self.run.fail(over_time(case.allowed));
-                    return Ok(true);
-                }
-                let more = self.run.step(to).map_err(Failure::system)?;
-                take(&mut self.run, &mut self.trace);
-                if !more {
-                    break;
-                }
+            // The rest of the scenario shows what becomes of the vehicle.
+            Reason::Itself => {
+                let played = self.playing.on(&mut self.run, SimTime::MAX);
+                return played.map_err(Failure::system);
             }
         }
         Ok(true)
@@ -379,7 +316,7 @@ fn client_line(line: LineSettings) -> ClientLine {
     }
 }
 
-impl World for Stage {
+impl World for Stage<'_> {
     fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken> {
         self.begun_at.get_or_insert(now);
         let id = self.id(port)?;
@@ -403,7 +340,7 @@ impl World for Stage {
             return Ok(bytes.len());
         }
         self.run.set_line(id, client_line(line));
-        let count = self.run.space(id).min(bytes.len());
+        let count = self.run.rig().space(id).min(bytes.len());
         self.wants_room = count < bytes.len();
         if let Some(taken) = bytes.get(..count).filter(|taken| !taken.is_empty()) {
             self.run.send(id, self.at(now), taken)?;

@@ -14,8 +14,9 @@ use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::{complain, words_of_panic};
 
+use super::Told;
 use super::case::{Case, CaseResult, Verdict};
-use super::{live, lockstep, report, scripted, twice};
+use super::{live, lockstep, play, report, twice};
 
 /// How long everything may take to end after a second signal.
 const LAST_PATIENCE: Duration = Duration::from_secs(15);
@@ -23,22 +24,13 @@ const LAST_PATIENCE: Duration = Duration::from_secs(15);
 /// How long to wait for a result before looking whether something is left to be done.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// Whoever wants to know of results. An error of theirs ends nothing; the first is told at the end.
-pub(crate) trait Audience {
-    /// A case has a result; they come as they come.
-    fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure>;
-    /// The same in the order of the cases.
-    fn told(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure>;
-    /// Nothing has come for a moment.
-    fn idle(&mut self) -> Result<(), Failure>;
-}
-
 /// Plays all, and keeps nothing of what has been told. What was not played, since another failed or a
-/// signal came, has no result. An error that concerns all is returned.
+/// signal came, has no result. An error that concerns all is returned, and the first of the audience's,
+/// which ends nothing.
 pub(crate) fn play_all(
     args: &RunArgs,
     cases: &[Case<'_>],
-    audience: &mut dyn Audience,
+    audience: &mut Told<'_>,
 ) -> Result<Option<Failure>, Failure> {
     let stop = broken_off_by_signals()?;
     let next = AtomicUsize::new(0);
@@ -56,7 +48,8 @@ pub(crate) fn play_all(
                     let Some(case) = cases.get(index) else { return };
                     let result = play(case, stop);
                     let is_usage = matches!(&result, Err(failure) if failure.exit == Exit::Usage);
-                    let passed = result.as_ref().is_ok_and(CaseResult::passed);
+                    let passed = |result: &CaseResult| result.verdict() == Verdict::Passed;
+                    let passed = result.as_ref().is_ok_and(passed);
                     if is_usage || args.fail_fast && !passed {
                         enough.store(true, Ordering::Relaxed);
                     }
@@ -148,7 +141,7 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
                 if wake.is_signalled() && seen.swap(true, Ordering::Relaxed) {
                     // Somebody insists; whoever reads the output may have stopped reading it.
                     std::thread::sleep(LAST_PATIENCE);
-                    std::process::exit(Exit::System.code().into());
+                    std::process::exit(Exit::System as i32);
                 }
             }
         })
@@ -165,7 +158,7 @@ fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     }
     catch_unwind(AssertUnwindSafe(|| {
         let mut result = play_once(case, stop)?;
-        if matches!(&result, CaseResult::Played(played) if played.verdict() == Verdict::Spoilt) {
+        if result.verdict() == Verdict::Spoilt {
             result = play_once(case, stop)?;
         }
         if let CaseResult::Played(played) = &result {
@@ -178,13 +171,13 @@ fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
 }
 
 fn play_once(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
-    if case.twice {
+    if case.args.twice {
         twice::play(case, stop)
     } else if case.is_lockstep() {
         lockstep::play(case, stop)
     } else if case.is_live() {
         live::play(case, stop)
     } else {
-        scripted::play(case, stop)
+        play::scripted(case, stop)
     }
 }

@@ -6,13 +6,13 @@ use serde_json::{Value, json};
 use sim_core::event::Hex;
 use sim_embed::serve::HeldUp;
 use sim_runner::run::Failure;
-use sim_runner::{DevicePlan, Outcome, PlannedLink, Scenario};
+use sim_runner::{Outcome, Scenario};
 use sim_settings::show_duration;
 
 use crate::args::RunArgs;
 use crate::scenario_files::Loaded;
+use crate::summary::counted;
 use crate::visible;
-use sim_embed::ports;
 
 use super::case::{Case, CaseResult, Played, Verdict};
 
@@ -51,7 +51,8 @@ pub(crate) fn planned(case: &Case<'_>) -> String {
         if scenario.is_scripted(index) {
             text += ", scripted";
         } else if case.is_live() {
-            let variables = variables_of(device);
+            let links = scenario.rig.links().filter(|link| link.id.device == index);
+            let variables: Vec<String> = links.map(|link| link.variable()).collect();
             let _ = write!(text, ", served at ${}", variables.join(" and $"));
         }
     }
@@ -59,36 +60,30 @@ pub(crate) fn planned(case: &Case<'_>) -> String {
     text
 }
 
-/// The variables of the environment in which a client finds the ports of a device.
-fn variables_of(device: &DevicePlan) -> Vec<String> {
-    let links = device.links();
-    let variable = |link: &PlannedLink| ports::variable(&device.name, link.index, link.name);
-    links.iter().map(variable).collect()
-}
-
-/// The same of all devices that a client has.
+/// The variables of the environment in which a client finds the ports.
 pub(crate) fn variables(scenario: &Scenario) -> Vec<String> {
-    let devices = scenario.rig.devices.iter().enumerate();
-    let live = devices.filter(|(index, _)| !scenario.is_scripted(*index));
-    live.flat_map(|(_, device)| variables_of(device)).collect()
+    scenario
+        .client_links()
+        .map(|link| link.variable())
+        .collect()
 }
 
 /// What came of a case, in full if it failed.
 pub(crate) fn told(args: &RunArgs, case: &Case<'_>, result: &CaseResult) -> String {
     let name = case.name();
     match result {
-        CaseResult::Played(played) => told_played(args, case, played),
+        CaseResult::Played(played) => told_played(args, case, played, result.verdict()),
         CaseResult::BrokenOff => format!("broken off  {name}"),
         CaseResult::Broken(why) => format!("BROKEN  {name}: {}", visible::line(why)),
     }
 }
 
-fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
+fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played, verdict: Verdict) -> String {
     let outcome = &played.outcome;
-    let word = match played.verdict() {
+    let word = match verdict {
         Verdict::Passed => "ok    ",
-        Verdict::Failed => "FAILED",
         Verdict::Spoilt => "SPOILT",
+        _ => "FAILED",
     };
     let mut text = format!(
         "{word}  {}: {} ({:.1} s simulated",
@@ -119,11 +114,8 @@ fn told_played(args: &RunArgs, case: &Case<'_>, played: &Played) -> String {
     }
     for device in &outcome.devices {
         for (code, tally) in device.report.damage() {
-            let _ = write!(
-                text,
-                "\n  damage: {}: {code} {}x, first at {} s: {}",
-                device.name, tally.count, tally.first_at, tally.first
-            );
+            let told = counted(code, tally.count, tally);
+            let _ = write!(text, "\n  damage: {}: {told}", device.name);
         }
     }
     // What a scripted client does wrong, it was told to do.
@@ -250,10 +242,8 @@ pub(crate) fn client_report(outcome: &Outcome) -> Vec<String> {
     let mut lines = Vec::new();
     for device in &outcome.devices {
         for (code, tally) in device.report.held_against_client() {
-            lines.push(format!(
-                "{}: {code} {}x, first at {} s: {}",
-                device.name, tally.held_against_client, tally.first_at, tally.first
-            ));
+            let told = counted(code, tally.held_against_client, tally);
+            lines.push(format!("{}: {told}", device.name));
         }
     }
     lines
@@ -321,33 +311,6 @@ pub(crate) fn verdict_json(outcome: &Outcome, held_up: HeldUp, is_spoilt: bool) 
 
 /// An outcome for programs, without what was only counted.
 pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
-    let failures: Vec<Value> = outcome
-        .failures
-        .iter()
-        .map(|failure| {
-            json!({
-                "time_s": failure.at.as_secs_f64(),
-                "step": failure.step,
-                "what": failure.what,
-                "before": failure.context.before,
-                "armed": failure.context.armed,
-                "in_effect": failure.context.in_effect,
-            })
-        })
-        .collect();
-    let faults: Vec<Value> = outcome
-        .faults
-        .iter()
-        .map(|fault| {
-            json!({
-                "step": fault.step,
-                "fault": fault.id,
-                "armed": fault.armed,
-                "hit": fault.hit,
-                "hits": fault.hits,
-            })
-        })
-        .collect();
     let report: Vec<Value> = outcome
         .devices
         .iter()
@@ -369,9 +332,9 @@ pub(crate) fn outcome_json(outcome: &Outcome) -> Value {
         "passed": outcome.passed,
         "seed": outcome.seed,
         "time_s": outcome.ended_at.as_secs_f64(),
-        "failures": failures,
+        "failures": outcome.failures,
         "more_failures": outcome.more_failures,
-        "faults": faults,
+        "faults": outcome.faults,
         "armed": outcome.failures.first().map_or(&[][..], |failure| &failure.context.armed),
         "not_judged": outcome.not_judged,
         "client_report": report,

@@ -9,7 +9,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_runner::Run;
-use sim_runner::trace::{Onlooker, Record};
+use sim_runner::trace::Onlooker;
 
 use super::{Part, told};
 use crate::args::TraceArgs;
@@ -196,8 +196,6 @@ impl Teller {
 }
 
 impl Onlooker for Teller {
-    fn record(&mut self, _: &Record) {}
-
     fn event(&mut self, _: &Run, event: &Event) {
         if self.nobody_listens || !self.part.has(event.at, Some(event.device)) {
             return;
@@ -212,12 +210,6 @@ impl Onlooker for Teller {
         });
         self.nobody_listens = told.is_err();
     }
-
-    fn next_look(&self) -> SimTime {
-        SimTime::MAX
-    }
-
-    fn look(&mut self, _: &Run) {}
 
     fn has_enough(&self) -> bool {
         self.nobody_listens

@@ -134,12 +134,6 @@ impl Onlooker for Printer {
         };
     }
 
-    fn next_look(&self) -> SimTime {
-        SimTime::MAX
-    }
-
-    fn look(&mut self, _: &Run) {}
-
     fn has_enough(&self) -> bool {
         self.now > self.part.to || self.written.is_err()
     }

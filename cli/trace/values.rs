@@ -5,10 +5,9 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use sim_core::SimTime;
-use sim_core::event::Event;
 use sim_runner::Run;
-use sim_runner::condition::{Probe, ProbeValue};
-use sim_runner::trace::{Onlooker, Record};
+use sim_runner::condition::{Probe, Reading};
+use sim_runner::trace::Onlooker;
 
 use super::Part;
 use crate::args::TraceArgs;
@@ -55,10 +54,6 @@ impl Values {
 }
 
 impl Onlooker for Values {
-    fn record(&mut self, _: &Record) {}
-
-    fn event(&mut self, _: &Run, _: &Event) {}
-
     fn next_look(&self) -> SimTime {
         match self.has_enough() {
             true => SimTime::MAX,
@@ -68,9 +63,9 @@ impl Onlooker for Values {
 
     fn look(&mut self, run: &Run) {
         let cell = |probe: &Probe| match probe.read(run) {
-            ProbeValue::Number(number) => number.to_string(),
-            ProbeValue::Flag(flag) => flag.to_string(),
-            ProbeValue::Unknown => String::new(),
+            Some(Reading::Number(number)) => number.to_string(),
+            Some(Reading::Flag(flag)) => flag.to_string(),
+            None => String::new(),
         };
         let cells: Vec<String> = self.probes.iter().map(cell).collect();
         if self.written.is_ok() {

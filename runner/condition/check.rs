@@ -7,7 +7,7 @@ use cel::common::types::CelDouble;
 use sim_core::device::NameInfo;
 use sim_core::device::names::Unit;
 
-use super::{Devices, Origin, Saved, Value};
+use super::{Devices, Origin, Reading, Saved};
 use crate::suggest::{nearest, or_allowed};
 
 /// What an expression is.
@@ -31,7 +31,7 @@ const FUNCTIONS: [(&str, usize); 3] = [("abs", 1), ("min", 2), ("max", 2)];
 
 /// Names and their meanings.
 #[derive(Debug, Clone, Copy)]
-pub struct Scope<'a> {
+pub(crate) struct Scope<'a> {
     /// The devices.
     pub devices: &'a Devices<'a>,
     /// The device whose name may be left out.
@@ -39,37 +39,17 @@ pub struct Scope<'a> {
     /// Values that steps remember.
     pub saved: &'a [Saved],
     /// The parameters that are no texts.
-    pub parameters: &'a BTreeMap<String, Value>,
+    pub parameters: &'a BTreeMap<String, Reading>,
 }
-
-static NONE: BTreeMap<String, Value> = BTreeMap::new();
 
 /// Checks an expression, writes its whole numbers as decimal ones, and notes what its names mean;
 /// says whether it is true or false.
-pub(super) type Check =
-    fn(&mut IdedExpr, &Scope<'_>, &mut BTreeMap<String, Origin>) -> Result<bool, String>;
-
-/// Allows whatever has a value.
-pub(super) fn value(
+pub(super) fn is_flag(
     expression: &mut IdedExpr,
     scope: &Scope<'_>,
     found: &mut BTreeMap<String, Origin>,
 ) -> Result<bool, String> {
     type_of(expression, scope, found).map(|own| own == Type::Flag)
-}
-
-/// Allows what is true or false.
-pub(super) fn condition(
-    expression: &mut IdedExpr,
-    scope: &Scope<'_>,
-    found: &mut BTreeMap<String, Origin>,
-) -> Result<bool, String> {
-    match type_of(expression, scope, found)? {
-        Type::Flag => Ok(true),
-        Type::Number => Err("a condition is true or false, this is a number; \
-                             compare it, as in `truth.speed_mps > 1.5`"
-            .to_owned()),
-    }
 }
 
 fn type_of(
@@ -203,18 +183,7 @@ fn qualified_name(expression: &Expr) -> Option<String> {
     }
 }
 
-impl<'a> Scope<'a> {
-    /// Devices alone; with one, its name may be left out.
-    #[must_use]
-    pub fn of(devices: &'a Devices<'a>) -> Self {
-        Self {
-            devices,
-            usual: (devices.len() == 1).then_some(0),
-            saved: &[],
-            parameters: &NONE,
-        }
-    }
-
+impl Scope<'_> {
     pub(super) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
         if name == "t" {
             return Ok((Origin::Time, Unit::Number("s")));
@@ -248,8 +217,8 @@ impl<'a> Scope<'a> {
             format!("no parameter that is a number, true or false is named `{name}`; {hint}")
         })?;
         let unit = match value {
-            Value::Flag(_) => Unit::Flag,
-            Value::Number(_) => Unit::Number(""),
+            Reading::Flag(_) => Unit::Flag,
+            Reading::Number(_) => Unit::Number(""),
         };
         Ok((Origin::Fixed(*value), unit))
     }

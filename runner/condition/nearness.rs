@@ -3,14 +3,13 @@
 use cel::common::ast::{CallExpr, Expr, operators};
 use cel::parser::Expression;
 
-use super::{Condition, Situation, Value};
+use super::{Condition, Reading, Situation};
 
 /// What is false and cannot be more or less so.
 const FAR: f64 = 1.0;
 
 impl Condition {
     /// Tells whether it can be nearer to holding and farther from it: it compares.
-    #[must_use]
     pub(crate) fn is_gradual(&self) -> bool {
         fn compares(part: &Expr) -> bool {
             const SIGNS: [&str; 6] = [
@@ -30,8 +29,7 @@ impl Condition {
     /// Distance from holding, 0 at most; larger is nearer. Numbers that are compared count by how
     /// far they are apart, as a part of the larger one; of what must hold together, all that does
     /// not counts.
-    #[must_use]
-    pub fn nearness(&self, situation: Situation<'_>) -> f64 {
+    pub(crate) fn nearness(&self, situation: Situation<'_>) -> f64 {
         self.margin(&self.expression, situation).min(0.0)
     }
 
@@ -43,7 +41,7 @@ impl Condition {
             return margin;
         }
         match self.value_of(part, situation) {
-            Ok(Value::Flag(true)) => FAR,
+            Ok(Reading::Flag(true)) => FAR,
             _ => -FAR,
         }
     }
@@ -51,7 +49,7 @@ impl Condition {
     fn margin_of_call(&self, call: &CallExpr, situation: Situation<'_>) -> Option<f64> {
         let margin = |at: usize| Some(self.margin(call.args.get(at)?, situation));
         let number = |at: usize| match self.value_of(call.args.get(at)?, situation) {
-            Ok(Value::Number(number)) if number.is_finite() => Some(number),
+            Ok(Reading::Number(number)) if number.is_finite() => Some(number),
             _ => None,
         };
         let apart = || {

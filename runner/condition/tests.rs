@@ -4,8 +4,19 @@ use sim_core::device::names::Unit;
 use sim_core::mecanum::MECANUM_SPEC;
 use sim_core::r150::R150_SPEC;
 
+/// Devices alone; with one, its name may be left out.
+fn scope<'a>(devices: &'a Devices<'a>) -> Scope<'a> {
+    static NONE: BTreeMap<String, Reading> = BTreeMap::new();
+    Scope {
+        devices,
+        usual: (devices.len() == 1).then_some(0),
+        saved: &[],
+        parameters: &NONE,
+    }
+}
+
 fn parse(text: &str) -> Result<Condition, ExpressionError> {
-    Condition::parse(text, &Scope::of(&[("r150", &R150_SPEC)]))
+    Condition::parse(text, &scope(&[("r150", &R150_SPEC)]))
 }
 
 #[test]
@@ -19,7 +30,7 @@ fn names_are_sorted_into_groups_and_unique() {
                 Unit::Flag => info.name.to_owned(),
                 Unit::Number(_) => format!("{} > 1", info.name),
             };
-            Condition::parse(&text, &Scope::of(&[("d", device)])).unwrap();
+            Condition::parse(&text, &scope(&[("d", device)])).unwrap();
         }
     }
 }
@@ -98,7 +109,7 @@ fn what_makes_none_is_refused_in_words() {
 #[test]
 fn several_devices_have_to_be_named() {
     let devices = [("r150-1", &R150_SPEC), ("car", &MECANUM_SPEC)];
-    let read = |text| Condition::parse(text, &Scope::of(&devices));
+    let read = |text| Condition::parse(text, &scope(&devices));
     assert!(read("r150_1.mode.locked && car.motion.running").is_ok());
     let why = read("mode.locked").unwrap_err().to_string();
     assert!(why.contains("did you mean `r150_1.mode.locked`?"), "{why}");

@@ -8,6 +8,7 @@ use sim_core::rig::PortId;
 
 use super::lateness::burst_end;
 use super::{NANOSECOND, Run, RunError};
+use crate::trace::{Hexed, Record};
 
 /// Deeds of a real client. Each of these is dated a nanosecond after the present at least; after
 /// the end nothing happens any more.
@@ -20,9 +21,10 @@ impl Run {
         let Some(at) = self.go_before(now)? else {
             return Ok(());
         };
-        if let Some(recorder) = &mut self.recorder {
-            recorder.attached(at, port);
-        }
+        self.record(|| Record::Attach {
+            t: at.as_nanos(),
+            port: port.into(),
+        });
         let mut outcome = Ok(());
         self.instant(at, |rig| outcome = rig.attach(port, at))?;
         Ok(outcome?)
@@ -36,9 +38,10 @@ impl Run {
         let Some(at) = self.go_before(now)? else {
             return Ok(());
         };
-        if let Some(recorder) = &mut self.recorder {
-            recorder.detached(at, port);
-        }
+        self.record(|| Record::Detach {
+            t: at.as_nanos(),
+            port: port.into(),
+        });
         if let Some(index) = self.port_at(port) {
             self.unread[index].clear();
         }
@@ -55,9 +58,11 @@ impl Run {
         let Some(at) = self.go_before(now)? else {
             return Ok(());
         };
-        if let Some(recorder) = &mut self.recorder {
-            recorder.client_sent(at, port, bytes);
-        }
+        self.record(|| Record::In {
+            t: at.as_nanos(),
+            port: port.into(),
+            bytes: Hexed(bytes.to_vec()),
+        });
         self.instant(at, |rig| rig.client_puts(port, bytes))
     }
 
@@ -67,9 +72,12 @@ impl Run {
         if self.outcome.is_some() || self.lines.insert(port, line) == Some(line) {
             return;
         }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.line_set(self.rig.now(), port, line);
-        }
+        let t = self.rig.now().as_nanos();
+        self.record(|| Record::Line {
+            t,
+            port: port.into(),
+            line,
+        });
         self.rig.set_client_line(port, line);
     }
 
@@ -94,21 +102,9 @@ impl Run {
 
     /// Notes whose time a real client has, for the trace: `lockstep` or `real`.
     pub fn name_time(&mut self, client: &'static str) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.time(client);
-        }
-    }
-
-    /// As [`sim_core::rig::Rig::space`].
-    #[must_use]
-    pub fn space(&self, port: PortId) -> usize {
-        self.rig.space(port)
-    }
-
-    /// Number of bytes that the client's UART takes now.
-    #[must_use]
-    pub fn room(&self, port: PortId) -> usize {
-        self.rig.room(port)
+        self.record(|| Record::Time {
+            client: client.into(),
+        });
     }
 
     /// The client did not read, and `bytes` of what it should have got were lost.
@@ -143,9 +139,12 @@ impl Run {
         if self.outcome.is_some() {
             return;
         }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.late(self.rig.now(), by, until);
-        }
+        let t = self.rig.now().as_nanos();
+        self.record(|| Record::Late {
+            t,
+            by: u64::try_from(by.as_nanos()).unwrap_or(u64::MAX),
+            until: until.as_nanos(),
+        });
         self.rig.expect_burst(by, until);
     }
 

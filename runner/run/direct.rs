@@ -5,11 +5,13 @@ use std::sync::Arc;
 use sim_settings::{SimTime, Source};
 
 use super::agenda::Item;
+use super::effects::Undo;
 use super::steps::StepState;
 use super::{Run, RunError};
-use crate::condition::{Condition, ExpressionError, Scope, Value};
+use crate::condition::{Condition, ExpressionError, Reading, Scope};
 use crate::rig_file::RigFileError;
-use crate::scenario::{MOST_STEPS, Trigger};
+use crate::scenario::{MOST_STEPS, Trigger, read_step};
+use crate::trace::Record;
 
 /// Name of steps that come from no file, as errors call it.
 const FILE: &str = "step";
@@ -55,7 +57,7 @@ impl Run {
     ///
     /// # Errors
     /// When the expression makes no sense, or has no value.
-    pub fn value(&self, expression: &str) -> Result<Value, ExpressionError> {
+    pub fn value(&self, expression: &str) -> Result<Reading, ExpressionError> {
         self.in_scope(|scope| Condition::parse_value(expression, scope))?
             .value(self.situation())
     }
@@ -70,13 +72,8 @@ impl Run {
 
     /// Reads something in which names stand, as they are in the scenario.
     pub(crate) fn in_scope<T>(&self, read: impl FnOnce(&Scope<'_>) -> T) -> T {
-        let devices = &self.scenario.rig.devices;
-        let devices: Vec<_> = devices
-            .iter()
-            .map(|d| (d.name.as_str(), d.device))
-            .collect();
         let scope = Scope {
-            devices: &devices,
+            devices: &self.scenario.rig.kinds(),
             usual: self.scenario.usual_device(),
             saved: &self.scenario.saved,
             parameters: &self.scenario.parameters,
@@ -95,16 +92,18 @@ impl Run {
     /// Says in words what is wrong with the text; or the run is over or cannot go on.
     pub fn add_step(&mut self, text: &str) -> Result<usize, StepError> {
         let source = Source { file: FILE, text };
-        let (mut step, saved) = self.scenario.read_step(source)?;
+        let (mut step, saved) = read_step(source, &self.scenario)?;
         if saved.len() > MOST_STEPS {
             return Err(StepError::TooMany);
         }
         let at = self.go_before(self.rig.now())?.ok_or(StepError::Over)?;
         step.may_not_trigger = true;
         let index = self.place_for_step().ok_or(StepError::TooMany)?;
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step_added(at, &step.name, text);
-        }
+        self.record(|| Record::Add {
+            t: at.as_nanos(),
+            step: step.name.clone(),
+            text: text.to_owned(),
+        });
         let mut state = StepState::new(&step, self.options.seed);
         state.added = true;
         let begin = match step.trigger {
@@ -117,7 +116,7 @@ impl Run {
         let scenario = Arc::make_mut(&mut self.scenario);
         scenario.saved = saved;
         if index < scenario.steps.len() {
-            if let Some(effect) = self.steps[index].standing_effect() {
+            if let Some(Undo::Effect(effect)) = self.steps[index].standing {
                 self.layers.keep(effect);
             }
             scenario.steps[index] = step;
@@ -166,18 +165,23 @@ impl Run {
         let Some(at) = self.go_before(self.rig.now())? else {
             return Ok(());
         };
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step_cleared(at, &self.scenario.steps[index].name);
-        }
+        let step = self.scenario.steps[index].name.clone();
+        self.record(|| Record::Clear {
+            t: at.as_nanos(),
+            step,
+        });
         self.agenda.plan(at, Item::Clear(index));
         self.instant(at, |_| {})
     }
 
     /// Writes down that time passes otherwise from now on, which changes nothing in the run.
     pub fn note_pace(&mut self, change: &str) {
-        let now = self.rig.now();
-        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.outcome.is_none()) {
-            recorder.pace_changed(now, change);
+        let t = self.rig.now().as_nanos();
+        if self.outcome.is_none() {
+            self.record(|| Record::Pace {
+                t,
+                change: change.to_owned(),
+            });
         }
     }
 
@@ -208,12 +212,5 @@ impl Run {
             lasting: !state.is_over(),
             hits: state.hits_so_far(&self.rig),
         })
-    }
-
-    /// Number of times that the faults of a step have hit something.
-    #[must_use]
-    pub fn step_hits(&self, step: usize) -> u64 {
-        let state = self.steps.get(step);
-        state.map_or(0, |state| state.hits_so_far(&self.rig))
     }
 }

@@ -10,6 +10,7 @@ use super::agenda::Item;
 use super::{Run, RunError};
 use crate::rig_file::DevicePlan;
 use crate::scenario::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
+use crate::trace::{Hexed, Record};
 
 /// Most bytes kept for a comparison.
 const MOST_RAW: usize = 4096;
@@ -113,9 +114,11 @@ impl Run {
         match &action.does {
             HostDoes::Send(_) if !self.has_open(port) => {}
             HostDoes::Send(bytes) => {
-                if let Some(recorder) = &mut self.recorder {
-                    recorder.host_sent(now, port, bytes);
-                }
+                self.record(|| Record::Host {
+                    t: now.as_nanos(),
+                    port: port.into(),
+                    bytes: Hexed(bytes.clone()),
+                });
                 self.rig.client_puts(port, bytes);
             }
             HostDoes::Open if self.rig.cable_pulled(port) => {

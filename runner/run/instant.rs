@@ -1,10 +1,12 @@
 //! One instant of a run, and when the next one is.
 
 use sim_core::SimTime;
+use sim_core::event::Level;
 use sim_core::rig::{PortId, Rig};
 
 use super::context::Recent;
 use super::{MOST_EVENTS, MOST_ROUNDS, MOST_UNREAD, NANOSECOND, Run, RunError};
+use crate::trace::Record;
 
 impl Run {
     /// When there is next something to look at, be it only the end; while nobody follows every
@@ -94,8 +96,13 @@ impl Run {
             if let Some(observed) = self.observed.get_mut(event.device) {
                 observed.note(&event, distance, excused);
             }
-            if let Some(recorder) = &mut self.recorder {
-                recorder.event(&event);
+            if event.kind.level() != Level::Traffic {
+                self.record(|| Record::Event {
+                    t: event.at.as_nanos(),
+                    device: event.device,
+                    code: event.kind.code().as_str().into(),
+                    text: event.kind.to_string(),
+                });
             }
             self.remember_recent(Recent::Event(event.clone()));
             if self.events.len() >= MOST_EVENTS {

@@ -9,7 +9,7 @@ use sim_settings::show_duration;
 use super::Run;
 use super::agenda::Item;
 use crate::condition::{Condition, ExpressionError, Situation};
-use crate::scenario::{Rule, Scenario, StepAction, Trigger};
+use crate::scenario::{Rule, StepAction, Trigger};
 
 /// How often it is looked at how near something has come.
 const NEARNESS_EVERY: Duration = Duration::from_millis(20);
@@ -33,27 +33,16 @@ pub(super) struct Nearest {
 }
 
 /// Progress of a condition over time.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct RuleState {
     from: Option<SimTime>,
-    until: SimTime,
+    until: Option<SimTime>,
     /// Since when it has been broken.
     broken: Option<SimTime>,
     /// It is looked at no more: it was violated, or does not count.
     closed: bool,
     /// It has been looked at.
     looked_at: bool,
-}
-
-pub(super) fn rule_states(scenario: &Scenario) -> Vec<RuleState> {
-    let state = RuleState {
-        from: None,
-        until: SimTime::MAX,
-        broken: None,
-        closed: false,
-        looked_at: false,
-    };
-    vec![state; scenario.rules.len()]
 }
 
 impl Run {
@@ -70,8 +59,8 @@ impl Run {
         state.closed = !counts;
         self.agenda.plan(from, Item::Look);
         if let Some(until) = rule.until {
-            state.until = now + until;
-            self.agenda.plan(state.until, Item::Look);
+            state.until = Some(now + until);
+            self.agenda.plan(now + until, Item::Look);
         }
     }
 
@@ -83,7 +72,8 @@ impl Run {
             || self.awaits_responses()
             || self.steps_with_end().next().is_some()
             || self.rules.iter().any(|rule| {
-                !rule.closed && rule.from.is_some_and(|from| from <= now) && now < rule.until
+                let goes_on = rule.until.is_none_or(|until| now < until);
+                !rule.closed && rule.from.is_some_and(|from| from <= now) && goes_on
             })
     }
 
@@ -203,8 +193,8 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         for (index, rule) in scenario.rules.iter().enumerate() {
             let state = self.rules[index];
-            let open = state.from.is_some_and(|from| from <= now) && now <= state.until;
-            if state.closed || !open {
+            let begun = state.from.is_some_and(|from| from <= now);
+            if state.closed || !begun || state.until.is_some_and(|until| until < now) {
                 continue;
             }
             let looked = self.look(&rule.that);
@@ -252,7 +242,7 @@ impl Run {
     /// Tells whether a condition holds now.
     ///
     /// # Errors
-    /// As [`Condition::holds`].
+    /// When it has no value, which only a number that is not one (as 0/0) can bring about.
     pub fn holds(&self, condition: &Condition) -> Result<bool, ExpressionError> {
         Ok(self.look(condition)?.unwrap_or(false))
     }
@@ -270,7 +260,7 @@ impl Run {
         message: Option<&str>,
     ) -> String {
         let (found, nearest) = (self.explain(condition), self.nearest(step));
-        let text = format!("expected `{}`, but {found}{nearest}", condition.text());
+        let text = format!("expected `{}`, but {found}{nearest}", condition.text);
         with_message(message, &text)
     }
 
@@ -306,7 +296,7 @@ impl Rule {
             Duration::ZERO => String::new(),
             time => format!(" for longer than {}", show_duration(time)),
         };
-        format!("{word} `{}`{longer}", self.that.text())
+        format!("{word} `{}`{longer}", self.that.text)
     }
 }
 

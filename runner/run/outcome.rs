@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use serde::{Serialize, Serializer};
 use sim_core::SimTime;
 use sim_core::report::Report;
 
@@ -31,7 +32,7 @@ pub struct Outcome {
 }
 
 /// Surroundings of a failure, in words.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Context {
     /// The last that happened before, since the failure before.
     pub before: Vec<String>,
@@ -42,15 +43,17 @@ pub struct Context {
 }
 
 /// Something that was not as the file says.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Failure {
     /// Time at which it was found.
+    #[serde(rename = "time_s", serialize_with = "seconds")]
     pub at: SimTime,
     /// The step that it is about, if it is about one.
     pub step: Option<String>,
     /// Description, and the values that it was found by.
     pub what: String,
     /// Surroundings of it.
+    #[serde(flatten)]
     pub context: Context,
 }
 
@@ -68,11 +71,12 @@ impl Outcome {
 }
 
 /// A fault of the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FaultRecord {
     /// The step that injected it.
     pub step: String,
     /// Code of the fault.
+    #[serde(rename = "fault")]
     pub id: &'static str,
     /// Number of times that it was injected.
     pub armed: u64,
@@ -91,6 +95,10 @@ pub struct DeviceReport {
     pub report: Report,
     /// Distance that it has driven, m.
     pub distance_m: f64,
+}
+
+fn seconds<S: Serializer>(at: &SimTime, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(at.as_secs_f64())
 }
 
 impl fmt::Display for Failure {

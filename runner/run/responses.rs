@@ -124,10 +124,10 @@ impl Run {
                 && self.is_judged(response.only, response.mission)
         });
         let responses = responses.map(|(response, _)| {
-            let then = response.then.text();
+            let then = &response.then.text;
             match &response.to {
                 Cause::Whenever(cause) => {
-                    format!("response `{then}`: `{}` never came", cause.text())
+                    format!("response `{then}`: `{}` never came", cause.text)
                 }
                 Cause::Step(step) => {
                     let step = &self.scenario.steps[*step].name;
@@ -140,10 +140,10 @@ impl Run {
 
     fn not_answered(&self, response: &Response, pending: Pending) -> String {
         let cause = match &response.to {
-            Cause::Whenever(cause) => format!("`{}` began", cause.text()),
+            Cause::Whenever(cause) => format!("`{}` began", cause.text),
             Cause::Step(step) => format!("\"{}\" happened", self.scenario.steps[*step].name),
         };
-        let (then, since) = (response.then.text(), pending.since);
+        let (then, since) = (&response.then.text, pending.since);
         let demand = match (pending.came, response.until) {
             (true, Some(until)) => {
                 format!("`{then}` had to last for {} after", show_duration(until))

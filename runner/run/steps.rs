@@ -13,6 +13,7 @@ use super::effects::Undo;
 use super::judge::{Expected, Nearest};
 use super::{MOST_ROUNDS, Run};
 use crate::scenario::{Only, Overlap, Scenario, Step, StepAction, Times, Trigger};
+use crate::trace::Record;
 
 /// Progress of a step.
 #[derive(Debug)]
@@ -40,7 +41,7 @@ pub(super) struct StepState {
     /// First thing that went wrong with it.
     pub(super) failure: Option<String>,
     /// End of the last of its effects that have no end of their own.
-    standing: Option<Undo>,
+    pub(super) standing: Option<Undo>,
     chance: Noise,
     /// From which times are drawn.
     times_drawn: Noise,
@@ -48,7 +49,7 @@ pub(super) struct StepState {
     pub(super) nearest: Option<Nearest>,
     /// Faults that it has brought and that go on, by a number of their own.
     faults: BTreeMap<u64, FaultHandle>,
-    counts: FaultCounts,
+    pub(super) counts: FaultCounts,
 }
 
 /// Number of times that a step has brought its fault.
@@ -91,14 +92,6 @@ impl StepState {
         }
     }
 
-    /// Effect of it that lasts until it is cleared.
-    pub(super) fn standing_effect(&self) -> Option<u64> {
-        match self.standing {
-            Some(Undo::Effect(effect)) => Some(effect),
-            _ => None,
-        }
-    }
-
     /// Tells whether nothing of it goes on or is still to come.
     pub(super) fn is_over(&self) -> bool {
         self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
@@ -128,10 +121,6 @@ impl StepState {
     /// Tells whether something that it did to a vehicle or its world is not undone.
     pub(super) fn has_effects(&self) -> bool {
         self.effects > 0 || self.standing.is_some()
-    }
-
-    pub(super) fn fault_counts(&self) -> FaultCounts {
-        self.counts
     }
 }
 
@@ -242,9 +231,8 @@ impl Run {
         }
         if state.begun.is_none() {
             state.begun = Some(now);
-            if let Some(recorder) = &mut self.recorder {
-                recorder.step(now, &step.name, "begun");
-            }
+            self.record_step(now, step, "begun");
+            let state = &mut self.steps[index];
             if let Some(lasts) = step.lasts.filter(|_| step.is_repeated_for()) {
                 state.pending += 1;
                 let end = now + state.draw(lasts);
@@ -252,6 +240,7 @@ impl Run {
                 self.agenda.plan(end, Item::End(index, Undo::Nothing));
             }
         }
+        let state = &mut self.steps[index];
         state.times += 1;
         let next = step.every.map(|every| now + state.draw(every));
         let next = next.filter(|next| {
@@ -449,6 +438,14 @@ impl Run {
         self.steps[index].pending += 1;
     }
 
+    fn record_step(&mut self, now: SimTime, step: &Step, what: &'static str) {
+        self.record(|| Record::Step {
+            t: now.as_nanos(),
+            step: step.name.clone(),
+            what: what.into(),
+        });
+    }
+
     fn check_done(&mut self, index: usize, now: SimTime) {
         let state = &mut self.steps[index];
         if !state.all_begun || state.pending > 0 || state.done.is_some() {
@@ -456,9 +453,7 @@ impl Run {
         }
         state.done = Some(now);
         let scenario = std::sync::Arc::clone(&self.scenario);
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step(now, &scenario.steps[index].name, "done");
-        }
+        self.record_step(now, &scenario.steps[index], "done");
         for (other, step) in scenario.steps.iter().enumerate() {
             if matches!(step.trigger, Trigger::After(waited) if waited == index) {
                 self.begin(other, now);

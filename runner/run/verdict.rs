@@ -10,6 +10,7 @@ use super::Run;
 use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
 use super::steps::FaultCounts;
 use crate::scenario::{StepAction, Trigger};
+use crate::trace::Record;
 
 /// Most failures that are told; further ones are counted.
 const MOST_FAILURES: usize = 50;
@@ -23,9 +24,11 @@ impl Run {
     }
 
     pub(super) fn note_failure(&mut self, at: SimTime, step: Option<String>, what: String) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.failure(at, step.as_deref(), &what);
-        }
+        self.record(|| Record::Failure {
+            t: at.as_nanos(),
+            step: step.clone(),
+            what: what.clone(),
+        });
         if let Some(outcome) = &mut self.outcome {
             outcome.fail(what);
         } else if self.failures.len() < MOST_FAILURES {
@@ -117,7 +120,7 @@ impl Run {
             for number in self.active_faults(index) {
                 self.clear_fault(index, number);
             }
-            let FaultCounts { armed, hit, hits } = self.steps[index].fault_counts();
+            let FaultCounts { armed, hit, hits } = self.steps[index].counts;
             if armed > 0 && hit == 0 && !step.may_not_trigger {
                 let why = format!(
                     "the fault {} was there from {begun} s on and never hit anything; \
@@ -151,7 +154,7 @@ impl Run {
                 }
                 Trigger::When(condition) => {
                     let nearest = self.nearest(index);
-                    format!("it never began: `{}` never held{nearest}", condition.text())
+                    format!("it never began: `{}` never held{nearest}", condition.text)
                 }
                 Trigger::After(other) => {
                     let name = &scenario.steps[*other].name;

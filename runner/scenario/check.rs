@@ -16,7 +16,7 @@ use toml::de::{DeTable, DeValue};
 use super::compose::{Parameters, Texts, put_over};
 use super::document::{ClientText, Document, StepText, TimeText};
 use super::{MOST_STEPS, Rule, Scenario, Step, StepAction, Times, Trigger};
-use crate::condition::{Condition, Saved, Scope, Value, identifier};
+use crate::condition::{Condition, Reading, Saved, Scope, identifier};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::{Problems, Put};
 use crate::rig_file::{RigFileError, RigPlan, RigText};
@@ -24,7 +24,8 @@ use crate::sources::{MOST_FILES, Sources};
 use crate::suggest::nearest;
 use crate::tables::{self, Tables};
 
-pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
+/// Reads a scenario file with those that it is based on; its settings change those of `base`.
+pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
     let sources = Sources(texts.files);
     let mut problems = Problems::new(sources);
     let (root, parameters) = composed(sources, texts, &mut problems)?;
@@ -63,11 +64,7 @@ pub(super) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
     }
     let mut checker = Checker {
         rig: &rig,
-        devices: rig
-            .devices
-            .iter()
-            .map(|device| (device.name.as_str(), device.device))
-            .collect(),
+        devices: rig.kinds(),
         scripted: &scripted,
         parameters: &parameters,
         text_parameters,
@@ -237,7 +234,7 @@ pub(super) fn usual_device(scripted: &[bool]) -> Option<usize> {
 
 /// A step that whoever drives a run of the scenario adds, and what is remembered with it; without a
 /// time it begins at zero.
-pub(super) fn read_step(
+pub(crate) fn read_step(
     source: Source<'_>,
     scenario: &Scenario,
 ) -> Result<(Step, Vec<Saved>), RigFileError> {
@@ -252,11 +249,10 @@ pub(super) fn read_step(
     if text.at.is_none() && text.when.is_none() && text.after.is_none() {
         text.at = Some(Spanned::new(0..0, TimeText::Exactly(Span::default())));
     }
-    let devices = scenario.rig.devices.iter();
     let names = scenario.steps.iter().enumerate();
     let mut checker = Checker {
         rig: &scenario.rig,
-        devices: devices.map(|d| (d.name.as_str(), d.device)).collect(),
+        devices: scenario.rig.kinds(),
         scripted: &scenario.scripted,
         parameters: &scenario.parameters,
         text_parameters: Vec::new(),
@@ -297,7 +293,7 @@ struct Checker<'a> {
     devices: Vec<(&'a str, &'static DeviceSpec)>,
     /// Which devices have the script for a client in any case.
     scripted: &'a [bool],
-    parameters: &'a BTreeMap<String, Value>,
+    parameters: &'a BTreeMap<String, Reading>,
     /// Parameters that are texts, which no condition can speak of.
     text_parameters: Vec<(String, Put)>,
     tables: Tables<'a>,

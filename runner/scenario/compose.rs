@@ -6,13 +6,13 @@ use sim_settings::Source;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::condition::Value;
+use crate::condition::Reading;
 use crate::problems::{Problems, Put};
 use crate::suggest::or_allowed;
 
 /// The files of a scenario, and what is given with them.
 #[derive(Debug, Clone, Copy)]
-pub struct Texts<'t> {
+pub(crate) struct Texts<'t> {
     /// The file itself, then the one that it is based on, and so on.
     pub files: &'t [Source<'t>],
     /// Values of parameters, which win over those in the files.
@@ -170,10 +170,12 @@ impl<'t> Parameters<'t> {
     }
 
     /// Values that conditions have behind `param.`; texts are for values alone.
-    pub(super) fn values(&self) -> BTreeMap<String, Value> {
+    pub(super) fn values(&self) -> BTreeMap<String, Reading> {
         let value = |value: &DeValue<'_>| match value {
-            DeValue::Boolean(flag) => Some(Value::Flag(*flag)),
-            DeValue::Integer(_) | DeValue::Float(_) => shown(value).parse().ok().map(Value::Number),
+            DeValue::Boolean(flag) => Some(Reading::Flag(*flag)),
+            DeValue::Integer(_) | DeValue::Float(_) => {
+                shown(value).parse().ok().map(Reading::Number)
+            }
             _ => None,
         };
         let all = self.0.iter();

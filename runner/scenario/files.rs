@@ -7,6 +7,7 @@ use sim_core::settings::SimSettings;
 use sim_settings::Source;
 
 use super::Scenario;
+use super::check::read;
 use super::compose::Texts;
 use crate::rig_file::RigFileError;
 
@@ -22,9 +23,10 @@ pub struct ScenarioFiles {
     files: Vec<NamedText>,
     parameters: BTreeSet<String>,
     keys: BTreeSet<String>,
-    world: Option<PathBuf>,
-    /// There is a job, and the first has devices of its own.
-    is_no_fault_file: bool,
+    /// The world file that the first of them names that names one.
+    pub world: Option<PathBuf>,
+    /// Set if there is a job although the first has devices of its own.
+    pub is_no_fault_file: bool,
 }
 
 impl ScenarioFiles {
@@ -82,22 +84,10 @@ impl ScenarioFiles {
         Ok(all)
     }
 
-    /// The world file that the first of them names.
-    #[must_use]
-    pub fn world(&self) -> Option<&Path> {
-        self.world.as_deref()
-    }
-
     /// Tells whether any of them has a parameter of this name.
     #[must_use]
     pub fn has_parameter(&self, name: &str) -> bool {
         self.parameters.contains(name)
-    }
-
-    /// Tells whether there is a job although the first has devices of its own.
-    #[must_use]
-    pub fn is_no_fault_file(&self) -> bool {
-        self.is_no_fault_file
     }
 
     /// The kind of file that the first looks like, if it is no scenario.
@@ -137,7 +127,7 @@ impl ScenarioFiles {
             parameters,
             set,
         };
-        Scenario::compose(texts, base)
+        read(texts, base)
     }
 }
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 use sim_core::device::host::{Field, Fields, Message};
+use sim_core::event::read_hex;
 use sim_core::rig::PortId;
 use toml::de::{DeValue, ValueDeserializer};
 use toml::{Spanned, Value};
@@ -122,7 +123,7 @@ impl HostReader<'_, '_> {
             does.push(message.map(|message| HostDoes::Send(message.bytes)));
         }
         if let Some(bytes) = &text.bytes {
-            let bytes = self.problems.take(bytes.span(), read_hex(bytes.get_ref()));
+            let bytes = self.problems.take(bytes.span(), bytes_of(bytes.get_ref()));
             does.push(bytes.map(HostDoes::Send));
         }
         if let Some(port) = text.port {
@@ -200,7 +201,7 @@ impl HostReader<'_, '_> {
         } else if let Some(bytes) = &text.bytes {
             Wanted::Bytes(
                 self.problems
-                    .take(bytes.span(), read_hex(bytes.get_ref()))?,
+                    .take(bytes.span(), bytes_of(bytes.get_ref()))?,
             )
         } else if text.silence {
             Wanted::Silence
@@ -245,27 +246,15 @@ fn read_field(value: &Value) -> Result<FieldWanted, String> {
     }
 }
 
-fn read_hex(text: &str) -> Result<Vec<u8>, String> {
-    let digits: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
-    let wrong = || "bytes are pairs of hexadecimal digits, as in \"AA 55 00 07\"".to_owned();
-    if digits.is_empty() || digits.len() % 2 == 1 {
-        return Err(wrong());
-    }
-    if digits.len() > 2 * MOST_BYTES {
-        let count = digits.len() / 2;
-        return Err(format!(
+fn bytes_of(text: &str) -> Result<Vec<u8>, String> {
+    let bytes = read_hex(text.chars().filter(|c| !c.is_whitespace()));
+    let bytes = bytes
+        .filter(|bytes| !bytes.is_empty())
+        .ok_or("bytes are pairs of hexadecimal digits, as in \"AA 55 00 07\"")?;
+    match bytes.len() {
+        ..=MOST_BYTES => Ok(bytes),
+        count => Err(format!(
             "{count} bytes are too many; at most {MOST_BYTES} are allowed"
-        ));
+        )),
     }
-    let byte = |pair: &[char]| {
-        let pair: String = pair.iter().collect();
-        // A sign would be read as part of a number.
-        let digits = pair.chars().all(|c| c.is_ascii_hexdigit());
-        digits.then(|| u8::from_str_radix(&pair, 16).ok()).flatten()
-    };
-    digits
-        .chunks(2)
-        .map(byte)
-        .collect::<Option<_>>()
-        .ok_or_else(wrong)
 }

@@ -501,7 +501,7 @@ fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
         set: &[],
     };
     let settings = SimSettings::new(sim_core::SHIPPED);
-    let error = Scenario::compose(texts, &settings).unwrap_err().to_string();
+    let error = read(texts, &settings).unwrap_err().to_string();
     let lines: Vec<&str> = error.lines().collect();
     let expected = [
         ("--param wait=3 x: `step.at`: ", "; it is in b.toml:13:6"),

@@ -12,16 +12,24 @@ use crate::run::Run;
 /// as they stand in the recording, which is before the second run goes past their times.
 pub trait Onlooker {
     /// A line of the recording, the header aside.
-    fn record(&mut self, record: &Record);
+    fn record(&mut self, record: &Record) {
+        let _ = record;
+    }
 
     /// Something happened in the second run.
-    fn event(&mut self, run: &Run, event: &Event);
+    fn event(&mut self, run: &Run, event: &Event) {
+        let _ = (run, event);
+    }
 
     /// When to look next; the end of time for never. After a look it has to be later.
-    fn next_look(&self) -> SimTime;
+    fn next_look(&self) -> SimTime {
+        SimTime::MAX
+    }
 
     /// The second run has come to that time.
-    fn look(&mut self, run: &Run);
+    fn look(&mut self, run: &Run) {
+        let _ = run;
+    }
 
     /// Tells whether the rest is of no use.
     fn has_enough(&self) -> bool {

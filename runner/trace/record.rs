@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use sim_core::event::read_hex;
+use sim_core::line::ClientLine;
 use sim_core::rig::PortId;
 
 /// A line.
@@ -29,13 +31,8 @@ pub enum Record {
     Line {
         t: u64,
         port: PortRecord,
-        baud: u32,
-        stop_bits: u8,
-        raw: bool,
-        #[serde(default, skip_serializing_if = "is_unset")]
-        parity: bool,
-        #[serde(default, skip_serializing_if = "is_unset")]
-        rts_cts: bool,
+        #[serde(flatten)]
+        line: ClientLine,
     },
     Late {
         t: u64,
@@ -103,15 +100,6 @@ pub enum Record {
     },
 }
 
-/// Tells whether a setting is as it nearly always is, and not written.
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde passes a reference"
-)]
-fn is_unset(value: &bool) -> bool {
-    !value
-}
-
 /// Everything that a second run needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
@@ -126,7 +114,7 @@ pub struct Header {
     /// Set if a real client was there.
     pub live: bool,
     /// Set if devices were only served, and `scenario` is a rig file.
-    #[serde(default, skip_serializing_if = "is_unset")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub serving: bool,
     /// Name of the scenario file.
     pub file: String,
@@ -190,16 +178,7 @@ impl Serialize for Hexed {
 impl<'de> Deserialize<'de> for Hexed {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = Cow::<'de, str>::deserialize(deserializer)?;
-        let digit = |byte: &u8| char::from(*byte).to_digit(16);
-        let bytes: Option<Vec<u8>> = text
-            .as_bytes()
-            .chunks(2)
-            .map(|pair| match pair {
-                [high, low] => u8::try_from(digit(high)? * 16 + digit(low)?).ok(),
-                _ => None,
-            })
-            .collect();
-        bytes
+        read_hex(text.chars())
             .map(Self)
             .ok_or_else(|| serde::de::Error::custom("pairs of hexadecimal digits are wanted"))
     }

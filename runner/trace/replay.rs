@@ -7,17 +7,17 @@ use std::time::Duration;
 use sim_core::SimTime;
 use sim_core::device::Devices;
 use sim_core::event::Hex;
-use sim_core::line::{ClientLine, Wire};
+use sim_core::line::Wire;
 use sim_core::rig::PortId;
 use sim_core::settings::SimSettings;
 use sim_settings::{Source, load_toml, shorten};
 
 use super::onlooker::Onlooker;
-use super::record::{Header, Record, TextRecord};
+use super::record::{Header, PortRecord, Record, TextRecord};
 use super::{FORMAT, MOST_BYTES};
 use crate::rig_file::RigPlan;
 use crate::run::{Run, RunError, RunOptions, StepError};
-use crate::scenario::{Scenario, Texts};
+use crate::scenario::{self, Scenario, Texts};
 
 /// Most bytes of a port by which the recording and the second run may be apart, since of one
 /// instant there is never more. So neither of them fills the memory when the other has nothing.
@@ -199,39 +199,20 @@ impl<'o> Replay<'o> {
                 return Err(self.malformed("a second header".to_owned()));
             }
             Record::Attach { t, port } => {
-                let at = self.client_acts(t)?;
-                let port = self.port(port.into())?;
+                let (at, port) = self.client_acts_at(t, port)?;
                 self.run.attach(port, at)?;
             }
             Record::Detach { t, port } => {
-                let at = self.client_acts(t)?;
-                let port = self.port(port.into())?;
+                let (at, port) = self.client_acts_at(t, port)?;
                 self.run.detach(port, at)?;
             }
             Record::In { t, port, bytes } => {
-                let at = self.client_acts(t)?;
-                let port = self.port(port.into())?;
+                let (at, port) = self.client_acts_at(t, port)?;
                 self.run.send(port, at, &bytes.0)?;
             }
-            Record::Line {
-                t,
-                port,
-                baud,
-                stop_bits,
-                raw,
-                parity,
-                rts_cts,
-            } => {
-                let at = self.client_acts(t)?;
+            Record::Line { t, port, line } => {
+                let (at, port) = self.client_acts_at(t, port)?;
                 self.run.advance(at)?;
-                let line = ClientLine {
-                    baud,
-                    stop_bits,
-                    raw,
-                    parity,
-                    rts_cts,
-                };
-                let port = self.port(port.into())?;
                 self.run.set_line(port, line);
             }
             Record::Add { t, text, .. } => {
@@ -256,7 +237,7 @@ impl<'o> Replay<'o> {
                     .expect_burst(Duration::from_nanos(by), SimTime::from_nanos(until));
             }
             Record::Out { t, dt, port, bytes } => {
-                let port = self.port(port.into())?;
+                let port = self.port(port)?;
                 if bytes.0.len() > MOST_BYTES {
                     let why = format!("no line has more than {MOST_BYTES} bytes");
                     return Err(self.malformed(why));
@@ -314,6 +295,26 @@ impl<'o> Replay<'o> {
         Ok(at)
     }
 
+    /// The same at a port, which the scenario has.
+    fn client_acts_at(
+        &mut self,
+        t: u64,
+        port: PortRecord,
+    ) -> Result<(SimTime, PortId), ReplayError> {
+        Ok((self.client_acts(t)?, self.port(port)?))
+    }
+
+    /// A port that the scenario has.
+    fn port(&self, port: PortRecord) -> Result<PortId, ReplayError> {
+        let port = PortId::from(port);
+        if self.run.ports().contains(&port) {
+            return Ok(port);
+        }
+        let PortId { device, link } = port;
+        let why = format!("the scenario has no device {device} with a link {link}");
+        Err(self.malformed(why))
+    }
+
     /// Advances the second run, which may take long, and compares on the way.
     fn advance(&mut self, to: SimTime) -> Result<(), ReplayError> {
         while self.run.rig().now() < to && self.run.finished().is_none() {
@@ -340,16 +341,6 @@ impl<'o> Replay<'o> {
         }
         // Whoever never looks later would stop the time.
         onlooker.next_look().max(self.run.rig().now() + NANOSECOND)
-    }
-
-    /// A port that the scenario has.
-    fn port(&self, port: PortId) -> Result<PortId, ReplayError> {
-        if self.run.ports().contains(&port) {
-            return Ok(port);
-        }
-        let PortId { device, link } = port;
-        let why = format!("the scenario has no device {device} with a link {link}");
-        Err(self.malformed(why))
     }
 
     fn stream(&mut self, port: PortId) -> &mut Stream {
@@ -428,7 +419,7 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
     let scenario = if header.serving {
         RigPlan::parse(first, &base).map(Scenario::serving)
     } else {
-        Scenario::compose(texts, &base)
+        scenario::read(texts, &base)
     };
     let scenario = scenario.map_err(|error| error.to_string())?;
     let world = header.world.as_ref().map(source);

@@ -68,21 +68,18 @@ impl TryFrom<String> for HexBytes {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        let digits: Vec<u32> = text
-            .chars()
-            .filter(|c| !c.is_whitespace())
-            .map(|c| c.to_digit(16))
-            .collect::<Option<_>>()
-            .ok_or_else(|| {
-                format!("\"{text}\" is not hexadecimal; write bytes as in \"AA 55 00\"")
-            })?;
-        if !digits.len().is_multiple_of(2) || digits.is_empty() || digits.len() > 2 * MOST_BYTES {
+        let digits = || text.chars().filter(|c| !c.is_whitespace());
+        if digits().any(|c| !c.is_ascii_hexdigit()) {
             return Err(format!(
-                "\"{text}\" is not 1 to {MOST_BYTES} bytes of two digits each"
+                "\"{text}\" is not hexadecimal; write bytes as in \"AA 55 00\""
             ));
         }
-        let byte = |pair: &[u32]| u8::try_from(pair[0] * 16 + pair[1]).unwrap_or(u8::MAX);
-        Ok(Self(digits.chunks_exact(2).map(byte).collect()))
+        let bytes = crate::event::read_hex(digits());
+        let fits = |bytes: &Vec<u8>| (1..=MOST_BYTES).contains(&bytes.len());
+        bytes
+            .filter(fits)
+            .map(Self)
+            .ok_or_else(|| format!("\"{text}\" is not 1 to {MOST_BYTES} bytes of two digits each"))
     }
 }
 

@@ -18,7 +18,7 @@ fn expect(that: &str) -> String {
 
 /// The value of an expression in a run.
 #[track_caller]
-fn value(run: &Run, expression: &str) -> Value {
+fn value(run: &Run, expression: &str) -> Reading {
     run.value(expression).unwrap()
 }
 
@@ -32,7 +32,7 @@ fn served(device: &str) -> Run {
 /// Adds steps one by one, and clears them in this order; tells what an expression is before, after
 /// each was added, and after each was cleared.
 #[track_caller]
-fn values(run: &mut Run, expression: &str, added: &[&str], cleared: &[usize]) -> Vec<Value> {
+fn values(run: &mut Run, expression: &str, added: &[&str], cleared: &[usize]) -> Vec<Reading> {
     let mut values = vec![value(run, expression)];
     let mut indices = Vec::new();
     for step in added {
@@ -53,9 +53,9 @@ fn flags(device: &str, flag: &str, added: &[&str], cleared: &[usize], expected: 
     let found: String = found
         .iter()
         .map(|value| match value {
-            Value::Flag(true) => '1',
-            Value::Flag(false) => '0',
-            Value::Number(_) => '?',
+            Reading::Flag(true) => '1',
+            Reading::Flag(false) => '0',
+            Reading::Number(_) => '?',
         })
         .collect();
     assert_eq!(found, expected, "{flag} {added:?} {cleared:?}");
@@ -159,7 +159,7 @@ fn of_three_payloads_the_latest_in_effect_counts() {
         let mut run = served(R150);
         let found = values(&mut run, "truth.mass_kg", &payload, &order);
         let expected = [0.0, 20.0, 50.0, 70.0].into_iter().chain(after);
-        let expected: Vec<Value> = expected.map(|kg| Value::Number(130.0 + kg)).collect();
+        let expected: Vec<Reading> = expected.map(|kg| Reading::Number(130.0 + kg)).collect();
         assert_eq!(found, expected, "{order:?}");
     }
 }
@@ -170,9 +170,9 @@ fn a_repeated_step_lies_there_once() {
     let repeated = "every = \"10ms\"\ncount = 3\noperator = { payload = \"50 kg\" }";
     let index = run.add_step(repeated).unwrap();
     run.advance(SimTime::from_nanos(100_000_000)).unwrap();
-    assert_eq!(value(&run, "truth.mass_kg"), Value::Number(180.0));
+    assert_eq!(value(&run, "truth.mass_kg"), Reading::Number(180.0));
     run.clear_step(index).unwrap();
-    assert_eq!(value(&run, "truth.mass_kg"), Value::Number(130.0));
+    assert_eq!(value(&run, "truth.mass_kg"), Reading::Number(130.0));
 }
 
 #[test]

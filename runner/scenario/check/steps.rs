@@ -77,7 +77,7 @@ impl Checker<'_> {
 
     fn deed(&self, index: usize) -> Option<String> {
         // A step that is added is a text of its own.
-        let table = self.tables.of("step", index).unwrap_or(self.tables.root());
+        let table = self.tables.of("step", index).unwrap_or(&self.tables.0);
         let deed = |key: &str| Some(format!("{key} {}", tables::name_of(table.get(key)?)?));
         ["operator", "world"].into_iter().find_map(deed)
     }
@@ -148,7 +148,7 @@ impl Checker<'_> {
         device: Option<usize>,
     ) -> Option<StepAction> {
         // A step that is added is a text of its own.
-        let table = self.tables.of("step", index).unwrap_or(self.tables.root());
+        let table = self.tables.of("step", index).unwrap_or(&self.tables.0);
         let table = table.clone();
         let plan = device.map(|device| (device, &self.rig.devices[device]));
         let mut actions = Vec::new();

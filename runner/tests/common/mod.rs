@@ -60,7 +60,7 @@ impl Loaded {
         let scenario = files
             .compose(&[], &[], &SimSettings::new(sim_core::SHIPPED))
             .map_err(|errors| errors.to_string())?;
-        let world = match files.world() {
+        let world = match files.world.as_deref() {
             Some(world) => {
                 let text = fs::read_to_string(world)
                     .map_err(|error| format!("{}: {error}", world.display()))?;
