@@ -264,8 +264,8 @@ impl Desk {
 
     fn listen(&mut self, run: &Run, listener: Listener) -> Reply {
         let names = listener.wants.names.iter();
-        let probes: Result<Vec<Probe>, String> = names.map(|name| run.probe(name)).collect();
-        let probes = probes.map_err(|why| Refusal::new(422, why))?;
+        let probes: Result<Vec<Probe>, _> = names.map(|name| run.probe(name)).collect();
+        let probes = probes.map_err(|why| Refusal::new(422, why.to_string()))?;
         let now = Instant::now();
         self.tell_log();
         self.listening.push(Listening::new(listener, probes, now));

@@ -22,7 +22,7 @@ Exit codes:
   0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP; all scenarios passed
   1  a scenario or the client failed, or a trace played again differs
   2  usage or configuration: a flag, a file or a setting is wrong, or nothing is selected
-  3  simulator or system: a port could not be made or served, the simulator is at fault,
+  3  simulator or system: a port could not be made or served, the simulator has failed,
      scenarios were broken off by Ctrl-C, or the machine was too busy for a verdict";
 }
 

@@ -28,7 +28,7 @@ mod whole_file;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
-use sim_core::device::Devices;
+use sim_core::device::{Devices, check_rows};
 
 use args::{Cli, Command};
 use exit::{Exit, Failure};
@@ -46,6 +46,7 @@ pub fn main(devices: Devices) -> ExitCode {
     print::tell_panics();
     guarded(|| {
         sim_pty::survive_full_files().map_err(Failure::system)?;
+        check_rows(devices).map_err(Failure::system)?;
         let cli = Cli::read(devices);
         match &cli.command {
             Some(Command::Config(settings)) => config::list(devices, settings),

@@ -32,7 +32,7 @@ pub(crate) struct Loaded {
     world: Option<(String, String)>,
     /// The parameters that were given.
     pub(crate) parameters: Vec<(String, String)>,
-    /// Why there is nothing to play: reading it went wrong, which is not its own fault.
+    /// Why there is nothing to play: reading it went wrong, for which it is not to blame.
     pub(crate) broken: Option<String>,
 }
 

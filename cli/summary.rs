@@ -50,8 +50,8 @@ pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
                 );
             }
         }
-        let mut faults = report.held_against_client().peekable();
-        if faults.peek().is_none() {
+        let mut blamed = report.held_against_client().peekable();
+        if blamed.peek().is_none() {
             let _ = write!(
                 text,
                 "\n    the client did nothing that the protocol forbids"
@@ -62,7 +62,7 @@ pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
                 "\n    what the client did that is forbidden or risky:"
             );
         }
-        for (code, tally) in faults {
+        for (code, tally) in blamed {
             let told = counted(code, tally.held_against_client, tally);
             let _ = write!(text, "\n      {told}");
             if tally.count > 1 && tally.lost_bytes > 0 {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sim_core::device::Devices;
+use sim_core::device::{Devices, check_rows};
 use sim_core::line::Wire;
 use sim_core::settings::SimSettings;
 use sim_runner::scenario::ScenarioFiles;
@@ -255,6 +255,7 @@ impl Builder {
     }
 
     fn run(&self) -> Result<Run, Error> {
+        check_rows(self.table)?;
         let (scenario, named) = self.scenario()?;
         let world = self.world.clone().or(named);
         let world = world.map(|path| Ok::<_, Error>((path.display().to_string(), read(&path)?)));

@@ -4,9 +4,12 @@ use std::io;
 use std::path::PathBuf;
 
 use sim_core::SimTime;
+use sim_core::device::RowError;
 use sim_pty::PortError;
 use sim_runner::RunError;
+use sim_runner::condition::ExpressionError;
 use sim_runner::rig_file::RigFileError;
+use sim_runner::run::StepError;
 
 use crate::serve::ServeError;
 
@@ -18,8 +21,11 @@ pub enum Error {
     #[error(transparent)]
     Text(#[from] RigFileError),
     /// An expression makes no sense, or has no value.
-    #[error("{0}")]
-    Expression(String),
+    #[error(transparent)]
+    Expression(#[from] ExpressionError),
+    /// The table of devices is wrong.
+    #[error(transparent)]
+    Row(#[from] RowError),
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     File {
@@ -67,17 +73,20 @@ pub enum Error {
         found: String,
     },
     /// There can be no further step: the run is over, or too many others are not.
-    #[error("{0}")]
-    NoMoreSteps(String),
+    #[error(transparent)]
+    Step(StepError),
     /// The simulation cannot go on.
     #[error("the simulation cannot go on: {0}")]
     Run(#[from] RunError),
     /// A pseudo-terminal cannot be served.
     #[error(transparent)]
     Serve(#[from] ServeError),
-    /// The thread that serves cannot be started, or has panicked.
+    /// The thread that serves cannot be started.
     #[error("the thread that serves: {0}")]
-    Thread(String),
+    Thread(#[source] io::Error),
+    /// The thread that serves has panicked.
+    #[error("the thread that serves: it has panicked")]
+    Panicked,
 }
 
 impl From<PortError> for Error {
@@ -86,14 +95,12 @@ impl From<PortError> for Error {
     }
 }
 
-impl From<sim_runner::run::StepError> for Error {
-    fn from(error: sim_runner::run::StepError) -> Self {
+impl From<StepError> for Error {
+    fn from(error: StepError) -> Self {
         match error {
-            sim_runner::run::StepError::Text(error) => error.into(),
-            sim_runner::run::StepError::Run(error) => error.into(),
-            why @ (sim_runner::run::StepError::Over | sim_runner::run::StepError::TooMany) => {
-                Self::NoMoreSteps(why.to_string())
-            }
+            StepError::Text(error) => error.into(),
+            StepError::Run(error) => error.into(),
+            why @ (StepError::Over | StepError::TooMany) => Self::Step(why),
         }
     }
 }

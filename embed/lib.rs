@@ -54,6 +54,7 @@ pub use sim_core;
 pub use builder::{Builder, NewDevice};
 pub use error::Error;
 pub use port::ClientPort;
+pub use sim_runner::condition::ExpressionError;
 pub use simulation::{Device, Simulation, Step};
 pub use spawn::Spawned;
 

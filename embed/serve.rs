@@ -10,7 +10,7 @@
 //! missing. So simulated time stands still from the last time the simulator ran; the clients'
 //! bytes come next, and are dated then. A client sees what it would see of a device that was slow
 //! to answer, every notice of it is a `simulator_late`, and what a client does in rhythm but
-//! arrives in a burst is not counted as its fault.
+//! arrives in a burst is not held against it.
 //!
 //! When the simulator was late by less, what it reads is dated when it reads it, and what comes on
 //! time after it seems to come too soon. Commands are allowed to, by as much as the simulator was
@@ -51,7 +51,8 @@ const MOST_LATE: Duration = Duration::from_millis(20);
 const FIRST_SLEEP: Duration = MOST_LATE;
 /// A sleep that may be as long as this may have any length.
 const LONG_SLEEP: Duration = Duration::from_secs(1);
-/// From which lateness on what clients send is allowed to come closer together by as much.
+/// Lateness from which on what clients send may come up to that much closer together than they were
+/// sent.
 const LITTLE_LATE: Duration = Duration::from_millis(1);
 /// How long to compute before looking at signals and ports again.
 const BUDGET: Duration = Duration::from_millis(10);
@@ -127,7 +128,7 @@ pub enum ServeError {
     /// A port cannot be opened, read, written or waited for.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// The simulation is at fault.
+    /// The simulation cannot go on.
     #[error("the simulation cannot go on: {0}")]
     Run(#[from] RunError),
 }

@@ -17,7 +17,7 @@ pub struct Served {
     setup: Option<PtySetup>,
     /// Totals of the times before the cable was pulled.
     before: Counters,
-    /// What is there waits for room on its line, or for its turn.
+    /// Set while what is there waits for room on its line, or for its turn.
     pub paused: bool,
 }
 

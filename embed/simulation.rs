@@ -7,7 +7,7 @@ use sim_core::SimTime;
 use sim_core::event::Event;
 use sim_core::report::Report;
 use sim_core::rig::{PortId, Rig};
-use sim_runner::condition::Reading;
+use sim_runner::condition::{ExpressionError, Reading};
 use sim_runner::{Outcome, Run, RunError};
 
 use crate::builder::Builder;
@@ -91,9 +91,9 @@ impl Simulation {
     /// it makes no sense.
     pub fn wait_until(&self, condition: &str, within: Duration) -> Result<(), Error> {
         let mut state = self.state();
-        let checked = state.run.condition(condition).map_err(Error::Expression)?;
+        let checked = state.run.condition(condition)?;
         let due = state.run.rig().now() + within;
-        while !state.run.holds(&checked).map_err(Error::Expression)? {
+        while !state.run.holds(&checked)? {
             let now = state.run.rig().now();
             if now >= due || state.run.finished().is_some() {
                 return Err(Error::NotHeld {
@@ -116,10 +116,9 @@ impl Simulation {
     pub fn number(&self, expression: &str) -> Result<f64, Error> {
         match self.value(expression)? {
             Reading::Number(number) => Ok(number),
-            Reading::Flag(_) => {
-                let why = format!("`{expression}` is true or false, not a number");
-                Err(Error::Expression(why))
-            }
+            Reading::Flag(_) => Err(Error::Expression(ExpressionError::NoNumber {
+                expression: expression.to_owned(),
+            })),
         }
     }
 
@@ -130,16 +129,14 @@ impl Simulation {
     pub fn holds(&self, condition: &str) -> Result<bool, Error> {
         match self.value(condition)? {
             Reading::Flag(flag) => Ok(flag),
-            Reading::Number(_) => {
-                let why = format!("`{condition}` is a number, not true or false");
-                Err(Error::Expression(why))
-            }
+            Reading::Number(_) => Err(Error::Expression(ExpressionError::NoFlag {
+                expression: condition.to_owned(),
+            })),
         }
     }
 
     fn value(&self, expression: &str) -> Result<Reading, Error> {
-        let value = self.state().run.value(expression);
-        value.map_err(Error::Expression)
+        Ok(self.state().run.value(expression)?)
     }
 
     /// Has something happen, written as a `[[step]]` of scenario files: at once, or when its `at`

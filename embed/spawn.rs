@@ -49,8 +49,7 @@ impl Spawned {
         } else {
             Begin::WithClient
         };
-        let failed = |error: std::io::Error| Error::Thread(error.to_string());
-        let (stopped, stop) = std::io::pipe().map_err(failed)?;
+        let (stopped, stop) = std::io::pipe().map_err(Error::Thread)?;
         let serve = move || {
             let mut server = Server::new(run, ports, waiter, (begin, speed))?;
             server.watch(&stopped)?;
@@ -63,7 +62,7 @@ impl Spawned {
             paths,
             names,
             stop: Some(stop),
-            thread: Some(thread.map_err(failed)?),
+            thread: Some(thread.map_err(Error::Thread)?),
         })
     }
 
@@ -100,15 +99,14 @@ impl Spawned {
     /// # Errors
     /// When serving has failed.
     pub fn stop(mut self) -> Result<Outcome, Error> {
-        self.join()
-            .unwrap_or_else(|| Err(Error::Thread("it has ended already".to_owned())))
+        // Only this and dropping it join the thread, so there is one.
+        self.join().unwrap_or(Err(Error::Panicked))
     }
 
     fn join(&mut self) -> Option<Result<Outcome, Error>> {
         drop(self.stop.take());
         let thread = self.thread.take()?;
-        let panicked = |_| Err(Error::Thread("it has panicked".to_owned()));
-        Some(thread.join().unwrap_or_else(panicked))
+        Some(thread.join().unwrap_or(Err(Error::Panicked)))
     }
 }
 

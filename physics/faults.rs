@@ -17,7 +17,7 @@ pub enum EncoderState {
 /// Faults of a motor and of what it drives: the wheels of a side of the R150, a wheel of the car.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MotorFaults {
-    /// What it drives cannot turn at all; rollers of a mecanum wheel still can.
+    /// Set if what it drives cannot turn at all; rollers of a mecanum wheel still can.
     pub blocked: bool,
     /// Something drags on that, N·m.
     pub drag_torque: f64,

@@ -9,7 +9,7 @@ use crate::world::World;
 /// Patches of a vehicle on the ground: front left, front right, rear left, rear right.
 pub(crate) const PATCHES: usize = 4;
 
-/// What became of the energy of a vehicle's motion since the start, J.
+/// Balance of the energy of a vehicle's motion since the start, J.
 ///
 /// Motors, gravity, pushes and neighbours give it; it ends as heat or is in the motion:
 /// `motors + outside` is `held + tyres` and what body and wheels have by their speeds, as long as nobody

@@ -61,7 +61,7 @@ pub struct Patch {
     pub wheel: usize,
 }
 
-/// What a patch does on the ground.
+/// Force of a patch on the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundForce {
     /// On the body, along and across, N.
@@ -176,7 +176,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         }
     }
 
-    /// What every patch did on the ground in the last step.
+    /// Returns what every patch did on the ground in the last step.
     #[must_use]
     pub fn on_ground(&self, dt: f64) -> [GroundForce; PATCHES] {
         self.patches.map(|patch| GroundForce {

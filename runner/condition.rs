@@ -13,6 +13,7 @@
 //! function or a type.
 
 mod check;
+mod error;
 mod nearness;
 mod probe;
 
@@ -30,6 +31,7 @@ use sim_core::rig::Rig;
 
 pub(crate) use check::Scope;
 pub use check::identifier;
+pub use error::ExpressionError;
 pub use probe::Probe;
 pub use sim_core::device::names::Reading;
 
@@ -88,12 +90,15 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub(crate) fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+    pub(crate) fn parse(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
         match Self::parse_typed(text, scope)? {
             (condition, true) => Ok(condition),
-            (_, false) => Err("a condition is true or false, this is a number; \
-                               compare it, as in `truth.speed_mps > 1.5`"
-                .to_owned()),
+            (_, false) => Err(ExpressionError::Unsound {
+                expression: text.to_owned(),
+                why: "a condition is true or false, this is a number; \
+                      compare it, as in `truth.speed_mps > 1.5`"
+                    .to_owned(),
+            }),
         }
     }
 
@@ -101,14 +106,22 @@ impl Condition {
     ///
     /// # Errors
     /// Says in words what is wrong and what is allowed.
-    pub(crate) fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, String> {
+    pub(crate) fn parse_value(text: &str, scope: &Scope<'_>) -> Result<Self, ExpressionError> {
         Self::parse_typed(text, scope).map(|(value, _)| value)
     }
 
     /// The same, and whether it is true or false.
-    pub(crate) fn parse_typed(text: &str, scope: &Scope<'_>) -> Result<(Self, bool), String> {
+    pub(crate) fn parse_typed(
+        text: &str,
+        scope: &Scope<'_>,
+    ) -> Result<(Self, bool), ExpressionError> {
+        let unsound = |why| ExpressionError::Unsound {
+            expression: text.to_owned(),
+            why,
+        };
         if text.len() > MOST_TEXT {
-            return Err(format!("a condition has at most {MOST_TEXT} bytes"));
+            let why = format!("a condition has at most {MOST_TEXT} bytes");
+            return Err(unsound(why));
         }
         let parser = Parser::new().max_recursion_depth(MOST_DEPTH);
         let mut expression = parser.parse(text).map_err(|errors| {
@@ -116,7 +129,7 @@ impl Condition {
             unreadable(text, usize::try_from(at.unwrap_or_default()).unwrap_or(0))
         })?;
         let mut names = BTreeMap::new();
-        let is_flag = check::is_flag(&mut expression, scope, &mut names)?;
+        let is_flag = check::is_flag(&mut expression, scope, &mut names).map_err(unsound)?;
         let condition = Self {
             text: text.to_owned(),
             expression,
@@ -135,10 +148,12 @@ impl Condition {
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub(crate) fn holds(&self, situation: Situation<'_>) -> Result<bool, String> {
+    pub(crate) fn holds(&self, situation: Situation<'_>) -> Result<bool, ExpressionError> {
         match self.value(situation)? {
             Reading::Flag(holds) => Ok(holds),
-            Reading::Number(_) => Err(format!("`{}` is neither true nor false", self.text)),
+            Reading::Number(_) => Err(ExpressionError::NoFlag {
+                expression: self.text.clone(),
+            }),
         }
     }
 
@@ -146,12 +161,15 @@ impl Condition {
     ///
     /// # Errors
     /// As [`Condition::holds`].
-    pub(crate) fn value(&self, situation: Situation<'_>) -> Result<Reading, String> {
-        self.value_of(&self.expression, situation)
-            .map_err(|why| format!("`{}` has no value{why}", self.text))
+    pub(crate) fn value(&self, situation: Situation<'_>) -> Result<Reading, ExpressionError> {
+        let value = self.value_of(&self.expression, situation);
+        value.map_err(|why| ExpressionError::NoValue {
+            expression: self.text.clone(),
+            why,
+        })
     }
 
-    /// What a part of it is now; or why it has no value.
+    /// Evaluates a part of it now; or says why it has no value.
     fn value_of(&self, part: &Expression, situation: Situation<'_>) -> Result<Reading, String> {
         let resolver = Resolver {
             names: &self.names,
@@ -159,8 +177,7 @@ impl Condition {
         };
         let mut context = Context::with_env(Arc::clone(&ENVIRONMENT));
         context.set_variable_resolver(&resolver);
-        let value =
-            cel::Value::resolve_val(part, &context).map_err(|error| format!(": {error}"))?;
+        let value = cel::Value::resolve_val(part, &context).map_err(|error| error.to_string())?;
         let flag = value.downcast_ref::<CelBool>();
         let flag = flag.map(|flag| Reading::Flag(*flag.inner()));
         let number = || value.downcast_ref::<CelDouble>();
@@ -216,11 +233,16 @@ impl VariableResolver for Resolver<'_> {
 }
 
 /// Says where an expression cannot be read.
-fn unreadable(text: &str, at: usize) -> String {
+fn unreadable(text: &str, at: usize) -> ExpressionError {
+    let unreadable = |at, why| ExpressionError::Unreadable {
+        expression: text.to_owned(),
+        at,
+        why,
+    };
     let letters: Vec<char> = text.chars().collect();
     let at = at.min(letters.len());
     if letters[at..].iter().all(|letter| letter.is_whitespace()) {
-        return "the expression is not finished".to_owned();
+        return unreadable(at, "the expression is not finished".to_owned());
     }
     // Of a word that cannot be there, the reader may have taken the beginning.
     let in_word = |letter: &&char| letter.is_ascii_alphanumeric() || **letter == '_';
@@ -247,7 +269,8 @@ fn unreadable(text: &str, at: usize) -> String {
     };
     let rest: String = letters[start..].iter().take(20).collect();
     let (rest, from) = (rest.trim(), start + 1);
-    format!("the expression cannot be read from character {from} on: `{rest}`; {hint}")
+    let why = format!("the expression cannot be read from character {from} on: `{rest}`; {hint}");
+    unreadable(start, why)
 }
 
 const OPERATORS: &str = "it is made of names, numbers, and && || ! == != < <= > >= + - * / ?: ( )";

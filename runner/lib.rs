@@ -1,6 +1,7 @@
-//! Files that say what to simulate: rigs, and in time scenarios.
+//! Rig and scenario files, and runs of them: conditions, verdicts and traces.
 //!
-//! Pure: text goes in, plans come out; whoever calls reads the files.
+//! Pure: text goes in; plans, outcomes and lines of traces come out; whoever calls reads and writes
+//! the files.
 
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 

@@ -91,8 +91,12 @@ impl<'t> Problems<'t> {
     }
 
     /// The value, or `None` and one problem more.
-    pub(crate) fn take<T>(&mut self, at: Range<usize>, result: Result<T, String>) -> Option<T> {
-        result.map_err(|why| self.add(at, &why)).ok()
+    pub(crate) fn take<T>(
+        &mut self,
+        at: Range<usize>,
+        result: Result<T, impl ToString>,
+    ) -> Option<T> {
+        result.map_err(|why| self.add(at, &why.to_string())).ok()
     }
 
     /// The value, or `None` and one problem more, at the place that the reader's error names or

@@ -140,7 +140,7 @@ pub(crate) struct Step {
     pub mission: bool,
     pub device: usize,
     pub action: StepAction,
-    /// What it does to a vehicle or its world, in the words of the file: `world add`.
+    /// Deed that it does to a vehicle or its world, in the words of the file: `world add`.
     pub deed: Option<String>,
 }
 

@@ -48,7 +48,7 @@ pub type Bounds<T> = RangeInclusive<T>;
 ///
 /// `unit` is the unit of its declaration, empty where it has none.
 pub trait SettingValue: Sized + Clone {
-    /// What its range is made of: the type itself, or the element of a list;
+    /// Type of the ends of its range: the type itself, or the element of a list;
     /// [`Infallible`](std::convert::Infallible) of a type that has no range.
     type Bound: PartialOrd;
 

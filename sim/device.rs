@@ -23,7 +23,7 @@ use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::event::{Code, EventKind};
-use crate::fault::{Fault, FaultHandle, FaultInfo};
+use crate::fault::{Fault, FaultHandle, FaultInfo, catalogue};
 use crate::noise::Noise;
 
 pub use sim_physics::Motion;
@@ -120,6 +120,34 @@ impl DeviceSpec {
     }
 }
 
+/// A row that lists a fault which is none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the row of {device} lists the fault `{fault}`, which is in no catalogue; docs/faults.md lists \
+     those that there are"
+)]
+pub struct RowError {
+    /// The device's id.
+    pub device: &'static str,
+    /// The fault's id, as the row has it.
+    pub fault: &'static str,
+}
+
+/// Checks of a table what the compiler cannot: its rows list faults of the catalogue.
+///
+/// # Errors
+/// Names the first fault that is none, and its row.
+pub fn check_rows(devices: Devices) -> Result<(), RowError> {
+    for device in devices {
+        let unknown = |id: &&&str| catalogue().iter().all(|info| info.id != **id);
+        if let Some(fault) = device.faults.iter().find(unknown) {
+            let device = device.id;
+            return Err(RowError { device, fault });
+        }
+    }
+    Ok(())
+}
+
 impl PartialEq for DeviceSpec {
     fn eq(&self, other: &Self) -> bool {
         self.id == other.id
@@ -194,7 +222,7 @@ pub trait Device: Breakable + Any + Send + Sync {
     /// Does everything that the firmware has due by `now`.
     fn advance(&mut self, now: SimTime);
 
-    /// When the firmware next does something by itself.
+    /// Time at which the firmware next does something by itself.
     fn next_deadline(&self) -> Option<SimTime>;
 
     /// Tells whether output or events wait to be taken. Whatever bytes do to a device is told by
@@ -233,7 +261,7 @@ pub trait Device: Breakable + Any + Send + Sync {
     /// only called if the row has faults of the firmware.
     fn set_defects(&mut self, _now: SimTime, _defects: Defects) {}
 
-    /// How often what is wrong with the firmware has shown.
+    /// Counts how often what is wrong with the firmware has shown.
     fn defect_counts(&self) -> DefectCounts {
         DefectCounts::default()
     }
@@ -248,7 +276,7 @@ pub trait Device: Breakable + Any + Send + Sync {
         false
     }
 
-    /// What a link carries, for faults that spoil it.
+    /// Returns the form of what a link carries, for faults that spoil it.
     fn framing(&self, link: usize) -> &'static dyn Framing;
 }
 
@@ -275,7 +303,7 @@ pub trait Breakable {
         false
     }
 
-    /// What it acts on now, in words.
+    /// Says in words what it acts on now.
     fn acted_on(&self, fault: &Fault) -> String {
         fault.in_words()
     }
@@ -291,5 +319,26 @@ impl dyn Device {
     /// The device as one of this type, if it is one.
     pub fn get_mut<T: Device>(&mut self) -> Option<&mut T> {
         (self as &mut dyn Any).downcast_mut()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::r150::R150_SPEC;
+
+    #[test]
+    fn a_row_with_a_fault_that_is_none_is_refused() {
+        static WRONG: DeviceSpec = DeviceSpec {
+            id: "own",
+            faults: &["can-failing", "can-fading"],
+            ..R150_SPEC
+        };
+        static TABLE: Devices = &[&R150_SPEC, &WRONG];
+        assert_eq!(check_rows(crate::SHIPPED), Ok(()));
+        let (device, fault) = ("own", "can-fading");
+        let refused = check_rows(TABLE).unwrap_err();
+        assert_eq!(refused, RowError { device, fault });
+        assert!(refused.to_string().contains("`can-fading`"), "{refused}");
     }
 }

@@ -44,10 +44,10 @@ impl PartialEq for Event {
 ///
 /// [`fmt::Display`] puts it into words.
 pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
-    /// How much it matters.
+    /// Returns how much it matters.
     fn level(&self) -> Level;
 
-    /// What it is called.
+    /// Returns its name.
     fn code(&self) -> Code;
 
     /// Index of the link that it is about, if it is about one.
@@ -55,7 +55,7 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
         None
     }
 
-    /// What it is to whoever counts.
+    /// Returns what it is to whoever counts.
     fn role(&self) -> Role;
 
     /// The bytes it is about, if it is about bytes.
@@ -63,7 +63,7 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
         None
     }
 
-    /// How many bytes were lost.
+    /// Number of bytes that were lost.
     fn lost_bytes(&self) -> u64 {
         0
     }

@@ -310,7 +310,7 @@ impl Rig {
         }
     }
 
-    /// How often slow states advance while nothing moves: a whole number of steps.
+    /// Time after which slow states advance while nothing moves: a whole number of steps.
     fn rest_tick(&self) -> Duration {
         let step = self.world.step_length();
         let steps = REST_TICK.as_nanos().div_ceil(step.as_nanos().max(1));

@@ -1,9 +1,9 @@
 //! Whole documents: scenario, rig and world files made of choices.
 //!
 //! Their vocabulary is that of the schemas, so a key that is added is written from then on. What a
-//! schema does not say is said here: which keys exclude each other, what names there are, what only
-//! one kind of device has. Most documents are sound and are played; in the others a value is one that
-//! nobody means, a key is missing or is there for nothing.
+//! schema does not say is said here: which keys exclude each other, and what names there are. Most
+//! documents are sound and are played; in the others a value is one that nobody means, a key is
+//! missing or is there for nothing.
 
 mod choices;
 mod condition;
@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 use serde_json::Value as Json;
 use sim_core::SHIPPED;
-use sim_core::device::DeviceSpec;
+use sim_core::device::{DeviceSpec, Devices};
 use sim_physics::WorldMap;
 use sim_runner::{RigPlan, Scenario};
 use toml::{Table, Value};
@@ -25,8 +25,8 @@ use choices::Choices;
 /// The text of a scenario file.
 #[must_use]
 pub fn scenario(choices: &[u8]) -> String {
-    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&Scenario::json_schema(SHIPPED)));
-    let mut writer = Writer::new(choices, &SCHEMA);
+    static SCHEMAS: LazyLock<Schemas> = LazyLock::new(|| Schemas::new(Scenario::json_schema));
+    let mut writer = Writer::new(choices, &SCHEMAS);
     let devices = writer.devices(3);
     let mut document = Table::new();
     document.insert("device".to_owned(), devices);
@@ -43,8 +43,8 @@ pub fn scenario(choices: &[u8]) -> String {
 /// The text of a rig file.
 #[must_use]
 pub fn rig(choices: &[u8]) -> String {
-    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&RigPlan::json_schema(SHIPPED)));
-    let mut writer = Writer::new(choices, &SCHEMA);
+    static SCHEMAS: LazyLock<Schemas> = LazyLock::new(|| Schemas::new(RigPlan::json_schema));
+    let mut writer = Writer::new(choices, &SCHEMAS);
     let mut document = Table::new();
     document.insert("device".to_owned(), writer.devices(6));
     writer.begin(&mut document);
@@ -54,16 +54,37 @@ pub fn rig(choices: &[u8]) -> String {
 /// The text of a world file.
 #[must_use]
 pub fn world(choices: &[u8]) -> String {
-    static SCHEMA: LazyLock<Json> = LazyLock::new(|| parse(&WorldMap::json_schema()));
-    let mut writer = Writer::new(choices, &SCHEMA);
-    match writer.object(&SCHEMA, &[]) {
+    static SCHEMAS: LazyLock<Schemas> = LazyLock::new(|| Schemas::new(|_| WorldMap::json_schema()));
+    let mut writer = Writer::new(choices, &SCHEMAS);
+    match writer.object(writer.schema, &[]) {
         Value::Table(document) => text(&document),
         other => other.to_string(),
     }
 }
 
-fn parse(schema: &str) -> Json {
-    serde_json::from_str(schema).unwrap_or_else(|error| panic!("{error}"))
+/// The schemas of a kind of file.
+struct Schemas {
+    /// With all devices.
+    all: Json,
+    /// With each device alone.
+    alone: Vec<(&'static DeviceSpec, Json)>,
+}
+
+impl Schemas {
+    fn new(schema: impl Fn(Devices) -> String) -> Self {
+        let parse = |devices| {
+            serde_json::from_str(&schema(devices)).unwrap_or_else(|error| panic!("{error}"))
+        };
+        let alone = SHIPPED.iter().zip(SHIPPED.chunks(1));
+        Self {
+            all: parse(SHIPPED),
+            alone: alone.map(|(own, one)| (*own, parse(one))).collect(),
+        }
+    }
+}
+
+fn is_null(schema: &Json) -> bool {
+    schema["type"].as_str() == Some("null")
 }
 
 fn table<const N: usize>(entries: [(&str, Value); N]) -> Value {
@@ -102,6 +123,8 @@ const BYTES: &[&str] = &[
 /// Writes a document.
 struct Writer<'b> {
     choices: Choices<'b>,
+    schemas: &'static Schemas,
+    /// That of all devices, or of the one that is spoken of alone.
     schema: &'static Json,
     devices: Vec<(String, &'static DeviceSpec)>,
     /// The device that is spoken of.
@@ -110,17 +133,26 @@ struct Writer<'b> {
 }
 
 impl<'b> Writer<'b> {
-    fn new(choices: &'b [u8], schema: &'static Json) -> Self {
+    fn new(choices: &'b [u8], schemas: &'static Schemas) -> Self {
         Self {
             choices: Choices::new(choices),
-            schema,
+            schemas,
+            schema: &schemas.all,
             devices: Vec::new(),
             kind: None,
             names: 0,
         }
     }
 
-    /// What every file begins with.
+    /// Speaks of a device from now on: of what its row has, and no other.
+    fn speak_of(&mut self, kind: &'static DeviceSpec) {
+        let mut alone = self.schemas.alone.iter();
+        let own = alone.find(|(own, _)| *own == kind);
+        self.schema = own.map_or(&self.schemas.all, |(_, schema)| schema);
+        self.kind = Some(kind);
+    }
+
+    /// Puts in what every file begins with.
     fn begin(&mut self, document: &mut Table) {
         let texts = [("title", "t"), ("good_client", "g")];
         let has = |key: &str| self.schema["properties"].get(key).is_some();
@@ -141,18 +173,14 @@ impl<'b> Writer<'b> {
 
     /// One device or a few, well apart most of the time.
     fn devices(&mut self, most: usize) -> Value {
-        let schema = &self.schema["$defs"]["DeviceText"];
         let mut written = Vec::new();
         for number in 0..=self.choices.below(most) {
             let Some(kind) = self.choices.pick(SHIPPED).copied() else {
                 continue;
             };
-            let foreign: &[&str] = match kind.starts {
-                [] => &["start"],
-                _ => &["ros", "ros_port"],
-            };
-            self.kind = Some(kind);
-            let left_out = [foreign, &["kind", "name", "pose", "settings"]].concat();
+            self.speak_of(kind);
+            let schema = &self.schema["$defs"]["DeviceText"];
+            let left_out = ["kind", "name", "pose", "settings"];
             let mut device = match self.object(schema, &left_out) {
                 Value::Table(device) => device,
                 _ => Table::new(),
@@ -236,7 +264,7 @@ impl<'b> Writer<'b> {
         }
         for alternatives in ["oneOf", "anyOf"] {
             if let Some(all) = schema[alternatives].as_array() {
-                let all: Vec<&Json> = all.iter().filter(|one| self.is_for_it(one)).collect();
+                let all: Vec<&Json> = all.iter().filter(|one| !is_null(one)).collect();
                 return match self.choices.pick(&all) {
                     Some(one) => self.value(one, key),
                     None => self.odd(),
@@ -269,17 +297,6 @@ impl<'b> Writer<'b> {
         }
     }
 
-    /// What one kind of device has only is described so.
-    fn is_for_it(&self, schema: &Json) -> bool {
-        let about = schema["description"].as_str().unwrap_or_default();
-        let foreign = match self.kind.map(|kind| kind.id) {
-            Some("r150") => about.starts_with("Mecanum car"),
-            Some(_) => about.starts_with("R150"),
-            None => false,
-        };
-        !foreign && schema["type"].as_str() != Some("null")
-    }
-
     /// A table with what must be in it and some of what may.
     fn object(&mut self, schema: &Json, left_out: &[&str]) -> Value {
         let mut table = Table::new();
@@ -294,7 +311,7 @@ impl<'b> Writer<'b> {
             } else {
                 self.choices.once_in(3)
             };
-            if is_there && !left_out.contains(&key.as_str()) && self.is_for_it(own) {
+            if is_there && !left_out.contains(&key.as_str()) && !is_null(own) {
                 let value = self.value(own, key);
                 table.insert(key.clone(), value);
             }

@@ -8,8 +8,8 @@ const MOST_WORDS: usize = 300;
 /// Plays any bytes as the beginning of a connection.
 ///
 /// # Promises
-/// Any bytes are a request, the beginning of one, or refused with a status of the client's fault,
-/// in few words. However they are split, the same comes of them: what is a request as soon as its
+/// Any bytes are a request, the beginning of one, or refused with a status that blames the
+/// client, in few words. However they are split, the same comes of them: what is a request as soon as its
 /// head is complete stays the same whatever follows, and what is refused is never a request later.
 /// Nothing waits for more than the longest head, and no body is longer than the longest.
 pub fn play(bytes: &[u8]) {

@@ -8,6 +8,7 @@
 
 mod harness;
 
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,7 @@ use harness::client::Client;
 use harness::wire::{frame, i16_at, motors, u32_at};
 use harness::{PATIENCE, Sim, command, json_lines, until, with_code};
 use rustix::fs::{Mode, OFlags};
+use rustix::termios::{ControlModes, tcgetattr};
 use serde_json::Value;
 use serialport::{SerialPort as _, TTYPort};
 
@@ -31,6 +33,29 @@ fn a_first_session_over_a_pseudo_terminal() {
 
 #[test]
 fn the_same_session_over_a_serial_port() {
+    let (sim, client, held) = start_on_serial_port(&LOG);
+    drop(held);
+    first_session(sim, Client::over(client));
+}
+
+#[test]
+fn a_serial_port_gets_the_devices_stop_bits() {
+    for (setting, banner) in [
+        ("mecanum.stop_bits=1", "8N1"),
+        ("mecanum.stop_bits=2", "8N2"),
+    ] {
+        let args = ["--device", "mecanum", "--set", setting];
+        let (sim, _client, held) = start_on_serial_port(&args);
+        let line = tcgetattr(&held).unwrap();
+        let two = line.control_modes.contains(ControlModes::CSTOPB);
+        assert_eq!(two, banner == "8N2");
+        assert!(sim.printed().contains(banner), "{}", sim.printed());
+        sim.stop().expect_clean();
+    }
+}
+
+/// A simulator on a serial port, the other end of the cable, and the port once more.
+fn start_on_serial_port(args: &[&str]) -> (Sim, TTYPort, OwnedFd) {
     // A second pseudo-terminal is the cable; the client has the other end of it.
     let (master, mut slave) = TTYPort::pair().unwrap();
     slave.set_exclusive(false).unwrap();
@@ -42,10 +67,9 @@ fn the_same_session_over_a_serial_port() {
     drop(slave);
     let mut command = command();
     command.arg("--serial").arg(&device).args(["--seed", "1"]);
-    let sim = Sim::spawn(command.args(LOG), device, None);
+    let sim = Sim::spawn(command.args(args), device, None);
     sim.wait_ready();
-    drop(held);
-    first_session(sim, Client::over(master));
+    (sim, master, held)
 }
 
 fn first_session(sim: Sim, mut client: Client) {

@@ -22,7 +22,7 @@ use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// What the command line asks for.
+/// Wishes of the command line.
 pub struct Options {
     /// Once through everything, to see that it works; the figures mean nothing.
     pub quick: bool,

@@ -26,7 +26,7 @@ pub const INSTANT: [&str; 6] = [
 ];
 /// Ports of one process.
 pub const PORTS: usize = 200;
-/// How often each is polled.
+/// Time from one poll of each to the next.
 pub const POLL_PERIOD: Duration = Duration::from_millis(50);
 
 /// A client that keeps its vehicle driving, and asks as fast as it is answered.
@@ -66,7 +66,7 @@ pub fn median_and_tail(latencies: &[f64], tail: &mut Figures) -> f64 {
     quantile(latencies, 0.5)
 }
 
-/// What is noted of polling many ports, round by round.
+/// Figures of polling many ports, round by round.
 #[derive(Default)]
 pub struct Polling {
     /// 99th percentiles of the latencies, s.
@@ -131,7 +131,7 @@ fn exchange(request: Request, parameters: usize) -> Exchange {
     }
 }
 
-/// What an echo makes of it.
+/// The exchange as an echo makes it.
 pub fn echoed(exchange: &Exchange) -> Exchange {
     Exchange {
         request: exchange.request.clone(),

@@ -80,7 +80,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
         .enumerate()
         .map(|(index, ((plan, report), (_, [length, width])))| {
             let own = ports.iter().filter(|port| port.link.id.device == index);
-            let faults = report.held_against_client().map(|(code, tally)| {
+            let blamed = report.held_against_client().map(|(code, tally)| {
                 json!({
                     "code": code,
                     "count": tally.held_against_client,
@@ -116,7 +116,7 @@ fn devices(run: &Run, ports: &[ShownPort]) -> Value {
                 "sensors": sensors.collect::<Vec<_>>(),
                 "requests": report.requests,
                 "replies": report.replies,
-                "report": faults.collect::<Vec<_>>(),
+                "report": blamed.collect::<Vec<_>>(),
             })
         });
     devices.collect()
@@ -211,8 +211,8 @@ pub(super) fn picture(run: &Run) -> Value {
 
 /// The values of names.
 pub(super) fn values_of(run: &Run, names: &[String]) -> Reply {
-    let probes: Result<Vec<Probe>, String> = names.iter().map(|name| run.probe(name)).collect();
-    let probes = probes.map_err(|why| Refusal::new(422, why))?;
+    let probes: Result<Vec<Probe>, _> = names.iter().map(|name| run.probe(name)).collect();
+    let probes = probes.map_err(|why| Refusal::new(422, why.to_string()))?;
     Ok(values(run, &probes))
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use sim_core::mecanum::Mecanum;
 use sim_core::r150_device::command::Request;
-use sim_embed::{Error, NewDevice, Simulation};
+use sim_embed::{Error, ExpressionError, NewDevice, Simulation};
 
 fn forward(power: i16) -> Vec<u8> {
     let (right, left) = (power, power);
@@ -26,6 +26,15 @@ fn what_makes_no_sense_is_told_by_name() {
     );
     assert!(message(r150.number("truth.at_rest").unwrap_err()).contains("true or false"));
     assert!(message(sim.holds("t").unwrap_err()).contains("is a number"));
+    let unfinished = sim.number("t >").unwrap_err();
+    assert!(
+        matches!(
+            &unfinished,
+            Error::Expression(ExpressionError::Unreadable { expression, at: 3, .. })
+                if expression == "t >"
+        ),
+        "{unfinished:?}"
+    );
     let fault = message(r150.fault("kind = \"bit-flip\"").err().unwrap());
     assert!(fault.contains("bit-flips"), "{fault}");
     assert!(message(r150.operator("jump").err().unwrap()).contains("lock"));

@@ -28,7 +28,7 @@ pub struct MecanumFaults {
     pub unsupplied: bool,
     /// Plugs that have changed places.
     pub swaps: PlugSwaps,
-    /// What is wrong with it as a body.
+    /// Faults of it as a body.
     pub body: BodyFaults,
     /// The ultrasonic sensors, in the order of [`MecanumMeasurements::echoes`].
     pub ultrasonic: [Ultrasonic; ECHOES],

@@ -29,7 +29,7 @@ pub struct R150Faults {
     pub sides_swapped: bool,
     /// Added to what the encoders read, rpm.
     pub encoder_error: Sides<f64>,
-    /// What is wrong with it as a body.
+    /// Faults of it as a body.
     pub body: BodyFaults,
 }
 

@@ -9,7 +9,7 @@ use super::Patch;
 /// The methods say the same thing in the forms that the solver needs, so that the axes of a tyre
 /// cost nothing.
 pub trait Contact: Copy + std::fmt::Debug {
-    /// How many of the axes, from the first, the turning of the wheel pushes along.
+    /// Number of the axes, from the first, that the turning of the wheel pushes along.
     const DRIVEN: usize;
 
     /// A vector of the body, forward and left, as its parts along and across.
@@ -18,10 +18,10 @@ pub trait Contact: Copy + std::fmt::Debug {
     /// The parts along and across as a vector of the body, forward and left.
     fn join(&self, parts: [f64; 2]) -> [f64; 2];
 
-    /// How far an axis points forward: the share of a force on it that turns the wheel back.
+    /// Forward part of an axis: the share of a force on it that turns the wheel back.
     fn forward(&self, axis: usize) -> f64;
 
-    /// What a unit of each axis at `place` is in forward, left and turn of the body.
+    /// A unit of each axis at `place` as forward, left and turn of the body.
     fn jacobian(&self, place: &Patch) -> [Vector3<f64>; 2];
 
     /// The lever arm of each axis at `place` about the body's centre, m.

@@ -37,6 +37,16 @@ fn bytes_pass_both_ways_and_the_line_is_set() {
 }
 
 #[test]
+fn one_or_two_stop_bits_are_set() {
+    for (stop_bits, set) in [(1, 1), (2, 2)] {
+        let cable = Bench::unlinked();
+        let _port = Port::open_serial(cable.port.path(), 9600, stop_bits).unwrap();
+        let line = cable.port.client_line().unwrap().unwrap();
+        assert_eq!((line.baud, line.stop_bits), (9600, set));
+    }
+}
+
+#[test]
 fn a_peer_that_never_reads_stalls_nobody() {
     let cable = Bench::unlinked();
     let mut port = Port::open_serial(cable.port.path(), 115_200, 1).unwrap();

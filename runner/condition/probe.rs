@@ -3,7 +3,7 @@
 use sim_core::device::DeviceSpec;
 use sim_core::device::names::Unit;
 
-use super::{Origin, Reading, identifier};
+use super::{ExpressionError, Origin, Reading, identifier};
 use crate::run::Run;
 
 /// A name that can be read while a run goes on.
@@ -31,8 +31,12 @@ impl Run {
     ///
     /// # Errors
     /// Says what names there are.
-    pub fn probe(&self, name: &str) -> Result<Probe, String> {
-        let (origin, unit) = self.in_scope(|scope| scope.look_up(name))?;
+    pub fn probe(&self, name: &str) -> Result<Probe, ExpressionError> {
+        let found = self.in_scope(|scope| scope.look_up(name));
+        let (origin, unit) = found.map_err(|why| ExpressionError::Unsound {
+            expression: name.to_owned(),
+            why,
+        })?;
         let device = match origin {
             Origin::Time | Origin::Saved(_) | Origin::Fixed(_) => None,
             Origin::Device(device, _) => Some(device),

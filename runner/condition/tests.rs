@@ -15,7 +15,7 @@ fn scope<'a>(devices: &'a Devices<'a>) -> Scope<'a> {
     }
 }
 
-fn parse(text: &str) -> Result<Condition, String> {
+fn parse(text: &str) -> Result<Condition, ExpressionError> {
     Condition::parse(text, &scope(&[("r150", &R150_SPEC)]))
 }
 
@@ -91,14 +91,19 @@ fn what_makes_none_is_refused_in_words() {
         ("t in [1]", "no use here"),
         ("has(truth.x_m)", "no name"),
     ] {
-        let why = parse(text).expect_err(text);
+        let why = parse(text).expect_err(text).to_string();
         assert!(why.contains(expected), "{text}: {why}");
     }
     let deep = format!("{}true{}", "(".repeat(900), ")".repeat(900));
     assert!(parse(&deep).is_err());
     assert!(parse(&"!".repeat(1900)).is_err());
     assert!(parse(&format!("{}true", "true&&".repeat(300))).is_ok());
-    assert!(parse(&"x".repeat(3000)).unwrap_err().contains("at most"));
+    assert!(
+        parse(&"x".repeat(3000))
+            .unwrap_err()
+            .to_string()
+            .contains("at most")
+    );
 }
 
 #[test]
@@ -106,7 +111,24 @@ fn several_devices_have_to_be_named() {
     let devices = [("r150-1", &R150_SPEC), ("car", &MECANUM_SPEC)];
     let read = |text| Condition::parse(text, &scope(&devices));
     assert!(read("r150_1.mode.locked && car.motion.running").is_ok());
-    let why = read("mode.locked").unwrap_err();
+    let why = read("mode.locked").unwrap_err().to_string();
     assert!(why.contains("did you mean `r150_1.mode.locked`?"), "{why}");
     assert!(read("car.mode.locked").is_err());
+}
+
+#[test]
+fn an_error_says_which_expression_and_where() {
+    for (text, place) in [("t > 1 and t < 2", 6), ("t >", 3), ("", 0)] {
+        match parse(text).unwrap_err() {
+            ExpressionError::Unreadable { expression, at, .. } => {
+                assert_eq!((expression.as_str(), at), (text, place));
+            }
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+    let unsound = parse("tank.x > 1").unwrap_err();
+    assert!(
+        matches!(&unsound, ExpressionError::Unsound { expression, .. } if expression == "tank.x > 1"),
+        "{unsound:?}"
+    );
 }

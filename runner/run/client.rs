@@ -10,7 +10,7 @@ use super::lateness::burst_end;
 use super::{NANOSECOND, Run, RunError};
 use crate::trace::{Hexed, Record};
 
-/// What a real client does. Each of these is dated a nanosecond after the present at least; after
+/// Deeds of a real client. Each of these is dated a nanosecond after the present at least; after
 /// the end nothing happens any more.
 impl Run {
     /// A client opened the port.
@@ -100,7 +100,7 @@ impl Run {
         self.follows_bytes = true;
     }
 
-    /// Whose time a real client has, for the trace: `lockstep` or `real`.
+    /// Notes whose time a real client has, for the trace: `lockstep` or `real`.
     pub fn name_time(&mut self, client: &'static str) {
         self.record(|| Record::Time {
             client: client.into(),
@@ -113,8 +113,8 @@ impl Run {
     }
 
     /// The machine was late to run the simulator by so much simulated time, little as it may be:
-    /// what clients send next may come closer together by as much, which does not count as too
-    /// soon.
+    /// what clients send next may come up to `by` closer together than they were sent, which does
+    /// not count as too soon.
     pub fn late(&mut self, by: Duration) {
         self.expect_burst(by, burst_end(self.rig.now(), by));
     }

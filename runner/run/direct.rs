@@ -8,7 +8,7 @@ use super::agenda::Item;
 use super::effects::Undo;
 use super::steps::StepState;
 use super::{Run, RunError};
-use crate::condition::{Condition, Reading, Scope};
+use crate::condition::{Condition, ExpressionError, Reading, Scope};
 use crate::rig_file::RigFileError;
 use crate::scenario::{MOST_STEPS, Trigger, read_step};
 use crate::trace::Record;
@@ -56,8 +56,8 @@ impl Run {
     /// The value of an expression over the names of `sim names` now, as `r150.truth.speed_mps`.
     ///
     /// # Errors
-    /// In words, when the expression makes no sense.
-    pub fn value(&self, expression: &str) -> Result<Reading, String> {
+    /// When the expression makes no sense, or has no value.
+    pub fn value(&self, expression: &str) -> Result<Reading, ExpressionError> {
         self.in_scope(|scope| Condition::parse_value(expression, scope))?
             .value(self.situation())
     }
@@ -65,8 +65,8 @@ impl Run {
     /// A condition as scenario files have them, to be asked for often with [`Run::holds`].
     ///
     /// # Errors
-    /// In words, when the condition makes no sense.
-    pub fn condition(&self, text: &str) -> Result<Condition, String> {
+    /// When the condition makes no sense.
+    pub fn condition(&self, text: &str) -> Result<Condition, ExpressionError> {
         self.in_scope(|scope| Condition::parse(text, scope))
     }
 

@@ -8,7 +8,7 @@ use sim_settings::show_duration;
 
 use super::Run;
 use super::agenda::Item;
-use crate::condition::{Condition, Situation};
+use crate::condition::{Condition, ExpressionError, Situation};
 use crate::scenario::{Rule, StepAction, Trigger};
 
 /// How often it is looked at how near something has come.
@@ -106,7 +106,7 @@ impl Run {
                 Ok(false) => {}
                 Err(why) => {
                     self.end_step(index, now);
-                    self.fail_step(index, now, why);
+                    self.fail_step(index, now, why.to_string());
                 }
             }
         }
@@ -158,7 +158,7 @@ impl Run {
                 Ok(false) => self.note_nearness(index, condition, now),
                 Err(why) => {
                     self.steps[index].watching = false;
-                    self.fail_step(index, now, why);
+                    self.fail_step(index, now, why.to_string());
                 }
             }
         }
@@ -180,7 +180,7 @@ impl Run {
                     continue;
                 }
                 Ok(false) => Some(self.not_held(expected.step, that, message.as_deref())),
-                Err(why) => Some(why),
+                Err(why) => Some(why.to_string()),
             };
             if let Some(why) = why {
                 self.fail_step(expected.step, now, why);
@@ -215,7 +215,7 @@ impl Run {
                     let text = format!("{}, but {found}", rule.words());
                     with_message(rule.message.as_deref(), &text)
                 }
-                Err(why) => why,
+                Err(why) => why.to_string(),
             };
             self.rules[index].closed = true;
             self.note_failure(now, None, what);
@@ -223,7 +223,7 @@ impl Run {
     }
 
     /// Tells whether a condition holds, unless it speaks of what no step has remembered yet.
-    pub(super) fn look(&self, condition: &Condition) -> Result<Option<bool>, String> {
+    pub(super) fn look(&self, condition: &Condition) -> Result<Option<bool>, ExpressionError> {
         let situation = self.situation();
         if !condition.is_known(situation) {
             return Ok(None);
@@ -243,7 +243,7 @@ impl Run {
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
-    pub fn holds(&self, condition: &Condition) -> Result<bool, String> {
+    pub fn holds(&self, condition: &Condition) -> Result<bool, ExpressionError> {
         Ok(self.look(condition)?.unwrap_or(false))
     }
 

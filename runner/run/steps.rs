@@ -275,7 +275,7 @@ impl Run {
                     self.saved.resize(self.scenario.saved.len(), None);
                     self.saved[*slot] = Some(value);
                 }
-                Err(why) => self.fail_step(index, now, why),
+                Err(why) => self.fail_step(index, now, why.to_string()),
             }
         }
     }

@@ -15,7 +15,7 @@ pub type Restore = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send>;
 
 /// Change of something that stays until it is changed again.
 pub struct Change {
-    /// What was changed: other actions that change the same have the same here.
+    /// Name of what was changed: other actions that change the same have the same here.
     pub of: String,
     /// Brings back what was before; none if that was no other.
     pub restore: Option<Restore>,
@@ -39,7 +39,7 @@ impl Change {
     }
 }
 
-/// What an action has changed, unless nothing brings it back.
+/// Change that an action has made, unless nothing brings it back.
 pub type Performed = Option<Change>;
 
 /// Something that can be done to a device.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-/// Whom an event is held against.
+/// Party that an event is held against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blame {
     /// Nobody: it only happened.
@@ -73,7 +73,7 @@ impl Code {
         self.name
     }
 
-    /// Whom such events are held against.
+    /// Returns whom such events are held against.
     #[must_use]
     pub const fn blame(self) -> Blame {
         self.blame

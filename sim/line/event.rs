@@ -66,7 +66,7 @@ pub enum LineEvent {
     },
     /// The line was too full for a reply of the device, so that older ones gave way.
     ReplyDropped {
-        /// How many bytes they had.
+        /// Number of bytes that they had.
         bytes: usize,
     },
 }

@@ -52,7 +52,7 @@ settings! {
         /// Time between two lines on the ROS link.
         ros_report_period: Duration = MS(100), range MS(1)..=S(3600),
             assumed "the article gives no rate";
-        /// Whose motions count while the ROS link is configured.
+        /// Links whose motions count while the ROS link is configured.
         orders_with_ros: OrdersWithRos = OrdersWithRos::BothLinks,
             assumed "the article takes only the magnetic sensor away then";
         /// Motions that a preempting one discards.

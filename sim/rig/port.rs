@@ -17,7 +17,7 @@ pub struct PortId {
     pub link: usize,
 }
 
-/// What clients do to a port. A port that does not exist is a client that nobody hears.
+/// Deeds of clients to a port. A port that does not exist is a client that nobody hears.
 impl Rig {
     /// A client opened the port at `now`, to which the rig advances first.
     ///

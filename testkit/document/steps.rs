@@ -123,7 +123,7 @@ impl Writer<'_> {
         let Some((name, kind)) = device else {
             return self.odd();
         };
-        self.kind = Some(kind);
+        self.speak_of(kind);
         let mut step = Table::new();
         let mut put = |key: &str, value: Value| step.insert(key.to_owned(), value);
         put("name", Value::from(format!("s{index}")));
@@ -197,7 +197,7 @@ impl Writer<'_> {
         Value::Table(step)
     }
 
-    /// What goes with what, where an action has it.
+    /// Makes fit what goes together in an action.
     fn mend(&mut self, action: &mut Table, has_links: bool) {
         if !has_links {
             action.remove("link");

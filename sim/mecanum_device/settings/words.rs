@@ -45,7 +45,7 @@ choices! {
         Echo = "echo",
     }
 
-    /// Whose motions count while the ROS link is configured.
+    /// Links whose motions count while the ROS link is configured.
     pub enum OrdersWithRos {
         /// Those of both links; the last order counts.
         BothLinks = "both-links",
