@@ -46,7 +46,7 @@ fn place(path: &Path, text: &str) -> anyhow::Result<()> {
     draft.write_all(text.as_bytes())?;
     let draft = match draft.persist_noclobber(path) {
         Err(there) if there.error.kind() == io::ErrorKind::AlreadyExists => there.file,
-        outcome => return Ok(outcome.map(drop)?),
+        outcome => return Ok(outcome.map(drop).map_err(|refused| refused.error)?),
     };
     let ours = read(path).is_ok_and(|text| {
         serde_json::from_str(&text).is_ok_and(|value: Value| value["code"] == "ready")
@@ -56,7 +56,7 @@ fn place(path: &Path, text: &str) -> anyhow::Result<()> {
             "something else is there, which is left alone; remove it or choose another path"
         ));
     }
-    draft.persist(path)?;
+    draft.persist(path).map_err(|refused| refused.error)?;
     Ok(())
 }
 

@@ -118,7 +118,7 @@ impl VehicleBody {
 
     /// Replaces what is wrong with it. The plant changes the body's mass.
     pub(crate) fn set_faults(&mut self, faults: &BodyFaults) {
-        self.faults = faults.within(self.bounds);
+        self.faults = *faults;
         self.wake();
     }
 

@@ -17,7 +17,7 @@ use crate::serial_port::SerialPort;
 pub struct Port(Box<dyn Kind>);
 
 /// A port of one kind; see [`Port`].
-pub(crate) trait Kind: Debug + Send {
+pub(crate) trait Kind: Debug + Send + Sync {
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError>;
     fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError>;
     fn client_line(&self) -> Result<Option<LineSettings>, PortError>;

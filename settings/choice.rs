@@ -84,6 +84,10 @@ macro_rules! choices {
                 format!("\"{}\"", self.as_str())
             }
 
+            fn within(&self, bounds: &$crate::Bounds<std::convert::Infallible>) -> bool {
+                match *bounds.start() {}
+            }
+
             fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self::Bound>>) -> String {
                 let words: Vec<String> =
                     Self::ALL.iter().map(|choice| format!("\"{}\"", choice.as_str())).collect();

@@ -189,7 +189,7 @@ pub fn schema_of(settings: &dyn Settings) -> schemars::Schema {
         let (doc, basis) = (entry.doc.replace('\n', " "), entry.basis);
         let doc = doc.split_whitespace().collect::<Vec<_>>().join(" ");
         let (allowed, basis, source) = (&entry.allowed, basis.as_str(), basis.source());
-        own["description"] = format!("{doc} Allowed: {allowed}. {basis}: {source}").into();
+        own["description"] = format!("{doc} Allowed: {allowed}; {basis}: {source}").into();
         // What a setting shows as TOML is JSON too.
         if let Ok(default) = serde_json::from_str(&entry.default) {
             own["default"] = default;

@@ -61,10 +61,8 @@ pub trait SettingValue: Sized + Clone {
     /// The value as a TOML literal that [`SettingValue::read`] takes back unchanged.
     fn show(&self, unit: &str) -> String;
 
-    /// Tells whether it lies in the range; to be given by every type that has one.
-    fn within(&self, _bounds: &Bounds<Self::Bound>) -> bool {
-        true
-    }
+    /// Tells whether it lies in the range.
+    fn within(&self, bounds: &Bounds<Self::Bound>) -> bool;
 
     /// The allowed values in words.
     fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> String;
@@ -218,6 +216,10 @@ impl SettingValue for bool {
 
     fn show(&self, _unit: &str) -> String {
         self.to_string()
+    }
+
+    fn within(&self, bounds: &Bounds<std::convert::Infallible>) -> bool {
+        match *bounds.start() {}
     }
 
     fn allowed(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> String {

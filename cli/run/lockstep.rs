@@ -78,16 +78,19 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     // Nobody is left to be answered.
     stage.desk = None;
     let broken_off = !stage.conclude(case, &ending)?;
+    let output = read_output(&mut output).map_err(Failure::system);
     let client = PlayedClient {
         end: client_end(ending.end),
         stopped: ending.reason != Reason::Itself,
-        output: read_output(&mut output).map_err(Failure::system)?,
+        output: output.as_ref().map(Clone::clone).unwrap_or_default(),
         outside: ending.outside.into_iter().collect(),
         refused: ending.refused.into_iter().collect(),
     };
     // The machine has no part in it.
     let playing = stage.playing;
-    playing.conclude(&mut stage.run, broken_off, Some(client), None)
+    let concluded = playing.conclude(&mut stage.run, broken_off, Some(client), None)?;
+    // The trace has its end by now, which it needs to be played again.
+    output.map(|_| concluded)
 }
 
 fn client_end(end: End) -> ClientEnd {

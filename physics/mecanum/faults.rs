@@ -1,7 +1,7 @@
 //! Deeds of an operator, a scenario or bad luck to the car.
 
-use super::MecanumPlant;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
+use super::{BOUNDS, MecanumPlant};
 use crate::faults::{BodyFaults, MotorFaults};
 use crate::vehicle_body::number;
 use crate::world::World;
@@ -70,6 +70,7 @@ impl MecanumFaults {
                 }
                 other => other,
             }),
+            body: self.body.within(BOUNDS),
             ..*self
         }
     }
@@ -87,7 +88,7 @@ impl MecanumPlant {
             let jump = before[port].wrapping_sub(after[port]);
             *offset = offset.wrapping_add(jump);
         }
-        self.body.set_faults(&faults.body);
+        self.body.set_faults(&self.faults.body);
         self.follow_payload(world);
     }
 

@@ -1,8 +1,8 @@
 //! Deeds of an operator, a scenario or bad luck to the vehicle.
 
-use super::R150Plant;
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
+use super::{BOUNDS, R150Plant};
 use crate::faults::{BodyFaults, MotorFaults};
 use crate::vehicle_body::{number, within};
 use crate::world::World;
@@ -48,6 +48,7 @@ impl R150Faults {
                 right: within(self.encoder_error.right, 1e5),
                 left: within(self.encoder_error.left, 1e5),
             },
+            body: self.body.within(BOUNDS),
             ..*self
         }
     }
@@ -58,7 +59,7 @@ impl R150Plant {
     pub fn set_faults(&mut self, world: &mut World, faults: &R150Faults) {
         self.faults = faults.within_limits();
         self.slow.battery.missing = self.faults.missing_charge;
-        self.body.set_faults(&faults.body);
+        self.body.set_faults(&self.faults.body);
         self.follow_payload(world);
         self.solve_network();
     }

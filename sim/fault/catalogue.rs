@@ -79,7 +79,12 @@ macro_rules! faults {
         /// Something that goes wrong. In files a table with the fault's id as `kind` and its
         /// parameters beside it.
         #[derive(Deserialize, Serialize, JsonSchema)]
-        #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+        #[serde(
+            tag = "kind",
+            rename_all = "kebab-case",
+            deny_unknown_fields,
+            expecting = "a table, as in `{ kind = \"mute\" }`"
+        )]
         pub(super) enum Written { $( $(
             $(#[doc = $summary])+
             #[serde(rename = $id)]

@@ -61,13 +61,13 @@ impl Fault {
         };
         match fault {
             WireFault::Delay { by, jitter } => by.0 + jitter.0,
-            // Later by less than a client may be anyway, or not at all.
+            // Pieces are late by as many pauses as there are before them, which only the bytes say.
+            WireFault::Fragmentation { .. } => Duration::ZERO,
             WireFault::BitFlips {}
             | WireFault::DroppedBytes {}
             | WireFault::DuplicatedBytes {}
             | WireFault::InsertedBytes {}
             | WireFault::Burst { .. }
-            | WireFault::Fragmentation { .. }
             | WireFault::Stall {}
             | WireFault::Mute {}
             | WireFault::IdleNoise { .. }

@@ -118,7 +118,7 @@ impl Breakable for Mecanum {
         let commands = plant.commands();
         let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
         match &fault.kind {
-            FaultKind::Electrical(_) => true,
+            FaultKind::Electrical(kind) => *kind == ElectricalFault::SupplyLost {},
             FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => [port, with]
                 .into_iter()
                 .any(|port| runs(commands.ports[port_of(*port).index()])),

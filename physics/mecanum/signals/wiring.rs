@@ -167,6 +167,10 @@ impl SettingValue for Wiring {
         format!("\"{self}\"")
     }
 
+    fn within(&self, bounds: &Bounds<Infallible>) -> bool {
+        match *bounds.start() {}
+    }
+
     fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
         "ports of LF, RF, LR, RR joined by \"-\", each of x, y, z, e0, e1, none twice, with \"!\" \
          before one that turns the other way: \"x-y-e0-e1\", \"x-y-z-e0\", \"x-!y-e0-e1\", …"
@@ -217,6 +221,10 @@ impl SettingValue for Plugs {
             Self::AsExpected => format!("\"{AS_EXPECTED}\""),
             Self::Like(wiring) => wiring.show(unit),
         }
+    }
+
+    fn within(&self, bounds: &Bounds<Self::Bound>) -> bool {
+        match *bounds.start() {}
     }
 
     fn allowed(unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
