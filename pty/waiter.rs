@@ -93,7 +93,7 @@ impl Waiter {
             .map_err(|errno| waiting(PortErrorKind::call("fcntl")(errno)))
     }
 
-    /// Has `SIGINT`, `SIGTERM` and `SIGHUP` end a wait instead of the
+    /// Has `SIGINT`, `SIGTERM`, `SIGHUP` and `SIGXCPU` end a wait instead of the
     /// program. Once the waiter is dropped they do nothing at all. A `SIGHUP`
     /// that was ignored from the start, as under `nohup`, stays ignored.
     ///
