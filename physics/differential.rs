@@ -7,7 +7,7 @@
 use crate::plant::Plant;
 use crate::pose::Pose;
 use crate::vehicle_body::{Bounds, RestSettings, VehicleBody};
-use crate::world::{BodyShape, World};
+use crate::world::{BodyShape, Course, World};
 
 const BOUNDS: Bounds = Bounds {
     payload: 20.0,
@@ -122,7 +122,8 @@ impl Plant for Differential {
         let pull = motion.to_body(ground.downhill());
         let weight = mass * world.gravity();
         let [push_ahead, push_left, push_turn] = self.body.push();
-        let [ahead, left, yaw_rate] = motion.body_velocity();
+        let mut course = Course::new(motion.body_velocity());
+        let [ahead, left, yaw_rate] = course.coasting(dt);
         let free = [
             ahead + dt * (pull[0] * weight + push_ahead) / mass,
             left + dt * (pull[1] * weight + push_left) / mass,
@@ -143,8 +144,8 @@ impl Plant for Differential {
             free[axis] + change.clamp(-limits[axis], limits[axis])
         });
         self.speed = self.wanted;
-        let [ahead, left, yaw_rate] = velocity;
-        world.set_velocity(self.body.id(), motion.to_world([ahead, left]), yaw_rate);
+        course.go_on(velocity, dt);
+        world.lead(self.body.id(), &course);
     }
 
     fn after_step(&mut self, world: &mut World) {
@@ -152,7 +153,7 @@ impl Plant for Differential {
             return;
         }
         let seconds = world.step_length().as_secs_f64();
-        self.body.follow(world, seconds);
+        self.body.follow(world);
         for (travel, speed) in self.travel.iter_mut().zip(self.speed) {
             *travel += speed * seconds;
         }

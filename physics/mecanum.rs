@@ -206,8 +206,8 @@ impl Plant for MecanumPlant {
             self.rest(step);
         } else {
             let seconds = step.as_secs_f64();
-            let velocity = self.body.follow(world, seconds);
-            self.drive.follow(velocity, seconds, &self.wheel_faults);
+            let velocity = self.body.follow(world);
+            self.drive.follow(velocity, &self.wheel_faults);
             self.settle(world, seconds);
         }
         // Others may be moving around it.

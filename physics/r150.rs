@@ -284,8 +284,8 @@ impl Plant for R150Plant {
         }
         let seconds = world.step_length().as_secs_f64();
         self.passed = 0.0;
-        let velocity = self.body.follow(world, seconds);
-        self.drive.gear.follow(velocity, seconds);
+        let velocity = self.body.follow(world);
+        self.drive.gear.follow(velocity);
         self.note_encoders();
         self.solve_network();
         self.pass(seconds);

@@ -1,10 +1,20 @@
 //! Running gear of every vehicle: four wheels under its weight, and what they do in a step.
 
+use std::time::Duration;
+
 use crate::traction::{
     Chassis, Contact, GroundForce, Patch, Stance, Straight, Traction, TyreSettings, Wheel,
 };
 use crate::vehicle_body::VehicleBody;
-use crate::world::World;
+use crate::world::{Course, World};
+
+/// Length that no part of a step exceeds in which tyres slide, or what drives the wheels changes in
+/// a turn. Other steps are taken as a whole: parts would double the cost and show nothing.
+const PART: Duration = Duration::from_micros(1250);
+/// Change of a wheel's speed over a step from which on it counts as driven otherwise, rad/s.
+const QUICK: f64 = 0.002;
+/// Share of what friction gives with which a tyre pulls across in a turn.
+const ACROSS: f64 = 0.1;
 
 /// Patches of a vehicle on the ground: front left, front right, rear left, rear right.
 pub(crate) const PATCHES: usize = 4;
@@ -59,8 +69,10 @@ impl Mass {
 /// What turns a wheel, and what holds it, over one step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelDrive {
-    /// What the motor gives a wheel that stands, N·m·s.
+    /// What the motor gives a wheel that stands, as at the end of the step, N·m·s.
     pub(crate) impulse: f64,
+    /// By how much that rises in the course of the step, N·m·s.
+    pub(crate) rise: f64,
     /// By how much less it gives for each rad/s at the end of the step, kg·m².
     pub(crate) opposed: f64,
     /// Dry friction of the gear, N·m.
@@ -73,12 +85,26 @@ pub(crate) struct WheelDrive {
     pub(crate) blocked: bool,
 }
 
+/// What acts on the vehicle from outside in a step.
+struct Outside {
+    /// Downhill, ahead and left, N.
+    pull: [f64; 2],
+    /// That and what pushes it: ahead, left (N) and counter-clockwise (N·m).
+    force: [f64; 3],
+    /// That presses it on the ground, N.
+    pressing: f64,
+    /// Under each patch.
+    friction: [f64; PATCHES],
+}
+
 /// The running gear; wheels that are geared together are one.
 #[derive(Debug, Clone)]
 pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     traction: Traction<WHEELS, PATCHES, C>,
     /// rad/s
     pub(crate) wheel_speed: [f64; WHEELS],
+    /// Angle by which each turned in the last step, rad.
+    pub(crate) turned: [f64; WHEELS],
     /// Set if a wheel would lift off the ground.
     pub(crate) tipping: bool,
     /// kg
@@ -95,6 +121,21 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     rolling_resistance: f64,
     /// Energy of the body that the last step's forces led to, J.
     led_to: f64,
+    /// Set if a wheel's speed changed quickly in the last step.
+    quick: bool,
+}
+
+impl WheelDrive {
+    /// One of equal parts of the step, from the 1st to the last.
+    fn part(&self, number: u32, parts: u32) -> Self {
+        let share = 1.0 / f64::from(parts);
+        let ahead = 1.0 - f64::from(number) * share;
+        Self {
+            impulse: (self.impulse - self.rise * ahead) * share,
+            opposed: self.opposed * share,
+            ..*self
+        }
+    }
 }
 
 impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
@@ -121,6 +162,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         Self {
             traction: Traction::new(tyre, patches),
             wheel_speed: [0.0; WHEELS],
+            turned: [0.0; WHEELS],
             tipping: false,
             mass: 0.0,
             inertia: 0.0,
@@ -131,6 +173,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             wheel_radius: tyre.wheel_radius,
             rolling_resistance: tyre.rolling_resistance,
             led_to: 0.0,
+            quick: false,
         }
     }
 
@@ -188,9 +231,9 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         }
     }
 
-    /// What each patch did on the ground in the last step of `dt` seconds.
-    pub(crate) fn on_ground(&self, dt: f64) -> [GroundForce; PATCHES] {
-        self.traction.on_ground(dt)
+    /// What each patch did on the ground at the end of the last step.
+    pub(crate) fn on_ground(&self) -> [GroundForce; PATCHES] {
+        self.traction.on_ground()
     }
 
     /// Computes the forces of one step and gives the body the velocity they lead to.
@@ -201,58 +244,103 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         drives: &[WheelDrive; WHEELS],
     ) {
         let push = body.total_push();
-        let dt = world.step_length().as_secs_f64();
         let motion = world.motion(body.id());
         let ground = world.ground_at(motion.x, motion.y);
         let weight = self.mass * world.gravity();
         let pull = motion
             .to_body(ground.downhill())
             .map(|share| share * weight);
-        let on_tyres = self.traction.force(dt);
-        let pressing = weight * ground.cos_slope();
-        let (loads, lifts) = self.stance.carry(pull, on_tyres, pressing, dt);
-        self.tipping = lifts;
         let mut friction = world.friction_under(&motion, &self.stance.places());
         if let Some(most) = body.most_friction() {
             friction = friction.map(|friction| friction.min(most));
         }
+        let outside = Outside {
+            pull,
+            force: [pull[0] + push[0], pull[1] + push[1], push[2]],
+            pressing: weight * ground.cos_slope(),
+            friction,
+        };
 
+        let parts = self.parts(drives, world.step_length());
+        let dt = world.step_length().as_secs_f64() / f64::from(parts);
+        let before = self.wheel_speed;
+        let mut course = Course::new(motion.body_velocity());
+        self.turned = [0.0; WHEELS];
+        self.tipping = false;
+        for number in 1..=parts {
+            let drives = drives.each_ref().map(|drive| drive.part(number, parts));
+            self.go_on(&mut course, &drives, &outside, dt);
+            if number < parts {
+                self.traction.follow(course.velocity, self.wheel_speed);
+            }
+        }
+        self.quick = (before.iter().zip(&self.wheel_speed))
+            .any(|(before, after)| (after - before).abs() > QUICK);
+        self.led_to = self.of_body(course.velocity);
+        world.lead(body.id(), &course);
+    }
+
+    /// Number of parts in which a step is taken.
+    fn parts(&self, drives: &[WheelDrive; WHEELS], step: Duration) -> u32 {
+        let changes = self.quick || drives.iter().any(|drive| drive.rise != 0.0);
+        let turns = self.traction.is_strained_across(ACROSS);
+        if !(self.traction.slides() || changes && turns) {
+            return 1;
+        }
+        let parts = step.as_nanos().div_ceil(PART.as_nanos());
+        u32::try_from(parts).unwrap_or(u32::MAX)
+    }
+
+    /// Goes on by `dt` seconds.
+    fn go_on(
+        &mut self,
+        course: &mut Course,
+        drives: &[WheelDrive; WHEELS],
+        outside: &Outside,
+        dt: f64,
+    ) {
+        let on_tyres = self.traction.force();
+        let (loads, lifts) = self
+            .stance
+            .carry(outside.pull, on_tyres, outside.pressing, dt);
+        self.tipping |= lifts;
         let mut wheels = self.wheels(drives, &loads);
-        let before = motion.body_velocity();
-        let [ahead, left, yaw_rate] = before;
+        let before = course.coasting(dt);
+        let heft = [self.mass, self.mass, self.inertia];
         let mut chassis = Chassis {
             mass: self.mass,
             inertia: self.inertia,
-            velocity: [
-                ahead + dt * (pull[0] + push[0]) / self.mass,
-                left + dt * (pull[1] + push[1]) / self.mass,
-                yaw_rate + dt * push[2] / self.inertia,
-            ],
+            velocity: std::array::from_fn(|axis| {
+                before[axis] + dt * outside.force[axis] / heft[axis]
+            }),
         };
         let rolling = self.wheel_speed;
-        self.traction
-            .solve(&mut chassis, &mut wheels, rolling, loads, friction, dt);
+        self.traction.solve(
+            &mut chassis,
+            &mut wheels,
+            rolling,
+            loads,
+            outside.friction,
+            dt,
+        );
         self.wheel_speed = wheels.map(|wheel| wheel.speed);
+        for (wheel, turned) in self.turned.iter_mut().enumerate() {
+            *turned += dt * (rolling[wheel] + self.wheel_speed[wheel]) / 2.0;
+        }
 
         let mean: [f64; 3] =
             std::array::from_fn(|axis| (before[axis] + chassis.velocity[axis]) / 2.0);
-        let force = [pull[0] + push[0], pull[1] + push[1], push[2]];
-        let given: f64 = force
-            .iter()
-            .zip(mean)
-            .map(|(force, speed)| force * speed)
-            .sum();
+        let given = outside.force.iter().zip(mean);
+        let given: f64 = given.map(|(force, speed)| force * speed).sum();
         self.energy.outside += dt * given;
         self.account(drives, mean, rolling);
-        let [ahead, left, yaw_rate] = chassis.velocity;
-        self.led_to = self.of_body(chassis.velocity);
-        world.set_velocity(body.id(), motion.to_world([ahead, left]), yaw_rate);
+        course.go_on(chassis.velocity, dt);
     }
 
-    /// Takes over the velocity that a step of `dt` seconds really ended with.
-    pub(crate) fn follow(&mut self, velocity: [f64; 3], dt: f64) {
+    /// Takes over the velocity that a step really ended with.
+    pub(crate) fn follow(&mut self, velocity: [f64; 3]) {
         self.energy.outside += self.of_body(velocity) - self.led_to;
-        self.traction.follow(velocity, self.wheel_speed, dt);
+        self.traction.follow(velocity, self.wheel_speed);
     }
 
     /// Energy of the body at a velocity, J.

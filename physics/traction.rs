@@ -107,6 +107,8 @@ pub struct Traction<const WHEELS: usize, const PATCHES: usize, C = Straight> {
     hold_limit: [f64; WHEELS],
     /// Set if a patch slid in the last step.
     slides: bool,
+    /// Length of the last step, s.
+    dt: f64,
     law: TyreLaw,
 }
 
@@ -161,6 +163,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             hold: [0.0; WHEELS],
             hold_limit: [0.0; WHEELS],
             slides: false,
+            dt: 0.0,
             law: TyreLaw::new(settings),
         }
     }
@@ -176,11 +179,25 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         }
     }
 
-    /// Returns what every patch did on the ground in the last step.
+    /// Tells whether a patch slid in the last step.
     #[must_use]
-    pub fn on_ground(&self, dt: f64) -> [GroundForce; PATCHES] {
+    pub fn slides(&self) -> bool {
+        self.slides
+    }
+
+    /// Tells whether a patch was pushed across by more than this share of what friction gives.
+    #[must_use]
+    pub fn is_strained_across(&self, share: f64) -> bool {
+        let patches = &self.patches;
+        (patches.iter()).any(|patch| patch.impulse[1].abs() > share * patch.limit * self.dt)
+    }
+
+    /// Returns what every patch did on the ground in the last step; nothing before the first.
+    #[must_use]
+    pub fn on_ground(&self) -> [GroundForce; PATCHES] {
+        let rate = self.rate();
         self.patches.map(|patch| GroundForce {
-            force: patch.impulse.map(|impulse| impulse / dt),
+            force: patch.impulse.map(|impulse| impulse * rate),
             load: patch.load,
             most: patch.limit,
         })
@@ -212,21 +229,27 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
 
     /// The force of all patches on the body in the last step, ahead and left, N.
     #[must_use]
-    pub fn force(&self, dt: f64) -> [f64; 2] {
+    pub fn force(&self) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for patch in &self.patches {
             let [ahead, left] = patch.contact.join(patch.impulse);
-            sum[0] += ahead / dt;
-            sum[1] += left / dt;
+            sum[0] += ahead;
+            sum[1] += left;
         }
-        sum
+        sum.map(|impulse| impulse * self.rate())
+    }
+
+    /// Steps of the last one's length in a second; none before the first.
+    fn rate(&self) -> f64 {
+        if self.dt > 0.0 { 1.0 / self.dt } else { 0.0 }
     }
 
     /// Lets the deflections follow the velocities that the step really ended with.
     ///
     /// These differ from the solver's where the body met an obstacle: a vehicle that pushes a wall
     /// keeps its tyres strained and stands still.
-    pub fn follow(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS], dt: f64) {
+    pub fn follow(&mut self, velocity: [f64; 3], wheel_speeds: [f64; WHEELS]) {
+        let dt = self.dt;
         for patch in &mut self.patches {
             let slip = patch.slip(velocity, wheel_speeds[patch.place.wheel] * self.law.radius);
             patch.spin = patch.contact.spin(slip);

@@ -171,14 +171,13 @@ impl VehicleBody {
         self.resting
     }
 
-    /// Takes over what a step of so many seconds did; gives its velocity ahead and to the left in
+    /// Takes over what a step did; gives its velocity ahead and to the left in
     /// m/s, and its yaw rate in rad/s.
-    pub fn follow(&mut self, world: &World, seconds: f64) -> [f64; 3] {
-        self.motion = world.motion(self.id);
-        let velocity = self.motion.body_velocity();
-        let speed = velocity[0] * velocity[0] + velocity[1] * velocity[1];
-        self.distance += speed.sqrt() * seconds;
-        velocity
+    pub fn follow(&mut self, world: &World) -> [f64; 3] {
+        let before = std::mem::replace(&mut self.motion, world.motion(self.id));
+        let (x, y) = (self.motion.x - before.x, self.motion.y - before.y);
+        self.distance += (x * x + y * y).sqrt();
+        self.motion.body_velocity()
     }
 
     /// Tells whether body and tyres are slow enough to stand; the tyres' speeds in m/s.

@@ -18,6 +18,7 @@ use std::time::Duration;
 use rapier2d::prelude as rapier;
 
 pub use area::{Band, Disc, Rectangle, Shape};
+pub use bodies::Course;
 pub use features::{Feature, FeatureKind};
 pub use file::WorldFileError;
 pub use ground::Ground;
@@ -27,6 +28,7 @@ pub use scan::{Cone, Tag};
 pub use settings::WorldSettings;
 
 use crate::pose::Pose;
+use bodies::Lead;
 use obstacles::Standing;
 use terrain::Change;
 
@@ -83,6 +85,8 @@ struct Body {
     collider: rapier::ColliderHandle,
     /// Half its length and width, m.
     half: [f64; 2],
+    /// Where its plant leads it in the step that comes.
+    lead: Option<Lead>,
     touching: bool,
     collisions: u64,
 }
@@ -120,6 +124,7 @@ impl World {
     /// Names a body that is no longer finite. The world is not to be used after that.
     pub fn step(&mut self) -> Result<(), PhysicsError> {
         self.rapier.step();
+        self.end_leads();
         self.steps += 1;
         self.check_finite()?;
         self.note_contacts();

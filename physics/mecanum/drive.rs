@@ -90,15 +90,10 @@ impl Drive {
     }
 
     /// Takes over the velocity that a step really ended with.
-    pub(super) fn follow(
-        &mut self,
-        velocity: [f64; 3],
-        seconds: f64,
-        faults: &[MotorFaults; WHEELS],
-    ) {
-        self.gear.follow(velocity, seconds);
+    pub(super) fn follow(&mut self, velocity: [f64; 3], faults: &[MotorFaults; WHEELS]) {
+        self.gear.follow(velocity);
         for (index, pulses) in self.pulses.iter_mut().enumerate() {
-            let turned = self.gear.wheel_speed[index] * seconds;
+            let turned = self.gear.turned[index];
             self.wheel_angle[index] += turned;
             pulses.turn(turned - self.turned[index], faults[index].encoder);
         }
@@ -197,6 +192,7 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
         let (grip, faults) = (grips[wheel], &plant.wheel_faults[wheel]);
         WheelDrive {
             impulse: dt * grip.gain * grip.speed,
+            rise: dt * grip.gain * grip.rise,
             opposed: dt * grip.gain,
             gear: drive.gear_friction,
             brake: drive.brake_torque * grip.held,

@@ -18,8 +18,9 @@ pub(super) enum Order {
 pub(super) struct Motor {
     /// Speed at which the ramp stands, rad/s.
     reference: f64,
-    /// Speed of it when the motor was last asked to turn.
+    /// Speed of it when the motor was last asked to turn, and by how much that rose in the step.
     aim: f64,
+    rise: f64,
     /// Part to which BK has come on, 0–1.
     brake: f64,
     /// For how much of the step the motor has been asked to turn, and has held with all its torque,
@@ -33,8 +34,9 @@ pub(super) struct Motor {
 pub(super) struct Grip {
     /// N·m·s/rad
     pub(super) gain: f64,
-    /// rad/s
+    /// At the end of the step, and by how much it rose in it, rad/s.
     pub(super) speed: f64,
+    pub(super) rise: f64,
     /// Share of the torque of its brake with which it holds.
     pub(super) held: f64,
 }
@@ -59,6 +61,7 @@ impl Motor {
         Self {
             reference: 0.0,
             aim: 0.0,
+            rise: 0.0,
             // It has stood for long.
             brake: 1.0,
             turned: 0.0,
@@ -77,8 +80,10 @@ impl Motor {
         match order {
             Order::Turn(wanted) => {
                 let stretch = law.ramp * seconds;
-                self.reference += (wanted - self.reference).clamp(-stretch, stretch);
+                let rise = (wanted - self.reference).clamp(-stretch, stretch);
+                self.reference += rise;
                 self.aim = self.reference;
+                self.rise += rise;
                 self.turned += seconds;
             }
             // The ramp begins where the wheel is found when it is driven again.
@@ -103,18 +108,20 @@ impl Motor {
         } else {
             law.gain
         };
+        let rise = std::mem::take(&mut self.rise);
         let [turned, held] =
             [&mut self.turned, &mut self.held].map(|part| (std::mem::take(part) / dt).min(1.0));
         Grip {
             gain: gain * turned,
             speed: self.aim,
+            rise,
             held,
         }
     }
 
     /// Forgets what was ordered for a step that does not come.
     pub(super) fn forget(&mut self) {
-        (self.turned, self.held) = (0.0, 0.0);
+        (self.turned, self.held, self.rise) = (0.0, 0.0, 0.0);
     }
 }
 

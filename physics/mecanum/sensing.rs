@@ -5,7 +5,6 @@ use super::signals::{MecanumCommands, MecanumMeasurements, PORTS, WHEELS, Wheel}
 use crate::pose::Pose;
 use crate::running_gear::Energy;
 use crate::traction::GroundForce;
-use crate::world::World;
 
 /// True state, for verdicts and summaries. No firmware sees this. Arrays are by
 /// [`Wheel::index`].
@@ -96,8 +95,8 @@ impl MecanumPlant {
     /// Returns what each wheel did on the ground in the last step of the world, front left, front
     /// right, rear left, rear right.
     #[must_use]
-    pub fn on_ground(&self, world: &World) -> [GroundForce; 4] {
-        self.drive.gear.on_ground(world.step_length().as_secs_f64())
+    pub fn on_ground(&self) -> [GroundForce; 4] {
+        self.drive.gear.on_ground()
     }
 
     /// Returns the true state.

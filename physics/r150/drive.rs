@@ -15,6 +15,8 @@ pub(super) struct Drive {
     /// The wheels of a side are geared together.
     pub(super) gear: RunningGear<2>,
     pub(super) drivers: [Driver; 2],
+    /// Duty of each bridge in the last step, if it was on.
+    duty: [Option<f64>; 2],
     /// Of each side; a smaller wheel is a shorter gear.
     gear_ratio: [f64; 2],
     torque_constant: [f64; 2],
@@ -40,6 +42,7 @@ impl Drive {
                 contacts.map(|side| (side.index(), Straight)),
             ),
             drivers: [Driver::new(motor); 2],
+            duty: [None; 2],
             gear_ratio: Side::BOTH.map(|_| ratio / draw.factor(tolerance.wheel)),
             torque_constant: Side::BOTH
                 .map(|_| motor.back_emf_constant * draw.factor(tolerance.motor)),
@@ -94,14 +97,17 @@ impl R150Plant {
             (self.commands.parking_brake && !faults.brake_stuck_open) || faults.brake_stuck_on;
         let motor_torque = self.flow.motor_current[index] * constant;
         let friction = drive.gear_friction + drive.gear_loss * motor_torque.abs();
-        let (mut impulse, mut opposed) = (0.0, 0.0);
+        let (mut impulse, mut rise, mut opposed) = (0.0, 0.0, 0.0);
         if port.connected {
             let torque_per_volt = ratio * constant / drive.winding_resistance;
-            impulse = dt * torque_per_volt * (port.duty * self.flow.bus);
+            let full = dt * torque_per_volt * self.flow.bus;
+            impulse = full * port.duty;
+            rise = full * drive.duty[index].map_or(0.0, |before| port.duty - before);
             opposed = dt * torque_per_volt * ratio * constant;
         }
         WheelDrive {
             impulse,
+            rise,
             opposed,
             gear: friction * ratio,
             brake: if brakes { drive.brake_torque } else { 0.0 },
@@ -116,5 +122,9 @@ pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     plant.follow_duty(dt);
     let drives = Side::BOTH.map(|side| plant.wheel_drive(side, dt));
+    plant.drive.duty = Side::BOTH.map(|side| {
+        let port = plant.motor_port(side);
+        port.connected.then_some(port.duty)
+    });
     plant.drive.gear.step(world, &plant.body, &drives);
 }

@@ -7,7 +7,6 @@ use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS,
 use crate::faults::EncoderState;
 use crate::running_gear::Energy;
 use crate::traction::GroundForce;
-use crate::world::World;
 
 impl R150Plant {
     /// Reads the firmware's sensors now.
@@ -41,8 +40,8 @@ impl R150Plant {
     /// Returns what each wheel did on the ground in the last step of the world, front left, front
     /// right, rear left, rear right.
     #[must_use]
-    pub fn on_ground(&self, world: &World) -> [GroundForce; 4] {
-        self.drive.gear.on_ground(world.step_length().as_secs_f64())
+    pub fn on_ground(&self) -> [GroundForce; 4] {
+        self.drive.gear.on_ground()
     }
 
     /// Returns the true state.

@@ -115,7 +115,7 @@ fn apply(car: &mut Car, action: &Action) {
             for _ in 0..steps {
                 car.step();
                 check(car);
-                ground::check_friction(car.plant.on_ground(&car.world));
+                ground::check_friction(car.plant.on_ground());
             }
         }
     }
@@ -194,7 +194,7 @@ proptest! {
                 car.step();
                 check(&car);
                 if !car.plant.at_rest() {
-                    let wheels = car.plant.on_ground(&car.world);
+                    let wheels = car.plant.on_ground();
                     ground::check_wheels(wheels, friction, mass * 9.81);
                 }
             }

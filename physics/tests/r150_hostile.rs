@@ -127,7 +127,7 @@ fn apply(bench: &mut Bench, action: &Action) {
             for _ in 0..steps {
                 bench.step();
                 check(bench);
-                ground::check_friction(bench.plant.on_ground(&bench.world));
+                ground::check_friction(bench.plant.on_ground());
             }
         }
     }
@@ -214,7 +214,7 @@ proptest! {
                 bench.step();
                 check(&bench);
                 if !bench.plant.at_rest() {
-                    let wheels = bench.plant.on_ground(&bench.world);
+                    let wheels = bench.plant.on_ground();
                     ground::check_wheels(wheels, FRICTION, mass * 9.81);
                 }
             }

@@ -33,6 +33,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         friction: [f64; PATCHES],
         dt: f64,
     ) {
+        self.begin(dt);
         let law = self.law;
         let mut tread = rolling.map(|speed| (speed * law.radius).abs());
         if C::DRIVEN > 1 {
@@ -63,6 +64,23 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             .iter()
             .zip(&rows)
             .any(|(patch, row)| !row.grips(patch.impulse));
+    }
+}
+
+impl<const WHEELS: usize, const PATCHES: usize, C> Traction<WHEELS, PATCHES, C> {
+    /// Takes the impulses of the last step, from which the solution starts, for one of `dt` seconds.
+    fn begin(&mut self, dt: f64) {
+        let last = std::mem::replace(&mut self.dt, dt);
+        if last == dt || last == 0.0 {
+            return;
+        }
+        let longer = dt / last;
+        for patch in &mut self.patches {
+            patch.impulse = patch.impulse.map(|impulse| impulse * longer);
+        }
+        for impulse in self.hold.iter_mut().chain(&mut self.hold_limit) {
+            *impulse *= longer;
+        }
     }
 }
 

@@ -5,6 +5,78 @@ use rapier2d::prelude as rapier;
 use super::{Body, BodyId, BodyShape, World, rapier_pose, rapier_vector};
 use crate::pose::{BodyMotion, Pose};
 
+/// Course of a body through a step, part by part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Course {
+    /// Velocity by now, ahead, left (m/s) and yaw rate (rad/s), in the axes that the body has by now.
+    pub velocity: [f64; 3],
+    /// Way ahead and to the left in the axes that it had at the beginning, m.
+    way: [f64; 2],
+    /// By which it has turned, rad, and the cosine and the sine of that.
+    turn: f64,
+    direction: [f64; 2],
+}
+
+impl Course {
+    /// Of a body that has this velocity, and has gone nowhere yet.
+    #[must_use]
+    pub fn new(velocity: [f64; 3]) -> Self {
+        Self {
+            velocity,
+            way: [0.0; 2],
+            turn: 0.0,
+            direction: [1.0, 0.0],
+        }
+    }
+
+    /// Velocity that nothing changes, in the axes that the body has after so many seconds.
+    #[must_use]
+    pub fn coasting(&self, seconds: f64) -> [f64; 3] {
+        let [ahead, left, yaw_rate] = self.velocity;
+        let [ahead, left] = turned([ahead, left], direction(-yaw_rate * seconds));
+        [ahead, left, yaw_rate]
+    }
+
+    /// Goes on for so many seconds to this velocity, evenly.
+    pub fn go_on(&mut self, velocity: [f64; 3], seconds: f64) {
+        let before = self.flow();
+        let turn = seconds * (self.velocity[2] + velocity[2]) / 2.0;
+        self.turn += turn;
+        self.direction = turned(self.direction, direction(turn));
+        self.velocity = velocity;
+        let after = self.flow();
+        for axis in 0..2 {
+            self.way[axis] += seconds * (before[axis] + after[axis]) / 2.0;
+        }
+    }
+
+    /// Velocity by now in the axes of the beginning, m/s.
+    fn flow(&self) -> [f64; 2] {
+        let [ahead, left, _] = self.velocity;
+        turned([ahead, left], self.direction)
+    }
+}
+
+/// Cosine and sine of an angle that is small, within its cube by 12: a rotation in any case, so that
+/// no energy comes of the difference.
+fn direction(angle: f64) -> [f64; 2] {
+    let half = angle / 2.0;
+    let scale = 1.0 / (1.0 + half * half);
+    [(1.0 - half * half) * scale, 2.0 * half * scale]
+}
+
+fn turned([x, y]: [f64; 2], [cos, sin]: [f64; 2]) -> [f64; 2] {
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+/// Velocities of a body in a step: along the world's axes, and yaw rate.
+pub(super) struct Lead {
+    /// In the mean, which is what rapier moves it by.
+    mean: (rapier::Vector, f64),
+    /// At the end.
+    end: (rapier::Vector, f64),
+}
+
 /// Multiple of the speed of rest at which a resting body may be eased out of a contact.
 /// Where one side of a contact rests first, the strain of the other pushes it for a step or two.
 const EASING: f64 = 5.0;
@@ -29,6 +101,7 @@ impl World {
             handle,
             collider,
             half: [shape.length / 2.0, shape.width / 2.0],
+            lead: None,
             touching: false,
             collisions: 0,
         });
@@ -79,10 +152,45 @@ impl World {
         eased
     }
 
-    /// Gives a body a velocity: along the world's axes, and yaw rate.
+    /// Leads a body through the step that comes, on this course unless it runs into something.
     ///
     /// A plant hands its tyre forces over as the velocity that they lead to, which is what its
-    /// implicit solution finds.
+    /// implicit solution finds. A body that leans on something moves by that velocity from the
+    /// beginning, or the contact would leave half of what pushes it.
+    pub fn lead(&mut self, id: BodyId, course: &Course) {
+        let motion = self.motion(id);
+        let [ahead, left, yaw_rate] = course.velocity;
+        if self.is_touching(id) {
+            self.set_velocity(id, motion.to_world([ahead, left]), yaw_rate);
+            return;
+        }
+        let seconds = self.step.as_secs_f64();
+        let mean = motion.to_world(course.way.map(|way| way / seconds));
+        let mean_yaw_rate = course.turn / seconds;
+        let end = motion.to_world(course.flow());
+        self.set_velocity(id, mean, mean_yaw_rate);
+        self.bodies[id.0].lead = Some(Lead {
+            mean: (rapier_vector(mean), mean_yaw_rate),
+            end: (rapier_vector(end), yaw_rate),
+        });
+    }
+
+    /// Gives the bodies that were led the velocities of the end of the step, changed by what they
+    /// ran into.
+    pub(super) fn end_leads(&mut self) {
+        for body in &mut self.bodies {
+            let Some(Lead { mean, end }) = body.lead.take() else {
+                continue;
+            };
+            let rigid = &mut self.rapier.bodies[body.handle];
+            let velocity = end.0 + (rigid.linvel() - mean.0);
+            let yaw_rate = end.1 + (rigid.angvel() - mean.1);
+            rigid.set_linvel(velocity, true);
+            rigid.set_angvel(yaw_rate, true);
+        }
+    }
+
+    /// Gives a body a velocity: along the world's axes, and yaw rate.
     pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
         self.changes += 1;
         let handle = self.bodies[id.0].handle;

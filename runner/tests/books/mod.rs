@@ -52,7 +52,7 @@ impl Books {
             self.motors += motors * seconds;
             self.windings += windings * seconds;
             self.moved += motors.abs() * seconds;
-            check_friction(r150.plant().on_ground(rig.world()));
+            check_friction(r150.plant().on_ground());
         } else if let Some(car) = rig.device::<Mecanum>(0) {
             let truth = car.truth();
             for wheel in 0..WHEELS {
@@ -62,7 +62,7 @@ impl Books {
                 self.moved += work.abs();
             }
             self.wheel_speed = truth.wheel_speed;
-            check_friction(car.plant().on_ground(rig.world()));
+            check_friction(car.plant().on_ground());
         }
     }
 

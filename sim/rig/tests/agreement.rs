@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use sim_physics::noise::Noise;
+
 use super::*;
 use crate::mecanum::MecanumSettings;
 use crate::mecanum_device::packet::Request as Packet;
@@ -106,22 +108,21 @@ fn queued_motions_of_the_car() {
         ],
     ];
     for (index, motions) in motions.into_iter().enumerate() {
-        let sends: Vec<_> = motions
-            .iter()
-            .enumerate()
-            .map(|(number, &(moving_idx, s, v))| {
-                let packet = Packet::Motion {
-                    seq: 0,
-                    is_reset: 0,
-                    moving_idx,
-                    s,
-                    v,
-                };
-                (SimTime::from_millis(3 + number as u64), packet.encode())
-            })
-            .collect();
-        agree(&format!("motions {index}"), true, &sends);
+        agree(&format!("motions {index}"), true, &queue(motions));
     }
+}
+
+/// Packets that queue these motions: kind, way in cm or turn in °, speed.
+fn queue(motions: &[(u8, u16, i16)]) -> Vec<(SimTime, Vec<u8>)> {
+    let packet = |&(moving_idx, s, v): &(u8, u16, i16)| Packet::Motion {
+        seq: 0,
+        is_reset: 0,
+        moving_idx,
+        s,
+        v,
+    };
+    let packets = motions.iter().map(|motion| packet(motion).encode());
+    (3..).map(SimTime::from_millis).zip(packets).collect()
 }
 
 /// A client that asks at 20 Hz for something else every half second.
@@ -140,13 +141,41 @@ fn a_drive_of_the_r150() {
         (1000, 1000),
     ];
     for seed in [0, 3, 7] {
-        let sends: Vec<_> = (0..399_u64)
-            .map(|tick| {
-                let (right, left) = duties[((tick / 10) as usize * (seed + 1)) % duties.len()];
-                let request = Request::SetMotors { right, left };
-                (SimTime::from_millis(2 + 50 * tick), request.encode())
+        let duties = |half: usize| duties[(half * (seed + 1)) % duties.len()];
+        agree(&format!("duties {seed}"), false, &at_20_hz(duties));
+    }
+}
+
+/// Commands for 20 s; `duties` of the right and the left motor by the half second.
+fn at_20_hz(duties: impl Fn(usize) -> (i16, i16)) -> Vec<(SimTime, Vec<u8>)> {
+    let command = |tick: usize| {
+        let (right, left) = duties(tick / 10);
+        let at = SimTime::from_millis(2 + 50 * tick as u64);
+        (at, Request::SetMotors { right, left }.encode())
+    };
+    (0..399).map(command).collect()
+}
+
+/// Anything that drives, drawn anew for each.
+#[test]
+fn any_drive_of_either() {
+    let mut chance = Noise::new(0, "drives");
+    let mut within = |low: i16, high: i16| {
+        let span = u32::try_from(high - low + 1).unwrap();
+        low + i16::try_from(chance.below(span)).unwrap()
+    };
+    for drive in 0..8 {
+        let motions: Vec<_> = (0..within(4, 8))
+            .map(|_| {
+                let (kind, way, speed) = (within(0, 4), within(5, 44), within(150, 500));
+                let sign = 2 * within(0, 1) - 1;
+                let [kind, way] = [kind, way].map(|number| number.cast_unsigned());
+                (u8::try_from(kind).unwrap(), way, speed * sign)
             })
             .collect();
-        agree(&format!("duties {seed}"), false, &sends);
+        agree(&format!("drive {drive} of the car"), true, &queue(&motions));
+        let duties = [(); 40].map(|()| (within(-1000, 1000), within(-1000, 1000)));
+        let sends = at_20_hz(|half| duties[half]);
+        agree(&format!("drive {drive} of the R150"), false, &sends);
     }
 }
