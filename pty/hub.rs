@@ -237,6 +237,13 @@ impl Registration {
         self.with_node(|node| node.departed)
     }
 
+    /// Whether, as far as can be told from counting, another has opened the node since the last one closed
+    /// it. A closing is reported before the port is hung up, so that without an opening the one who was
+    /// there may only be about to leave. Another is reported before it can write anything.
+    pub(crate) fn has_been_replaced(&self) -> bool {
+        self.with_node(|node| node.departed && node.openers > 0)
+    }
+
     /// We ourselves are about to open and close the node.
     pub(crate) fn begin_visits(&self) -> Result<(), PortErrorKind> {
         self.drain()?;

@@ -250,7 +250,8 @@ impl PtyPort {
     /// Takes note of one client having left and another having come between two looks.
     fn notice_handover(&mut self) -> Result<(), PortErrorKind> {
         // A port that is hung up is found so when it is read.
-        if self.has_departed() && !self.pair.is_hung_up()? {
+        let replaced = (self.registration.as_ref()).is_some_and(Registration::has_been_replaced);
+        if replaced && !self.pair.is_hung_up()? {
             self.discard_seen()?;
             self.unsent.clear();
             self.visit(Pair::restore_for_next)?;

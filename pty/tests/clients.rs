@@ -12,6 +12,7 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
+use rustix::event::epoll;
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
 use sim_pty::{Event, LineSettings, Port, PtySetup};
 
@@ -276,4 +277,36 @@ fn a_client_that_opened_together_with_another_is_still_served_when_that_one_leav
     drop(listener);
     bench.expect(Event::Detached);
     bench.expect_quiet();
+}
+
+/// The system tells of a closing before it hangs the port up, so that a look may come in between: for
+/// as long as it takes out of epoll sets what is closed.
+#[test]
+fn a_client_that_is_seen_as_it_closes_comes_and_goes_once() {
+    let mut bench = Bench::unlinked();
+    bench.waiter.set_busy_poll(common::PATIENCE);
+    let path = bench.port.path().to_owned();
+    let (next, rounds) = std::sync::mpsc::channel();
+    let client = std::thread::spawn(move || {
+        let sets: Vec<_> = (0..500)
+            .map(|_| epoll::create(epoll::CreateFlags::CLOEXEC).unwrap())
+            .collect();
+        for () in rounds {
+            let client = Client::open(&path);
+            for set in &sets {
+                let data = epoll::EventData::new_u64(0);
+                epoll::add(set, &client, data, epoll::EventFlags::IN).unwrap();
+            }
+        }
+    });
+    for round in 1..=200 {
+        next.send(()).unwrap();
+        bench.expect(Event::Attached);
+        bench.expect(Event::Detached);
+        assert_eq!(bench.port.counters().attached, round);
+    }
+    drop(next);
+    client.join().unwrap();
+    bench.expect_quiet();
+    assert_eq!(bench.port.counters().attached, 200);
 }
