@@ -117,9 +117,7 @@ impl Run {
                 continue;
             };
             // One that is over by itself takes its number along.
-            for number in self.active_faults(index) {
-                self.clear_fault(index, number);
-            }
+            self.end_all(index);
             let FaultCounts { armed, hit, hits } = self.steps[index].counts;
             if armed > 0 && hit == 0 && !step.may_not_trigger {
                 let why = format!(

@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
-use sim_core::device::{Action, Actions, DeviceSpec, HANDS};
-use sim_physics::WorldMap;
+use sim_core::SimTime;
+use sim_core::device::{Action, Actions, Change, Device, DeviceSpec, HANDS, Performed};
+use sim_physics::world::Obstacle;
+use sim_physics::{Ground, Pose, World, WorldMap};
 use toml::Spanned;
 use toml::de::{DeValue, ValueDeserializer};
 
@@ -98,24 +100,6 @@ impl WorldAction {
         }
     }
 
-    /// Tells whether it can be undone after a time.
-    pub(crate) fn can_end(&self) -> bool {
-        let map = match self {
-            Self::Add(map) => map,
-            Self::Device(action) => return action.can_end(),
-            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => return true,
-        };
-        let WorldMap {
-            obstacles,
-            slopes,
-            frictions,
-            tags,
-            strips,
-        } = map.as_ref();
-        let ground = slopes.len() + frictions.len() + tags.len() + strips.len();
-        ground == 0 && obstacles.iter().all(|obstacle| obstacle.name().is_some())
-    }
-
     /// The obstacle that has to be there.
     pub(crate) fn obstacle(&self) -> Option<&str> {
         match self {
@@ -134,6 +118,80 @@ impl WorldAction {
             .flat_map(|map| map.obstacles.iter())
             .filter_map(|obstacle| obstacle.name())
     }
+}
+
+impl Action for WorldAction {
+    fn perform(&self, device: &mut dyn Device, world: &mut World, now: SimTime) -> Performed {
+        Ok(match self {
+            Self::Add(map) => {
+                world.add_map(map)?;
+                // What has no name stays.
+                let things = Change::in_world("things", false, |_| {});
+                let named = self.brings().flat_map(|name| presence(name, None));
+                [things].into_iter().chain(named).collect()
+            }
+            Self::Move {
+                obstacle,
+                place,
+                heading,
+            } => {
+                let Pose { x, y, heading } = world.move_obstacle(obstacle, *place, *heading)?;
+                let name = obstacle.clone();
+                // It is not there if who brought it has taken it away.
+                vec![Change::in_world(place_of(obstacle), true, move |world| {
+                    let _ = world.move_obstacle(&name, [x, y], Some(heading));
+                })]
+            }
+            Self::Remove(obstacle) => {
+                let removed = world.remove_obstacle(obstacle)?;
+                presence(obstacle, Some(removed)).into()
+            }
+            Self::Friction(friction) => {
+                let before = world.ground();
+                let ground = before.with_friction_of(&Ground::flat(*friction));
+                world.set_ground(ground);
+                let restore = move |world: &mut World| world.set_ground(before);
+                vec![Change::in_world("friction", before != ground, restore)]
+            }
+            Self::Device(action) => return action.perform(device, world, now),
+        })
+    }
+
+    fn can_end(&self) -> bool {
+        let map = match self {
+            Self::Add(map) => map,
+            Self::Device(action) => return action.can_end(),
+            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => return true,
+        };
+        let WorldMap {
+            obstacles,
+            slopes,
+            frictions,
+            tags,
+            strips,
+        } = map.as_ref();
+        let ground = slopes.len() + frictions.len() + tags.len() + strips.len();
+        ground == 0 && obstacles.iter().all(|obstacle| obstacle.name().is_some())
+    }
+}
+
+/// Coming or going of an obstacle, which was as given or not there `before`.
+fn presence(name: &str, before: Option<Obstacle>) -> [Change; 2] {
+    let owned = name.to_owned();
+    let there = Change::in_world(format!("obstacle {name}"), true, move |world| {
+        // There may be another of its name now, or none at all.
+        let _ = world.remove_obstacle(&owned);
+        if let Some(before) = before {
+            let _ = world.add_obstacle(before);
+        }
+    });
+    // Wherever one of its name was before, it is another place that counts from now on.
+    let place = Change::in_world(place_of(name), false, |_| {});
+    [there, place]
+}
+
+fn place_of(obstacle: &str) -> String {
+    format!("place of {obstacle}")
 }
 
 /// Reads a table as if it were a world file, so that there is one form for both.

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use sim_core::device::Action as _;
 use toml::Spanned;
 
 use super::{Checker, usual_device};
