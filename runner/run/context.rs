@@ -37,11 +37,14 @@ impl Run {
         for (step, state) in self.scenario.steps.iter().zip(&self.steps) {
             let Some(since) = state.since else { continue };
             let said = |what: &str| format!("\"{}\" ({what}), from {since} s on", step.name);
-            match (&step.action, &step.deed) {
+            match &step.action {
                 _ if state.effects.is_empty() => {}
-                (StepAction::Fault(fault), _) => armed.push(said(fault.id())),
-                (_, Some(deed)) => others.push(said(deed)),
-                _ => {}
+                StepAction::Fault(fault) => armed.push(said(fault.id())),
+                StepAction::Deed(deed, _) => others.push(said(deed)),
+                StepAction::Host(_)
+                | StepAction::Clear(_)
+                | StepAction::Expect { .. }
+                | StepAction::Nothing => {}
             }
         }
         (armed, others)

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::device::{Action, EffectHandle};
+use sim_core::device::EffectHandle;
 use sim_core::fault::Fault;
 use sim_core::noise::Noise;
 use sim_core::rig::Rig;
@@ -39,8 +39,6 @@ pub(super) struct StepState {
     pub(super) added: bool,
     /// First thing that went wrong with it.
     pub(super) failure: Option<String>,
-    /// Last of its effects that have no end of their own.
-    standing: Option<EffectHandle>,
     chance: Noise,
     /// From which times are drawn.
     times_drawn: Noise,
@@ -82,7 +80,6 @@ impl StepState {
             pending: 0,
             added: false,
             failure: None,
-            standing: None,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             times_drawn: Noise::new(seed, &format!("scenario.{}.times", step.name)),
             nearest: None,
@@ -270,7 +267,6 @@ impl Run {
     }
 
     fn act(&mut self, index: usize, step: &Step, now: SimTime) {
-        let goes_on = !self.steps[index].effects.is_empty();
         let effect = match &step.action {
             StepAction::Host(host) => {
                 self.host_acts(index, host, now);
@@ -281,8 +277,14 @@ impl Run {
                 self.end_all(*other);
                 None
             }
-            StepAction::Operator(action) => self.perform(index, step, action.as_ref(), now),
-            StepAction::World(action) => self.perform(index, step, action, now),
+            StepAction::Deed(deed, action) => {
+                let what = format!("step \"{}\": {deed}", step.name);
+                let performed = self.rig.perform(step.device, &what, action.as_ref());
+                performed.unwrap_or_else(|why| {
+                    self.fail_step(index, now, why.to_string());
+                    None
+                })
+            }
             StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
                 self.expected.push(Expected { step: index, due });
@@ -293,44 +295,23 @@ impl Run {
             StepAction::Nothing => None,
         };
         let state = &mut self.steps[index];
-        state.effects.extend(effect);
-        if effect.is_some() && !goes_on {
-            state.since = Some(now);
-        }
         let until = step.until.as_ref().map(|_| SimTime::MAX);
         let ends = step.lasts.map(|lasts| now + state.draw(lasts)).or(until);
-        match (effect, ends) {
-            (Some(effect), Some(ends)) => {
-                state.pending += 1;
-                state.lasting += 1;
-                self.agenda.plan(ends, Item::End(index, Some(effect)));
-            }
-            (Some(effect), None) => {
-                let last = state.standing.replace(effect);
-                // Faults add up; what was done the last time goes on in what is done now.
-                if let (Some(last), Some(_)) = (last, &step.deed) {
-                    state.effects.retain(|effect| *effect != last);
-                    self.rig.supersede(last);
-                }
-            }
-            (None, _) => {}
+        let Some(effect) = effect else { return };
+        if state.effects.is_empty() {
+            state.since = Some(now);
         }
-    }
-
-    fn perform(
-        &mut self,
-        index: usize,
-        step: &Step,
-        action: &dyn Action,
-        now: SimTime,
-    ) -> Option<EffectHandle> {
-        let deed = step.deed.as_deref().unwrap_or_default();
-        let what = format!("step \"{}\": {deed}", step.name);
-        let performed = self.rig.perform(step.device, &what, action);
-        performed.unwrap_or_else(|why| {
-            self.fail_step(index, now, why.to_string());
-            None
-        })
+        if let Some(ends) = ends {
+            state.pending += 1;
+            state.lasting += 1;
+            self.agenda.plan(ends, Item::End(index, Some(effect)));
+        } else if matches!(step.action, StepAction::Deed(..)) {
+            // Faults add up; what was done the last time goes on in what is done now.
+            for last in state.effects.drain(..) {
+                self.rig.supersede(last);
+            }
+        }
+        state.effects.push(effect);
     }
 
     fn inject(

@@ -16,7 +16,7 @@ use crate::tables;
 
 /// Change around a vehicle.
 #[derive(Debug, Clone)]
-pub(crate) enum WorldAction {
+pub(super) enum WorldAction {
     Add(Box<WorldMap>),
     Move {
         obstacle: String,
@@ -101,22 +101,21 @@ impl WorldAction {
     }
 
     /// The obstacle that has to be there.
-    pub(crate) fn obstacle(&self) -> Option<&str> {
+    pub(super) fn obstacle(&self) -> Option<&str> {
         match self {
             Self::Move { obstacle, .. } | Self::Remove(obstacle) => Some(obstacle),
-            _ => None,
+            Self::Add(_) | Self::Friction(_) | Self::Device(_) => None,
         }
     }
 
     /// The obstacles that it brings, as far as they have names.
-    pub(crate) fn brings(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn brings(&self) -> impl Iterator<Item = &str> {
         let map = match self {
             Self::Add(map) => Some(map),
-            _ => None,
+            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) | Self::Device(_) => None,
         };
-        map.into_iter()
-            .flat_map(|map| map.obstacles.iter())
-            .filter_map(|obstacle| obstacle.name())
+        let obstacles = map.into_iter().flat_map(|map| map.obstacles.iter());
+        obstacles.filter_map(|obstacle| obstacle.name())
     }
 }
 

@@ -70,21 +70,9 @@ impl MechanicalFault {
 
     /// Tells whether it has an effect on a vehicle as a body, which moves or not.
     pub(crate) fn acts_on_body(&self, moves: bool) -> bool {
-        match self {
-            Self::Ice { .. } | Self::Payload { .. } => moves,
-            Self::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
-            Self::Blocked {}
-            | Self::Dragging { .. }
-            | Self::FreeWheeling {}
-            | Self::EncoderLost {}
-            | Self::EncoderStuck {}
-            | Self::EncoderNoisy { .. }
-            | Self::WiredBackwards {}
-            | Self::PortsSwapped { .. }
-            | Self::SidesSwapped {}
-            | Self::BrakeStuckOn {}
-            | Self::BrakeStuckOpen {} => false,
-        }
+        let mut body = BodyFaults::default();
+        self.add_to_body(&mut body);
+        body.push != [0.0; 3] || (moves && body != BodyFaults::default())
     }
 
     /// Tells whether it has an effect on a motor that it is about; where cables are swapped only

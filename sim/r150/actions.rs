@@ -90,9 +90,9 @@ impl Operator {
 fn undone_by(of: &str, changed: bool, inputs: Vec<OperatorInput>) -> Change {
     Change::new(of, changed, move |device, _, now| {
         if let Some(r150) = device.get_mut::<R150>() {
-            inputs
-                .into_iter()
-                .for_each(|input| r150.operate(now, input));
+            for input in inputs {
+                r150.operate(now, input);
+            }
         }
     })
 }
@@ -110,18 +110,13 @@ fn of_app(before: Parts, now: Parts, parts: Parts) -> Vec<Change> {
             if let Some(r150) = device.get_mut::<R150>() {
                 let mut held = r150.device().control().held_by_app;
                 *part(&mut held) = before;
-                r150.operate(at, held.into());
+                let Parts { power, pwm } = held;
+                r150.operate(at, OperatorInput::AppHolds { power, pwm });
             }
         };
         is_meant.then(|| Change::of(of, before, &now, restore))
     };
     each.into_iter().filter_map(change).collect()
-}
-
-impl From<Parts> for OperatorInput {
-    fn from(Parts { power, pwm }: Parts) -> Self {
-        Self::AppHolds { power, pwm }
-    }
 }
 
 impl device::Action for Operator {

@@ -1,17 +1,19 @@
 //! What a step says.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use sim_core::device::Action as _;
+use sim_core::device::Action;
 use toml::Spanned;
+use toml::de::DeValue;
 
 use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved};
 use crate::forgiving::{self, LeftOut};
-use crate::scenario::actions::read_operator;
+use crate::scenario::actions::{WorldAction, read_operator};
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
-use crate::scenario::{Only, Step, StepAction, Times, Trigger, WorldAction};
+use crate::scenario::{Only, Step, StepAction, Times, Trigger};
 use crate::suggest::or_allowed;
 use crate::tables;
 
@@ -20,6 +22,12 @@ type Timing = (Option<Times>, Option<u32>, Option<Times>);
 
 /// The keys of which one says what a step does.
 const ACTIONS: [&str; 6] = ["host", "fault", "clear", "operator", "world", "expect"];
+
+/// A deed as a step does it, by the words of the file.
+fn deed(key: &str, value: &Spanned<DeValue<'_>>, action: Arc<dyn Action>) -> StepAction {
+    let name = tables::name_of(value).unwrap_or_default();
+    StepAction::Deed(format!("{key} {name}"), action)
+}
 
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
@@ -72,15 +80,7 @@ impl Checker<'_> {
             mission: text.mission,
             device: device?,
             action,
-            deed: self.deed(index),
         })
-    }
-
-    fn deed(&self, index: usize) -> Option<String> {
-        // A step that is added is a text of its own.
-        let table = self.tables.of("step", index).unwrap_or(&self.tables.0);
-        let deed = |key: &str| Some(format!("{key} {}", tables::name_of(table.get(key)?)?));
-        ["operator", "world"].into_iter().find_map(deed)
     }
 
     fn device(&mut self, text: &StepText, at: Range<usize>) -> Option<usize> {
@@ -188,7 +188,7 @@ impl Checker<'_> {
                     read_operator(value, plan.device)
                 })
             });
-            actions.push(read.map(StepAction::Operator));
+            actions.push(read.map(|action| deed("operator", value, action)));
         }
         if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
             let read = plan.and_then(|(_, plan)| {
@@ -197,11 +197,14 @@ impl Checker<'_> {
                     WorldAction::read(value, plan.device)
                 })
             });
-            if let Some(name) = read.as_ref().and_then(WorldAction::obstacle) {
+            if let Some(action) = &read {
                 let place = self.problems.origin(world.span().start).to_string();
-                self.obstacles.push((name.to_owned(), place));
+                let needed = action.obstacle().into_iter();
+                self.obstacles
+                    .extend(needed.map(|name| (name.to_owned(), place.clone())));
+                self.brought.extend(action.brings().map(str::to_owned));
             }
-            actions.push(read.map(StepAction::World));
+            actions.push(read.map(|action| deed("world", value, Arc::new(action))));
         }
         if let Some(expect) = &text.expect {
             let that = self.condition(&expect.that);
@@ -253,8 +256,7 @@ impl Checker<'_> {
                 }
                 StepAction::Fault(_) => true,
                 StepAction::Clear(_) | StepAction::Nothing => false,
-                StepAction::Operator(action) => action.can_end(),
-                StepAction::World(action) => action.can_end(),
+                StepAction::Deed(_, action) => action.can_end(),
             };
             if !can_end {
                 let why = "this cannot be undone after a time";
