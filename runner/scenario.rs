@@ -144,6 +144,18 @@ pub(crate) struct Step {
 }
 
 impl Step {
+    /// The fault that it brings, if it brings one.
+    pub(crate) fn fault(&self) -> Option<&Fault> {
+        match &self.action {
+            StepAction::Fault(fault) => Some(fault),
+            StepAction::Host(_)
+            | StepAction::Clear(_)
+            | StepAction::Deed(..)
+            | StepAction::Expect { .. }
+            | StepAction::Nothing => None,
+        }
+    }
+
     /// Tells whether what it does has an end only by `for` and `until` of the whole step, not of
     /// each time.
     pub(crate) fn is_repeated_for(&self) -> bool {
@@ -405,10 +417,8 @@ impl Scenario {
 
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.
     pub fn faults(&self) -> impl Iterator<Item = &'static str> {
-        self.steps.iter().filter_map(|step| match &step.action {
-            StepAction::Fault(fault) => Some(fault.id()),
-            _ => None,
-        })
+        let faults = self.steps.iter().filter_map(Step::fault);
+        faults.map(Fault::id)
     }
 
     /// Tells whether the file has a scripted client.

@@ -9,7 +9,7 @@ use super::steps::StepState;
 use super::{Run, RunError};
 use crate::condition::{Condition, ExpressionError, Reading, Scope};
 use crate::rig_file::RigFileError;
-use crate::scenario::{MOST_STEPS, StepAction, Trigger, read_step};
+use crate::scenario::{MOST_STEPS, Trigger, read_step};
 use crate::trace::Record;
 
 /// Name of steps that come from no file, as errors call it.
@@ -147,7 +147,7 @@ impl Run {
         let steps = self.scenario.steps.iter().zip(&self.steps).enumerate();
         let over = steps.filter_map(|(index, (step, state))| {
             // One that could still be undone is forgotten before a further one is refused.
-            let breaks = matches!(step.action, StepAction::Fault(_)) && !state.effects.is_empty();
+            let breaks = step.fault().is_some() && !state.effects.is_empty();
             let done = state.done.filter(|_| state.added && !breaks)?;
             Some((done, index)).filter(|_| !waited_for(index))
         });

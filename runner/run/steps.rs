@@ -384,21 +384,21 @@ impl Run {
 
     /// By how much bytes may be late at most that were sent while a fault was there.
     fn held_back(&self, device: usize) -> Duration {
-        let steps = self.scenario.steps.iter();
-        let faults = steps.filter_map(|step| match &step.action {
-            StepAction::Fault(fault) if step.device == device => Some(fault.holds_back()),
-            _ => None,
-        });
-        faults.max().unwrap_or_default()
+        let faults = self.faults_of(device);
+        let times = faults.map(|(fault, _)| fault.holds_back());
+        times.max().unwrap_or_default()
     }
 
     fn is_line_disturbed(&self, device: usize) -> bool {
+        self.faults_of(device)
+            .any(|(fault, state)| fault.disturbs_requests() && !state.effects.is_empty())
+    }
+
+    /// The faults that steps bring on a device.
+    fn faults_of(&self, device: usize) -> impl Iterator<Item = (&Fault, &StepState)> {
         let steps = self.scenario.steps.iter().zip(&self.steps);
-        steps
-            .filter(|(step, state)| step.device == device && !state.effects.is_empty())
-            .any(
-                |(step, _)| matches!(&step.action, StepAction::Fault(fault) if fault.disturbs_requests()),
-            )
+        let own = steps.filter(move |(step, _)| step.device == device);
+        own.filter_map(|(step, state)| Some((step.fault()?, state)))
     }
 
     /// One of a step's times that went on is over.

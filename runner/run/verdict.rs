@@ -110,7 +110,7 @@ impl Run {
         let scenario = Arc::clone(&self.scenario);
         let mut records = Vec::new();
         for (index, step) in scenario.steps.iter().enumerate() {
-            let StepAction::Fault(fault) = &step.action else {
+            let Some(fault) = step.fault() else {
                 continue;
             };
             let Some(begun) = self.steps[index].begun else {

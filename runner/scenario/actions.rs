@@ -14,10 +14,10 @@ use crate::schema;
 use crate::suggest::or_allowed;
 use crate::tables;
 
-/// Change around a vehicle.
-#[derive(Debug, Clone)]
-pub(super) enum WorldAction {
-    Add(Box<WorldMap>),
+/// Change around any vehicle.
+#[derive(Debug)]
+enum WorldAction {
+    Add(WorldMap),
     Move {
         obstacle: String,
         place: [f64; 2],
@@ -25,8 +25,6 @@ pub(super) enum WorldAction {
     },
     Remove(String),
     Friction(f64),
-    /// Change of something that hangs on the device.
-    Device(Arc<dyn Action>),
 }
 
 /// Changes that there are around any vehicle.
@@ -69,64 +67,44 @@ fn read_one_of<'a>(
     Err(serde::de::Error::custom(why))
 }
 
-impl WorldAction {
-    pub(super) fn read(
-        value: &Spanned<DeValue<'_>>,
-        device: &DeviceSpec,
-    ) -> Result<Self, toml::de::Error> {
-        let name = tables::name_of(value).unwrap_or_default();
-        if !AROUND.contains(&name) {
-            let own = device.surroundings.iter();
-            return read_one_of(value, device, own, &AROUND).map(Self::Device);
+/// Reads what changes around a device.
+pub(super) fn read_world(
+    value: &Spanned<DeValue<'_>>,
+    device: &DeviceSpec,
+) -> Result<Arc<dyn Action>, toml::de::Error> {
+    let name = tables::name_of(value).unwrap_or_default();
+    if !AROUND.contains(&name) {
+        return read_one_of(value, device, device.surroundings.iter(), &AROUND);
+    }
+    let wrong = |why: String| serde::de::Error::custom(why);
+    Ok(Arc::new(match tables::read(value)? {
+        AnyWorldText::Add(table) => WorldAction::Add(add(&table).map_err(wrong)?),
+        AnyWorldText::Move(to) => WorldAction::Move {
+            place: [to.x.0, to.y.0],
+            heading: to.heading.map(|angle| angle.0.to_radians()),
+            obstacle: to.obstacle,
+        },
+        AnyWorldText::Remove(obstacle) => WorldAction::Remove(obstacle),
+        AnyWorldText::Friction(friction) if (0.0..=2.0).contains(&friction) => {
+            WorldAction::Friction(friction)
         }
-        let wrong = |why: String| serde::de::Error::custom(why);
-        match tables::read(value)? {
-            AnyWorldText::Add(table) => {
-                let map = add(&table).map_err(wrong)?;
-                Ok(Self::Add(Box::new(map)))
-            }
-            AnyWorldText::Move(to) => Ok(Self::Move {
-                place: [to.x.0, to.y.0],
-                heading: to.heading.map(|angle| angle.0.to_radians()),
-                obstacle: to.obstacle,
-            }),
-            AnyWorldText::Remove(obstacle) => Ok(Self::Remove(obstacle)),
-            AnyWorldText::Friction(friction) if (0.0..=2.0).contains(&friction) => {
-                Ok(Self::Friction(friction))
-            }
-            AnyWorldText::Friction(friction) => Err(wrong(format!(
+        AnyWorldText::Friction(friction) => {
+            return Err(wrong(format!(
                 "friction {friction} is out of range; allowed: 0 to 2"
-            ))),
+            )));
         }
-    }
-
-    /// The obstacle that has to be there.
-    pub(super) fn obstacle(&self) -> Option<&str> {
-        match self {
-            Self::Move { obstacle, .. } | Self::Remove(obstacle) => Some(obstacle),
-            Self::Add(_) | Self::Friction(_) | Self::Device(_) => None,
-        }
-    }
-
-    /// The obstacles that it brings, as far as they have names.
-    pub(super) fn brings(&self) -> impl Iterator<Item = &str> {
-        let map = match self {
-            Self::Add(map) => Some(map),
-            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) | Self::Device(_) => None,
-        };
-        let obstacles = map.into_iter().flat_map(|map| map.obstacles.iter());
-        obstacles.filter_map(|obstacle| obstacle.name())
-    }
+    }))
 }
 
 impl Action for WorldAction {
-    fn perform(&self, device: &mut dyn Device, world: &mut World, now: SimTime) -> Performed {
+    fn perform(&self, _device: &mut dyn Device, world: &mut World, _now: SimTime) -> Performed {
         Ok(match self {
             Self::Add(map) => {
                 world.add_map(map)?;
                 // What has no name stays.
                 let things = Change::in_world("things", false, |_| {});
-                let named = self.brings().flat_map(|name| presence(name, None));
+                let named = self.brings().into_iter();
+                let named = named.flat_map(|name| presence(name, None));
                 [things].into_iter().chain(named).collect()
             }
             Self::Move {
@@ -152,14 +130,12 @@ impl Action for WorldAction {
                 let restore = move |world: &mut World| world.set_ground(before);
                 vec![Change::in_world("friction", before != ground, restore)]
             }
-            Self::Device(action) => return action.perform(device, world, now),
         })
     }
 
     fn can_end(&self) -> bool {
         let map = match self {
             Self::Add(map) => map,
-            Self::Device(action) => return action.can_end(),
             Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => return true,
         };
         let WorldMap {
@@ -168,9 +144,26 @@ impl Action for WorldAction {
             frictions,
             tags,
             strips,
-        } = map.as_ref();
+        } = map;
         let ground = slopes.len() + frictions.len() + tags.len() + strips.len();
         ground == 0 && obstacles.iter().all(|obstacle| obstacle.name().is_some())
+    }
+
+    fn needs(&self) -> Option<&str> {
+        match self {
+            Self::Move { obstacle, .. } | Self::Remove(obstacle) => Some(obstacle),
+            Self::Add(_) | Self::Friction(_) => None,
+        }
+    }
+
+    fn brings(&self) -> Vec<&str> {
+        match self {
+            Self::Add(map) => {
+                let obstacles = map.obstacles.iter();
+                obstacles.filter_map(|obstacle| obstacle.name()).collect()
+            }
+            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => Vec::new(),
+        }
     }
 }
 

@@ -56,15 +56,16 @@ impl Change {
         }
     }
 
-    /// A change of something from what it was `before` to what it is `now`.
-    pub fn of<T: PartialEq + Send + Sync + 'static>(
+    /// A change of something of a device of this type.
+    pub fn of_own<D: Device>(
         of: impl Into<String>,
-        before: T,
-        now: &T,
-        restore: impl FnOnce(T, &mut dyn Device, &mut World, SimTime) + Send + Sync + 'static,
+        changed: bool,
+        restore: impl FnOnce(&mut D, SimTime) + Send + Sync + 'static,
     ) -> Self {
-        Self::new(of, before != *now, move |device, world, now| {
-            restore(before, device, world, now);
+        Self::new(of, changed, |device, _, now| {
+            if let Some(own) = device.get_mut() {
+                restore(own, now);
+            }
         })
     }
 }
@@ -82,6 +83,16 @@ pub trait Action: fmt::Debug + Send + Sync {
 
     /// Tells whether it can be said to last for a time.
     fn can_end(&self) -> bool;
+
+    /// The obstacle that has to be there.
+    fn needs(&self) -> Option<&str> {
+        None
+    }
+
+    /// The obstacles that it brings, as far as they have names.
+    fn brings(&self) -> Vec<&str> {
+        Vec::new()
+    }
 }
 
 /// Things that can be done to a device, as files have them.
@@ -156,20 +167,20 @@ impl Action for Hands {
                 device
                     .plant_mut()
                     .set_push([ahead, left, turn.map_or(0.0, |torque| torque.0)]);
-                let now = device.plant().vehicle().push();
-                let restore = |push, device: &mut dyn Device, _: &mut World, _| {
-                    device.plant_mut().set_push(push);
+                let changed = before != device.plant().vehicle().push();
+                let restore = move |device: &mut dyn Device, _: &mut World, _| {
+                    device.plant_mut().set_push(before)
                 };
-                Ok(vec![Change::of("push", before, &now, restore)])
+                Ok(vec![Change::new("push", changed, restore)])
             }
             Self::Payload(mass) => {
                 let before = device.plant().vehicle().payload();
                 device.plant_mut().set_payload(world, mass.0);
-                let now = device.plant().vehicle().payload();
-                let restore = |payload, device: &mut dyn Device, world: &mut World, _| {
-                    device.plant_mut().set_payload(world, payload);
+                let changed = before != device.plant().vehicle().payload();
+                let restore = move |device: &mut dyn Device, world: &mut World, _| {
+                    device.plant_mut().set_payload(world, before);
                 };
-                Ok(vec![Change::of("payload", before, &now, restore)])
+                Ok(vec![Change::new("payload", changed, restore)])
             }
             Self::Place(Place { x, y, heading }) => {
                 let heading = heading.map_or(0.0, |angle| angle.0.to_radians());

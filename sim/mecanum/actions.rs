@@ -68,12 +68,8 @@ impl device::Action for Operator {
         let held = car.device().key();
         let before = held.map_or(OperatorInput::Release, OperatorInput::Press);
         car.operate(now, input);
-        let restore = |before, device: &mut dyn Device, _: &mut World, now| {
-            if let Some(car) = device.get_mut::<Mecanum>() {
-                car.operate(now, before);
-            }
-        };
-        Ok(vec![Change::of("key", before, &input, restore)])
+        let restore = move |car: &mut Mecanum, now| car.operate(now, before);
+        Ok(vec![Change::of_own("key", before != input, restore)])
     }
 
     fn can_end(&self) -> bool {

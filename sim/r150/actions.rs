@@ -88,11 +88,9 @@ impl Operator {
 
 /// A change that these inputs take back, unless nothing `changed`.
 fn undone_by(of: &str, changed: bool, inputs: Vec<OperatorInput>) -> Change {
-    Change::new(of, changed, move |device, _, now| {
-        if let Some(r150) = device.get_mut::<R150>() {
-            for input in inputs {
-                r150.operate(now, input);
-            }
+    Change::of_own(of, changed, move |r150: &mut R150, now| {
+        for input in inputs {
+            r150.operate(now, input);
         }
     })
 }
@@ -106,15 +104,13 @@ fn of_app(before: Parts, now: Parts, parts: Parts) -> Vec<Change> {
     ];
     let change = |(of, part): (&str, Part)| {
         let [before, now, is_meant] = [before, now, parts].map(|mut all| *part(&mut all));
-        let restore = move |before, device: &mut dyn Device, _: &mut World, at| {
-            if let Some(r150) = device.get_mut::<R150>() {
-                let mut held = r150.device().control().held_by_app;
-                *part(&mut held) = before;
-                let Parts { power, pwm } = held;
-                r150.operate(at, OperatorInput::AppHolds { power, pwm });
-            }
+        let restore = move |r150: &mut R150, at| {
+            let mut held = r150.device().control().held_by_app;
+            *part(&mut held) = before;
+            let Parts { power, pwm } = held;
+            r150.operate(at, OperatorInput::AppHolds { power, pwm });
         };
-        is_meant.then(|| Change::of(of, before, &now, restore))
+        is_meant.then(|| Change::of_own(of, before != now, restore))
     };
     each.into_iter().filter_map(change).collect()
 }
@@ -286,22 +282,16 @@ impl device::Action for Surroundings {
                 let rail = super::rail(rail);
                 let before = r150.plant().load(rail);
                 r150.plant_mut().set_load(rail, load);
-                let now = r150.plant().load(rail);
-                let of = format!("load {}", rail.index());
-                Change::of(of, before, &now, move |load, device, _, _| {
-                    if let Some(r150) = device.get_mut::<R150>() {
-                        r150.plant_mut().set_load(rail, load);
-                    }
-                })
+                let changed = before != r150.plant().load(rail);
+                let restore = move |r150: &mut R150, _| r150.plant_mut().set_load(rail, before);
+                Change::of_own(format!("load {}", rail.index()), changed, restore)
             }
             Self::PwmSignal(SignalText { input, source }) => {
                 let before = r150.plant().pwm_source(input);
                 r150.plant_mut().set_pwm_source(input, source);
                 let of = format!("pwm input {input}");
-                Change::of(of, before, &source, move |source, device, _, _| {
-                    if let Some(r150) = device.get_mut::<R150>() {
-                        r150.plant_mut().set_pwm_source(input, source);
-                    }
+                Change::of_own(of, before != source, move |r150: &mut R150, _| {
+                    r150.plant_mut().set_pwm_source(input, before);
                 })
             }
         };
@@ -340,32 +330,25 @@ pub(super) fn at_the_worst_time(
     let ends_key = vehicle.key_outlasts_press() && !parked;
     let end_key = ends_key.then_some(OperatorInput::ReleaseParking);
     let mode = autonomous.then_some(OperatorInput::Autonomous);
-    let acts = match *fault {
-        OperatorFault::EmergencyStop {} if !emergency_stop => {
-            vec![OperatorInput::EmergencyStop(true)]
+    let (is_so, acts) = match *fault {
+        OperatorFault::EmergencyStop {} => {
+            (emergency_stop, vec![OperatorInput::EmergencyStop(true)])
         }
         OperatorFault::RemoteControlTakesOver { key: Some(key) } => {
-            vec![OperatorInput::Press(super::key(key))]
+            (false, vec![OperatorInput::Press(super::key(key))])
         }
-        OperatorFault::RemoteControlTakesOver { key: None } if autonomous => {
-            TOUCH.into_iter().chain(end_key).collect()
+        OperatorFault::RemoteControlTakesOver { key: None } => {
+            (!autonomous, TOUCH.into_iter().chain(end_key).collect())
         }
-        OperatorFault::Locked {} if !locked => vec![OperatorInput::Lock],
-        OperatorFault::Parked {} if !parked => vec![OperatorInput::Park],
-        OperatorFault::AppTakesControl { power, pwm }
-            if (power && !held.power) || (pwm && !held.pwm) =>
-        {
+        OperatorFault::Locked {} => (locked, vec![OperatorInput::Lock]),
+        OperatorFault::Parked {} => (parked, vec![OperatorInput::Park]),
+        OperatorFault::AppTakesControl { power, pwm } => {
             let (power, pwm) = (power || held.power, pwm || held.pwm);
-            vec![OperatorInput::AppHolds { power, pwm }]
+            let all = vec![OperatorInput::AppHolds { power, pwm }];
+            (held == Parts { power, pwm }, all)
         }
-        OperatorFault::EmergencyStop {}
-        | OperatorFault::RemoteControlTakesOver { key: None }
-        | OperatorFault::Locked {}
-        | OperatorFault::Parked {}
-        | OperatorFault::AppTakesControl { .. } => Vec::new(),
     };
-    let acted = !acts.is_empty();
-    for act in acts {
+    for act in acts.into_iter().filter(|_| !is_so) {
         r150.operate(now, act);
     }
     let vehicle = r150.device().vehicle();
@@ -382,11 +365,11 @@ pub(super) fn at_the_worst_time(
         OperatorFault::EmergencyStop {} => {
             // It may have locked the vehicle, too.
             let out = vec![OperatorInput::EmergencyStop(false)];
-            vec![undone_by("emergency stop", acted, out), unlock, release]
+            vec![undone_by("emergency stop", !is_so, out), unlock, release]
         }
         OperatorFault::RemoteControlTakesOver { .. } => {
             let back = [key].into_iter().chain(end_key).chain(mode).collect();
-            vec![undone_by("key", acted, back)]
+            vec![undone_by("key", !is_so, back)]
         }
         OperatorFault::Locked {} => vec![unlock, release],
         OperatorFault::Parked {} => vec![release],

@@ -3,14 +3,14 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use sim_core::device::Action;
+use sim_core::device::{Action, DeviceSpec};
 use toml::Spanned;
 use toml::de::DeValue;
 
 use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved};
 use crate::forgiving::{self, LeftOut};
-use crate::scenario::actions::{WorldAction, read_operator};
+use crate::scenario::actions::{read_operator, read_world};
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
 use crate::scenario::{Only, Step, StepAction, Times, Trigger};
@@ -23,11 +23,8 @@ type Timing = (Option<Times>, Option<u32>, Option<Times>);
 /// The keys of which one says what a step does.
 const ACTIONS: [&str; 6] = ["host", "fault", "clear", "operator", "world", "expect"];
 
-/// A deed as a step does it, by the words of the file.
-fn deed(key: &str, value: &Spanned<DeValue<'_>>, action: Arc<dyn Action>) -> StepAction {
-    let name = tables::name_of(value).unwrap_or_default();
-    StepAction::Deed(format!("{key} {name}"), action)
-}
+/// Reads what a step does to a device, or what changes around it.
+type ReadDeed = fn(&Spanned<DeValue<'_>>, &DeviceSpec) -> Result<Arc<dyn Action>, toml::de::Error>;
 
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
@@ -181,30 +178,30 @@ impl Checker<'_> {
         if let Some(name) = &text.clear {
             actions.push(self.step_named(name).map(StepAction::Clear));
         }
-        if let (Some(_), Some(value)) = (&text.operator, table.get("operator")) {
-            let read = plan.and_then(|(_, plan)| {
+        let deeds: [(&str, _, ReadDeed); 2] = [
+            ("operator", &text.operator, read_operator),
+            ("world", &text.world, read_world),
+        ];
+        for (key, text, read) in deeds {
+            let (Some(text), Some(value)) = (text, table.get(key)) else {
+                continue;
+            };
+            let action = plan.and_then(|(_, plan)| {
                 let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
                 forgiving::read(value, left_out, &mut self.problems, &|value| {
-                    read_operator(value, plan.device)
+                    read(value, plan.device)
                 })
             });
-            actions.push(read.map(|action| deed("operator", value, action)));
-        }
-        if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
-            let read = plan.and_then(|(_, plan)| {
-                let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
-                forgiving::read(value, left_out, &mut self.problems, &|value| {
-                    WorldAction::read(value, plan.device)
-                })
-            });
-            if let Some(action) = &read {
-                let place = self.problems.origin(world.span().start).to_string();
-                let needed = action.obstacle().into_iter();
-                self.obstacles
-                    .extend(needed.map(|name| (name.to_owned(), place.clone())));
-                self.brought.extend(action.brings().map(str::to_owned));
-            }
-            actions.push(read.map(|action| deed("world", value, Arc::new(action))));
+            actions.push(action.map(|action| {
+                let place = self.problems.origin(text.span().start);
+                let needed = action.needs().into_iter();
+                let needed = needed.map(|name| (name.to_owned(), place.to_string()));
+                self.obstacles.extend(needed);
+                let brought = action.brings().into_iter().map(str::to_owned);
+                self.brought.extend(brought);
+                let name = tables::name_of(value).unwrap_or_default();
+                StepAction::Deed(format!("{key} {name}"), action)
+            }));
         }
         if let Some(expect) = &text.expect {
             let that = self.condition(&expect.that);
