@@ -71,8 +71,8 @@ fn it_has_faults_of_any_body_and_what_any_operator_does() {
          expect = { that = \"truth.speed_mps > 0.02 && truth.speed_mps < 0.08\" }\n\
          [[step]]\nat = \"4 s\"\nexpect = { that = \"truth.at_rest\" }\n\
          [[step]]\nat = \"5.5 s\"\nexpect = { that = \"truth.mass_kg == 1.5\" }\n\
-         [[step]]\nat = \"6 s\"\nfor = \"1 s\"\nfault = { kind = \"push\", left = \"50 N\" }\n\
-         [[step]]\nat = \"6.9 s\"\nexpect = { that = \"truth.leftward_mps > 0.1\" }\n\
+         [[step]]\nat = \"6 s\"\nfor = \"500 ms\"\nfault = { kind = \"push\", left = \"20 N\" }\n\
+         [[step]]\nat = \"6.4 s\"\nexpect = { that = \"truth.leftward_mps > 0.1\" }\n\
          [[step]]\nat = \"8.9 s\"\nexpect = { that = \"truth.at_rest && truth.y_m > 0.1\" }\n",
     );
     let mut run = Run::new(scenario, None, RunOptions::scripted(1)).unwrap();
