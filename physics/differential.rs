@@ -97,11 +97,10 @@ impl Plant for Differential {
     }
 
     fn mass(&self) -> f64 {
-        self.shape.mass + self.body.payload()
+        self.shape.mass + self.body.total_payload()
     }
 
-    fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
+    fn follow_payload(&mut self, world: &mut World) {
         let mass = self.mass();
         world.set_mass(self.body.id(), mass, inertia(self.shape, mass));
     }
@@ -121,7 +120,7 @@ impl Plant for Differential {
         let (mass, inertia) = (self.mass(), inertia(self.shape, self.mass()));
         let pull = motion.to_body(ground.downhill());
         let weight = mass * world.gravity();
-        let [push_ahead, push_left, push_turn] = self.body.push();
+        let [push_ahead, push_left, push_turn] = self.body.total_push();
         let mut course = Course::new(motion.body_velocity());
         let [ahead, left, yaw_rate] = course.coasting(dt);
         let free = [
@@ -137,7 +136,8 @@ impl Plant for Differential {
             (right_wheel - left_wheel) / self.shape.track,
         ];
         // The most that friction changes in a step: of both speeds, and of the yaw rate.
-        let grip = dt * ground.friction() * world.gravity() * ground.cos_slope();
+        let most = self.body.most_friction().unwrap_or(f64::INFINITY);
+        let grip = dt * ground.friction().min(most) * world.gravity() * ground.cos_slope();
         let limits = [grip, grip, grip * mass * half / inertia];
         let velocity: [f64; 3] = std::array::from_fn(|axis| {
             let change = held[axis] - free[axis];

@@ -220,10 +220,11 @@ impl Plant for MecanumPlant {
         self.drive.forget_step();
     }
 
-    /// kg, within 0–100.
-    fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
-        self.follow_payload(world);
+    fn follow_payload(&mut self, world: &mut World) {
+        let payload = self.body.total_payload();
+        self.drive.set_payload(&self.settings, payload);
+        let gear = &self.drive.gear;
+        world.set_mass(self.body.id(), gear.mass, gear.inertia);
     }
 
     fn place(&mut self, world: &mut World, pose: Pose) {

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::drawing::Drawing;
+use crate::faults::BodyFaults;
 use crate::pose::Pose;
 use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyId, World};
@@ -50,8 +51,8 @@ pub trait Plant {
     /// hardware without slow states.
     fn rest(&mut self, _span: Duration) {}
 
-    /// Puts a payload on the deck, kg.
-    fn set_payload(&mut self, world: &mut World, payload: f64);
+    /// Gives its body in the world the mass that it has with its payload.
+    fn follow_payload(&mut self, world: &mut World);
 
     /// Lifts it and sets it down elsewhere, standing.
     fn place(&mut self, world: &mut World, pose: Pose);
@@ -84,6 +85,18 @@ pub trait Plant {
     /// Looks again whether it can stand, after a change around it such as another ground.
     fn wake(&mut self) {
         self.vehicle_mut().wake();
+    }
+
+    /// Puts a payload on the deck, kg.
+    fn set_payload(&mut self, world: &mut World, payload: f64) {
+        self.vehicle_mut().set_payload(payload);
+        self.follow_payload(world);
+    }
+
+    /// Replaces all that is wrong with it as a body.
+    fn set_body_faults(&mut self, world: &mut World, faults: &BodyFaults) {
+        self.vehicle_mut().set_faults(faults);
+        self.follow_payload(world);
     }
 
     /// Pushes steadily: ahead and to the left in N, counter-clockwise in N·m, until changed.

@@ -302,10 +302,11 @@ impl Plant for R150Plant {
         self.solve_network();
     }
 
-    /// kg, within 0–1000.
-    fn set_payload(&mut self, world: &mut World, payload: f64) {
-        self.body.set_payload(payload);
-        self.follow_payload(world);
+    fn follow_payload(&mut self, world: &mut World) {
+        let payload = self.body.total_payload();
+        self.drive.set_payload(&self.settings, payload);
+        let gear = &self.drive.gear;
+        world.set_mass(self.body.id(), gear.mass, gear.inertia);
     }
 
     fn place(&mut self, world: &mut World, pose: Pose) {

@@ -116,24 +116,29 @@ impl VehicleBody {
         self.wake();
     }
 
+    /// Returns what is wrong with it.
+    pub fn faults(&self) -> &BodyFaults {
+        &self.faults
+    }
+
     /// Replaces what is wrong with it. The plant changes the body's mass.
-    pub(crate) fn set_faults(&mut self, faults: &BodyFaults) {
-        self.faults = *faults;
+    pub fn set_faults(&mut self, faults: &BodyFaults) {
+        self.faults = faults.within(self.bounds);
         self.wake();
     }
 
     /// Mass that it carries with what faults add, kg.
-    pub(crate) fn total_payload(&self) -> f64 {
+    pub fn total_payload(&self) -> f64 {
         self.payload + self.faults.payload
     }
 
     /// All that pushes it, ahead, left, counter-clockwise; N and N·m.
-    pub(crate) fn total_push(&self) -> [f64; 3] {
+    pub fn total_push(&self) -> [f64; 3] {
         std::array::from_fn(|part| self.push[part] + self.faults.push[part])
     }
 
     /// Most friction that the ground gives it, if a fault bounds it.
-    pub(crate) fn most_friction(&self) -> Option<f64> {
+    pub fn most_friction(&self) -> Option<f64> {
         self.faults.friction
     }
 

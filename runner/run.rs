@@ -42,12 +42,10 @@ mod agenda;
 mod client;
 mod context;
 mod direct;
-mod effects;
 mod host;
 mod instant;
 mod judge;
 mod lateness;
-mod layers;
 mod outcome;
 mod responses;
 mod steps;
@@ -73,11 +71,9 @@ use crate::condition::Reading;
 use crate::scenario::Scenario;
 use crate::trace::{Record, Recorder};
 use agenda::Agenda;
-use context::Recent;
 use host::HostPort;
 use judge::{Expected, RuleState};
 use lateness::Lateness;
-use layers::Layers;
 use responses::ResponseState;
 use steps::StepState;
 
@@ -166,13 +162,11 @@ pub struct Run {
     events: VecDeque<Event>,
     events_lost: u64,
     /// Things that happened since the last failure.
-    recent: VecDeque<Recent>,
+    recent: VecDeque<Event>,
     /// What was in effect at the end.
     last_in_effect: Option<(Vec<String>, Vec<String>)>,
     failures: Vec<Failure>,
     more_failures: u64,
-    /// What steps have changed that can be brought back.
-    layers: Layers,
     limit: SimTime,
     outcome: Option<Outcome>,
 }
@@ -226,7 +220,6 @@ impl Run {
             last_in_effect: None,
             failures: Vec::new(),
             more_failures: 0,
-            layers: Layers::default(),
             limit: SimTime::ZERO + scenario.limit,
             outcome: None,
             scenario,

@@ -47,7 +47,6 @@ use sim_settings::{Source, shorten};
 pub use document::{Only, Overlap};
 pub use files::{NamedText, ScenarioFiles};
 
-pub(crate) use actions::WorldAction;
 pub(crate) use check::{read, read_step};
 pub(crate) use compose::Texts;
 pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
@@ -114,6 +113,8 @@ pub struct Scenario {
     pub(crate) demand: Option<Demand>,
     /// Obstacles that have to be there, and where the file says so.
     pub(crate) obstacles: Vec<(String, String)>,
+    /// Obstacles that steps bring, by their names.
+    pub(crate) brought: Vec<String>,
 }
 
 /// One thing that happens.
@@ -140,11 +141,21 @@ pub(crate) struct Step {
     pub mission: bool,
     pub device: usize,
     pub action: StepAction,
-    /// Deed that it does to a vehicle or its world, in the words of the file: `world add`.
-    pub deed: Option<String>,
 }
 
 impl Step {
+    /// The fault that it brings, if it brings one.
+    pub(crate) fn fault(&self) -> Option<&Fault> {
+        match &self.action {
+            StepAction::Fault(fault) => Some(fault),
+            StepAction::Host(_)
+            | StepAction::Clear(_)
+            | StepAction::Deed(..)
+            | StepAction::Expect { .. }
+            | StepAction::Nothing => None,
+        }
+    }
+
     /// Tells whether what it does has an end only by `for` and `until` of the whole step, not of
     /// each time.
     pub(crate) fn is_repeated_for(&self) -> bool {
@@ -193,8 +204,9 @@ pub(crate) enum StepAction {
     Fault(Fault),
     /// Mends what the step with this index broke.
     Clear(usize),
-    Operator(Arc<dyn device::Action>),
-    World(WorldAction),
+    /// Somebody does something to the device, or something changes around it; with the words of the
+    /// file: `world add`.
+    Deed(String, Arc<dyn device::Action>),
     Expect {
         that: Condition,
         within: Option<Duration>,
@@ -309,6 +321,7 @@ impl Scenario {
             saved: Vec::new(),
             demand: None,
             obstacles: Vec::new(),
+            brought: Vec::new(),
         }
     }
 
@@ -325,11 +338,8 @@ impl Scenario {
     /// A line for each that nobody has put there, with its place in the file.
     pub(crate) fn check_obstacles(&self, map: &WorldMap) -> Result<(), String> {
         let in_map = map.obstacles.iter().filter_map(|obstacle| obstacle.name());
-        let added = self.steps.iter().flat_map(|step| match &step.action {
-            StepAction::World(action) => action.brings().collect(),
-            _ => Vec::new(),
-        });
-        let known: Vec<&str> = in_map.chain(added).collect();
+        let brought = self.brought.iter().map(String::as_str);
+        let known: Vec<&str> = in_map.chain(brought).collect();
         let unknown: Vec<String> = self
             .obstacles
             .iter()
@@ -407,10 +417,8 @@ impl Scenario {
 
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.
     pub fn faults(&self) -> impl Iterator<Item = &'static str> {
-        self.steps.iter().filter_map(|step| match &step.action {
-            StepAction::Fault(fault) => Some(fault.id()),
-            _ => None,
-        })
+        let faults = self.steps.iter().filter_map(Step::fault);
+        faults.map(Fault::id)
     }
 
     /// Tells whether the file has a scripted client.

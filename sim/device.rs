@@ -23,12 +23,14 @@ use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::event::{Code, EventKind};
-use crate::fault::{Fault, FaultHandle, FaultInfo, catalogue};
+use crate::fault::{Fault, FaultInfo, OperatorFault, catalogue};
 use crate::noise::Noise;
 
 pub use sim_physics::Motion;
 
-pub use action::{Action, Actions, Change, HANDS, Hands, Performed, Place, Push, actions};
+pub use action::{
+    Action, Actions, Change, EffectHandle, HANDS, Hands, Performed, Place, Push, Restore, actions,
+};
 pub(crate) use framing::with_first;
 pub use framing::{Framing, TextLines};
 pub use host::HostSpec;
@@ -283,23 +285,27 @@ pub trait Device: Breakable + Any + Send + Sync {
 /// Faults of a device's hardware, its sensors and its operators. What is here is only called if the
 /// row has such faults.
 pub trait Breakable {
-    /// A fault begins; says whether it has already acted.
-    fn arm(&mut self, _now: SimTime, _handle: FaultHandle, _fault: &Fault, _noise: Noise) -> bool {
-        false
-    }
+    /// A fault of the hardware or a sensor begins.
+    fn arm(&mut self, _handle: EffectHandle, _fault: &Fault, _noise: Noise) {}
 
     /// That fault ends.
-    fn disarm(&mut self, _now: SimTime, _handle: FaultHandle) {}
+    fn disarm(&mut self, _handle: EffectHandle) {}
 
-    /// Brings the hardware into the state that all such faults together make.
-    fn apply_faults(&mut self, _world: &mut World) {}
+    /// Brings the hardware into the state that all such faults together make; those of it as a body
+    /// are none of its concern.
+    fn apply_faults(&mut self, _now: SimTime) {}
+
+    /// Somebody does this to it; gives what that changes, also where it was so before.
+    fn be_operated(&mut self, _now: SimTime, _fault: &OperatorFault) -> Vec<Change> {
+        Vec::new()
+    }
 
     /// So many seconds have passed for the hardware: interference goes on. Tells what it has acted
     /// on.
-    fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(FaultHandle, String)) {}
+    fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(EffectHandle, String)) {}
 
     /// Tells whether an armed fault has an effect now.
-    fn acts(&self, _handle: FaultHandle, _fault: &Fault) -> bool {
+    fn acts(&self, _handle: EffectHandle, _fault: &Fault) -> bool {
         false
     }
 

@@ -147,10 +147,6 @@ impl JsonSchema for Fault {
     }
 }
 
-/// A fault that was armed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct FaultHandle(pub(crate) usize);
-
 /// Refusal to arm a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FaultError {

@@ -10,11 +10,12 @@ mod wire;
 use std::collections::BTreeMap;
 
 use sim_physics::World;
+use sim_physics::faults::BodyFaults;
 use sim_settings::SimTime;
 
 use crate::defects::Defects;
-use crate::device::Device;
-use crate::fault::{Fault, FaultHandle, FaultKind, FirmwareFault};
+use crate::device::{Change, Device, EffectHandle, Motion};
+use crate::fault::{Fault, FaultKind, FirmwareFault};
 use crate::noise::Noise;
 use protocol::FramesAtWork;
 use stage::Stage;
@@ -23,7 +24,7 @@ use wire::WireAtWork;
 
 /// An armed fault.
 struct Armed {
-    handle: FaultHandle,
+    handle: EffectHandle,
     name: String,
     fault: Fault,
     /// Index of the link that it is about.
@@ -40,7 +41,12 @@ enum Work {
     Firmware(FirmwareFault, u64),
     /// Effect when last looked at; the device keeps the rest.
     Device(bool),
+    /// Done at once; the rig undoes it.
+    Operator,
 }
+
+/// Slower than this a vehicle stands, m/s and rad/s.
+const STANDING: f64 = 0.01;
 
 /// All faults of one device, and what they hold back.
 pub(crate) struct Injection {
@@ -53,6 +59,7 @@ pub(crate) struct Injection {
     order: u64,
     ticked: SimTime,
     defects: Defects,
+    body: BodyFaults,
 }
 
 impl Injection {
@@ -64,6 +71,7 @@ impl Injection {
             order: 0,
             ticked: now,
             defects: Defects::default(),
+            body: BodyFaults::default(),
         }
     }
 
@@ -71,7 +79,7 @@ impl Injection {
         self.armed.len()
     }
 
-    pub(crate) fn arms(&self, handle: FaultHandle) -> bool {
+    pub(crate) fn arms(&self, handle: EffectHandle) -> bool {
         self.armed.iter().any(|armed| armed.handle == handle)
     }
 
@@ -82,16 +90,18 @@ impl Injection {
             && self.stages.iter().flatten().all(Stage::is_empty)
     }
 
-    /// Arms a fault on a link; `stream` gives it random numbers of its own for each purpose.
+    /// Arms a fault on a link; `stream` gives it random numbers of its own for each purpose. Gives
+    /// what an operator has changed.
     pub(crate) fn arm(
         &mut self,
         now: SimTime,
-        (handle, name): (FaultHandle, &str),
+        (handle, name): (EffectHandle, &str),
         (fault, link): (&Fault, usize),
         device: &mut dyn Device,
         stream: impl Fn(&str) -> Noise,
-    ) {
+    ) -> Vec<Change> {
         let mut tally = Tally::default();
+        let mut changes = Vec::new();
         let (work, acted) = match &fault.kind {
             FaultKind::Wire(kind) => {
                 let wire = WireAtWork::new(kind, &fault.scope, link, now, stream);
@@ -108,12 +118,14 @@ impl Injection {
                 let (count, _) = firmware::count(&device.defect_counts(), kind);
                 (Work::Firmware(kind.clone(), count), acted)
             }
-            FaultKind::Electrical(_)
-            | FaultKind::Mechanical(_)
-            | FaultKind::Operator(_)
-            | FaultKind::Sensor(_) => {
-                let acted = device.arm(now, handle, fault, stream("device"));
-                (Work::Device(false), acted)
+            FaultKind::Electrical(_) | FaultKind::Mechanical(_) | FaultKind::Sensor(_) => {
+                device.arm(handle, fault, stream("device"));
+                (Work::Device(false), false)
+            }
+            FaultKind::Operator(kind) => {
+                changes = device.be_operated(now, kind);
+                let acted = changes.iter().any(|change| change.restore.is_some());
+                (Work::Operator, acted)
             }
         };
         if acted {
@@ -127,33 +139,44 @@ impl Injection {
             tally,
             work,
         });
+        changes
     }
 
     /// Ends a fault; gives its name and its id.
     pub(crate) fn disarm(
         &mut self,
         now: SimTime,
-        handle: FaultHandle,
+        handle: EffectHandle,
         device: &mut dyn Device,
     ) -> Option<(String, &'static str)> {
         let at = self.armed.iter().position(|armed| armed.handle == handle)?;
         let ended = self.armed.remove(at);
         match &ended.work {
             Work::Wire(wire) if wire.stalls() => self.release(now, ended.link),
-            Work::Device(_) => device.disarm(now, handle),
-            Work::Wire(_) | Work::Frames(_) | Work::Firmware(..) => {}
+            Work::Device(_) => device.disarm(handle),
+            Work::Wire(_) | Work::Frames(_) | Work::Firmware(..) | Work::Operator => {}
         }
         Some((ended.name, ended.fault.id()))
     }
 
     /// Puts hardware and firmware into the state that all armed faults together make.
     pub(crate) fn apply(&mut self, now: SimTime, device: &mut dyn Device, world: &mut World) {
-        device.apply_faults(world);
+        device.apply_faults(now);
         let mut defects = Defects::default();
+        let mut body = BodyFaults::default();
         for armed in &self.armed {
-            if let Work::Firmware(fault, _) = &armed.work {
-                firmware::add(&mut defects, fault);
+            match &armed.fault.kind {
+                FaultKind::Firmware(fault) => firmware::add(&mut defects, fault),
+                FaultKind::Mechanical(fault) => fault.add_to_body(&mut body),
+                FaultKind::Wire(_)
+                | FaultKind::Protocol(_)
+                | FaultKind::Electrical(_)
+                | FaultKind::Operator(_)
+                | FaultKind::Sensor(_) => {}
             }
+        }
+        if body != std::mem::replace(&mut self.body, body) {
+            device.plant_mut().set_body_faults(world, &body);
         }
         if defects != std::mem::replace(&mut self.defects, defects) {
             device.set_defects(now, defects);
@@ -176,7 +199,7 @@ impl Injection {
     pub(crate) fn watch(&mut self, device: &dyn Device) {
         for armed in &mut self.armed {
             match &mut armed.work {
-                Work::Wire(_) | Work::Frames(_) => {}
+                Work::Wire(_) | Work::Frames(_) | Work::Operator => {}
                 Work::Firmware(fault, counted) => {
                     let (count, what) = firmware::count(&device.defect_counts(), fault);
                     let more = count.saturating_sub(*counted);
@@ -184,7 +207,8 @@ impl Injection {
                     *counted = count;
                 }
                 Work::Device(acted) => {
-                    let acts = device.acts(armed.handle, &armed.fault);
+                    let acts = device.acts(armed.handle, &armed.fault)
+                        || acts_on_body(&armed.fault.kind, &device.plant().motion());
                     if acts && !*acted {
                         armed.tally.hit(|| device.acted_on(&armed.fault));
                     }
@@ -197,7 +221,7 @@ impl Injection {
     /// Hands on what has been counted: handle, name, id, hits, and at the first hit what it was.
     pub(crate) fn report(
         &mut self,
-        mut told: impl FnMut(FaultHandle, &str, &'static str, u64, Option<String>),
+        mut told: impl FnMut(EffectHandle, &str, &'static str, u64, Option<String>),
     ) {
         for armed in &mut self.armed {
             let first = armed.tally.first.take();
@@ -205,4 +229,11 @@ impl Injection {
             told(armed.handle, &armed.name, id, armed.tally.hits, first);
         }
     }
+}
+
+/// Tells whether a fault has an effect on a vehicle as a body.
+fn acts_on_body(fault: &FaultKind, motion: &Motion) -> bool {
+    let speeds = [motion.forward_speed, motion.leftward_speed, motion.yaw_rate];
+    let moves = speeds.iter().any(|speed| speed.abs() > STANDING);
+    matches!(fault, FaultKind::Mechanical(fault) if fault.acts_on_body(moves))
 }

@@ -6,6 +6,7 @@
 //! were added; then the physics takes the step that ends there.
 
 mod deadlines;
+mod effects;
 mod events;
 mod faults;
 mod port;
@@ -17,11 +18,12 @@ use std::time::Duration;
 use sim_physics::{PhysicsError, World, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
-use crate::device::{Device, DeviceSpec, LineSettings, Motion, Setup};
+use crate::device::{Device, DeviceSpec, EffectHandle, LineSettings, Motion, Setup};
 use crate::event::Event;
 use crate::injection::Injection;
 use crate::line::{SerialLine, Wire};
 use deadlines::Deadlines;
+use effects::Effects;
 use events::Events;
 pub use port::PortId;
 
@@ -81,8 +83,9 @@ pub struct Rig {
     physics_due: SimTime,
     resting: bool,
     events: Events,
-    /// Number of times that each fault has acted, by handle.
-    fault_hits: Vec<u64>,
+    effects: Effects,
+    /// Number of times that each fault has acted.
+    fault_hits: BTreeMap<EffectHandle, u64>,
     /// Number of times that faults have been armed under each name.
     fault_names: BTreeMap<String, u32>,
 }
@@ -102,7 +105,8 @@ impl Rig {
             physics_due,
             resting: false,
             events: Events::default(),
-            fault_hits: Vec::new(),
+            effects: Effects::default(),
+            fault_hits: BTreeMap::new(),
             fault_names: BTreeMap::new(),
         }
     }

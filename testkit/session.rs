@@ -16,7 +16,8 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::fault::{FaultHandle, FaultLevel};
+use sim_core::device::EffectHandle;
+use sim_core::fault::FaultLevel;
 use sim_core::line::{ClientLine, LineEvent};
 use sim_core::mecanum::Mecanum;
 use sim_core::r150::R150;
@@ -94,7 +95,7 @@ struct Player {
 }
 
 struct Injected {
-    handle: FaultHandle,
+    handle: EffectHandle,
     device: usize,
     /// Set if it acts on what the client gets, and not only on what is told to it.
     disturbs: bool,
@@ -240,7 +241,7 @@ impl Player {
         client.comes(self.now, idle && !self.faults.iter().any(disturbed));
     }
 
-    fn injected(&mut self, handle: FaultHandle, device: usize, level: FaultLevel) {
+    fn injected(&mut self, handle: EffectHandle, device: usize, level: FaultLevel) {
         let disturbs = matches!(level, FaultLevel::Wire | FaultLevel::Protocol);
         self.faults.push(Injected {
             handle,

@@ -56,3 +56,27 @@ fn its_watchdog_stops_it_and_is_held_against_the_client() {
         .collect();
     assert_eq!(blamed, ["bad_line", "watchdog_fired"]);
 }
+
+#[test]
+fn it_has_faults_of_any_body_and_what_any_operator_does() {
+    let scenario = scenario(
+        "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"9 s\"\n\
+         [[device]]\nkind = \"robot\"\nsettings = { watchdog = \"1 s\" }\n\
+         [[step]]\nat = \"100 ms\"\nfor = \"5 s\"\nfault = { kind = \"payload\", mass = \"2 kg\" }\n\
+         [[step]]\nat = \"200 ms\"\nfor = \"5 s\"\noperator = { payload = \"1 kg\" }\n\
+         [[step]]\nat = \"300 ms\"\nexpect = { that = \"truth.mass_kg == 4.5\" }\n\
+         [[step]]\nat = \"400 ms\"\nfor = \"2 s\"\nfault = { kind = \"ice\", friction = 0.01 }\n\
+         [[step]]\nat = \"500 ms\"\nhost = { send = { speeds = { left = 400, right = 400 } } }\n\
+         [[step]]\nat = \"1 s\"\n\
+         expect = { that = \"truth.speed_mps > 0.02 && truth.speed_mps < 0.08\" }\n\
+         [[step]]\nat = \"4 s\"\nexpect = { that = \"truth.at_rest\" }\n\
+         [[step]]\nat = \"5.5 s\"\nexpect = { that = \"truth.mass_kg == 1.5\" }\n\
+         [[step]]\nat = \"6 s\"\nfor = \"500 ms\"\nfault = { kind = \"push\", left = \"20 N\" }\n\
+         [[step]]\nat = \"6.4 s\"\nexpect = { that = \"truth.leftward_mps > 0.1\" }\n\
+         [[step]]\nat = \"8.9 s\"\nexpect = { that = \"truth.at_rest && truth.y_m > 0.1\" }\n",
+    );
+    let mut run = Run::new(scenario, None, RunOptions::scripted(1)).unwrap();
+    let outcome = run.play(&mut |_| {}).unwrap();
+    // A fault that hits nothing would fail it.
+    assert!(outcome.passed, "{outcome:#?}");
+}

@@ -297,12 +297,12 @@ fn each_failure_tells_what_came_before_it_and_what_was_in_effect() {
     let (first_has, second_has) = (
         [
             "in effect then: \"box\" (world add), from 1.000000 s on",
-            "1.000000 == step \"box\": world add\n",
+            "1.000000 r150  . step \"box\": world add\n",
         ],
         [
             "in effect then: \"push\" (operator push), from 3.500000 s on",
-            "3.000000 == step \"box\": world add, undone\n",
-            "3.500000 == step \"push\": operator push\n",
+            "3.000000 r150  . step \"box\": world add, undone\n",
+            "3.500000 r150  . step \"push\": operator push\n",
         ],
     );
     assert!(

@@ -1,10 +1,9 @@
 //! Deeds of an operator, a scenario or bad luck to the car.
 
+use super::MecanumPlant;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
-use super::{BOUNDS, MecanumPlant};
-use crate::faults::{BodyFaults, MotorFaults};
+use crate::faults::MotorFaults;
 use crate::vehicle_body::number;
-use crate::world::World;
 
 /// State of an ultrasonic sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -28,8 +27,6 @@ pub struct MecanumFaults {
     pub unsupplied: bool,
     /// Plugs that have changed places.
     pub swaps: PlugSwaps,
-    /// Faults of it as a body.
-    pub body: BodyFaults,
     /// The ultrasonic sensors, in the order of [`MecanumMeasurements::echoes`].
     pub ultrasonic: [Ultrasonic; ECHOES],
     /// Number that the reader takes any tag for.
@@ -70,7 +67,6 @@ impl MecanumFaults {
                 }
                 other => other,
             }),
-            body: self.body.within(BOUNDS),
             ..*self
         }
     }
@@ -78,7 +74,7 @@ impl MecanumFaults {
 
 impl MecanumPlant {
     /// Replaces all that is wrong with the car as a whole.
-    pub fn set_faults(&mut self, world: &mut World, faults: &MecanumFaults) {
+    pub fn set_faults(&mut self, faults: &MecanumFaults) {
         let before = self.raw_pulses();
         self.faults = faults.within_limits(self.settings.ultrasonic.range);
         self.wiring = self.plain_wiring.swapped(self.faults.swaps);
@@ -88,8 +84,7 @@ impl MecanumPlant {
             let jump = before[port].wrapping_sub(after[port]);
             *offset = offset.wrapping_add(jump);
         }
-        self.body.set_faults(&self.faults.body);
-        self.follow_payload(world);
+        self.body.wake();
     }
 
     /// Returns the faults of the car as a whole.
@@ -117,15 +112,5 @@ impl MecanumPlant {
     #[must_use]
     pub fn wheel_faults(&self, wheel: Wheel) -> MotorFaults {
         self.wheel_faults[wheel.index()]
-    }
-
-    pub(super) fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.body.total_payload();
-        self.drive.set_payload(&self.settings, payload);
-        world.set_mass(
-            self.body.id(),
-            self.drive.gear.mass,
-            self.drive.gear.inertia,
-        );
     }
 }

@@ -1,11 +1,10 @@
 //! Deeds of an operator, a scenario or bad luck to the vehicle.
 
+use super::R150Plant;
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
-use super::{BOUNDS, R150Plant};
-use crate::faults::{BodyFaults, MotorFaults};
+use crate::faults::MotorFaults;
 use crate::vehicle_body::{number, within};
-use crate::world::World;
 
 /// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking
 /// them away leaves no trace but what they did to charge, fuses and motion meanwhile.
@@ -29,8 +28,6 @@ pub struct R150Faults {
     pub sides_swapped: bool,
     /// Added to what the encoders read, rpm.
     pub encoder_error: Sides<f64>,
-    /// Faults of it as a body.
-    pub body: BodyFaults,
 }
 
 impl R150Faults {
@@ -48,7 +45,6 @@ impl R150Faults {
                 right: within(self.encoder_error.right, 1e5),
                 left: within(self.encoder_error.left, 1e5),
             },
-            body: self.body.within(BOUNDS),
             ..*self
         }
     }
@@ -56,11 +52,10 @@ impl R150Faults {
 
 impl R150Plant {
     /// Replaces all that is wrong with the vehicle as a whole.
-    pub fn set_faults(&mut self, world: &mut World, faults: &R150Faults) {
+    pub fn set_faults(&mut self, faults: &R150Faults) {
         self.faults = faults.within_limits();
         self.slow.battery.missing = self.faults.missing_charge;
-        self.body.set_faults(&self.faults.body);
-        self.follow_payload(world);
+        self.body.wake();
         self.solve_network();
     }
 
@@ -104,16 +99,6 @@ impl R150Plant {
     #[must_use]
     pub fn load(&self, rail: Rail) -> Load {
         self.loads[rail.index()]
-    }
-
-    pub(super) fn follow_payload(&mut self, world: &mut World) {
-        let payload = self.body.total_payload();
-        self.drive.set_payload(&self.settings, payload);
-        world.set_mass(
-            self.body.id(),
-            self.drive.gear.mass,
-            self.drive.gear.inertia,
-        );
     }
 
     /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.

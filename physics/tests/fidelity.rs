@@ -220,7 +220,7 @@ fn coasting(sideways: bool) -> f64 {
         unsupplied: true,
         ..MecanumFaults::default()
     };
-    car.plant.set_faults(&mut car.world, &unsupplied);
+    car.plant.set_faults(&unsupplied);
     let seconds = car.run_while(5.0, |car| speed(car) > 0.1 * from);
     0.9 * from / seconds
 }

@@ -13,7 +13,7 @@ use std::time::Duration;
 use anything::{any_body_faults, any_motor_faults};
 use car::Car;
 use proptest::prelude::*;
-use sim_physics::faults::MotorFaults;
+use sim_physics::faults::{BodyFaults, MotorFaults};
 use sim_physics::mecanum::{
     MecanumFaults, PlugSwaps, Port, PortCommand, Ultrasonic, WHEELS, Wheel, Wiring,
 };
@@ -27,6 +27,7 @@ enum Action {
     Drive([bool; 5], [bool; 5], f64),
     Faults(usize, MotorFaults),
     CarFaults(Box<MecanumFaults>),
+    Body(BodyFaults),
     Payload(f64),
     Push(f64, f64, f64),
     Place(f64, f64, f64),
@@ -44,30 +45,23 @@ fn any_number() -> impl Strategy<Value = f64> {
 
 fn any_car_faults() -> impl Strategy<Value = MecanumFaults> {
     let swaps = proptest::collection::vec((0..5_usize, 0..5_usize), 0..4);
-    (
-        any::<[bool; 3]>(),
-        swaps,
-        any_body_faults(USUAL),
-        any_number(),
+    (any::<[bool; 3]>(), swaps, any_number()).prop_map(
+        |([unsupplied, strip_lost, ghosts], swaps, distance)| MecanumFaults {
+            unsupplied,
+            swaps: swaps
+                .into_iter()
+                .fold(PlugSwaps::default(), |swaps, (one, other)| {
+                    swaps.and(Port::ALL[one], Port::ALL[other])
+                }),
+            ultrasonic: [if ghosts {
+                Ultrasonic::Ghost(distance)
+            } else {
+                Ultrasonic::Missing
+            }; 8],
+            strip_lost,
+            ..MecanumFaults::default()
+        },
     )
-        .prop_map(
-            |([unsupplied, strip_lost, ghosts], swaps, body, distance)| MecanumFaults {
-                unsupplied,
-                swaps: swaps
-                    .into_iter()
-                    .fold(PlugSwaps::default(), |swaps, (one, other)| {
-                        swaps.and(Port::ALL[one], Port::ALL[other])
-                    }),
-                body,
-                ultrasonic: [if ghosts {
-                    Ultrasonic::Ghost(distance)
-                } else {
-                    Ultrasonic::Missing
-                }; 8],
-                strip_lost,
-                ..MecanumFaults::default()
-            },
-        )
 }
 
 fn any_action() -> impl Strategy<Value = Action> {
@@ -76,6 +70,7 @@ fn any_action() -> impl Strategy<Value = Action> {
         6 => (any::<[bool; 5]>(), any::<[bool; 5]>(), n()).prop_map(|(reverse, brake, voltage)| Action::Drive(reverse, brake, voltage)),
         2 => (0..WHEELS, any_motor_faults(USUAL)).prop_map(|(wheel, faults)| Action::Faults(wheel, faults)),
         1 => any_car_faults().prop_map(|faults| Action::CarFaults(Box::new(faults))),
+        1 => any_body_faults(USUAL).prop_map(Action::Body),
         1 => n().prop_map(Action::Payload),
         1 => (n(), n(), n()).prop_map(|(ahead, left, turn)| Action::Push(ahead, left, turn)),
         1 => (-3.0..7.0, -3.5..3.5, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
@@ -102,7 +97,8 @@ fn apply(car: &mut Car, action: &Action) {
             plant.set_commands(&commands(reverse, brake, voltage));
         }
         Action::Faults(wheel, faults) => plant.set_wheel_faults(Wheel::ALL[wheel], faults),
-        Action::CarFaults(faults) => plant.set_faults(world, &faults),
+        Action::CarFaults(faults) => plant.set_faults(&faults),
+        Action::Body(faults) => plant.set_body_faults(world, &faults),
         Action::Payload(mass) => plant.set_payload(world, mass),
         Action::Push(ahead, left, turn) => plant.set_push([ahead, left, turn]),
         Action::Place(x, y, heading) => plant.place(world, Pose { x, y, heading }),
@@ -218,7 +214,7 @@ proptest! {
         let mut car = Car::wired(Wiring::X_Y_E0_E1);
         car.plant.set_commands(&commands([false; 5], brake, 0.0));
         let faults = MecanumFaults { unsupplied: !supply, ..MecanumFaults::default() };
-        car.plant.set_faults(&mut car.world, &faults);
+        car.plant.set_faults(&faults);
         car.world.set_velocity(car.plant.body(), [ahead / 8.0, left / 8.0], turn / 0.14);
         let energy = |car: &Car| {
             let truth = car.plant.truth();

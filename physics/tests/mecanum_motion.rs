@@ -59,7 +59,7 @@ fn coasting(sideways: bool) -> f64 {
         truth.forward_speed.hypot(truth.leftward_speed)
     };
     let from = speed(&car);
-    car.plant.set_faults(&mut car.world, &unsupplied());
+    car.plant.set_faults(&unsupplied());
     let seconds = car.run_while(5.0, |car| speed(car) > 0.1 * from);
     0.9 * from / seconds
 }
@@ -330,7 +330,7 @@ fn braked_on_a_slope_it_stays_and_released_it_runs() {
         }
         let later = car.plant.truth().pose;
         assert!((later.x - settled.x).hypot(later.y - settled.y) < 1e-3);
-        car.plant.set_faults(&mut car.world, &unsupplied());
+        car.plant.set_faults(&unsupplied());
         car.run(2.0);
         println!("released: {:?}", car.plant.truth().pose);
         // Sideways the rollers' drag may hold it.
@@ -349,7 +349,7 @@ fn hit_by_another_it_wakes() {
     let settings = MecanumPlantSettings::default();
     let mut other = sim_physics::MecanumPlant::with_name("other", &settings, &mut car.world, pose);
     // Its motors would hold it about as hard as the other can push.
-    other.set_faults(&mut car.world, &unsupplied());
+    other.set_faults(&unsupplied());
     car.turn(FORWARD, 1.0);
     let mut rested = false;
     for _ in 0..1000 {

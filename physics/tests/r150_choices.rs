@@ -158,7 +158,7 @@ fn the_converters_and_the_supply_can_be_measured_apart_from_the_outputs() {
     );
     let mut faults = R150Faults::default();
     faults.fuses_out[2] = true;
-    bench.plant.set_faults(&mut bench.world, &faults);
+    bench.plant.set_faults(&faults);
     let off = bench.plant.measurements();
     assert_eq!((off.converter_12v, off.supply_current), (0.0, 0.0));
 }

@@ -242,7 +242,7 @@ fn charge_and_sag_show_on_the_bus() {
         supply_resistance: 0.2,
         ..R150Faults::default()
     };
-    bench.plant.set_faults(&mut bench.world, &worn);
+    bench.plant.set_faults(&worn);
     assert!(bench.plant.measurements().bus_voltage < firm - 4.0);
 }
 

@@ -12,7 +12,7 @@ use std::time::Duration;
 use anything::{any_body_faults, any_motor_faults};
 use common::{Bench, FRICTION};
 use proptest::prelude::*;
-use sim_physics::faults::MotorFaults;
+use sim_physics::faults::{BodyFaults, MotorFaults};
 use sim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side, Sides};
 use sim_physics::{Ground, Plant as _, Pose, R150PlantSettings};
 
@@ -27,6 +27,7 @@ enum Action {
     Place(f64, f64, f64),
     Faults(bool, MotorFaults),
     Whole(Box<R150Faults>),
+    Body(BodyFaults),
     Ground(f64, f64, f64),
     Pwm(usize, f64, f64),
     Rest(u64),
@@ -51,13 +52,8 @@ fn any_load() -> impl Strategy<Value = Load> {
 
 fn any_whole() -> impl Strategy<Value = R150Faults> {
     use any_number as n;
-    (
-        any::<[bool; 6]>(),
-        (n(), n(), n(), n(), n()),
-        any_body_faults(USUAL),
-        any_load(),
-    )
-        .prop_map(|(broken, electrical, body, load)| {
+    (any::<[bool; 6]>(), (n(), n(), n(), n(), n()), any_load()).prop_map(
+        |(broken, electrical, load)| {
             let (supply_drop, supply_resistance, missing_charge, celsius, error) = electrical;
             let [power_module, sides_swapped, loaded, fuses_out @ ..] = broken;
             R150Faults {
@@ -70,9 +66,9 @@ fn any_whole() -> impl Strategy<Value = R150Faults> {
                 fuses_out: [fuses_out[0], fuses_out[1], fuses_out[2], false],
                 sides_swapped,
                 encoder_error: Sides::from([error, -error]),
-                body,
             }
-        })
+        },
+    )
 }
 
 fn any_action() -> impl Strategy<Value = Action> {
@@ -86,6 +82,7 @@ fn any_action() -> impl Strategy<Value = Action> {
         1 => (-50.0..50.0, -50.0..50.0, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         2 => (any::<bool>(), any_motor_faults(USUAL)).prop_map(|(left, faults)| Action::Faults(left, faults)),
         2 => any_whole().prop_map(|faults| Action::Whole(Box::new(faults))),
+        2 => any_body_faults(USUAL).prop_map(Action::Body),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
         1 => (0_usize..6, n(), n()).prop_map(|(input, frequency, duty)| Action::Pwm(input, frequency, duty)),
         1 => (0_u64..10_000_000).prop_map(Action::Rest),
@@ -109,7 +106,8 @@ fn apply(bench: &mut Bench, action: &Action) {
         Action::Faults(left, faults) => {
             plant.set_side_faults(if left { Side::Left } else { Side::Right }, faults);
         }
-        Action::Whole(faults) => plant.set_faults(world, &faults),
+        Action::Whole(faults) => plant.set_faults(&faults),
+        Action::Body(faults) => plant.set_body_faults(world, &faults),
         Action::Ground(friction, slope, uphill) => {
             world.set_ground(Ground::new(friction, slope, uphill));
             plant.wake();

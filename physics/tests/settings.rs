@@ -184,8 +184,7 @@ fn drives(settings: &R150PlantSettings) -> Vec<String> {
         supply_drop: 40.0,
         ..R150Faults::default()
     };
-    let Bench { world, plant, .. } = &mut story.bench;
-    plant.set_faults(world, &starved);
+    story.bench.plant.set_faults(&starved);
     story.run(0.1);
     story.seen
 }

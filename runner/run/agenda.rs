@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 
 use sim_core::SimTime;
-
-use super::effects::Undo;
+use sim_core::device::EffectHandle;
 
 /// Something planned.
 pub(super) enum Item {
     /// A step happens, for the first time or again.
     Occur(usize),
-    /// End of what a step did.
-    End(usize, Undo),
+    /// End of what a step did, or of its repetitions.
+    End(usize, Option<EffectHandle>),
     /// A step is ended before its time.
     Clear(usize),
     /// Conditions are looked at.
@@ -37,13 +36,13 @@ impl Agenda {
     }
 
     /// Takes back all that is planned of a step, and gives what it was still to end.
-    pub(super) fn take_all_of(&mut self, step: usize) -> Vec<Undo> {
+    pub(super) fn take_all_of(&mut self, step: usize) -> Vec<Option<EffectHandle>> {
         let own =
             |place: usize| move |(_, other, ..): &(SimTime, usize, bool, u64)| *other == place;
         let keys: Vec<_> = self.items.keys().copied().filter(own(step)).collect();
         let items = keys.iter().filter_map(|key| self.items.remove(key));
         let ends = items.filter_map(|item| match item {
-            Item::End(_, undo) => Some(undo),
+            Item::End(_, effect) => Some(effect),
             Item::Occur(_) | Item::Clear(_) | Item::Look => None,
         });
         ends.collect()

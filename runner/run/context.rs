@@ -1,42 +1,18 @@
 //! What happened lastly, for whoever reads of a failure.
 
-use sim_core::SimTime;
 use sim_core::event::{Event, Role};
 
 use super::outcome::Context;
 use super::{MOST_RECENT, Run};
 use crate::scenario::StepAction;
 
-/// Something that happened.
-#[derive(Debug)]
-pub(super) enum Recent {
-    Event(Event),
-    /// A step changed something, which is no event of a device.
-    Deed {
-        at: SimTime,
-        what: String,
-    },
-}
-
 impl Run {
     /// Takes note of something for the next failure.
-    pub(super) fn remember_recent(&mut self, recent: Recent) {
+    pub(super) fn remember_recent(&mut self, recent: Event) {
         if self.recent.len() >= MOST_RECENT {
             self.recent.pop_front();
         }
         self.recent.push_back(recent);
-    }
-
-    /// A step does something to a vehicle or its world, or that is over.
-    pub(super) fn note_deed(&mut self, index: usize, is_over: bool) {
-        let at = self.rig.now();
-        let step = &self.scenario.steps[index];
-        let what = match (&step.deed, is_over) {
-            (None, _) => return,
-            (Some(deed), false) => format!("step \"{}\": {deed}", step.name),
-            (Some(deed), true) => format!("step \"{}\": {deed}, undone", step.name),
-        };
-        self.remember_recent(Recent::Deed { at, what });
     }
 
     /// What has happened since the failure before, and what is so now.
@@ -61,20 +37,20 @@ impl Run {
         for (step, state) in self.scenario.steps.iter().zip(&self.steps) {
             let Some(since) = state.since else { continue };
             let said = |what: &str| format!("\"{}\" ({what}), from {since} s on", step.name);
-            match (&step.action, &step.deed) {
-                (StepAction::Fault(fault), _) if state.has_faults() => armed.push(said(fault.id())),
-                (_, Some(deed)) if state.has_effects() => others.push(said(deed)),
-                _ => {}
+            match &step.action {
+                _ if state.effects.is_empty() => {}
+                StepAction::Fault(fault) => armed.push(said(fault.id())),
+                StepAction::Deed(deed, _) => others.push(said(deed)),
+                StepAction::Host(_)
+                | StepAction::Clear(_)
+                | StepAction::Expect { .. }
+                | StepAction::Nothing => {}
             }
         }
         (armed, others)
     }
 
-    fn words(&self, recent: &Recent) -> String {
-        let event = match recent {
-            Recent::Event(event) => event,
-            Recent::Deed { at, what } => return format!("{at:>12} == {what}"),
-        };
+    fn words(&self, event: &Event) -> String {
         let devices = &self.scenario.rig.devices;
         let name = devices.get(event.device).map_or("?", |plan| &plan.name);
         let mark = match event.kind.role() {

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use sim_settings::{SimTime, Source};
 
 use super::agenda::Item;
-use super::effects::Undo;
 use super::steps::StepState;
 use super::{Run, RunError};
 use crate::condition::{Condition, ExpressionError, Reading, Scope};
@@ -116,8 +115,8 @@ impl Run {
         let scenario = Arc::make_mut(&mut self.scenario);
         scenario.saved = saved;
         if index < scenario.steps.len() {
-            if let Some(Undo::Effect(effect)) = self.steps[index].standing {
-                self.layers.keep(effect);
+            for deed in std::mem::take(&mut self.steps[index].effects) {
+                self.rig.keep(deed);
             }
             scenario.steps[index] = step;
             self.steps[index] = state;
@@ -145,9 +144,11 @@ impl Run {
                 Trigger::At(_) | Trigger::When(_) => false,
             })
         };
-        let over = self.steps.iter().enumerate().filter_map(|(index, state)| {
+        let steps = self.scenario.steps.iter().zip(&self.steps).enumerate();
+        let over = steps.filter_map(|(index, (step, state))| {
             // One that could still be undone is forgotten before a further one is refused.
-            let done = state.done.filter(|_| state.added && !state.has_faults())?;
+            let breaks = step.fault().is_some() && !state.effects.is_empty();
+            let done = state.done.filter(|_| state.added && !breaks)?;
             Some((done, index)).filter(|_| !waited_for(index))
         });
         over.min().map(|(_, index)| index)

@@ -4,7 +4,6 @@ use sim_core::SimTime;
 use sim_core::event::Level;
 use sim_core::rig::{PortId, Rig};
 
-use super::context::Recent;
 use super::{MOST_EVENTS, MOST_ROUNDS, MOST_UNREAD, NANOSECOND, Run, RunError};
 use crate::trace::Record;
 
@@ -104,7 +103,7 @@ impl Run {
                     text: event.kind.to_string(),
                 });
             }
-            self.remember_recent(Recent::Event(event.clone()));
+            self.remember_recent(event.clone());
             if self.events.len() >= MOST_EVENTS {
                 self.events.pop_front();
                 self.events_lost += 1;

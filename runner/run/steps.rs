@@ -1,15 +1,14 @@
 //! The file's steps as they happen.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use sim_core::SimTime;
-use sim_core::fault::{Fault, FaultHandle};
+use sim_core::device::EffectHandle;
+use sim_core::fault::Fault;
 use sim_core::noise::Noise;
 use sim_core::rig::Rig;
 
 use super::agenda::Item;
-use super::effects::Undo;
 use super::judge::{Expected, Nearest};
 use super::{MOST_ROUNDS, Run};
 use crate::scenario::{Only, Overlap, Scenario, Step, StepAction, Times, Trigger};
@@ -29,8 +28,8 @@ pub(super) struct StepState {
     times: u32,
     /// Time at which its repetitions end, if they have such an end.
     ends: Option<SimTime>,
-    /// Number of its effects that will be undone.
-    effects: u32,
+    /// Number of its times that have an end, which has not come.
+    lasting: u32,
     /// A repetition waits until the last one's effect is over.
     put_off: bool,
     all_begun: bool,
@@ -40,15 +39,13 @@ pub(super) struct StepState {
     pub(super) added: bool,
     /// First thing that went wrong with it.
     pub(super) failure: Option<String>,
-    /// End of the last of its effects that have no end of their own.
-    pub(super) standing: Option<Undo>,
     chance: Noise,
     /// From which times are drawn.
     times_drawn: Noise,
     /// Nearest that what it waits for has come to holding so far.
     pub(super) nearest: Option<Nearest>,
-    /// Faults that it has brought and that go on, by a number of their own.
-    faults: BTreeMap<u64, FaultHandle>,
+    /// Faults that it has brought, or deeds that can be undone, that go on.
+    pub(super) effects: Vec<EffectHandle>,
     pub(super) counts: FaultCounts,
 }
 
@@ -77,24 +74,23 @@ impl StepState {
             done: None,
             times: 0,
             ends: None,
-            effects: 0,
+            lasting: 0,
             put_off: false,
             all_begun: false,
             pending: 0,
             added: false,
             failure: None,
-            standing: None,
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             times_drawn: Noise::new(seed, &format!("scenario.{}.times", step.name)),
             nearest: None,
-            faults: BTreeMap::new(),
+            effects: Vec::new(),
             counts: FaultCounts::default(),
         }
     }
 
     /// Tells whether nothing of it goes on or is still to come.
     pub(super) fn is_over(&self) -> bool {
-        self.done.is_some() && self.faults.is_empty() && self.standing.is_none()
+        self.done.is_some() && self.effects.is_empty()
     }
 
     /// One of its times.
@@ -109,18 +105,8 @@ impl StepState {
 
     /// Number of times that its faults have hit something until now.
     pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
-        let active = self.faults.values();
-        self.counts.hits + active.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
-    }
-
-    /// Tells whether one of its faults goes on.
-    pub(super) fn has_faults(&self) -> bool {
-        !self.faults.is_empty()
-    }
-
-    /// Tells whether something that it did to a vehicle or its world is not undone.
-    pub(super) fn has_effects(&self) -> bool {
-        self.effects > 0 || self.standing.is_some()
+        let effects = self.effects.iter();
+        self.counts.hits + effects.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
     }
 }
 
@@ -186,21 +172,21 @@ impl Run {
                 Item::Look => {}
                 Item::Clear(index) => self.cut_short(index, now),
                 Item::Occur(index) => self.occur(index, now),
-                Item::End(index, undo) => self.effect_over(index, undo, now),
+                Item::End(index, effect) => self.effect_over(index, effect, now),
             }
         }
         any
     }
 
-    fn effect_over(&mut self, index: usize, undo: Undo, now: SimTime) {
-        if !matches!(undo, Undo::Nothing) {
+    fn effect_over(&mut self, index: usize, effect: Option<EffectHandle>, now: SimTime) {
+        if let Some(effect) = effect {
             let state = &mut self.steps[index];
-            state.effects = state.effects.saturating_sub(1);
+            state.lasting = state.lasting.saturating_sub(1);
             if std::mem::take(&mut state.put_off) {
                 self.agenda.plan(now, Item::Occur(index));
             }
+            self.end_effect(index, effect);
         }
-        self.undo(index, undo);
         self.time_over(index, now);
     }
 
@@ -209,8 +195,8 @@ impl Run {
         let state = &mut self.steps[index];
         state.all_begun = true;
         state.put_off = false;
-        for undo in self.agenda.take_all_of(index) {
-            self.effect_over(index, undo, now);
+        for effect in self.agenda.take_all_of(index) {
+            self.effect_over(index, effect, now);
         }
         self.check_done(index, now);
     }
@@ -219,7 +205,7 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let step = &scenario.steps[index];
         let state = &mut self.steps[index];
-        if let Some(every) = step.every.filter(|_| state.effects > 0) {
+        if let Some(every) = step.every.filter(|_| state.lasting > 0) {
             match step.overlap {
                 Overlap::Wait => state.put_off = true,
                 Overlap::Drop => {
@@ -237,7 +223,7 @@ impl Run {
                 state.pending += 1;
                 let end = now + state.draw(lasts);
                 state.ends = Some(end);
-                self.agenda.plan(end, Item::End(index, Undo::Nothing));
+                self.agenda.plan(end, Item::End(index, None));
             }
         }
         let state = &mut self.steps[index];
@@ -281,31 +267,23 @@ impl Run {
     }
 
     fn act(&mut self, index: usize, step: &Step, now: SimTime) {
-        let state = &self.steps[index];
-        let goes_on = match &step.action {
-            // Another step may have cleared it before its time.
-            StepAction::Fault(_) => state.has_faults(),
-            _ => state.has_effects(),
-        };
-        let undo = match &step.action {
+        let effect = match &step.action {
             StepAction::Host(host) => {
                 self.host_acts(index, host, now);
                 None
             }
             StepAction::Fault(fault) => self.inject(index, step, fault, now),
             StepAction::Clear(other) => {
-                for number in self.active_faults(*other) {
-                    self.clear_fault(*other, number);
-                }
+                self.end_all(*other);
                 None
             }
-            StepAction::Operator(action) => {
-                self.note_deed(index, false);
-                self.operate(step.device, action.as_ref())
-            }
-            StepAction::World(action) => {
-                self.note_deed(index, false);
-                self.change_world(index, step.device, action, now)
+            StepAction::Deed(deed, action) => {
+                let what = format!("step \"{}\": {deed}", step.name);
+                let performed = self.rig.perform(step.device, &what, action.as_ref());
+                performed.unwrap_or_else(|why| {
+                    self.fail_step(index, now, why.to_string());
+                    None
+                })
             }
             StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
@@ -317,30 +295,32 @@ impl Run {
             StepAction::Nothing => None,
         };
         let state = &mut self.steps[index];
-        if undo.is_some() && !goes_on {
-            state.since = Some(now);
-        }
         let until = step.until.as_ref().map(|_| SimTime::MAX);
         let ends = step.lasts.map(|lasts| now + state.draw(lasts)).or(until);
-        match (undo, ends) {
-            (Some(undo), Some(ends)) => {
-                state.pending += 1;
-                state.effects += 1;
-                self.agenda.plan(ends, Item::End(index, undo));
-            }
-            (Some(undo), None) => {
-                // What it did the last time goes on in what it does now.
-                if let Some(Undo::Effect(last)) = state.standing.replace(undo) {
-                    for restore in self.layers.take(last) {
-                        restore(&mut self.rig);
-                    }
-                }
-            }
-            (None, _) => {}
+        let Some(effect) = effect else { return };
+        if state.effects.is_empty() {
+            state.since = Some(now);
         }
+        if let Some(ends) = ends {
+            state.pending += 1;
+            state.lasting += 1;
+            self.agenda.plan(ends, Item::End(index, Some(effect)));
+        } else if matches!(step.action, StepAction::Deed(..)) {
+            // Faults add up; what was done the last time goes on in what is done now.
+            for last in state.effects.drain(..) {
+                self.rig.supersede(last);
+            }
+        }
+        state.effects.push(effect);
     }
 
-    fn inject(&mut self, index: usize, step: &Step, fault: &Fault, now: SimTime) -> Option<Undo> {
+    fn inject(
+        &mut self,
+        index: usize,
+        step: &Step,
+        fault: &Fault,
+        now: SimTime,
+    ) -> Option<EffectHandle> {
         let number = self.steps[index].counts.armed + 1;
         // Its random numbers come from its name, and are not to be the same each time.
         let name = match number {
@@ -349,14 +329,12 @@ impl Run {
         };
         match self.rig.inject(step.device, &name, fault) {
             Ok(handle) => {
-                let state = &mut self.steps[index];
-                state.counts.armed = number;
-                state.faults.insert(number, handle);
+                self.steps[index].counts.armed = number;
                 self.hang_up(step.device, now);
                 if fault.disturbs_requests() {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
-                Some(Undo::Fault(number))
+                Some(handle)
             }
             Err(why) => {
                 self.fail_step(index, now, format!("the fault {}: {why}", fault.id()));
@@ -367,34 +345,36 @@ impl Run {
 
     /// Ends a step before its time.
     fn cut_short(&mut self, index: usize, now: SimTime) {
-        let mut ends = self.agenda.take_all_of(index);
-        ends.extend(self.steps[index].standing.take());
-        for undo in ends {
-            self.undo(index, undo);
-        }
-        for number in self.active_faults(index) {
-            self.clear_fault(index, number);
-        }
+        self.agenda.take_all_of(index);
+        self.end_all(index);
         self.expected.retain(|expected| expected.step != index);
         let state = &mut self.steps[index];
         state.watching = false;
         state.put_off = false;
         state.all_begun = true;
-        state.effects = 0;
+        state.lasting = 0;
         state.pending = 0;
         self.check_done(index, now);
     }
 
-    /// Mends a fault, unless that has been done.
-    pub(super) fn clear_fault(&mut self, index: usize, number: u64) {
-        let Some(handle) = self.steps[index].faults.remove(&number) else {
+    /// Ends all that goes on of what a step did.
+    pub(super) fn end_all(&mut self, index: usize) {
+        for effect in self.steps[index].effects.clone() {
+            self.end_effect(index, effect);
+        }
+    }
+
+    /// Mends a fault or undoes a deed, unless that has been done.
+    fn end_effect(&mut self, index: usize, effect: EffectHandle) {
+        let state = &mut self.steps[index];
+        let Some(at) = state.effects.iter().position(|own| *own == effect) else {
             return;
         };
-        let hits = self.rig.fault_hits(handle);
-        let counts = &mut self.steps[index].counts;
-        counts.hits += hits;
-        counts.hit += u64::from(hits > 0);
-        self.rig.clear(handle);
+        state.effects.remove(at);
+        let hits = self.rig.fault_hits(effect);
+        state.counts.hits += hits;
+        state.counts.hit += u64::from(hits > 0);
+        self.rig.clear(effect);
         let device = self.scenario.steps[index].device;
         if !self.is_line_disturbed(device) && self.excused_until[device] == SimTime::MAX {
             let held_back = self.held_back(device);
@@ -402,28 +382,23 @@ impl Run {
         }
     }
 
-    /// The numbers of a step's faults that go on.
-    pub(super) fn active_faults(&self, index: usize) -> Vec<u64> {
-        self.steps[index].faults.keys().copied().collect()
-    }
-
     /// By how much bytes may be late at most that were sent while a fault was there.
     fn held_back(&self, device: usize) -> Duration {
-        let steps = self.scenario.steps.iter();
-        let faults = steps.filter_map(|step| match &step.action {
-            StepAction::Fault(fault) if step.device == device => Some(fault.holds_back()),
-            _ => None,
-        });
-        faults.max().unwrap_or_default()
+        let faults = self.faults_of(device);
+        let times = faults.map(|(fault, _)| fault.holds_back());
+        times.max().unwrap_or_default()
     }
 
     fn is_line_disturbed(&self, device: usize) -> bool {
+        self.faults_of(device)
+            .any(|(fault, state)| fault.disturbs_requests() && !state.effects.is_empty())
+    }
+
+    /// The faults that steps bring on a device.
+    fn faults_of(&self, device: usize) -> impl Iterator<Item = (&Fault, &StepState)> {
         let steps = self.scenario.steps.iter().zip(&self.steps);
-        steps
-            .filter(|(step, state)| step.device == device && !state.faults.is_empty())
-            .any(
-                |(step, _)| matches!(&step.action, StepAction::Fault(fault) if fault.disturbs_requests()),
-            )
+        let own = steps.filter(move |(step, _)| step.device == device);
+        own.filter_map(|(step, state)| Some((step.fault()?, state)))
     }
 
     /// One of a step's times that went on is over.

@@ -110,16 +110,14 @@ impl Run {
         let scenario = Arc::clone(&self.scenario);
         let mut records = Vec::new();
         for (index, step) in scenario.steps.iter().enumerate() {
-            let StepAction::Fault(fault) = &step.action else {
+            let Some(fault) = step.fault() else {
                 continue;
             };
             let Some(begun) = self.steps[index].begun else {
                 continue;
             };
             // One that is over by itself takes its number along.
-            for number in self.active_faults(index) {
-                self.clear_fault(index, number);
-            }
+            self.end_all(index);
             let FaultCounts { armed, hit, hits } = self.steps[index].counts;
             if armed > 0 && hit == 0 && !step.may_not_trigger {
                 let why = format!(

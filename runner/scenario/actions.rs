@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
-use sim_core::device::{Action, Actions, DeviceSpec, HANDS};
-use sim_physics::WorldMap;
+use sim_core::SimTime;
+use sim_core::device::{Action, Actions, Change, Device, DeviceSpec, HANDS, Performed};
+use sim_physics::world::Obstacle;
+use sim_physics::{Ground, Pose, World, WorldMap};
 use toml::Spanned;
 use toml::de::{DeValue, ValueDeserializer};
 
@@ -12,10 +14,10 @@ use crate::schema;
 use crate::suggest::or_allowed;
 use crate::tables;
 
-/// Change around a vehicle.
-#[derive(Debug, Clone)]
-pub(crate) enum WorldAction {
-    Add(Box<WorldMap>),
+/// Change around any vehicle.
+#[derive(Debug)]
+enum WorldAction {
+    Add(WorldMap),
     Move {
         obstacle: String,
         place: [f64; 2],
@@ -23,8 +25,6 @@ pub(crate) enum WorldAction {
     },
     Remove(String),
     Friction(f64),
-    /// Change of something that hangs on the device.
-    Device(Arc<dyn Action>),
 }
 
 /// Changes that there are around any vehicle.
@@ -67,42 +67,75 @@ fn read_one_of<'a>(
     Err(serde::de::Error::custom(why))
 }
 
-impl WorldAction {
-    pub(super) fn read(
-        value: &Spanned<DeValue<'_>>,
-        device: &DeviceSpec,
-    ) -> Result<Self, toml::de::Error> {
-        let name = tables::name_of(value).unwrap_or_default();
-        if !AROUND.contains(&name) {
-            let own = device.surroundings.iter();
-            return read_one_of(value, device, own, &AROUND).map(Self::Device);
+/// Reads what changes around a device.
+pub(super) fn read_world(
+    value: &Spanned<DeValue<'_>>,
+    device: &DeviceSpec,
+) -> Result<Arc<dyn Action>, toml::de::Error> {
+    let name = tables::name_of(value).unwrap_or_default();
+    if !AROUND.contains(&name) {
+        return read_one_of(value, device, device.surroundings.iter(), &AROUND);
+    }
+    let wrong = |why: String| serde::de::Error::custom(why);
+    Ok(Arc::new(match tables::read(value)? {
+        AnyWorldText::Add(table) => WorldAction::Add(add(&table).map_err(wrong)?),
+        AnyWorldText::Move(to) => WorldAction::Move {
+            place: [to.x.0, to.y.0],
+            heading: to.heading.map(|angle| angle.0.to_radians()),
+            obstacle: to.obstacle,
+        },
+        AnyWorldText::Remove(obstacle) => WorldAction::Remove(obstacle),
+        AnyWorldText::Friction(friction) if (0.0..=2.0).contains(&friction) => {
+            WorldAction::Friction(friction)
         }
-        let wrong = |why: String| serde::de::Error::custom(why);
-        match tables::read(value)? {
-            AnyWorldText::Add(table) => {
-                let map = add(&table).map_err(wrong)?;
-                Ok(Self::Add(Box::new(map)))
-            }
-            AnyWorldText::Move(to) => Ok(Self::Move {
-                place: [to.x.0, to.y.0],
-                heading: to.heading.map(|angle| angle.0.to_radians()),
-                obstacle: to.obstacle,
-            }),
-            AnyWorldText::Remove(obstacle) => Ok(Self::Remove(obstacle)),
-            AnyWorldText::Friction(friction) if (0.0..=2.0).contains(&friction) => {
-                Ok(Self::Friction(friction))
-            }
-            AnyWorldText::Friction(friction) => Err(wrong(format!(
+        AnyWorldText::Friction(friction) => {
+            return Err(wrong(format!(
                 "friction {friction} is out of range; allowed: 0 to 2"
-            ))),
+            )));
         }
+    }))
+}
+
+impl Action for WorldAction {
+    fn perform(&self, _device: &mut dyn Device, world: &mut World, _now: SimTime) -> Performed {
+        Ok(match self {
+            Self::Add(map) => {
+                world.add_map(map)?;
+                // What has no name stays.
+                let things = Change::in_world("things", false, |_| {});
+                let named = self.brings().into_iter();
+                let named = named.flat_map(|name| presence(name, None));
+                [things].into_iter().chain(named).collect()
+            }
+            Self::Move {
+                obstacle,
+                place,
+                heading,
+            } => {
+                let Pose { x, y, heading } = world.move_obstacle(obstacle, *place, *heading)?;
+                let name = obstacle.clone();
+                // It is not there if who brought it has taken it away.
+                vec![Change::in_world(place_of(obstacle), true, move |world| {
+                    let _ = world.move_obstacle(&name, [x, y], Some(heading));
+                })]
+            }
+            Self::Remove(obstacle) => {
+                let removed = world.remove_obstacle(obstacle)?;
+                presence(obstacle, Some(removed)).into()
+            }
+            Self::Friction(friction) => {
+                let before = world.ground();
+                let ground = before.with_friction_of(&Ground::flat(*friction));
+                world.set_ground(ground);
+                let restore = move |world: &mut World| world.set_ground(before);
+                vec![Change::in_world("friction", before != ground, restore)]
+            }
+        })
     }
 
-    /// Tells whether it can be undone after a time.
-    pub(crate) fn can_end(&self) -> bool {
+    fn can_end(&self) -> bool {
         let map = match self {
             Self::Add(map) => map,
-            Self::Device(action) => return action.can_end(),
             Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => return true,
         };
         let WorldMap {
@@ -111,29 +144,46 @@ impl WorldAction {
             frictions,
             tags,
             strips,
-        } = map.as_ref();
+        } = map;
         let ground = slopes.len() + frictions.len() + tags.len() + strips.len();
         ground == 0 && obstacles.iter().all(|obstacle| obstacle.name().is_some())
     }
 
-    /// The obstacle that has to be there.
-    pub(crate) fn obstacle(&self) -> Option<&str> {
+    fn needs(&self) -> Option<&str> {
         match self {
             Self::Move { obstacle, .. } | Self::Remove(obstacle) => Some(obstacle),
-            _ => None,
+            Self::Add(_) | Self::Friction(_) => None,
         }
     }
 
-    /// The obstacles that it brings, as far as they have names.
-    pub(crate) fn brings(&self) -> impl Iterator<Item = &str> {
-        let map = match self {
-            Self::Add(map) => Some(map),
-            _ => None,
-        };
-        map.into_iter()
-            .flat_map(|map| map.obstacles.iter())
-            .filter_map(|obstacle| obstacle.name())
+    fn brings(&self) -> Vec<&str> {
+        match self {
+            Self::Add(map) => {
+                let obstacles = map.obstacles.iter();
+                obstacles.filter_map(|obstacle| obstacle.name()).collect()
+            }
+            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => Vec::new(),
+        }
     }
+}
+
+/// Coming or going of an obstacle, which was as given or not there `before`.
+fn presence(name: &str, before: Option<Obstacle>) -> [Change; 2] {
+    let owned = name.to_owned();
+    let there = Change::in_world(format!("obstacle {name}"), true, move |world| {
+        // There may be another of its name now, or none at all.
+        let _ = world.remove_obstacle(&owned);
+        if let Some(before) = before {
+            let _ = world.add_obstacle(before);
+        }
+    });
+    // Wherever one of its name was before, it is another place that counts from now on.
+    let place = Change::in_world(place_of(name), false, |_| {});
+    [there, place]
+}
+
+fn place_of(obstacle: &str) -> String {
+    format!("place of {obstacle}")
 }
 
 /// Reads a table as if it were a world file, so that there is one form for both.

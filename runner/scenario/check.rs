@@ -73,6 +73,7 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         limit,
         takes: takes.map_or(limit, |takes| takes.get_ref().0),
         obstacles: Vec::new(),
+        brought: Vec::new(),
         unnamed_faults: BTreeMap::new(),
         saved: Vec::new(),
         not_saved: Vec::new(),
@@ -128,7 +129,7 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         .as_ref()
         .map(|text| checker.demand(text));
     checker.check_order(&steps, &document.step, &rules);
-    let (obstacles, saved) = (checker.obstacles, checker.saved);
+    let (obstacles, brought, saved) = (checker.obstacles, checker.brought, checker.saved);
     checker.problems.into_result()?;
     let owned = |source: &Source<'_>| (source.file.to_owned(), source.text.to_owned());
     let (file, text) = texts.files.first().map(owned).unwrap_or_default();
@@ -154,6 +155,7 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         saved,
         demand,
         obstacles,
+        brought,
         rig,
     })
 }
@@ -261,6 +263,7 @@ pub(crate) fn read_step(
         limit: scenario.limit,
         takes: scenario.limit,
         obstacles: Vec::new(),
+        brought: Vec::new(),
         unnamed_faults: BTreeMap::new(),
         saved: scenario.saved.clone(),
         not_saved: Vec::new(),
@@ -304,6 +307,8 @@ struct Checker<'a> {
     takes: Duration,
     /// Obstacles that have to be there, and where the file says so.
     obstacles: Vec<(String, String)>,
+    /// Obstacles that steps bring.
+    brought: Vec<String>,
     /// How many faults of each kind have no name.
     unnamed_faults: BTreeMap<&'static str, usize>,
     /// What steps remember.

@@ -4,6 +4,7 @@ use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
+use sim_physics::world::ObstacleError;
 use sim_physics::{Pose, World};
 use sim_settings::{Angle, Force, Length, Mass, SimTime, Torque};
 use toml::de::ValueDeserializer;
@@ -11,44 +12,87 @@ use toml::de::ValueDeserializer;
 use super::Device;
 
 /// Brings something back to how it was.
-pub type Restore = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send>;
+pub type Restore = Box<dyn FnOnce(&mut dyn Device, &mut World, SimTime) + Send + Sync>;
+
+/// Something that goes on in a rig: a fault that was armed, or a deed that can be undone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct EffectHandle(pub(crate) u64);
 
 /// Change of something that stays until it is changed again.
 pub struct Change {
     /// Name of what was changed: other actions that change the same have the same here.
-    pub of: String,
+    pub(crate) of: String,
+    /// Set if it is something of the world around all devices, and not of one of them.
+    pub(crate) in_world: bool,
     /// Brings back what was before; none if that was no other.
-    pub restore: Option<Restore>,
+    pub(crate) restore: Option<Restore>,
 }
 
 impl Change {
-    /// A change of something from what it was `before` to what it is `now`.
-    pub fn of<T: PartialEq + Send + 'static>(
+    /// A change of something of a device; `restore` brings back what was before, unless nothing
+    /// `changed`.
+    pub fn new(
         of: impl Into<String>,
-        before: T,
-        now: &T,
-        restore: impl FnOnce(T, &mut dyn Device, &mut World, SimTime) + Send + 'static,
+        changed: bool,
+        restore: impl FnOnce(&mut dyn Device, &mut World, SimTime) + Send + Sync + 'static,
     ) -> Self {
-        let changed = before != *now;
-        let restore: Restore =
-            Box::new(move |device, world, now| restore(before, device, world, now));
+        let restore: Restore = Box::new(restore);
         Self {
             of: of.into(),
+            in_world: false,
             restore: changed.then_some(restore),
         }
     }
+
+    /// A change of something in the world around all devices.
+    pub fn in_world(
+        of: impl Into<String>,
+        changed: bool,
+        restore: impl FnOnce(&mut World) + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            in_world: true,
+            ..Self::new(of, changed, |_, world, _| restore(world))
+        }
+    }
+
+    /// A change of something of a device of this type.
+    pub fn of_own<D: Device>(
+        of: impl Into<String>,
+        changed: bool,
+        restore: impl FnOnce(&mut D, SimTime) + Send + Sync + 'static,
+    ) -> Self {
+        Self::new(of, changed, |device, _, now| {
+            if let Some(own) = device.get_mut() {
+                restore(own, now);
+            }
+        })
+    }
 }
 
-/// Change that an action has made, unless nothing brings it back.
-pub type Performed = Option<Change>;
+/// Changes that an action has made and that can be brought back.
+///
+/// # Errors
+/// The world cannot be changed so.
+pub type Performed = Result<Vec<Change>, ObstacleError>;
 
-/// Something that can be done to a device.
+/// Something that can be done to a device or to the world around it.
 pub trait Action: fmt::Debug + Send + Sync {
     /// Does it.
     fn perform(&self, device: &mut dyn Device, world: &mut World, now: SimTime) -> Performed;
 
     /// Tells whether it can be said to last for a time.
     fn can_end(&self) -> bool;
+
+    /// The obstacle that has to be there.
+    fn needs(&self) -> Option<&str> {
+        None
+    }
+
+    /// The obstacles that it brings, as far as they have names.
+    fn brings(&self) -> Vec<&str> {
+        Vec::new()
+    }
 }
 
 /// Things that can be done to a device, as files have them.
@@ -123,26 +167,26 @@ impl Action for Hands {
                 device
                     .plant_mut()
                     .set_push([ahead, left, turn.map_or(0.0, |torque| torque.0)]);
-                let now = device.plant().vehicle().push();
-                let restore = |push, device: &mut dyn Device, _: &mut World, _| {
-                    device.plant_mut().set_push(push);
+                let changed = before != device.plant().vehicle().push();
+                let restore = move |device: &mut dyn Device, _: &mut World, _| {
+                    device.plant_mut().set_push(before)
                 };
-                Some(Change::of("push", before, &now, restore))
+                Ok(vec![Change::new("push", changed, restore)])
             }
             Self::Payload(mass) => {
                 let before = device.plant().vehicle().payload();
                 device.plant_mut().set_payload(world, mass.0);
-                let now = device.plant().vehicle().payload();
-                let restore = |payload, device: &mut dyn Device, world: &mut World, _| {
-                    device.plant_mut().set_payload(world, payload);
+                let changed = before != device.plant().vehicle().payload();
+                let restore = move |device: &mut dyn Device, world: &mut World, _| {
+                    device.plant_mut().set_payload(world, before);
                 };
-                Some(Change::of("payload", before, &now, restore))
+                Ok(vec![Change::new("payload", changed, restore)])
             }
             Self::Place(Place { x, y, heading }) => {
                 let heading = heading.map_or(0.0, |angle| angle.0.to_radians());
                 let (x, y) = (x.0, y.0);
                 device.plant_mut().place(world, Pose { x, y, heading });
-                None
+                Ok(Vec::new())
             }
         }
     }

@@ -101,6 +101,7 @@ pub static MOTION: &[NameInfo] = &[
     NameInfo::number("truth.mass_kg", "kg", "mass with payload", |v| v.motion().mass),
     NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.device.plant().at_rest()),
     NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.world.is_touching(v.device.plant().body())),
+    NameInfo::count("count.deeds", "deed_done", "times that somebody did something to it or changed something around it"),
     NameInfo::number("truth.collisions", "", "how often it has come to touch something", |v| as_number(v.world.collisions(v.device.plant().body()))),
 ];
 

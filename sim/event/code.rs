@@ -128,6 +128,10 @@ codes! {
     FAULT_TRIGGERED = "fault_triggered", Nobody;
     /// A fault has ended.
     FAULT_CLEARED = "fault_cleared", Nobody;
+    /// Somebody did something to the vehicle, or changed something around it.
+    DEED_DONE = "deed_done", Nobody;
+    /// That was undone.
+    DEED_UNDONE = "deed_undone", Nobody;
     /// A port was opened.
     CLIENT_ATTACHED = "client_attached", Nobody;
     /// A port was closed.

@@ -68,6 +68,13 @@ impl MechanicalFault {
         }
     }
 
+    /// Tells whether it has an effect on a vehicle as a body, which moves or not.
+    pub(crate) fn acts_on_body(&self, moves: bool) -> bool {
+        let mut body = BodyFaults::default();
+        self.add_to_body(&mut body);
+        body.push != [0.0; 3] || (moves && body != BodyFaults::default())
+    }
+
     /// Tells whether it has an effect on a motor that it is about; where cables are swapped only
     /// the device knows.
     pub(crate) fn acts_on(&self, motor: MotorState) -> bool {
@@ -82,9 +89,11 @@ impl MechanicalFault {
             Self::EncoderLost {} => motor.turns,
             Self::EncoderStuck {} => motor.repeats_wrongly,
             Self::BrakeStuckOpen {} => motor.braked,
-            Self::Push { ahead, left, turn } => [ahead.0, left.0, turn.0] != [0.0; 3],
-            // Counted as it interferes.
-            Self::EncoderNoisy { .. } | Self::PortsSwapped { .. } | Self::SidesSwapped {} => false,
+            // Interference is counted as it acts, and a push is on the body.
+            Self::EncoderNoisy { .. }
+            | Self::PortsSwapped { .. }
+            | Self::SidesSwapped {}
+            | Self::Push { .. } => false,
         }
     }
 }

@@ -17,6 +17,7 @@ use sim_physics::{Pose, WorldMap, WorldSettings};
 use sim_settings::SimTime;
 
 use super::*;
+use crate::device::EffectHandle;
 use crate::event::Event;
 use crate::line::Wire;
 use crate::mecanum::{Mecanum, MecanumSettings};
@@ -92,7 +93,7 @@ fn read(text: &str) -> Fault {
     toml::from_str(text).unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
-fn inject(rig: &mut Rig, text: &str) -> FaultHandle {
+fn inject(rig: &mut Rig, text: &str) -> EffectHandle {
     rig.inject(0, "test", &read(text)).unwrap()
 }
 

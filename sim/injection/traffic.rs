@@ -178,7 +178,7 @@ impl Injection {
         let own = self.armed.iter().filter_map(|armed| match &armed.work {
             Work::Wire(wire) => wire.noise_due(),
             Work::Frames(frames) => frames.due(),
-            Work::Firmware(..) | Work::Device(_) => None,
+            Work::Firmware(..) | Work::Device(_) | Work::Operator => None,
         });
         let late = self.late.keys().next().map(|(at, _)| *at);
         to_device.chain(own).chain(late).min()

@@ -58,7 +58,9 @@ impl CarKey {
 
 impl device::Action for Operator {
     fn perform(&self, device: &mut dyn Device, _world: &mut World, now: SimTime) -> Performed {
-        let car = device.get_mut::<Mecanum>()?;
+        let Some(car) = device.get_mut::<Mecanum>() else {
+            return Ok(Vec::new());
+        };
         let input = match self {
             Self::Press(key) => OperatorInput::Press(key.movement()),
             Self::Release => OperatorInput::Release,
@@ -66,16 +68,8 @@ impl device::Action for Operator {
         let held = car.device().key();
         let before = held.map_or(OperatorInput::Release, OperatorInput::Press);
         car.operate(now, input);
-        Some(Change::of(
-            "key",
-            before,
-            &input,
-            |before, device, _, now| {
-                if let Some(car) = device.get_mut::<Mecanum>() {
-                    car.operate(now, before);
-                }
-            },
-        ))
+        let restore = move |car: &mut Mecanum, now| car.operate(now, before);
+        Ok(vec![Change::of_own("key", before != input, restore)])
     }
 
     fn can_end(&self) -> bool {

@@ -1,6 +1,5 @@
 //! Faults of a mecanum car's hardware and sensors.
 
-use sim_physics::World;
 use sim_physics::faults::MotorFaults;
 use sim_physics::mecanum::{
     ECHOES, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel,
@@ -8,11 +7,11 @@ use sim_physics::mecanum::{
 use sim_settings::SimTime;
 
 use super::Mecanum;
-use crate::device::Breakable;
+use crate::device::{Breakable, EffectHandle};
 use crate::fault::parameters::{EchoSensor, Motors, PortName};
 use crate::fault::{
-    ElectricalFault, Fault, FaultHandle, FaultKind, MechanicalFault, MotorState, OperatorFault,
-    ProtocolFault, SensorFault,
+    ElectricalFault, Fault, FaultKind, MechanicalFault, MotorState, OperatorFault, ProtocolFault,
+    SensorFault,
 };
 use crate::noise::Noise;
 
@@ -59,7 +58,7 @@ pub(super) struct Faults {
 
 #[derive(Debug)]
 struct Armed {
-    handle: FaultHandle,
+    handle: EffectHandle,
     fault: Fault,
     noise: Noise,
     echoes: Echoes,
@@ -68,7 +67,7 @@ struct Armed {
 }
 
 impl Breakable for Mecanum {
-    fn arm(&mut self, _now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
+    fn arm(&mut self, handle: EffectHandle, fault: &Fault, noise: Noise) {
         self.faults.armed.push(Armed {
             handle,
             fault: fault.clone(),
@@ -76,21 +75,20 @@ impl Breakable for Mecanum {
             echoes: self.plant.unspoilt().echoes,
             pulses: [0.0; 4],
         });
-        false
     }
 
-    fn disarm(&mut self, _now: SimTime, handle: FaultHandle) {
+    fn disarm(&mut self, handle: EffectHandle) {
         self.faults.armed.retain(|armed| armed.handle != handle);
     }
 
-    fn apply_faults(&mut self, world: &mut World) {
+    fn apply_faults(&mut self, _now: SimTime) {
         let armed = self.faults.armed.iter();
         let layer = Layer::of(armed.map(|armed| (&armed.fault, &armed.echoes)));
-        layer.apply(&self.faults.layer, &mut self.plant, world);
+        layer.apply(&self.faults.layer, &mut self.plant);
         self.faults.layer = layer;
     }
 
-    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(EffectHandle, String)) {
         for own in &mut self.faults.armed {
             let FaultKind::Mechanical(MechanicalFault::EncoderNoisy {
                 pulses_per_second, ..
@@ -113,7 +111,7 @@ impl Breakable for Mecanum {
         }
     }
 
-    fn acts(&self, handle: FaultHandle, fault: &Fault) -> bool {
+    fn acts(&self, handle: EffectHandle, fault: &Fault) -> bool {
         let plant = &self.plant;
         let commands = plant.commands();
         let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
@@ -196,7 +194,6 @@ impl Layer {
         let mut layer = Self::default();
         for (fault, echoes) in faults {
             if let FaultKind::Mechanical(kind) = &fault.kind {
-                kind.add_to_body(&mut layer.whole.body);
                 for wheel in Wheel::ALL {
                     if is_about(fault.scope.motors, wheel) {
                         kind.add_to_motor(&mut layer.wheels[wheel.index()], USUAL_DRAG);
@@ -209,7 +206,7 @@ impl Layer {
     }
 
     /// Puts this in the place of what was there `before`, and touches nothing else.
-    fn apply(&self, before: &Self, plant: &mut MecanumPlant, world: &mut World) {
+    fn apply(&self, before: &Self, plant: &mut MecanumPlant) {
         for wheel in Wheel::ALL {
             let own = self.wheels[wheel.index()];
             if own != before.wheels[wheel.index()] {
@@ -217,7 +214,7 @@ impl Layer {
             }
         }
         if self.whole != before.whole {
-            plant.set_faults(world, &self.whole);
+            plant.set_faults(&self.whole);
         }
     }
 }

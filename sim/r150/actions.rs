@@ -8,9 +8,10 @@ use sim_settings::{Frequency, Percent, Power, Resistance, SimTime, Voltage};
 
 use super::R150;
 use crate::device::{self, Actions, Change, Device, Performed, actions};
+use crate::fault::OperatorFault;
 use crate::fault::parameters::{Key, RailName};
 use crate::r150_device::control::{Outputs, Parts};
-use crate::r150_device::vehicle::OperatorInput;
+use crate::r150_device::vehicle::{self, OperatorInput, Vehicle};
 
 pub(super) const OPERATOR: Actions = actions::<Operator>();
 pub(super) const SURROUNDINGS: Actions = actions::<Surroundings>();
@@ -85,44 +86,68 @@ impl Operator {
     }
 }
 
-/// What an input changes that stays, and the input that would make it what it is now.
-fn is_now(r150: &R150, input: OperatorInput) -> Option<(&'static str, OperatorInput)> {
-    let (vehicle, control) = (r150.device().vehicle(), r150.device().control());
-    match input {
-        OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked => {
-            Some(("lock", OperatorInput::Lock))
+/// A change that these inputs take back, unless nothing `changed`.
+fn undone_by(of: &str, changed: bool, inputs: Vec<OperatorInput>) -> Change {
+    Change::of_own(of, changed, move |r150: &mut R150, now| {
+        for input in inputs {
+            r150.operate(now, input);
         }
-        OperatorInput::Unlock | OperatorInput::Lock => Some(("lock", OperatorInput::Unlock)),
-        OperatorInput::Press(_) | OperatorInput::ReleaseKey => {
-            let held = vehicle.held_key();
-            let key = held.map_or(OperatorInput::ReleaseKey, OperatorInput::Press);
-            Some(("key", key))
-        }
-        OperatorInput::EmergencyStop(_) => {
-            let stop = OperatorInput::EmergencyStop(vehicle.emergency_stop);
-            Some(("emergency stop", stop))
-        }
-        OperatorInput::AppHolds { .. } => {
-            let Parts { power, pwm } = control.held_by_app;
-            Some(("app holds", OperatorInput::AppHolds { power, pwm }))
-        }
-        OperatorInput::AppSets(_) => Some(("app sets", OperatorInput::AppSets(control.app))),
-        OperatorInput::ReleaseParking | OperatorInput::Park | OperatorInput::Autonomous => None,
-    }
+    })
+}
+
+/// Changes of what the app holds, `before` and now, of these parts.
+fn of_app(before: Parts, now: Parts, parts: Parts) -> Vec<Change> {
+    type Part = fn(&mut Parts) -> &mut bool;
+    let each: [(&str, Part); 2] = [
+        ("app holds power", |parts| &mut parts.power),
+        ("app holds PWM", |parts| &mut parts.pwm),
+    ];
+    let change = |(of, part): (&str, Part)| {
+        let [before, now, is_meant] = [before, now, parts].map(|mut all| *part(&mut all));
+        let restore = move |r150: &mut R150, at| {
+            let mut held = r150.device().control().held_by_app;
+            *part(&mut held) = before;
+            let Parts { power, pwm } = held;
+            r150.operate(at, OperatorInput::AppHolds { power, pwm });
+        };
+        is_meant.then(|| Change::of_own(of, before != now, restore))
+    };
+    each.into_iter().filter_map(change).collect()
 }
 
 impl device::Action for Operator {
     fn perform(&self, device: &mut dyn Device, _world: &mut World, now: SimTime) -> Performed {
-        let r150 = device.get_mut::<R150>()?;
+        let Some(r150) = device.get_mut::<R150>() else {
+            return Ok(Vec::new());
+        };
+        let (vehicle, control) = (r150.device().vehicle(), r150.device().control());
+        let (held, app) = (control.held_by_app, control.app);
         let input = self.input();
-        let before = is_now(r150, input);
-        r150.operate(now, input);
-        let (of, before) = before?;
-        Some(Change::of(of, before, &input, |before, device, _, now| {
-            if let Some(r150) = device.get_mut::<R150>() {
-                r150.operate(now, before);
+        let back = |of, before: OperatorInput| vec![undone_by(of, before != input, vec![before])];
+        let changes = match input {
+            OperatorInput::Unlock | OperatorInput::Lock if vehicle.locked => {
+                back("lock", OperatorInput::Lock)
             }
-        }))
+            OperatorInput::Unlock | OperatorInput::Lock => back("lock", OperatorInput::Unlock),
+            OperatorInput::Press(_) | OperatorInput::ReleaseKey => back("key", vehicle.key_input()),
+            OperatorInput::EmergencyStop(_) => back(
+                "emergency stop",
+                OperatorInput::EmergencyStop(vehicle.emergency_stop),
+            ),
+            OperatorInput::AppHolds { power, pwm } => {
+                let all = Parts {
+                    power: true,
+                    pwm: true,
+                };
+                of_app(held, Parts { power, pwm }, all)
+            }
+            OperatorInput::AppSets(_) => back("app sets", OperatorInput::AppSets(app)),
+            OperatorInput::ReleaseParking | OperatorInput::Park | OperatorInput::Autonomous => {
+                Vec::new()
+            }
+        };
+        r150.operate(now, input);
+        Ok(changes)
     }
 
     fn can_end(&self) -> bool {
@@ -249,35 +274,108 @@ impl TryFrom<SignalKeys> for SignalText {
 
 impl device::Action for Surroundings {
     fn perform(&self, device: &mut dyn Device, _world: &mut World, _now: SimTime) -> Performed {
-        let r150 = device.get_mut::<R150>()?;
-        match *self {
+        let Some(r150) = device.get_mut::<R150>() else {
+            return Ok(Vec::new());
+        };
+        let change = match *self {
             Self::Load(LoadText { rail, load }) => {
                 let rail = super::rail(rail);
                 let before = r150.plant().load(rail);
                 r150.plant_mut().set_load(rail, load);
-                let now = r150.plant().load(rail);
-                let of = format!("load {}", rail.index());
-                Some(Change::of(of, before, &now, move |load, device, _, _| {
-                    if let Some(r150) = device.get_mut::<R150>() {
-                        r150.plant_mut().set_load(rail, load);
-                    }
-                }))
+                let changed = before != r150.plant().load(rail);
+                let restore = move |r150: &mut R150, _| r150.plant_mut().set_load(rail, before);
+                Change::of_own(format!("load {}", rail.index()), changed, restore)
             }
             Self::PwmSignal(SignalText { input, source }) => {
                 let before = r150.plant().pwm_source(input);
                 r150.plant_mut().set_pwm_source(input, source);
                 let of = format!("pwm input {input}");
-                let restore = move |source, device: &mut dyn Device, _: &mut World, _| {
-                    if let Some(r150) = device.get_mut::<R150>() {
-                        r150.plant_mut().set_pwm_source(input, source);
-                    }
-                };
-                Some(Change::of(of, before, &source, restore))
+                Change::of_own(of, before != source, move |r150: &mut R150, _| {
+                    r150.plant_mut().set_pwm_source(input, before);
+                })
             }
-        }
+        };
+        Ok(vec![change])
     }
 
     fn can_end(&self) -> bool {
         true
+    }
+}
+
+/// Nobody drives with this key: it is let go at the same instant.
+const TOUCH: [OperatorInput; 2] = [
+    OperatorInput::Press(vehicle::Key::Forward),
+    OperatorInput::ReleaseKey,
+];
+
+/// Does what people do at the worst time, unless it is done already; gives what they change.
+pub(super) fn at_the_worst_time(
+    r150: &mut R150,
+    now: SimTime,
+    fault: &OperatorFault,
+) -> Vec<Change> {
+    let vehicle = r150.device().vehicle();
+    let &Vehicle {
+        locked,
+        parked,
+        autonomous,
+        emergency_stop,
+        ..
+    } = vehicle;
+    let held = r150.device().control().held_by_app;
+    let key = vehicle.key_input();
+    // A key that goes on driving after it is let go is ended by the top button, which does nothing
+    // else while the parking brake is off; while it is on, nothing drives.
+    let ends_key = vehicle.key_outlasts_press() && !parked;
+    let end_key = ends_key.then_some(OperatorInput::ReleaseParking);
+    let mode = autonomous.then_some(OperatorInput::Autonomous);
+    let (is_so, acts) = match *fault {
+        OperatorFault::EmergencyStop {} => {
+            (emergency_stop, vec![OperatorInput::EmergencyStop(true)])
+        }
+        OperatorFault::RemoteControlTakesOver { key: Some(key) } => {
+            (false, vec![OperatorInput::Press(super::key(key))])
+        }
+        OperatorFault::RemoteControlTakesOver { key: None } => {
+            (!autonomous, TOUCH.into_iter().chain(end_key).collect())
+        }
+        OperatorFault::Locked {} => (locked, vec![OperatorInput::Lock]),
+        OperatorFault::Parked {} => (parked, vec![OperatorInput::Park]),
+        OperatorFault::AppTakesControl { power, pwm } => {
+            let (power, pwm) = (power || held.power, pwm || held.pwm);
+            let all = vec![OperatorInput::AppHolds { power, pwm }];
+            (held == Parts { power, pwm }, all)
+        }
+    };
+    for act in acts.into_iter().filter(|_| !is_so) {
+        r150.operate(now, act);
+    }
+    let vehicle = r150.device().vehicle();
+    let unlock = undone_by(
+        "lock",
+        vehicle.locked && !locked,
+        vec![OperatorInput::Unlock],
+    );
+    // The parking brake can be released in remote mode only.
+    let release = TOUCH.into_iter().chain([OperatorInput::ReleaseParking]);
+    let release = release.chain(mode).collect();
+    let release = undone_by("parking brake", vehicle.parked && !parked, release);
+    match *fault {
+        OperatorFault::EmergencyStop {} => {
+            // It may have locked the vehicle, too.
+            let out = vec![OperatorInput::EmergencyStop(false)];
+            vec![undone_by("emergency stop", !is_so, out), unlock, release]
+        }
+        OperatorFault::RemoteControlTakesOver { .. } => {
+            let back = [key].into_iter().chain(end_key).chain(mode).collect();
+            vec![undone_by("key", !is_so, back)]
+        }
+        OperatorFault::Locked {} => vec![unlock, release],
+        OperatorFault::Parked {} => vec![release],
+        OperatorFault::AppTakesControl { power, pwm } => {
+            let now = r150.device().control().held_by_app;
+            of_app(held, now, Parts { power, pwm })
+        }
     }
 }

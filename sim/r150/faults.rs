@@ -1,21 +1,16 @@
 //! Faults of an R150: its hardware, and what people do to it at the worst time.
 
-use sim_physics::World;
 use sim_physics::faults::MotorFaults;
 use sim_physics::r150::{FuseId, Load, R150Faults, R150Plant, Side, Sides};
 use sim_settings::SimTime;
 
-use super::R150;
-use crate::device::Breakable;
+use super::{R150, actions};
+use crate::device::{Breakable, Change, EffectHandle};
 use crate::fault::parameters::{Motors, RailName};
-use crate::fault::{
-    ElectricalFault, Fault, FaultHandle, FaultKind, MechanicalFault, MotorState, OperatorFault,
-};
+use crate::fault::{ElectricalFault, Fault, FaultKind, MechanicalFault, MotorState, OperatorFault};
 use crate::noise::Noise;
 use crate::r150_device::can::CanFailure;
 use crate::r150_device::command;
-use crate::r150_device::control::Parts;
-use crate::r150_device::vehicle::{Key, OperatorInput};
 
 /// Drag on the wheels of a side unless given, N·m.
 const USUAL_DRAG: f64 = 100.0;
@@ -38,25 +33,24 @@ pub(super) fn check(fault: &Fault) -> Result<(), String> {
              be \"left\", \"right\" or \"all\""
         ));
     }
-    match &fault.kind {
-        FaultKind::Electrical(ElectricalFault::RailLoad {
-            power,
-            resistance,
-            current,
-            ..
-        }) => {
-            let given = [power.is_some(), resistance.is_some(), current.is_some()];
-            if given.iter().filter(|given| **given).count() != 1 {
-                return Err(
-                    "`rail-load` takes one of `power`, `resistance` and `current`".to_owned(),
-                );
-            }
+    if let FaultKind::Electrical(ElectricalFault::RailLoad {
+        power,
+        resistance,
+        current,
+        ..
+    }) = &fault.kind
+    {
+        let given = [power.is_some(), resistance.is_some(), current.is_some()];
+        if given.iter().filter(|given| **given).count() != 1 {
+            return Err("`rail-load` takes one of `power`, `resistance` and `current`".to_owned());
         }
-        FaultKind::Operator(OperatorFault::AppTakesControl {
-            power: false,
-            pwm: false,
-        }) => return Err("`app-takes-control` takes power, PWM or both".to_owned()),
-        _ => {}
+    }
+    if let FaultKind::Operator(OperatorFault::AppTakesControl {
+        power: false,
+        pwm: false,
+    }) = fault.kind
+    {
+        return Err("`app-takes-control` takes power, PWM or both".to_owned());
     }
     Ok(())
 }
@@ -70,70 +64,43 @@ pub(super) struct Faults {
 
 #[derive(Debug)]
 struct Armed {
-    handle: FaultHandle,
+    handle: EffectHandle,
     fault: Fault,
     noise: Noise,
-    /// Actions that undo the operator's deed.
-    undo: Vec<OperatorInput>,
     /// Error that interference adds to the encoders now, r/min.
     errors: [f64; 2],
 }
 
 impl Breakable for R150 {
-    fn arm(&mut self, now: SimTime, handle: FaultHandle, fault: &Fault, noise: Noise) -> bool {
-        let (undo, done) = begin(fault, self, now);
-        let held = self.faults.held().chain(held_by(fault)).collect::<Vec<_>>();
-        let done = done || hold(held.into_iter(), self, now);
-        let armed = self.faults.armed.iter().map(|armed| &armed.fault);
-        let can = can_failure(armed.chain([fault]));
-        self.device.set_can_failure(now, can);
+    fn arm(&mut self, handle: EffectHandle, fault: &Fault, noise: Noise) {
         self.faults.armed.push(Armed {
             handle,
             fault: fault.clone(),
             noise,
-            undo,
             errors: [0.0; 2],
         });
-        done
     }
 
-    fn disarm(&mut self, now: SimTime, handle: FaultHandle) {
-        let armed = &mut self.faults.armed;
-        let Some(at) = armed.iter().position(|armed| armed.handle == handle) else {
-            return;
-        };
-        let Armed { fault, undo, .. } = armed.remove(at);
-        let can = can_failure(armed.iter().map(|armed| &armed.fault));
-        self.device.set_can_failure(now, can);
-        if held_by(&fault).is_some() {
-            let held: Vec<Held> = self.faults.held().collect();
-            hold(held.into_iter(), self, now);
-            return;
-        }
-        // As long as somebody else does the same, it stays done, and is for him to undo.
-        let heir = armed
-            .iter_mut()
-            .find(|armed| armed.fault.id() == fault.id());
-        match heir {
-            Some(heir) if heir.undo.is_empty() => heir.undo = undo,
-            Some(_) => {}
-            None => undo
-                .into_iter()
-                .for_each(|action| self.operate(now, action)),
-        }
+    fn disarm(&mut self, handle: EffectHandle) {
+        self.faults.armed.retain(|armed| armed.handle != handle);
     }
 
-    fn apply_faults(&mut self, world: &mut World) {
+    fn apply_faults(&mut self, now: SimTime) {
         let armed = &self.faults.armed;
         let errors = armed.iter().fold([0.0; 2], |sum: [f64; 2], own| {
             [sum[0] + own.errors[0], sum[1] + own.errors[1]]
         });
         let layer = Layer::of(armed.iter().map(|armed| &armed.fault), errors);
-        layer.apply(&self.faults.layer, &mut self.plant, world);
+        layer.apply(&self.faults.layer, &mut self.plant);
+        self.device.set_can_failure(now, layer.can);
         self.faults.layer = layer;
     }
 
-    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(FaultHandle, String)) {
+    fn be_operated(&mut self, now: SimTime, fault: &OperatorFault) -> Vec<Change> {
+        actions::at_the_worst_time(self, now, fault)
+    }
+
+    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(EffectHandle, String)) {
         let mut errors = [0.0; 2];
         for own in &mut self.faults.armed {
             let FaultKind::Mechanical(MechanicalFault::EncoderNoisy { spread_rpm, .. }) =
@@ -157,7 +124,7 @@ impl Breakable for R150 {
         }
     }
 
-    fn acts(&self, _handle: FaultHandle, fault: &Fault) -> bool {
+    fn acts(&self, _handle: EffectHandle, fault: &Fault) -> bool {
         let plant = &self.plant;
         let commands = plant.commands();
         match &fault.kind {
@@ -219,36 +186,14 @@ impl Breakable for R150 {
     }
 }
 
-impl Faults {
-    fn held(&self) -> impl Iterator<Item = Held> {
-        self.armed.iter().filter_map(|armed| held_by(&armed.fault))
-    }
-}
-
-/// How the CAN fails: not at all, or later the more faults delay it, or altogether.
-fn can_failure<'f>(faults: impl Iterator<Item = &'f Fault>) -> Option<CanFailure> {
-    let delays = faults.filter_map(|fault| match fault.kind {
-        FaultKind::Electrical(ElectricalFault::CanFailing { delay }) => {
-            Some(delay.map(|delay| delay.0))
-        }
-        _ => None,
-    });
-    delays.fold(None, |failure, delay| match (failure, delay) {
-        (Some(CanFailure::Cut), _) | (_, None) => Some(CanFailure::Cut),
-        (None, Some(delay)) => Some(CanFailure::Late(delay)),
-        (Some(CanFailure::Late(before)), Some(delay)) => {
-            Some(CanFailure::Late(before.saturating_add(delay)))
-        }
-    })
-}
-
 /// Tells whether a fault of these motors is about this side; one of none is about both.
 fn is_about(motors: Option<Motors>, side: Side) -> bool {
     match motors.unwrap_or(Motors::All) {
         Motors::Left => side == Side::Left,
         Motors::Right => side == Side::Right,
         Motors::All => true,
-        _ => false,
+        // A car's.
+        Motors::LeftFront | Motors::RightFront | Motors::LeftRear | Motors::RightRear => false,
     }
 }
 
@@ -257,7 +202,7 @@ fn nominal_voltage(rail: RailName) -> f64 {
     match rail {
         RailName::V48 => 48.0,
         RailName::V5 => 5.0,
-        _ => 12.0,
+        RailName::V12A | RailName::V12B | RailName::V12C | RailName::V12D => 12.0,
     }
 }
 
@@ -266,6 +211,7 @@ fn nominal_voltage(rail: RailName) -> f64 {
 pub(super) struct Layer {
     sides: Sides<MotorFaults>,
     whole: R150Faults,
+    can: Option<CanFailure>,
 }
 
 impl Layer {
@@ -274,9 +220,8 @@ impl Layer {
         let mut layer = Self::default();
         for fault in faults {
             match &fault.kind {
-                FaultKind::Electrical(kind) => add(&mut layer.whole, kind),
+                FaultKind::Electrical(kind) => layer.add(kind),
                 FaultKind::Mechanical(kind) => {
-                    kind.add_to_body(&mut layer.whole.body);
                     for side in Side::BOTH {
                         if is_about(fault.scope.motors, side) {
                             kind.add_to_motor(&mut layer.sides[side], USUAL_DRAG);
@@ -304,54 +249,62 @@ impl Layer {
     }
 
     /// Puts this in the place of what was there `before`, and touches nothing else.
-    fn apply(&self, before: &Self, plant: &mut R150Plant, world: &mut World) {
+    fn apply(&self, before: &Self, plant: &mut R150Plant) {
         for side in Side::BOTH {
             if self.sides[side] != before.sides[side] {
                 plant.set_side_faults(side, self.sides[side]);
             }
         }
         if self.whole != before.whole {
-            plant.set_faults(world, &self.whole);
+            plant.set_faults(&self.whole);
         }
     }
-}
 
-/// Adds what a fault of its supply and outputs does to the vehicle.
-fn add(whole: &mut R150Faults, fault: &ElectricalFault) {
-    match fault {
-        ElectricalFault::RailLoad {
-            rail,
-            power,
-            resistance,
-            current,
-        } => {
-            let resistance = resistance.map(|resistance| Load::Resistance(resistance.0));
-            let power = power.map(|power| power.0);
-            let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
-            whole.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
+    /// Adds what a fault of its supply and outputs does to the vehicle.
+    fn add(&mut self, fault: &ElectricalFault) {
+        let whole = &mut self.whole;
+        match fault {
+            ElectricalFault::RailLoad {
+                rail,
+                power,
+                resistance,
+                current,
+            } => {
+                let resistance = resistance.map(|resistance| Load::Resistance(resistance.0));
+                let power = power.map(|power| power.0);
+                let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
+                whole.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
+            }
+            ElectricalFault::RailShort { rail } => {
+                whole.loads[super::rail(*rail).index()] = Some(Load::Short)
+            }
+            ElectricalFault::RailOpen { rail } => {
+                whole.loads[super::rail(*rail).index()] = Some(Load::Open)
+            }
+            ElectricalFault::SupplySag { by, resistance } => {
+                whole.supply_drop += by.0;
+                whole.supply_resistance += resistance.0;
+            }
+            ElectricalFault::OverTemperature { pair, temperature } => {
+                let least = &mut whole.temperature[*pair as usize];
+                *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
+            }
+            ElectricalFault::PowerModuleFault {} => whole.power_module = true,
+            ElectricalFault::BatteryEmpty {} => whole.missing_charge = 1.0,
+            ElectricalFault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
+            ElectricalFault::FuseBlown { fuse } => whole.fuses_out[*fuse as usize] = true,
+            ElectricalFault::CanFailing { delay } => {
+                self.can = Some(match (self.can, delay) {
+                    (Some(CanFailure::Cut), _) | (_, None) => CanFailure::Cut,
+                    (None, Some(delay)) => CanFailure::Late(delay.0),
+                    (Some(CanFailure::Late(before)), Some(delay)) => {
+                        CanFailure::Late(before.saturating_add(delay.0))
+                    }
+                });
+            }
+            // A car's.
+            ElectricalFault::SupplyLost {} => {}
         }
-        ElectricalFault::RailShort { rail } => {
-            whole.loads[super::rail(*rail).index()] = Some(Load::Short)
-        }
-        ElectricalFault::RailOpen { rail } => {
-            whole.loads[super::rail(*rail).index()] = Some(Load::Open)
-        }
-        ElectricalFault::SupplySag { by, resistance } => {
-            whole.supply_drop += by.0;
-            whole.supply_resistance += resistance.0;
-        }
-        ElectricalFault::OverTemperature { pair, temperature } => {
-            let least = &mut whole.temperature[*pair as usize];
-            *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
-        }
-        ElectricalFault::PowerModuleFault {} => whole.power_module = true,
-        ElectricalFault::BatteryEmpty {} => whole.missing_charge = 1.0,
-        ElectricalFault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
-        ElectricalFault::FuseBlown { fuse } => whole.fuses_out[*fuse as usize] = true,
-        // The module tells them of another command.
-        ElectricalFault::CanFailing { .. } => {}
-        // A car's.
-        ElectricalFault::SupplyLost {} => {}
     }
 }
 
@@ -397,106 +350,4 @@ fn is_driven(plant: &R150Plant, side: Side) -> bool {
         (true, Side::Left) => Side::Right,
     };
     commands.propulsion_power && commands.motor_duty[port] != 0.0
-}
-
-/// Nobody drives with this key: it is let go at the same instant.
-const TOUCH: [OperatorInput; 2] = [
-    OperatorInput::Press(Key::Forward),
-    OperatorInput::ReleaseKey,
-];
-
-/// Does it; gives what undoes it, and whether it changed anything.
-fn begin(fault: &Fault, r150: &mut R150, now: SimTime) -> (Vec<OperatorInput>, bool) {
-    let FaultKind::Operator(fault) = &fault.kind else {
-        return (Vec::new(), false);
-    };
-    let vehicle = r150.device().vehicle();
-    let (locked, parked) = (vehicle.locked, vehicle.parked);
-    let (autonomous, stopped) = (vehicle.autonomous, vehicle.emergency_stop);
-    // A key that goes on driving after it is let go is ended by the top button, which does nothing
-    // else while the parking brake is off; while it is on, nothing drives.
-    let end_key =
-        (vehicle.key_outlasts_press() && !parked).then_some(OperatorInput::ReleaseParking);
-    let mut undo = Vec::new();
-    let mut act = Vec::new();
-    // The parking brake can be released in remote mode only.
-    let release = |undo: &mut Vec<OperatorInput>| {
-        undo.extend(TOUCH);
-        undo.push(OperatorInput::ReleaseParking);
-        undo.extend(autonomous.then_some(OperatorInput::Autonomous));
-    };
-    let acted = match fault {
-        OperatorFault::EmergencyStop {} => {
-            act.push(OperatorInput::EmergencyStop(true));
-            undo.push(OperatorInput::EmergencyStop(false));
-            !stopped
-        }
-        OperatorFault::RemoteControlTakesOver { key } => {
-            match key {
-                Some(key) => act.push(OperatorInput::Press(super::key(*key))),
-                None => act.extend(TOUCH.into_iter().chain(end_key)),
-            }
-            undo.push(OperatorInput::ReleaseKey);
-            undo.extend(end_key);
-            undo.extend(autonomous.then_some(OperatorInput::Autonomous));
-            autonomous || key.is_some()
-        }
-        OperatorFault::Locked {} => {
-            act.push(OperatorInput::Lock);
-            undo.push(OperatorInput::Unlock);
-            if !parked {
-                release(&mut undo);
-            }
-            !locked
-        }
-        OperatorFault::Parked {} => {
-            act.push(OperatorInput::Park);
-            release(&mut undo);
-            !parked
-        }
-        // The app has no buttons.
-        OperatorFault::AppTakesControl { .. } => false,
-    };
-    if !acted {
-        return (Vec::new(), false);
-    }
-    for action in act {
-        r150.operate(now, action);
-    }
-    if matches!(fault, OperatorFault::EmergencyStop {}) {
-        // The emergency stop may have locked the vehicle, too.
-        let vehicle = r150.device().vehicle();
-        undo.extend((vehicle.locked && !locked).then_some(OperatorInput::Unlock));
-        if vehicle.parked && !parked {
-            release(&mut undo);
-        }
-    }
-    (undo, true)
-}
-
-/// What the app holds: power and PWM.
-type Held = Parts;
-
-/// What a fault makes the app hold.
-fn held_by(fault: &Fault) -> Option<Held> {
-    match fault.kind {
-        FaultKind::Operator(OperatorFault::AppTakesControl { power, pwm }) => {
-            Some(Parts { power, pwm })
-        }
-        _ => None,
-    }
-}
-
-/// Makes the app hold what any of these say; says whether that is news.
-fn hold(held: impl Iterator<Item = Held>, r150: &mut R150, now: SimTime) -> bool {
-    let wanted = held.fold(Parts::default(), |all, held| Parts {
-        power: all.power || held.power,
-        pwm: all.pwm || held.pwm,
-    });
-    if wanted == r150.device().control().held_by_app {
-        return false;
-    }
-    let Parts { power, pwm } = wanted;
-    r150.operate(now, OperatorInput::AppHolds { power, pwm });
-    true
 }

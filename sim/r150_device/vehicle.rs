@@ -205,10 +205,12 @@ impl Vehicle {
         self.settings.remote_key_drives == RemoteKeyDrives::UntilNextButton
     }
 
-    /// The motion key that is held. One that outlasts its press is not known to be.
+    /// The input that makes the motion key what it is. One that outlasts its press is not known to
+    /// be held.
     #[must_use]
-    pub fn held_key(&self) -> Option<Key> {
-        self.key.filter(|_| !self.key_outlasts_press())
+    pub fn key_input(&self) -> OperatorInput {
+        let held = self.key.filter(|_| !self.key_outlasts_press());
+        held.map_or(OperatorInput::ReleaseKey, OperatorInput::Press)
     }
 
     /// Tells whether the parking brake holds while the client wants this of the motors.

@@ -3,9 +3,10 @@
 use sim_settings::SimTime;
 
 use super::{PortId, Rig, Slot};
+use crate::device::EffectHandle;
 use crate::fault::{
-    Fault, FaultError, FaultEvent, FaultHandle, FaultKind, FaultPhase, FirmwareFault, MOST_ARMED,
-    MOST_EVER, WireFault,
+    Fault, FaultError, FaultEvent, FaultKind, FaultPhase, FirmwareFault, MOST_ARMED, MOST_EVER,
+    WireFault,
 };
 use crate::injection::Injection;
 use crate::line::SerialLine;
@@ -22,7 +23,7 @@ impl Rig {
         device: usize,
         name: &str,
         fault: &Fault,
-    ) -> Result<FaultHandle, FaultError> {
+    ) -> Result<EffectHandle, FaultError> {
         let now = self.now;
         let slot = self.slots.get(device).ok_or(FaultError::NoDevice(device))?;
         let link = possible(fault, slot).map_err(FaultError::Impossible)?;
@@ -30,8 +31,8 @@ impl Rig {
         if armed >= MOST_ARMED || self.fault_hits.len() >= MOST_EVER {
             return Err(FaultError::TooMany);
         }
-        let handle = FaultHandle(self.fault_hits.len());
-        self.fault_hits.push(0);
+        let handle = self.effects.begin();
+        self.fault_hits.insert(handle, 0);
         self.fault_event(device, name, fault.id(), FaultPhase::Armed);
         // Armed again under the same name, a fault draws other numbers than the first time.
         let times = self.fault_names.entry(name.to_owned()).or_insert(0);
@@ -50,19 +51,20 @@ impl Rig {
         }
         let stream = |purpose: &str| Noise::new(seed, &format!("{stem}.{purpose}"));
         let own = slot.device.as_mut();
-        faults.arm(now, (handle, name), (fault, link), own, stream);
+        let changes = faults.arm(now, (handle, name), (fault, link), own, stream);
         faults.apply(now, own, &mut self.world);
         if let FaultKind::Wire(WireFault::CablePulled {}) = fault.kind {
             let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
             faults.pull_cable(now, link, attached);
         }
         slot.follow_baud(now);
+        self.effects.add(handle, device, changes);
         self.after_change(device);
         Ok(handle)
     }
 
-    /// Ends a fault; hardware goes back to what it was. One that has ended already stays so.
-    pub fn clear(&mut self, handle: FaultHandle) {
+    /// Ends a fault, if it is one that is armed.
+    pub(super) fn disarm(&mut self, handle: EffectHandle) {
         let now = self.now;
         let arms = |slot: &Slot| slot.faults.as_ref().is_some_and(|own| own.arms(handle));
         let Some(device) = self.slots.iter().position(arms) else {
@@ -98,8 +100,8 @@ impl Rig {
 
     /// Number of times that a fault has acted so far; the catalogue says what counts.
     #[must_use]
-    pub fn fault_hits(&self, handle: FaultHandle) -> u64 {
-        self.fault_hits.get(handle.0).copied().unwrap_or(0)
+    pub fn fault_hits(&self, handle: EffectHandle) -> u64 {
+        self.fault_hits.get(&handle).copied().unwrap_or(0)
     }
 
     /// Tells whether the cable of a port is out: whoever serves the port to a real client hangs it
@@ -129,7 +131,7 @@ impl Rig {
             return;
         };
         faults.report(|handle, name, id, hits, first| {
-            if let Some(own) = self.fault_hits.get_mut(handle.0) {
+            if let Some(own) = self.fault_hits.get_mut(&handle) {
                 *own = hits;
             }
             if let Some(what) = first {

@@ -137,10 +137,10 @@ fn a_fuse_that_blows_is_told_once() {
     rig.attach(PORT, SimTime::ZERO).unwrap();
     rig.advance(SimTime::from_millis(10)).unwrap();
     assert!(!codes(&mut rig).contains(&"fuse_blown"));
-    rig.with_device(0, |r150: &mut R150, world, _| {
+    rig.with_device(0, |r150: &mut R150, _, _| {
         let mut faults = sim_physics::r150::R150Faults::default();
         faults.fuses_out[0] = true;
-        r150.plant_mut().set_faults(world, &faults);
+        r150.plant_mut().set_faults(&faults);
     });
     rig.advance(SimTime::from_millis(500)).unwrap();
     let told: Vec<String> = std::iter::from_fn(|| rig.poll_event())

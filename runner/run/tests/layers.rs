@@ -1,4 +1,6 @@
 use super::*;
+use sim_core::r150::R150 as R150Unit;
+use sim_core::r150_device::vehicle::{Key, OperatorInput};
 
 /// Steps of `text` in lines: each a time, one for how long or nothing, and what is done.
 fn steps(lines: &[(&str, &str, &str)]) -> String {
@@ -141,6 +143,83 @@ fn clearing_brings_back_what_is_below() {
     let off = "operator = { app_sets = {} }";
     flags(R150, "rail.v12a_on", &[on, off], &[1, 0], "01010");
     flags(R150, "rail.v12a_on", &[on, off], &[0, 1], "01000");
+}
+
+/// A fault as a step that is added.
+fn fault(parameters: &str) -> String {
+    format!("fault = {{ {parameters} }}\nmay_not_trigger = true")
+}
+
+#[test]
+fn faults_of_operators_lie_over_what_operators_do_and_over_one_another() {
+    let of = |kind: &str| fault(&format!("kind = \"{kind}\""));
+    let stop_in = "operator = { emergency_stop = true }";
+    let cases = [
+        ("mode.emergency_stop", [stop_in, &of("emergency-stop")]),
+        ("mode.locked", ["operator = \"lock\"", &of("locked")]),
+        ("mode.parked", [&of("locked"), &of("parked")]),
+        ("mode.parked", [&of("parked"), &of("locked")]),
+    ];
+    for (flag, steps) in cases {
+        flags(R150, flag, &steps, &[0, 1], "01110");
+        flags(R150, flag, &steps, &[1, 0], "01110");
+    }
+}
+
+#[test]
+fn what_the_app_and_the_remote_control_hold_goes_back_to_what_it_was() {
+    let now = |run: &Run| {
+        let r150 = run.rig().device::<R150Unit>(0).unwrap().device();
+        let held = r150.control().held_by_app;
+        (r150.vehicle().key_input(), [held.power, held.pwm])
+    };
+    // The state with the first, with both, with one alone, and with none again.
+    let states = |steps: [&str; 2], cleared: [usize; 2]| {
+        let mut run = served(R150);
+        let indices = steps.map(|step| {
+            let index = run.add_step(step).unwrap();
+            (index, now(&run))
+        });
+        let ends = cleared.map(|place| {
+            run.clear_step(indices[place].0).unwrap();
+            now(&run)
+        });
+        let autonomous = run.rig().device::<R150Unit>(0).unwrap().device();
+        assert!(autonomous.vehicle().autonomous, "{steps:?}");
+        [indices[0].1, indices[1].1, ends[0], ends[1]]
+    };
+    let let_go = OperatorInput::ReleaseKey;
+    let power = "operator = { app_holds = { power = true } }";
+    let all = fault("kind = \"app-takes-control\"");
+    let app = |held: [[bool; 2]; 4]| held.map(|held| (let_go, held));
+    let (half, whole, none) = ([true, false], [true; 2], [false; 2]);
+    assert_eq!(
+        states([power, &all], [0, 1]),
+        app([half, whole, whole, none])
+    );
+    assert_eq!(
+        states([power, &all], [1, 0]),
+        app([half, whole, half, none])
+    );
+    let [ahead, left] = ["forward", "left"].map(|key| {
+        fault(&format!(
+            "kind = \"remote-control-takes-over\", key = \"{key}\""
+        ))
+    });
+    let keys = |keys: [OperatorInput; 4]| keys.map(|key| (key, none));
+    let (forward, left_key) = (
+        OperatorInput::Press(Key::Forward),
+        OperatorInput::Press(Key::Left),
+    );
+    let steps = [ahead.as_str(), &left];
+    assert_eq!(
+        states(steps, [0, 1]),
+        keys([forward, left_key, left_key, let_go])
+    );
+    assert_eq!(
+        states(steps, [1, 0]),
+        keys([forward, left_key, forward, let_go])
+    );
 }
 
 #[test]

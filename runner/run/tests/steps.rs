@@ -97,6 +97,43 @@ fn a_push_lasts_as_long_as_it_is_to() {
 }
 
 #[test]
+fn what_is_done_to_a_vehicle_and_its_world_is_told() {
+    let deeds = "[[step]]\nname = \"p\"\nat = \"1s\"\nfor = \"1s\"\noperator = { push = { ahead = \"1 N\" } }\n\
+         [[step]]\nname = \"f\"\nat = \"1500ms\"\nworld = { friction = 0.3 }\n\
+         [[step]]\nat = \"1600ms\"\nexpect = { that = \"count.deeds == 2\" }\n\
+         [[step]]\nname = \"again\"\nat = \"2s\"\nevery = \"100ms\"\ncount = 3\noperator = { payload = \"1 kg\" }\n";
+    let options = RunOptions {
+        trace: true,
+        ..RunOptions::scripted(1)
+    };
+    let mut run = Run::new(scenario(&text(R150, "3s", deeds)), None, options).unwrap();
+    let mut trace = String::new();
+    passes(run.play(&mut |line| trace += line).unwrap());
+    let told: Vec<String> = std::iter::from_fn(|| run.poll_event())
+        .filter(|event| event.kind.code().as_str().starts_with("deed_"))
+        .map(|event| format!("{} {}", event.at, event.kind))
+        .collect();
+    let again = |at| format!("{at} step \"again\": operator payload");
+    let expected = [
+        "1.000000 step \"p\": operator push".to_owned(),
+        "1.500000 step \"f\": world friction".to_owned(),
+        "2.000000 step \"p\": operator push, undone".to_owned(),
+        again("2.000000"),
+        again("2.100000"),
+        again("2.200000"),
+    ];
+    assert_eq!(told, expected);
+    let line = r#""code":"deed_undone","text":"step \"p\": operator push, undone""#;
+    assert!(trace.contains(line), "{trace}");
+    // What the world refuses was not done.
+    let gone = "[[step]]\nat = \"1s\"\nworld = { remove = \"b\" }\n".repeat(2);
+    let brought = "[[step]]\nat = \"1s\"\nworld = { add = { circle = [{ name = \"b\", at_m = [9, 0], radius = \"0.2 m\" }] } }\n";
+    let outcome = r150("2s", &format!("{brought}{gone}"));
+    fails(&outcome, "no obstacle");
+    assert_eq!(outcome.devices[0].report.events["deed_done"].count, 2);
+}
+
+#[test]
 fn the_world_changes() {
     passes(&r150(
         "4s",

@@ -1,16 +1,19 @@
 //! What a step says.
 
 use std::ops::Range;
+use std::sync::Arc;
 
+use sim_core::device::{Action, DeviceSpec};
 use toml::Spanned;
+use toml::de::DeValue;
 
 use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved};
 use crate::forgiving::{self, LeftOut};
-use crate::scenario::actions::read_operator;
+use crate::scenario::actions::{read_operator, read_world};
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
-use crate::scenario::{Only, Step, StepAction, Times, Trigger, WorldAction};
+use crate::scenario::{Only, Step, StepAction, Times, Trigger};
 use crate::suggest::or_allowed;
 use crate::tables;
 
@@ -19,6 +22,9 @@ type Timing = (Option<Times>, Option<u32>, Option<Times>);
 
 /// The keys of which one says what a step does.
 const ACTIONS: [&str; 6] = ["host", "fault", "clear", "operator", "world", "expect"];
+
+/// Reads what a step does to a device, or what changes around it.
+type ReadDeed = fn(&Spanned<DeValue<'_>>, &DeviceSpec) -> Result<Arc<dyn Action>, toml::de::Error>;
 
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
@@ -71,15 +77,7 @@ impl Checker<'_> {
             mission: text.mission,
             device: device?,
             action,
-            deed: self.deed(index),
         })
-    }
-
-    fn deed(&self, index: usize) -> Option<String> {
-        // A step that is added is a text of its own.
-        let table = self.tables.of("step", index).unwrap_or(&self.tables.0);
-        let deed = |key: &str| Some(format!("{key} {}", tables::name_of(table.get(key)?)?));
-        ["operator", "world"].into_iter().find_map(deed)
     }
 
     fn device(&mut self, text: &StepText, at: Range<usize>) -> Option<usize> {
@@ -180,27 +178,30 @@ impl Checker<'_> {
         if let Some(name) = &text.clear {
             actions.push(self.step_named(name).map(StepAction::Clear));
         }
-        if let (Some(_), Some(value)) = (&text.operator, table.get("operator")) {
-            let read = plan.and_then(|(_, plan)| {
+        let deeds: [(&str, _, ReadDeed); 2] = [
+            ("operator", &text.operator, read_operator),
+            ("world", &text.world, read_world),
+        ];
+        for (key, text, read) in deeds {
+            let (Some(text), Some(value)) = (text, table.get(key)) else {
+                continue;
+            };
+            let action = plan.and_then(|(_, plan)| {
                 let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
                 forgiving::read(value, left_out, &mut self.problems, &|value| {
-                    read_operator(value, plan.device)
+                    read(value, plan.device)
                 })
             });
-            actions.push(read.map(StepAction::Operator));
-        }
-        if let (Some(world), Some(value)) = (&text.world, table.get("world")) {
-            let read = plan.and_then(|(_, plan)| {
-                let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
-                forgiving::read(value, left_out, &mut self.problems, &|value| {
-                    WorldAction::read(value, plan.device)
-                })
-            });
-            if let Some(name) = read.as_ref().and_then(WorldAction::obstacle) {
-                let place = self.problems.origin(world.span().start).to_string();
-                self.obstacles.push((name.to_owned(), place));
-            }
-            actions.push(read.map(StepAction::World));
+            actions.push(action.map(|action| {
+                let place = self.problems.origin(text.span().start);
+                let needed = action.needs().into_iter();
+                let needed = needed.map(|name| (name.to_owned(), place.to_string()));
+                self.obstacles.extend(needed);
+                let brought = action.brings().into_iter().map(str::to_owned);
+                self.brought.extend(brought);
+                let name = tables::name_of(value).unwrap_or_default();
+                StepAction::Deed(format!("{key} {name}"), action)
+            }));
         }
         if let Some(expect) = &text.expect {
             let that = self.condition(&expect.that);
@@ -252,8 +253,7 @@ impl Checker<'_> {
                 }
                 StepAction::Fault(_) => true,
                 StepAction::Clear(_) | StepAction::Nothing => false,
-                StepAction::Operator(action) => action.can_end(),
-                StepAction::World(action) => action.can_end(),
+                StepAction::Deed(_, action) => action.can_end(),
             };
             if !can_end {
                 let why = "this cannot be undone after a time";

@@ -77,7 +77,7 @@ macro_rules! mechanical {
     counts "The sides were driven differently.",
     {}
     /// The ground under the wheels is slippery.
-    Ice = "ice", false,
+    Ice = "ice", true,
     sees "Speeds of wheels that spin; the vehicle itself lags behind and slides.",
     counts "The vehicle was driven or moved.",
     {
@@ -86,7 +86,7 @@ macro_rules! mechanical {
         friction: Probability,
     }
     /// Something heavy lies on the deck.
-    Payload = "payload", false,
+    Payload = "payload", true,
     sees "Slower starts and longer stops; more current.",
     counts "The vehicle was driven or moved.",
     {
@@ -94,7 +94,7 @@ macro_rules! mechanical {
         mass: Mass,
     }
     /// Something pushes the vehicle.
-    Push = "push", false,
+    Push = "push", true,
     sees "Speeds that it did not ask for, or none; it may be pushed with its brakes on.",
     counts "The push was there.",
     {
