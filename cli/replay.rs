@@ -25,6 +25,6 @@ pub(crate) fn not_the_same(error: ReplayError) -> Result<Exit, Failure> {
             Ok(Exit::Failed)
         }
         ReplayError::Malformed { .. } => Err(Failure::usage(error)),
-        ReplayError::Run(_) => Err(Failure::system(error)),
+        _ => Err(Failure::system(error)),
     }
 }

@@ -65,6 +65,7 @@ const RESUME_ROOM: usize = UART_FIFO / 2;
 
 /// Moment at which simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Begin {
     /// At once.
     Now,

@@ -49,6 +49,7 @@ pub struct BodyShape {
 
 /// Reason for which the world could not go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PhysicsError {
     /// A body's position or velocity is not a number.
     #[error("the physics of `{body}` broke down: its position or velocity is no longer finite")]

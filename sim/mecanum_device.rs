@@ -82,6 +82,7 @@ impl Link {
 
 /// Input of an operator with the remote control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum OperatorInput {
     /// A key goes down; the car moves so while it is held, in remote-control mode.
     Press(Movement),

@@ -33,6 +33,7 @@ const MOST_ROUNDS: u32 = 100_000;
 
 /// Reason for which a rig cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RigError {
     /// A body's position or velocity is not a number.
     #[error(transparent)]

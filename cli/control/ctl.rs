@@ -456,16 +456,11 @@ fn call(client: &Client, method: &str, path: &str, body: Option<&Value>) -> Resu
 }
 
 fn failed(error: CallError) -> Failure {
+    let shown = anyhow!("{}", visible::lines(&error.to_string()));
     match error {
-        CallError::Io(..) => Failure::system(error),
-        CallError::Url(_) => Failure::usage(error),
-        CallError::Refused { status, why } => {
-            let error = anyhow!("{}", visible::lines(&why));
-            match status {
-                // It has ended, or there are too many.
-                503 => Failure::system(error),
-                _ => Failure::usage(error),
-            }
-        }
+        // It has ended, or there are too many.
+        CallError::Refused { status: 503, .. } => Failure::system(shown),
+        CallError::Refused { .. } | CallError::Url(_) => Failure::usage(shown),
+        _ => Failure::system(shown),
     }
 }

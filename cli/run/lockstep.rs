@@ -113,7 +113,7 @@ fn failure(case: &Case<'_>, error: Error) -> Failure {
         )),
         Error::Refused(why) => Failure::usage(anyhow!("{why}; --time real runs it in real time")),
         Error::World(why) => Failure::system(anyhow!(why)),
-        error @ Error::System { .. } => Failure::system(error),
+        error => Failure::system(error),
     }
 }
 

@@ -35,6 +35,7 @@ pub enum ObstacleShape {
 
 /// Reason for which an obstacle was not added, moved or removed. Nothing has changed then.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ObstacleError {
     /// Names are given once.
     #[error(

@@ -87,6 +87,7 @@ fn shown(byte: Option<(SimTime, u8)>) -> String {
 
 /// Reason for which a trace is not repeated.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReplayError {
     /// The second run is another one.
     #[error(transparent)]

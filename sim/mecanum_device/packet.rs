@@ -9,6 +9,7 @@ use super::settings::ByteOrder;
 /// Packet of a client to the board. Fields are as on the wire; what is out of range is the
 /// device's business.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Request {
     /// Type 0, control instruction, 控制指令.
     Motion {

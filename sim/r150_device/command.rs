@@ -43,6 +43,7 @@ pub fn name(command: u8) -> Option<&'static str> {
 
 /// Request of a client to the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Request {
     /// 0x02: switch the rails on whose bits are set and the others off; bits 0–3 are 12 V A–D,
     /// 4 is 48 V, 5 is 5 V, the rest is reserved.
@@ -76,6 +77,7 @@ pub enum Request {
 
 /// Reason for which a frame with a right CRC is no request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Refusal {
     /// No command has this byte.
     UnknownCommand(u8),

@@ -12,6 +12,7 @@ use super::vehicle::{Obstacle, OperatorInput};
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum R150Event {
     /// A request was understood.
     Request {
@@ -98,6 +99,7 @@ pub enum R150Event {
 
 /// A value that the manual does not allow; the settings say what becomes of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ValueError {
     /// A PWM duty above 1000.
     DutyOutOfRange([u16; 4]),

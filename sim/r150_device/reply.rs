@@ -91,6 +91,7 @@ impl SystemInfo {
 
 /// Reply of the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Reply {
     /// To 0x02, 0x03 and 0x07: success or failure.
     Bool {
