@@ -17,8 +17,8 @@ use sim_settings::Span;
 
 use crate::control::ctl::CtlArgs;
 use crate::exit::Exit;
-use crate::lists::ListFormat;
-use crate::schema::FileKind;
+use crate::lists::{FileKind, ListFormat};
+
 use crate::visible;
 
 pub(crate) use run::{GivenArgs, RandomArg, RunArgs, TimeArg};

@@ -8,7 +8,7 @@ use sim_runner::{Run, RunError};
 
 use crate::control::Desk;
 use crate::log::Log;
-use crate::run::TraceFile;
+use crate::recording::TraceFile;
 
 /// Tells what happens to all who want to know.
 pub(crate) struct Looking<'a> {

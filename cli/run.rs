@@ -9,7 +9,6 @@ mod play;
 mod pool;
 mod report;
 mod tell;
-mod trace_file;
 mod twice;
 
 use std::collections::BTreeMap;
@@ -36,7 +35,6 @@ use junit::Junit;
 pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
 pub(crate) use live::NO_PORT_OPENED;
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
-pub(crate) use trace_file::TraceFile;
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {

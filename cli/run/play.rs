@@ -10,9 +10,9 @@ use sim_runner::{Run, RunError, RunOptions};
 use sim_settings::show_duration;
 
 use crate::exit::Failure;
+use crate::recording::TraceFile;
 
 use super::case::{Case, CaseResult, Played, PlayedClient};
-use super::trace_file::TraceFile;
 
 /// Most simulated time between two looks at the clock and for signals.
 const SLICE: Duration = Duration::from_millis(500);

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use sim_core::device::client_report_codes;
 use toml::Spanned;
 
 use super::Checker;
-use crate::report::client_report_codes;
 use crate::scenario::document::{DemandText, ResponseText, RuleText};
 use crate::scenario::{Cause, Demand, Response, Rule};
 use crate::suggest::or_allowed;
