@@ -11,7 +11,6 @@ mod faults;
 mod fuse;
 mod network;
 mod pwm;
-mod rest;
 mod sensing;
 mod settings;
 mod signals;
@@ -31,11 +30,11 @@ pub use signals::{
     Rail, Side, Sides,
 };
 
-use crate::drawing::Drawing;
-use crate::faults::MotorFaults;
+use crate::drawing::{Drawing, WheelDrawing};
+use crate::faults::{Bounds, MotorFaults};
 use crate::plant::Plant;
 use crate::pose::Pose;
-use crate::vehicle_body::{Bounds, VehicleBody};
+use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyShape, World};
 use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};
@@ -268,7 +267,18 @@ impl Plant for R150Plant {
     }
 
     fn drawing(&self) -> Drawing {
-        self.outline()
+        let body = &self.settings.body;
+        let radius = self.settings.tyre.wheel_radius;
+        let (x, y) = (body.wheelbase / 2.0, body.track / 2.0);
+        let speed = self.truth().wheel_speed;
+        let wheels = [x, -x].into_iter().flat_map(|x| {
+            [(y, speed.left), (-y, speed.right)]
+                .map(|(y, speed)| WheelDrawing::new([x, y], radius, speed))
+        });
+        Drawing {
+            wheels: wheels.collect(),
+            echoes: Vec::new(),
+        }
     }
 
     fn before_step(&mut self, world: &mut World) {

@@ -20,8 +20,8 @@ pub use area::{Band, Disc, Rectangle, Shape};
 pub use features::{Feature, FeatureKind};
 pub use file::WorldFileError;
 pub use ground::Ground;
-pub use map::{FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};
-pub use obstacle::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Obstacles};
+pub use map::{FrictionPatch, Slope, Strip, WorldMap};
+pub use obstacle::{EDGE_M, MOST_PARTS, Obstacle, ObstacleError, ObstacleShape, Obstacles};
 pub use scan::{Cone, Tag};
 
 use crate::pose::Pose;

@@ -20,6 +20,7 @@ pub mod command;
 pub mod control;
 mod defects;
 mod event;
+pub mod group;
 pub mod motors;
 pub mod protection;
 pub mod reply;

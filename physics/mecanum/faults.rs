@@ -2,8 +2,7 @@
 
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
 use super::{BOUNDS, MecanumPlant};
-use crate::faults::{BodyFaults, MotorFaults};
-use crate::vehicle_body::number;
+use crate::faults::{BodyFaults, MotorFaults, number};
 use crate::world::World;
 
 /// State of an ultrasonic sensor.

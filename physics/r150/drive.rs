@@ -109,6 +109,27 @@ impl R150Plant {
             blocked: faults.blocked,
         }
     }
+
+    /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
+    pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
+        let could_stand = self.drive.gear.is_slow(&self.body) && !self.is_driven();
+        let (gear, body) = (&mut self.drive.gear, &mut self.body);
+        if gear.settle(body, world, seconds, could_stand) {
+            self.note_encoders();
+            self.solve_network();
+        }
+    }
+
+    /// Tells whether something is trying to move the vehicle. A motor against a blocked wheel
+    /// counts: its current must go on being integrated.
+    fn is_driven(&self) -> bool {
+        let motors = Side::BOTH.iter().any(|side| {
+            let port = self.motor_port(*side);
+            let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
+            port.connected && (port.duty != 0.0 || driven)
+        });
+        motors || self.body.total_push() != [0.0; 3]
+    }
 }
 
 /// Computes the forces of one step and gives the body the velocity they lead to.

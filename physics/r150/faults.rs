@@ -3,8 +3,7 @@
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
 use super::{BOUNDS, R150Plant};
-use crate::faults::{BodyFaults, MotorFaults};
-use crate::vehicle_body::{number, within};
+use crate::faults::{BodyFaults, MotorFaults, number, within};
 use crate::world::World;
 
 /// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking

@@ -8,8 +8,8 @@ mod quantity;
 
 use sim_settings::{Origin, Source, shorten};
 
-use super::map::{MOST_PARTS, WorldMap};
-use super::obstacle::ObstacleError;
+use super::map::WorldMap;
+use super::obstacle::{MOST_PARTS, ObstacleError};
 use document::Document;
 
 /// A world file that was refused.

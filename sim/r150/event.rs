@@ -9,7 +9,7 @@ use crate::event::{Code, EventKind, Hex, Level, Role, code};
 use crate::r150_device::codec::Decoded;
 use crate::r150_device::command::{Refusal, Request, name};
 use crate::r150_device::control::Parts;
-use crate::r150_device::protection::Cause;
+use crate::r150_device::group::Cause;
 use crate::r150_device::reply::Reply;
 use crate::r150_device::settings::ProtectionAction;
 use crate::r150_device::{R150Event, ValueError};

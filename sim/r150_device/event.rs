@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::codec::Decoded;
 use super::command::{Refusal, Request};
 use super::control::{POWER_BITS, Parts};
-use super::protection::{Cause, Group};
+use super::group::{Cause, Group};
 use super::reply::Reply;
 use super::settings::ProtectionAction;
 use super::vehicle::{Obstacle, OperatorInput};

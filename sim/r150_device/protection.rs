@@ -3,16 +3,14 @@
 //! They see measured currents, temperatures and voltages only, and act by withholding outputs.
 //! Where the settings say so they report only, for as long as what they report lasts.
 
-mod group;
-
 use sim_physics::r150::R150Measurements;
 use sim_settings::SimTime;
 
 use super::earlier;
 use super::event::R150Event;
+use super::group::{Cause, Group};
 use super::reply::sys_status;
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
-pub use group::{Cause, Group};
 
 /// A protection that has switched its group off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
