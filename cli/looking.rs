@@ -1,4 +1,4 @@
-//! Whoever attends a run in real time: it is printed and recorded, and what is asked is answered.
+//! Attendant of a run in real time: prints and records it, and has what is asked answered.
 
 use std::time::Duration;
 

@@ -223,7 +223,7 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     bar
 }
 
-/// How many results there are of each kind.
+/// Number of results of each kind.
 #[derive(Default)]
 struct Counts(BTreeMap<Verdict, usize>);
 

@@ -44,7 +44,7 @@ const BOUNDS: Bounds = Bounds {
     payload: 1000.0,
     push: 1e5,
 };
-/// What a supply keeps however much it lacks, V; divisions stay bounded by it.
+/// Least voltage that a supply keeps, V; divisions stay bounded by it.
 const LOWEST_SUPPLY: f64 = 1.0;
 
 /// One vehicle.
@@ -198,7 +198,7 @@ impl R150Plant {
         }
     }
 
-    /// What the firmware wants of the driver of a side.
+    /// Duty that the firmware wants of the driver of a side.
     fn wanted_duty(&self, side: Side) -> f64 {
         self.commands.motor_duty[self.port_of(side)]
     }

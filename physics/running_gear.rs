@@ -56,10 +56,10 @@ impl Mass {
     }
 }
 
-/// What turns a wheel, and what holds it, over one step.
+/// Drive and brake of a wheel over one step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelDrive {
-    /// What the motor gives a wheel that stands, N·m·s.
+    /// Impulse that the motor gives a wheel that stands, N·m·s.
     pub(crate) impulse: f64,
     /// By how much less it gives for each rad/s at the end of the step, kg·m².
     pub(crate) opposed: f64,
@@ -188,7 +188,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         }
     }
 
-    /// What each patch did on the ground in the last step of `dt` seconds.
+    /// Forces of each patch on the ground in the last step of `dt` seconds.
     pub(crate) fn on_ground(&self, dt: f64) -> [GroundForce; PATCHES] {
         self.traction.on_ground(dt)
     }

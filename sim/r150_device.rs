@@ -3,7 +3,7 @@
 //! [`R150Device`] is a state machine: bytes, measurements, button presses and time go in; reply
 //! frames, pin states and events come out. It sees pins, never physics. Any bytes are legal input.
 //!
-//! Whoever drives it
+//! Its driver
 //! 1. never lets the time go back,
 //! 2. calls [`R150Device::advance`] at (or after) each [`R150Device::next_deadline`]; what is due
 //!    between is done in order, each at its own time,

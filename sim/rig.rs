@@ -25,7 +25,7 @@ use deadlines::Deadlines;
 use events::Events;
 pub use port::PortId;
 
-/// How often slow states (charge, temperatures) advance while nothing moves.
+/// Interval at which slow states (charge, temperatures) advance while nothing moves.
 const REST_TICK: Duration = Duration::from_millis(100);
 /// Rounds without time passing after which the rig gives up; an honest instant takes a few for
 /// each byte that arrives in it.

@@ -100,7 +100,7 @@ impl<'a> Playing<'a> {
         Ok(true)
     }
 
-    /// What came of it. The trace has its end in any case, so that it can be played again.
+    /// Ends it and gives its result. The trace has its end in any case, so that it can be played again.
     pub(super) fn conclude(
         mut self,
         run: &mut Run,

@@ -82,7 +82,7 @@ impl Drive {
 }
 
 impl R150Plant {
-    /// What turns and holds the wheels of a side over a step of `dt` seconds. The motor's back-EMF
+    /// Drive and brake of the wheels of a side over a step of `dt` seconds. The motor's back-EMF
     /// answers to the speed at the end of the step: its time constant is near the step itself.
     fn wheel_drive(&self, side: Side, dt: f64) -> WheelDrive {
         let drive = &self.drive;

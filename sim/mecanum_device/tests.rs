@@ -3,9 +3,9 @@
 
 mod choices;
 mod movements;
-mod orders;
 mod remote;
 mod reported_choices;
+mod requests;
 mod robustness;
 mod ros;
 mod status;

@@ -284,7 +284,7 @@ impl Protection {
             || (self.fault && switches_off(self.settings.on_power_module_fault))
     }
 
-    /// What happens to an overloaded group: the manual promises that 48 V and 5 V are protected.
+    /// Action on an overloaded group: the manual promises that 48 V and 5 V are protected.
     fn on_overcurrent(&self, group: Group) -> ProtectionAction {
         match group {
             Group::Ab | Group::Cd => self.settings.on_overcurrent_12v,

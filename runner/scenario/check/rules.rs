@@ -1,4 +1,4 @@
-//! What rules, responses and the demand on the client report say.
+//! Reading of rules, responses and the demand on the client report.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
