@@ -23,10 +23,10 @@ mod event;
 pub mod group;
 pub mod motors;
 pub mod protection;
-pub mod reply;
 mod requests;
 pub mod settings;
 pub mod speed;
+pub mod system_info;
 mod telemetry;
 pub mod vehicle;
 
@@ -44,13 +44,14 @@ use crate::noise::Noise;
 use crate::uart;
 use can::{Can, CanFailure};
 use codec::Decoder;
+use command::Reply;
 use control::{Control, FULL_DUTY, Parts};
 pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
-use reply::{Reply, SystemInfo};
 use settings::R150FirmwareSettings;
 use speed::Speedometer;
+use system_info::SystemInfo;
 use vehicle::{Bridges, OperatorInput, Start, Vehicle};
 
 /// Most events kept for whoever takes them; the oldest go first.

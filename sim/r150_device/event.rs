@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use super::codec::Decoded;
-use super::command::{Refusal, Request};
+use super::command::{Refusal, Reply, Request};
 use super::control::{POWER_BITS, Parts};
 use super::group::{Cause, Group};
-use super::reply::Reply;
 use super::settings::ProtectionAction;
 use super::vehicle::{Obstacle, OperatorInput};
 

@@ -9,8 +9,8 @@ use sim_settings::SimTime;
 use super::earlier;
 use super::event::R150Event;
 use super::group::{Cause, Group};
-use super::reply::sys_status;
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
+use super::system_info::sys_status;
 
 /// A protection that has switched its group off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
