@@ -17,8 +17,8 @@ use sim_settings::Span;
 
 use crate::control::ctl::CtlArgs;
 use crate::exit::Exit;
-use crate::lists::ListFormat;
-use crate::schema::FileKind;
+use crate::lists::{FileKind, ListFormat};
+
 use crate::visible;
 
 pub(crate) use run::{GivenArgs, RandomArg, RunArgs, TimeArg};
@@ -254,7 +254,7 @@ pub(crate) enum Command {
         /// Only those that this device can have.
         #[arg(long)]
         device: Option<String>,
-        /// How to print them.
+        /// Form in which they are printed.
         #[arg(long, value_enum, default_value_t = ListFormat::Text)]
         format: ListFormat,
     },
@@ -322,7 +322,7 @@ pub(crate) struct TraceArgs {
     /// Take times of the two traces for the same that differ by no more than this [default: 0].
     #[arg(long, value_name = "TIME", requires = "other")]
     pub(crate) within: Option<Span>,
-    /// How to print what happens.
+    /// Form in which events are printed.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
 }

@@ -19,9 +19,9 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use crate::supervise::{ClientEnd, GRACE, end_orphans};
 use crate::visible;
 
-/// How much of it goes into a file.
+/// Most bytes of it that go into a file.
 const MOST_FILED: usize = 1 << 26;
-/// How long the end of a client may take in all, which includes killing it.
+/// Time that the end of a client may take in all, which includes killing it.
 const END_PATIENCE: Duration = Duration::from_secs(10);
 
 /// The supervisors of the clients that run now, at most one for each case at a time.

@@ -13,11 +13,9 @@ mod plan;
 mod print;
 mod ready_file;
 mod recording;
-mod replay;
 mod report;
 mod run;
 mod scenario_files;
-mod schema;
 mod start;
 mod summary;
 mod supervise;
@@ -52,7 +50,7 @@ pub fn main(devices: Devices) -> ExitCode {
             Some(Command::Config(settings)) => config::list(devices, settings),
             Some(Command::Run(args)) => run::run(devices, args),
             Some(Command::Check { files, given }) => run::check(devices, files, given),
-            Some(Command::Replay { trace }) => replay::replay(devices, trace),
+            Some(Command::Replay { trace }) => recording::replay(devices, trace),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client, folder }) => {
                 supervise::supervise(client, folder.as_deref())
@@ -62,7 +60,7 @@ pub fn main(devices: Devices) -> ExitCode {
             }
             Some(Command::Names { device }) => lists::list_names(devices, device),
             Some(Command::Ctl(args)) => control::ctl::run(args),
-            Some(Command::Schema { of }) => schema::list(devices, *of),
+            Some(Command::Schema { of }) => lists::schema(devices, *of),
             None => start::serve(devices, &cli.serve),
         }
     })

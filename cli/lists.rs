@@ -1,10 +1,12 @@
-//! The subcommands that list what scenarios may use: `faults` and `names`.
+//! The subcommands that list what files may use: `faults`, `names` and `schema`.
 
 use std::fmt::Write as _;
 
 use clap::ValueEnum;
 use sim_core::device::{DeviceSpec, Devices};
 use sim_core::fault::{FaultInfo, ParameterInfo, catalogue};
+use sim_physics::WorldMap;
+use sim_runner::{RigPlan, Scenario};
 
 use crate::exit::{Exit, Failure};
 use crate::print::print;
@@ -16,6 +18,17 @@ pub(crate) enum ListFormat {
     Text,
     /// A document with tables, as docs/faults.md is.
     Markdown,
+}
+
+/// A kind of file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FileKind {
+    /// Files that `--world` reads.
+    World,
+    /// Files that `--rig` reads.
+    Rig,
+    /// Files that `sim run` reads.
+    Scenario,
 }
 
 /// The `faults` subcommand: the catalogue, for one device or for all.
@@ -116,5 +129,15 @@ pub(crate) fn list_names(devices: Devices, device: &str) -> Result<Exit, Failure
     for info in device.into_iter().flat_map(|device| device.all_names()) {
         let _ = writeln!(text, "{:<36} {:<11} {}", info.name, info.unit, info.meaning);
     }
+    print(text.trim_end())
+}
+
+/// The `schema` subcommand: JSON Schemas of the files that users write, for their editors.
+pub(crate) fn schema(devices: Devices, kind: FileKind) -> Result<Exit, Failure> {
+    let text = match kind {
+        FileKind::World => WorldMap::json_schema(),
+        FileKind::Rig => RigPlan::json_schema(devices),
+        FileKind::Scenario => Scenario::json_schema(devices),
+    };
     print(text.trim_end())
 }

@@ -22,13 +22,13 @@ use crate::visible;
 
 /// Most lines that wait to be printed; further ones are dropped and counted.
 const MOST_LINES: usize = 1 << 14;
-/// How long whoever reads the output may take at the end for the lines that wait; then the rest is
+/// Time that the output's reader may take at the end for the lines that wait; then the rest is
 /// left out, but for the last.
 const END_PATIENCE: Duration = Duration::from_secs(2);
-/// How long whoever reads the output may take at the end in all: a reader that has stopped reading
+/// Time that the output's reader may take at the end in all: a reader that has stopped reading
 /// must not keep the simulator from ending.
 const LAST_PATIENCE: Duration = Duration::from_secs(5);
-/// How long to wait for the end of the printing before looking around.
+/// Time to wait for the end of the printing before looking around.
 const GLANCE: Duration = Duration::from_millis(20);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
@@ -236,7 +236,7 @@ impl Printer {
         }
     }
 
-    /// How many like it were not printed; `None` if it is not to be printed either.
+    /// Number of those like it that were not printed; `None` if it is not to be printed either.
     fn due(&mut self, event: &Event) -> Option<u64> {
         let plain = self.options.verbose || self.options.format == LogFormat::Json;
         if plain || event.kind.level() != Level::Warning {

@@ -1,4 +1,4 @@
-//! Whoever attends a run in real time: it is printed and recorded, and what is asked is answered.
+//! Attendant of a run in real time: prints and records it, and has what is asked answered.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use sim_runner::{Run, RunError};
 
 use crate::control::Desk;
 use crate::log::Log;
-use crate::run::TraceFile;
+use crate::recording::TraceFile;
 
 /// Tells what happens to all who want to know.
 pub(crate) struct Looking<'a> {

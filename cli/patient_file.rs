@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-/// How long whoever writes to a pipe that is read as a file may keep silent.
+/// Longest silence of whoever writes to a pipe that is read as a file.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A file, or a pipe or terminal whose silence ends in an error.

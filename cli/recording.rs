@@ -1,19 +1,87 @@
-//! Recordings of runs, read and played again.
+//! Recordings of runs: written, read and played again.
 
-use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, BufRead as _, BufReader, BufWriter, ErrorKind, Read as _, Write as _};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use sim_core::device::Devices;
 use sim_runner::Run;
 use sim_runner::trace::{Onlooker, Replay, ReplayError};
 
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::patient_file::PatientFile;
+use crate::print::print;
 use crate::visible;
+use crate::whole_file;
 
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
+
+/// The `replay` subcommand: plays a trace again and compares.
+pub(crate) fn replay(devices: Devices, path: &Path) -> Result<Exit, Failure> {
+    match compare(devices, path)? {
+        Ok(()) => print("the devices did the same to the last byte"),
+        Err(error) => not_the_same(error),
+    }
+}
+
+/// Says why a recording could not be repeated.
+pub(crate) fn not_the_same(error: ReplayError) -> Result<Exit, Failure> {
+    match error {
+        ReplayError::Differs(_) => {
+            print(&format!("FAILED: {error}"))?;
+            Ok(Exit::Failed)
+        }
+        ReplayError::Malformed { .. } => Err(Failure::usage(error)),
+        _ => Err(Failure::system(error)),
+    }
+}
+
+/// A trace file; the first error is kept for the end.
+pub(crate) struct TraceFile {
+    path: PathBuf,
+    out: BufWriter<File>,
+    error: Option<io::Error>,
+}
+
+impl TraceFile {
+    /// Replaces what is there.
+    pub(crate) fn create(path: PathBuf) -> Result<Self, Failure> {
+        let file = whole_file::create(&path)
+            .with_context(|| format!("cannot write the trace {}", visible::name(&path)))
+            .map_err(Failure::system)?;
+        Ok(Self {
+            path,
+            out: BufWriter::with_capacity(1 << 16, file),
+            error: None,
+        })
+    }
+
+    /// Adds a line.
+    fn line(&mut self, line: &str) {
+        if self.error.is_none() {
+            self.error = writeln!(self.out, "{line}").err();
+        }
+    }
+
+    /// Adds what a run has to tell.
+    pub(crate) fn take(&mut self, run: &mut Run) {
+        while let Some(line) = run.poll_trace() {
+            self.line(&line);
+        }
+    }
+
+    /// Makes sure that all has been written.
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        let flushed = self.out.flush();
+        let shown = visible::name(&self.path);
+        self.error
+            .map_or(flushed, Err)
+            .with_context(|| format!("cannot write the trace {shown}; it is not complete"))
+            .map_err(Failure::system)
+    }
+}
 
 /// Result of playing a recording again.
 pub(crate) type Played = Result<(), ReplayError>;

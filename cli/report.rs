@@ -41,7 +41,7 @@ pub(crate) struct Report {
     shown: Mutex<Shown>,
 }
 
-/// What is shown of cases, by their names.
+/// Shown parts of cases, by their names.
 #[derive(Default)]
 struct Shown {
     /// In the table, by the places of their cases.
@@ -116,7 +116,7 @@ impl Report {
 }
 
 impl Shown {
-    /// How much of the next case is shown.
+    /// Detail in which the next case is shown.
     fn detail(&mut self, passed: bool) -> Detail {
         if !passed && self.full < MOST_FULL {
             self.full += 1;

@@ -9,7 +9,6 @@ mod play;
 mod pool;
 mod report;
 mod tell;
-mod trace_file;
 mod twice;
 
 use std::collections::BTreeMap;
@@ -36,7 +35,6 @@ use junit::Junit;
 pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
 pub(crate) use live::NO_PORT_OPENED;
 pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
-pub(crate) use trace_file::TraceFile;
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
@@ -225,7 +223,7 @@ fn progress(count: usize) -> indicatif::ProgressBar {
     bar
 }
 
-/// How many results there are of each kind.
+/// Number of results of each kind.
 #[derive(Default)]
 struct Counts(BTreeMap<Verdict, usize>);
 

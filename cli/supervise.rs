@@ -31,7 +31,7 @@ use crate::exit::{Exit, Failure};
 
 /// Time that those who were asked to end may take before they are killed.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
-/// How often to kill whoever has become a child meanwhile.
+/// Interval at which whoever has become a child meanwhile is killed.
 const ROUND: Duration = Duration::from_millis(10);
 /// Rounds after which orphans are given up that even SIGKILL does not end.
 const MOST_ROUNDS: u32 = 200;
@@ -70,7 +70,7 @@ pub(crate) fn supervise(command: &[OsString], folder: Option<&Path>) -> Result<E
     Ok(Exit::Clean)
 }
 
-/// How the client ended, and whether the simulator was killed before.
+/// Runs the client: its end, and whether the simulator was killed before.
 fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
     let (program, args) = command.split_first().context("no client is named")?;
     adopt_orphans()?;

@@ -13,8 +13,7 @@ use sim_core::device::Devices;
 
 use crate::args::TraceArgs;
 use crate::exit::{Exit, Failure};
-use crate::recording::{self, Played};
-use crate::replay::not_the_same;
+use crate::recording::{self, Played, not_the_same};
 
 /// Prints a recording, or where two of them part.
 pub(crate) fn trace(devices: Devices, args: &TraceArgs) -> Result<Exit, Failure> {

@@ -10,7 +10,7 @@ use tempfile::NamedTempFile;
 
 use crate::visible;
 
-/// How much of a file that is there is looked at.
+/// Most bytes of a file already there that are looked at.
 const GLANCE: u64 = 4096;
 
 /// Place for results.

@@ -15,6 +15,7 @@ const CONNECT: Duration = Duration::from_secs(5);
 
 /// Reason for which a call has come to nothing.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CallError {
     /// The URL is not one that a simulator prints.
     #[error("\"{0}\" is no URL of a simulator, as http://127.0.0.1:4000/#token=…")]

@@ -1,10 +1,18 @@
-//! Guard of who may ask.
+//! Guard of who may ask, and how often.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::Refusal;
 use crate::http::Head;
+
+/// Between two requests, on average.
+const INTERVAL: Duration = Duration::from_millis(1);
+/// By how much requests may be ahead of that.
+const BURST: Duration = Duration::from_millis(50);
 
 /// A token that nobody can guess.
 pub(crate) fn new_token() -> io::Result<String> {
@@ -84,6 +92,26 @@ fn is_same(given: &[u8], wanted: &[u8]) -> bool {
         .zip(wanted)
         .fold(0, |differs, (a, b)| differs | (a ^ b));
     given.len() == wanted.len() && differs == 0
+}
+
+/// Holds requests back that are too many.
+#[derive(Debug, Default)]
+pub(crate) struct Pace(Mutex<Option<Instant>>);
+
+impl Pace {
+    /// Waits until it is this request's turn.
+    pub(crate) fn wait(&self) {
+        thread::sleep(self.turn(Instant::now()));
+    }
+
+    /// The time from `now` for which the next request has to wait.
+    fn turn(&self, now: Instant) -> Duration {
+        let mut next = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let earliest = now.checked_sub(BURST).unwrap_or(now);
+        let own = next.map_or(earliest, |next| next.max(earliest));
+        *next = Some(own + INTERVAL);
+        own.saturating_duration_since(now)
+    }
 }
 
 #[cfg(test)]
@@ -176,5 +204,16 @@ mod tests {
         let tokens = [new_token().unwrap(), new_token().unwrap()];
         assert_ne!(tokens[0], tokens[1]);
         assert!(tokens.iter().all(|token| token.len() == 32));
+    }
+
+    #[test]
+    fn a_thousand_a_second_after_a_burst() {
+        let pace = Pace::default();
+        let start = Instant::now();
+        let free = (0..1000).filter(|_| pace.turn(start).is_zero()).count();
+        assert_eq!(free, 51);
+        let later = start + Duration::from_secs(10);
+        assert!(pace.turn(later).is_zero());
+        assert_eq!(pace.turn(start), Duration::from_millis(9951));
     }
 }

@@ -23,7 +23,6 @@ mod connection;
 mod guard;
 pub mod http;
 mod listener;
-mod pace;
 mod page;
 pub mod session;
 mod watch;
@@ -42,8 +41,7 @@ use serde_json::Value;
 
 pub use listener::{Listener, Message, Wants};
 
-use guard::Guard;
-use pace::Pace;
+use guard::{Guard, Pace};
 use watch::{Watch, Watches};
 
 /// Most requests that wait for the simulation.

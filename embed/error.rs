@@ -100,7 +100,7 @@ impl From<StepError> for Error {
         match error {
             StepError::Text(error) => error.into(),
             StepError::Run(error) => error.into(),
-            why @ (StepError::Over | StepError::TooMany) => Self::Step(why),
+            why => Self::Step(why),
         }
     }
 }

@@ -15,9 +15,9 @@ use crate::simulation::{Simulation, State};
 /// Most bytes kept for a client that does not read, as much as the kernel keeps for a
 /// pseudo-terminal; further ones are lost, and it is told of in an `overrun`.
 const MOST_UNREAD: usize = 20_480;
-/// How long a read waits unless told.
+/// Longest wait of a read unless told.
 const TIMEOUT: Duration = Duration::from_secs(1);
-/// How long a look takes that finds nothing and must not wait, so that time passes for a client
+/// Time that a look takes that finds nothing and must not wait, so that time passes for a client
 /// that polls.
 const LOOK: Duration = Duration::from_micros(100);
 
@@ -246,7 +246,7 @@ impl Drop for ClientPort {
     }
 }
 
-/// What a line of this simulator cannot be set to.
+/// Refuses what a line of this simulator cannot be set to.
 fn refuse<T>(what: &str) -> serialport::Result<T> {
     let kind = serialport::ErrorKind::InvalidInput;
     Err(serialport::Error::new(kind, format!("{what} is refused")))

@@ -10,6 +10,7 @@ use crate::served::Served;
 use sim_pty::PortError;
 
 /// Place of ports that have been given no path.
+#[non_exhaustive]
 pub enum Elsewhere<'a> {
     /// Wherever the system puts them.
     Unlinked,

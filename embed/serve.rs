@@ -34,13 +34,13 @@ use crate::slowness::{RunQueue, Slowness};
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
 /// is worth, since a client cannot tell.
 const SHORTEST_SLEEP: Duration = Duration::from_micros(100);
-/// How long to look for the next request of a client that asks as soon as it is answered. A client
+/// Time to look for the next request of a client that asks as soon as it is answered. A client
 /// in Python comes back after some 50 µs, and on a virtual machine waking a processor up can take
 /// 30 µs at either end (`cargo bench --bench served -- latency` compares). Looks that are too short
 /// are worse than none. Longer ones delay a client by as much when the system has it run on this
 /// processor, which it now and then does where there are few.
 const BUSY_POLL: Duration = Duration::from_micros(100);
-/// How late the system may run the simulator before simulated time stands still. Schedulers of
+/// Lateness of the simulator from which on simulated time stands still. Schedulers of
 /// desktops are late by a few milliseconds now and then, and deadlines of half a second do not
 /// mind.
 const MOST_LATE: Duration = Duration::from_millis(20);
@@ -54,9 +54,9 @@ const LONG_SLEEP: Duration = Duration::from_secs(1);
 /// Lateness from which on what clients send may come up to that much closer together than they were
 /// sent.
 const LITTLE_LATE: Duration = Duration::from_millis(1);
-/// How long to compute before looking at signals and ports again.
+/// Time to compute before looking at signals and ports again.
 const BUDGET: Duration = Duration::from_millis(10);
-/// How much simulated time to compute before looking at the clock again.
+/// Simulated time to compute before looking at the clock again.
 const SLICE: Duration = Duration::from_millis(1);
 /// Reads of one port before the others have their turn.
 const MOST_READS: usize = 16;
@@ -65,6 +65,7 @@ const RESUME_ROOM: usize = UART_FIFO / 2;
 
 /// Moment at which simulated time begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Begin {
     /// At once.
     Now,

@@ -100,7 +100,7 @@ static NAMES: &[NameInfo] = &[
     ),
 ];
 
-/// What a scripted client sends.
+/// Commands of a scripted client.
 #[derive(Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Command {

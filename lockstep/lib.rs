@@ -154,6 +154,7 @@ pub struct Ending {
 
 /// Reason for which a program could not be run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The system does not let programs be traced, or cannot.
     #[error("{0}")]

@@ -23,7 +23,7 @@ use rustix::termios::{
 const MOST_IN_KERNEL: u64 = 3072;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
-/// How long bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless
+/// Time that bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless
 /// the machine has no time for this program.
 const PATIENCE: Duration = Duration::from_secs(60);
 

@@ -4,9 +4,10 @@
 //! What drives it is small next to what holds it, so motors and tyres are not modelled any further:
 //! use [`crate::traction`] where they matter.
 
+use crate::faults::Bounds;
 use crate::plant::Plant;
 use crate::pose::Pose;
-use crate::vehicle_body::{Bounds, RestSettings, VehicleBody};
+use crate::vehicle_body::{RestSettings, VehicleBody};
 use crate::world::{BodyShape, Course, World};
 
 const BOUNDS: Bounds = Bounds {

@@ -1,6 +1,13 @@
 //! Faults that vehicles of every kind can have.
 
-use crate::vehicle_body::{Bounds, number, within};
+/// The most that may be done to a vehicle.
+#[derive(Debug, Clone, Copy)]
+pub struct Bounds {
+    /// kg.
+    pub payload: f64,
+    /// N and N·m.
+    pub push: f64,
+}
 
 /// State of a wheel encoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -64,4 +71,14 @@ impl BodyFaults {
             push: self.push.map(|part| within(part, bounds.push)),
         }
     }
+}
+
+/// Callers check what they are given; this is the last line that keeps a NaN out of the state.
+pub(crate) fn number(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value }
+}
+
+/// A number of either sign that is held within bounds.
+pub(crate) fn within(value: f64, most: f64) -> f64 {
+    number(value).clamp(-most, most)
 }

@@ -51,6 +51,7 @@ mod vehicle_body;
 pub mod world;
 
 pub use drawing::{Drawing, EchoDrawing, WheelDrawing};
+pub use faults::Bounds;
 pub use mecanum::{
     MecanumCommands, MecanumMeasurements, MecanumPlant, MecanumPlantSettings, MecanumTruth,
 };
@@ -58,5 +59,5 @@ pub use plant::{Motion, Plant};
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
 pub use running_gear::Energy;
-pub use vehicle_body::{Bounds, RestSettings, VehicleBody};
+pub use vehicle_body::{RestSettings, VehicleBody};
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

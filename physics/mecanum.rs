@@ -41,12 +41,12 @@ pub use signals::{
     WHEELS, Wheel, Wiring,
 };
 
-use crate::drawing::Drawing;
-use crate::faults::MotorFaults;
+use crate::drawing::{Drawing, EchoDrawing, WheelDrawing};
+use crate::faults::{Bounds, MotorFaults};
 use crate::noise::Noise;
 use crate::plant::Plant;
 use crate::pose::Pose;
-use crate::vehicle_body::{Bounds, VehicleBody};
+use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyShape, World};
 use drive::Drive;
 use sensors::Sensors;
@@ -191,7 +191,27 @@ impl Plant for MecanumPlant {
     }
 
     fn drawing(&self) -> Drawing {
-        self.outline()
+        let settings = &self.settings;
+        let (x, y) = (settings.body.half_wheelbase, settings.body.half_track);
+        let radius = settings.wheel.radius;
+        let places = [[x, y], [x, -y], [-x, y], [-x, -y]];
+        let speeds = self.truth().wheel_speed;
+        let wheels = places.into_iter().zip(speeds);
+        let ultrasonic = &settings.ultrasonic;
+        let echoes = self.measurements().echoes.into_iter().enumerate();
+        let echo = |(index, distance): (usize, Option<f64>)| EchoDrawing {
+            place: [ultrasonic.x[index], ultrasonic.y[index]],
+            heading: ultrasonic.angle[index].to_radians(),
+            opening: 2.0 * ultrasonic.half_angle.to_radians(),
+            range: ultrasonic.range,
+            distance,
+        };
+        Drawing {
+            wheels: wheels
+                .map(|(place, speed)| WheelDrawing::new(place, radius, speed))
+                .collect(),
+            echoes: echoes.map(echo).collect(),
+        }
     }
 
     fn before_step(&mut self, world: &mut World) {

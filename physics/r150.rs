@@ -11,7 +11,6 @@ mod faults;
 mod fuse;
 mod network;
 mod pwm;
-mod rest;
 mod sensing;
 mod settings;
 mod signals;
@@ -31,11 +30,11 @@ pub use signals::{
     Rail, Side, Sides,
 };
 
-use crate::drawing::Drawing;
-use crate::faults::MotorFaults;
+use crate::drawing::{Drawing, WheelDrawing};
+use crate::faults::{Bounds, MotorFaults};
 use crate::plant::Plant;
 use crate::pose::Pose;
-use crate::vehicle_body::{Bounds, VehicleBody};
+use crate::vehicle_body::VehicleBody;
 use crate::world::{BodyShape, World};
 use drive::Drive;
 use network::{Demand, Flow, MotorPort, Source};
@@ -45,7 +44,7 @@ const BOUNDS: Bounds = Bounds {
     payload: 1000.0,
     push: 1e5,
 };
-/// What a supply keeps however much it lacks, V; divisions stay bounded by it.
+/// Least voltage that a supply keeps, V; divisions stay bounded by it.
 const LOWEST_SUPPLY: f64 = 1.0;
 
 /// One vehicle.
@@ -199,7 +198,7 @@ impl R150Plant {
         }
     }
 
-    /// What the firmware wants of the driver of a side.
+    /// Duty that the firmware wants of the driver of a side.
     fn wanted_duty(&self, side: Side) -> f64 {
         self.commands.motor_duty[self.port_of(side)]
     }
@@ -268,7 +267,18 @@ impl Plant for R150Plant {
     }
 
     fn drawing(&self) -> Drawing {
-        self.outline()
+        let body = &self.settings.body;
+        let radius = self.settings.tyre.wheel_radius;
+        let (x, y) = (body.wheelbase / 2.0, body.track / 2.0);
+        let speed = self.truth().wheel_speed;
+        let wheels = [x, -x].into_iter().flat_map(|x| {
+            [(y, speed.left), (-y, speed.right)]
+                .map(|(y, speed)| WheelDrawing::new([x, y], radius, speed))
+        });
+        Drawing {
+            wheels: wheels.collect(),
+            echoes: Vec::new(),
+        }
     }
 
     fn before_step(&mut self, world: &mut World) {

@@ -66,10 +66,10 @@ impl Mass {
     }
 }
 
-/// What turns a wheel, and what holds it, over one step.
+/// Drive and brake of a wheel over one step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelDrive {
-    /// What the motor gives a wheel that stands, as at the end of the step, N·m·s.
+    /// Impulse that the motor gives a wheel that stands, as at the end of the step, N·m·s.
     pub(crate) impulse: f64,
     /// By how much that rises in the course of the step, N·m·s.
     pub(crate) rise: f64,
@@ -231,7 +231,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         }
     }
 
-    /// What each patch did on the ground at the end of the last step.
+    /// Forces of each patch on the ground at the end of the last step.
     pub(crate) fn on_ground(&self) -> [GroundForce; PATCHES] {
         self.traction.on_ground()
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::faults::BodyFaults;
+use crate::faults::{BodyFaults, Bounds, number, within};
 use crate::pose::{BodyMotion, Pose};
 use crate::world::{BodyId, World};
 
@@ -16,15 +16,6 @@ sim_settings::settings! {
             range Duration::from_millis(10)..=Duration::from_secs(60),
             assumed "longer than half a swing on the tyres";
     }
-}
-
-/// The most that may be done to a vehicle.
-#[derive(Debug, Clone, Copy)]
-pub struct Bounds {
-    /// kg.
-    pub payload: f64,
-    /// N and N·m.
-    pub push: f64,
 }
 
 /// The body of a vehicle, which stands still when it can.
@@ -211,14 +202,4 @@ impl VehicleBody {
         self.motion = world.motion(self.id);
         true
     }
-}
-
-/// Callers check what they are given; this is the last line that keeps a NaN out of the state.
-pub(crate) fn number(value: f64) -> f64 {
-    if value.is_nan() { 0.0 } else { value }
-}
-
-/// A number of either sign that is held within bounds.
-pub(crate) fn within(value: f64, most: f64) -> f64 {
-    number(value).clamp(-most, most)
 }

@@ -9,7 +9,6 @@ mod map;
 mod obstacle;
 mod obstacles;
 mod scan;
-mod settings;
 mod strip;
 mod terrain;
 
@@ -22,15 +21,35 @@ pub use bodies::Course;
 pub use features::{Feature, FeatureKind};
 pub use file::WorldFileError;
 pub use ground::Ground;
-pub use map::{FrictionPatch, MOST_PARTS, Slope, Strip, WorldMap};
-pub use obstacle::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Obstacles};
+pub use map::{FrictionPatch, Slope, Strip, WorldMap};
+pub use obstacle::{EDGE_M, MOST_PARTS, Obstacle, ObstacleError, ObstacleShape, Obstacles};
 pub use scan::{Cone, Tag};
-pub use settings::WorldSettings;
 
 use crate::pose::Pose;
 use bodies::Lead;
 use obstacles::Standing;
 use terrain::Change;
+
+sim_settings::settings! {
+    /// The plane that all vehicles share.
+    pub struct WorldSettings {
+        /// Length of one physics step.
+        step: Duration = Duration::from_millis(5),
+            range Duration::from_micros(500)..=Duration::from_millis(10),
+            assumed "short against the motors' response, 200 steps a second";
+        /// Acceleration of gravity.
+        gravity: f64 = 9.81, unit "m/s^2", range 0.1..=30.0, assumed "standard value near sea level";
+        /// Coefficient of friction between tyre and ground.
+        friction: f64 = 0.8, range 0.0..=2.0,
+            assumed "rubber on dry firm ground, 0.7 to 0.9 in textbooks";
+        /// Slope of the ground.
+        slope: f64 = 0.0, unit "deg", range -45.0..=45.0, assumed "flat unless chosen";
+        /// Direction in which the ground rises, counter-clockwise from the x axis.
+        uphill: f64 = 0.0, unit "deg", range -360.0..=360.0, assumed "uphill is straight ahead";
+        /// Coefficient of friction between a vehicle's body and what it hits.
+        wall_friction: f64 = 0.3, range 0.0..=2.0, assumed "painted metal on a wall";
+    }
+}
 
 /// A body of this world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -51,6 +70,7 @@ pub struct BodyShape {
 
 /// Reason for which the world could not go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PhysicsError {
     /// A body's position or velocity is not a number.
     #[error("the physics of `{body}` broke down: its position or velocity is no longer finite")]

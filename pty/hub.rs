@@ -50,7 +50,7 @@ struct State {
     ready: Vec<usize>,
 }
 
-/// What is reported of a node.
+/// Reports of a node.
 #[derive(Debug)]
 struct Node {
     token: usize,
@@ -230,7 +230,7 @@ impl Registration {
         self.hub.drain()
     }
 
-    /// Whether, as far as can be told from counting, the last one who had the node open has closed
+    /// Tells whether, as far as counting shows, the last one who had the node open has closed
     /// it since our last visits. Openings that come together are reported as one, so that somebody
     /// may still be there: whoever acts on this does nothing that would harm a client.
     pub(crate) fn has_departed(&self) -> bool {

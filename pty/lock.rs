@@ -16,7 +16,7 @@ use crate::symlink::Place;
 
 const SUFFIX: &str = ".sim-lock";
 
-/// How often to open the lock file anew when its holder removes it meanwhile.
+/// Most times that the lock file is opened anew when its holder removes it meanwhile.
 const MAX_ATTEMPTS: usize = 8;
 
 /// A held lock. Dropping it, like the death of the process, releases it and

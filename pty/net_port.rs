@@ -23,7 +23,7 @@ use crate::net_decoder::{MOST_AHEAD, NetDecoder};
 use crate::port::{Counters, Event, Kind};
 use crate::pty_port::write_some;
 
-/// How long the end of one connection may take when the beginning of the next is known already:
+/// Time that the end of one connection may take when the beginning of the next is known already:
 /// both come by different processors.
 const LONGEST_FAREWELL: Duration = Duration::from_millis(100);
 /// After so long a silence a client is asked whether it is still there.
@@ -51,7 +51,7 @@ impl ListenAddress {
     ///
     /// # Errors
     ///
-    /// What is missing, in words.
+    /// Says in words what is missing.
     pub fn parse(text: &str) -> Option<Result<Self, String>> {
         let schemes = [("tcp", Protocol::Tcp), ("rfc2217", Protocol::Rfc2217)];
         let (scheme, rest) = text.split_once("://")?;

@@ -32,11 +32,11 @@ use rustix::termios::{ioctl_tiocnxcl, tcflow, tcflush, tcgetattr, tcsetattr};
 use crate::error::PortErrorKind;
 use crate::line::{Defaults, is_same};
 
-/// What a read of a master in packet mode begins with, from `ioctl_tty(2)`.
+/// First byte of a read of a master in packet mode, from `ioctl_tty(2)`.
 const DATA: u8 = 0;
 const FLUSH_READ: u8 = 1;
 const FLUSH_WRITE: u8 = 2;
-/// How often to undo what clients do who come and go meanwhile.
+/// Most times to undo what clients do who come and go meanwhile.
 const MOST_VISITS: u32 = 8;
 /// Rounds in which bytes of clients that have left are thrown away, which are no more than the
 /// system keeps.
@@ -191,7 +191,7 @@ impl Pair {
         Ok((!self.has_happened()?).then_some(count))
     }
 
-    /// Whether something has happened that was not read of.
+    /// Tells whether something has happened that was not read of.
     pub(crate) fn has_happened(&self) -> Result<bool, PortErrorKind> {
         Ok(self.poll()?.contains(PollFlags::PRI))
     }

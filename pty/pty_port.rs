@@ -37,14 +37,14 @@ pub(crate) struct PtyPort {
     /// has left since, or takes back what it has written, these are to be thrown away, and no
     /// others.
     seen: usize,
-    /// What the kernel had no room for.
+    /// Bytes for which the kernel had no room.
     unsent: VecDeque<u8>,
-    /// Whether the waiter is to report that there is room again.
+    /// Set if the waiter is to report that there is room again.
     watches_room: bool,
     counters: Counters,
 }
 
-/// Who has the port open, and what is to be told of it.
+/// State of the port's clients, and what is to be told of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Client {
     Nobody,

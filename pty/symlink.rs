@@ -27,7 +27,7 @@ use rustix::io::Errno;
 use crate::error::PortErrorKind;
 use crate::lock::Lock;
 
-/// How often to look again when others make and remove files at the path.
+/// Most looks when others make and remove files at the path.
 const MAX_ATTEMPTS: usize = 8;
 
 /// So long a path cannot be opened, `PATH_MAX` with the zero byte at its end.

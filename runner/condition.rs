@@ -37,9 +37,9 @@ pub use sim_core::device::names::Reading;
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
-/// How deeply a condition may be nested.
+/// Deepest nesting of a condition.
 const MOST_DEPTH: u16 = 40;
-/// What has no value yet where one has to be said.
+/// Value of what has none yet, where one has to be said.
 const NOTHING: Reading = Reading::Number(0.0);
 
 /// A checked condition.

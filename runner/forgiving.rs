@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 use crate::problems::Problems;
 use crate::tables;
 
-/// What is put where something that must be there is not, so that the rest can be looked at.
+/// Values put where something is missing that must be there, so that the rest can be looked at.
 const INSTEAD: [(&str, &str); 7] = [
     ("schema", "1"),
     ("title", "''"),
@@ -18,7 +18,7 @@ const INSTEAD: [(&str, &str); 7] = [
     ("within", "'1 h'"),
 ];
 
-/// How often something is left out before the rest is given up.
+/// Most parts that are left out before the rest is given up.
 const MOST_TRIES: u32 = 50;
 /// Most parts of a table or list of which each is tried to be what is wrong.
 const MOST_PARTS: usize = 100;
@@ -34,7 +34,7 @@ enum Part {
     Element(usize),
 }
 
-/// What could not be read and was left out.
+/// Parts that could not be read and were left out.
 #[derive(Debug, Default)]
 pub(crate) struct LeftOut(Vec<Vec<Part>>);
 
@@ -231,7 +231,7 @@ fn parts_of(value: &Spanned<DeValue<'_>>, path: &[Part]) -> Vec<Part> {
     }
 }
 
-/// What is at the end of a way.
+/// Finds what is at the end of a way.
 fn find<'v, 't>(
     value: &'v mut Spanned<DeValue<'t>>,
     path: &[Part],

@@ -9,7 +9,6 @@ mod assemble;
 pub mod condition;
 mod forgiving;
 mod problems;
-pub mod report;
 pub mod rig_file;
 pub mod run;
 pub mod scenario;

@@ -91,6 +91,7 @@ const NANOSECOND: Duration = Duration::from_nanos(1);
 
 /// Reason for which a run cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// The simulation has broken down.
     #[error(transparent)]

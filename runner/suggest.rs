@@ -33,7 +33,7 @@ pub(crate) fn or_allowed(word: &str, allowed: &[&str]) -> String {
     )
 }
 
-/// What the TOML reader says of its own types, and what that means in a file.
+/// Words of the TOML reader for its own types, and their meaning in a file.
 const PLAIN: [(&str, &str); 11] = [
     ("` as i128,", "`,"),
     (

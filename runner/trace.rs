@@ -47,7 +47,7 @@ pub const FORMAT: u32 = 1;
 const MOST_LINES: usize = 1 << 20;
 /// Most bytes of one line.
 const MOST_BYTES: usize = 1024;
-/// How often poses are noted, ns.
+/// Interval at which poses are noted, ns.
 const POSE_PERIOD: u64 = 100_000_000;
 
 /// Writes a run down.

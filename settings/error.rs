@@ -4,6 +4,7 @@ use std::fmt;
 
 /// Origin of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Origin {
     /// A place in a file; line and column count from 1.
     File {
@@ -41,6 +42,7 @@ pub fn shorten(text: String) -> String {
 
 /// A setting or a settings file that was refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SettingsError {
     /// The file is not TOML.
     #[error("{origin}: {why}")]

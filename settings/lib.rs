@@ -78,6 +78,7 @@ pub struct Entry {
 
 /// Error of an attempt to set one key.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Problem {
     /// No setting has this name.
     UnknownKey,

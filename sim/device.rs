@@ -22,7 +22,7 @@ use sim_physics::{Plant, Pose, World};
 use sim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
-use crate::event::{Code, EventKind};
+use crate::event::{Code, EventKind, code};
 use crate::fault::{Fault, FaultInfo, OperatorFault, catalogue};
 use crate::noise::Noise;
 
@@ -148,6 +148,15 @@ pub fn check_rows(devices: Devices) -> Result<(), RowError> {
         }
     }
     Ok(())
+}
+
+/// Every kind that a client report can have: what these devices and the line tell of that the
+/// protocol forbids, or that is risky.
+pub fn client_report_codes(devices: Devices) -> impl Iterator<Item = &'static str> {
+    let own = devices.iter().map(|device| device.codes);
+    let all = std::iter::once(code::CODES).chain(own).flatten();
+    all.filter(|code| code.may_blame_client())
+        .map(|code| code.as_str())
 }
 
 impl PartialEq for DeviceSpec {

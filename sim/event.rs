@@ -97,6 +97,7 @@ impl<T: PartialEq + Any> Same for T {
 
 /// Part of an event in the counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Role {
     /// A client came.
     Attached,

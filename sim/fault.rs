@@ -36,6 +36,7 @@ use crate::event::{Code, EventKind, Level, Role, code};
 
 sim_settings::words! {
     /// At what level something goes wrong, in the order of the catalogue.
+    #[non_exhaustive]
     pub enum FaultLevel {
         /// Bytes on their way.
         Wire = "wire",
@@ -149,6 +150,7 @@ impl JsonSchema for Fault {
 
 /// Refusal to arm a fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FaultError {
     /// There is no such device in the rig.
     #[error("there is no device {0}")]

@@ -79,7 +79,7 @@ impl ClientLine {
 
 /// A serial line with a client at one end and a device at the other.
 ///
-/// Whoever drives it passes the time in, and it never goes back. Bytes are taken off it one by one
+/// Its driver passes the time in, and it never goes back. Bytes are taken off it one by one
 /// at their arrival times, so that a device sees each at the nanosecond at which its stop bit ends.
 ///
 /// It is a cable: bytes that a client has handed over reach the device whoever is there by then,

@@ -4,7 +4,7 @@
 //! in; status packets, report lines, pin states and events come out. It sees pins, never physics.
 //! Any bytes are legal input.
 //!
-//! Whoever drives it
+//! Its driver
 //! 1. never lets the time go back,
 //! 2. calls [`MecanumDevice::advance`] at (or after) each [`MecanumDevice::next_deadline`]; what is
 //!    due between is done in order, each at its own time,
@@ -24,8 +24,8 @@ pub mod kinematics;
 mod locomotion;
 pub mod motion;
 pub mod odometry;
-mod orders;
 pub mod packet;
+mod requests;
 pub mod settings;
 mod telemetry;
 
@@ -82,6 +82,7 @@ impl Link {
 
 /// Input of an operator with the remote control.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum OperatorInput {
     /// A key goes down; the car moves so while it is held, in remote-control mode.
     Press(Movement),

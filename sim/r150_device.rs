@@ -3,7 +3,7 @@
 //! [`R150Device`] is a state machine: bytes, measurements, button presses and time go in; reply
 //! frames, pin states and events come out. It sees pins, never physics. Any bytes are legal input.
 //!
-//! Whoever drives it
+//! Its driver
 //! 1. never lets the time go back,
 //! 2. calls [`R150Device::advance`] at (or after) each [`R150Device::next_deadline`]; what is due
 //!    between is done in order, each at its own time,
@@ -20,12 +20,13 @@ pub mod command;
 pub mod control;
 mod defects;
 mod event;
+pub mod group;
 pub mod motors;
 pub mod protection;
-pub mod reply;
 mod requests;
 pub mod settings;
 pub mod speed;
+pub mod system_info;
 mod telemetry;
 pub mod vehicle;
 
@@ -43,13 +44,14 @@ use crate::noise::Noise;
 use crate::uart;
 use can::{Can, CanFailure};
 use codec::Decoder;
+use command::Reply;
 use control::{Control, FULL_DUTY, Parts};
 pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
-use reply::{Reply, SystemInfo};
 use settings::R150FirmwareSettings;
 use speed::Speedometer;
+use system_info::SystemInfo;
 use vehicle::{Bridges, OperatorInput, Start, Vehicle};
 
 /// Most events kept for whoever takes them; the oldest go first.

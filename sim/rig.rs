@@ -27,7 +27,7 @@ use effects::Effects;
 use events::Events;
 pub use port::PortId;
 
-/// How often slow states (charge, temperatures) advance while nothing moves.
+/// Interval at which slow states (charge, temperatures) advance while nothing moves.
 const REST_TICK: Duration = Duration::from_millis(100);
 /// Rounds without time passing after which the rig gives up; an honest instant takes a few for
 /// each byte that arrives in it.
@@ -35,6 +35,7 @@ const MOST_ROUNDS: u32 = 100_000;
 
 /// Reason for which a rig cannot go on.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RigError {
     /// A body's position or velocity is not a number.
     #[error(transparent)]

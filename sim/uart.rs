@@ -140,7 +140,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a receiver finds in bytes sent back to back; the line is idle before and after.
+    /// Bytes that a receiver finds in those sent back to back; the line is idle before and after.
     fn resample(bytes: &[u8], from_baud: u32, to_baud: u32) -> Vec<u8> {
         let mut receiver = Receiver::new(from_baud, to_baud);
         receiver.hear(bytes);

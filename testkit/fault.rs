@@ -120,7 +120,7 @@ impl std::fmt::Debug for FaultChoice {
     }
 }
 
-/// What each of a fault's parameters takes.
+/// Values that each of a fault's parameters takes.
 type Taken = Vec<Vec<Value>>;
 
 /// The catalogue, with the values that each parameter takes.

@@ -15,7 +15,7 @@ use crate::text::{MOST_DRIVEN, goes_on, is_told};
 /// Most simulated time of a replay, ns; what comes later is left out.
 const MOST_TIME: u64 = 2_000_000_000;
 
-/// What is recorded: a car with both its links and an R150, and some of everything that a scenario
+/// Recorded run: a car with both its links and an R150, and some of everything that a scenario
 /// writes into a trace.
 const SCENARIO: &str = r#"
 schema = 1

@@ -367,7 +367,7 @@ fn the_reference_has_every_key_and_no_other() {
 fn the_client_report_of_the_reference_is_whole() {
     let reference = SCENARIOS.split_once("\n## Reference\n").unwrap().1;
     let told = quoted(reference);
-    for code in sim_runner::report::client_report_codes(sim_core::SHIPPED) {
+    for code in sim_core::device::client_report_codes(sim_core::SHIPPED) {
         assert!(told.contains(code), "the reference lacks `{code}`");
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use sim_core::r150_device::codec::OVERHEAD;
 use sim_core::r150_device::command::Request;
-use sim_core::r150_device::reply::SystemInfo;
+use sim_core::r150_device::system_info::SystemInfo;
 
 use super::client::{Client, Exchange, Poller};
 use super::process::Server;

@@ -33,7 +33,7 @@ Examples:
   sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
       Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
 
-/// What to play, and how.
+/// Choice of what to play, and how.
 #[derive(Debug, Args)]
 #[command(after_help = format!("{EXAMPLES}\n\n{}", Exit::HELP))]
 pub(crate) struct RunArgs {
@@ -44,7 +44,7 @@ pub(crate) struct RunArgs {
     /// SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
-    /// How many scenarios to play at a time [default: one for each core, but 1 with a client in real time].
+    /// Number of scenarios to play at a time [default: one for each core, but 1 with a client in real time].
     #[arg(short, long, value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) jobs: Option<u32>,
     #[command(flatten)]
@@ -111,7 +111,7 @@ pub(crate) struct RunArgs {
     pub(crate) dry_run: bool,
 }
 
-/// What scenario files are read with.
+/// Additions to scenario files.
 #[derive(Debug, Default, Args)]
 pub(crate) struct GivenArgs {
     /// Play fault files within this job: a scenario file that says what your client is to do, on which

@@ -37,13 +37,13 @@ pub(crate) struct ServeArgs {
     /// Paths of the links that are there only when they are asked for, by their ids.
     #[arg(skip)]
     pub(crate) link_ptys: Vec<(&'static str, PathBuf)>,
-    /// Who may open the pseudo-terminals: permissions in octal, such as 660 [default: the system's].
+    /// Permissions of the pseudo-terminals in octal, such as 660 [default: the system's].
     #[arg(long, value_name = "OCTAL", value_parser = mode)]
     pub(crate) mode: Option<u32>,
     /// The group of the pseudo-terminals, by name or number, such as dialout [default: the system's].
     #[arg(long, value_name = "GROUP", value_parser = group)]
     pub(crate) group: Option<u32>,
-    /// How pseudo-terminals are set until a client sets them.
+    /// Settings of pseudo-terminals until a client sets them.
     #[arg(long, value_enum, default_value_t = TtyDefaults::Raw)]
     pub(crate) tty_defaults: TtyDefaults,
     /// Build the world from a file; `worlds/` has some.
@@ -62,7 +62,7 @@ pub(crate) struct ServeArgs {
     pub(crate) start: Option<String>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
-    /// How long bytes take on the line [default: paced; instant with --serial, whose cable takes its
+    /// Pace of bytes on the line [default: paced; instant with --serial, whose cable takes its
     /// own time].
     #[arg(long, value_enum)]
     pub(crate) wire: Option<WireArg>,
@@ -88,7 +88,7 @@ pub(crate) struct ServeArgs {
     /// Print nothing but `ready` and errors.
     #[arg(short, long)]
     pub(crate) quiet: bool,
-    /// How to print what happens.
+    /// Form in which events are printed.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
 }
@@ -110,7 +110,7 @@ impl From<WireArg> for Wire {
     }
 }
 
-/// How pseudo-terminals are set at first.
+/// Settings of pseudo-terminals at first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TtyDefaults {
     /// Raw and at the device's speed, so that `cat` and `printf` will do.
@@ -126,7 +126,7 @@ impl ServeArgs {
         self.pty.as_ref().or(self.listen.as_ref())
     }
 
-    /// How pseudo-terminals are set up, but for the speed.
+    /// Setup of pseudo-terminals, but for the speed.
     pub(crate) fn pty_setup(&self) -> PtySetup {
         PtySetup {
             baud: 0,

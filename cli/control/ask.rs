@@ -53,10 +53,8 @@ pub(super) fn add(run: &mut Run, step: &Value) -> Result<usize, Trouble> {
         .map_err(|error| refused(format!("a step has the form of a scenario file's: {error}")))?;
     run.add_step(&text).map_err(|error| match error {
         StepError::Text(error) => refused(without_places(&error.to_string())),
-        StepError::Over | StepError::TooMany => {
-            Trouble::Refused(Refusal::new(409, error.to_string()))
-        }
         StepError::Run(error) => Trouble::Broken(error),
+        why => Trouble::Refused(Refusal::new(409, why.to_string())),
     })
 }
 

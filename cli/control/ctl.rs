@@ -143,7 +143,7 @@ Example:
     Until {
         /// The condition, as in scenario files.
         condition: String,
-        /// How long to wait, in simulated time.
+        /// Longest wait, in simulated time.
         #[arg(long, value_name = "TIME", default_value = "5s")]
         within: Span,
     },
@@ -153,7 +153,7 @@ Example:
     GoOn,
     /// Let some simulated time pass, as in `50ms`, and stop it then.
     StepBy {
-        /// How much.
+        /// Simulated time to pass.
         time: Span,
     },
     /// Change how fast simulated time passes.
@@ -171,7 +171,7 @@ Example:
         /// Print the values of these names, too.
         #[arg(long, value_delimiter = ',')]
         names: Vec<String>,
-        /// How often to print them, in times a second of real time.
+        /// Number of times to print them a second, in real time.
         #[arg(long, default_value_t = 10.0)]
         rate: f64,
         /// Print every request and reply, too.
@@ -184,7 +184,7 @@ Example:
 
 #[derive(Debug, Args)]
 struct Lasts {
-    /// How long it lasts, in simulated time [default: until it is cleared].
+    /// Time that it lasts, in simulated time [default: until it is cleared].
     #[arg(long = "for", value_name = "TIME")]
     lasts: Option<Span>,
 }
@@ -456,16 +456,11 @@ fn call(client: &Client, method: &str, path: &str, body: Option<&Value>) -> Resu
 }
 
 fn failed(error: CallError) -> Failure {
+    let shown = anyhow!("{}", visible::lines(&error.to_string()));
     match error {
-        CallError::Io(..) => Failure::system(error),
-        CallError::Url(_) => Failure::usage(error),
-        CallError::Refused { status, why } => {
-            let error = anyhow!("{}", visible::lines(&why));
-            match status {
-                // It has ended, or there are too many.
-                503 => Failure::system(error),
-                _ => Failure::usage(error),
-            }
-        }
+        // It has ended, or there are too many.
+        CallError::Refused { status: 503, .. } => Failure::system(shown),
+        CallError::Refused { .. } | CallError::Url(_) => Failure::usage(shown),
+        _ => Failure::system(shown),
     }
 }

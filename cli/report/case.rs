@@ -16,9 +16,9 @@ use crate::recording;
 use crate::run::{Case, PlayedCase, client_report};
 use crate::visible::lines as readable;
 
-/// How many looks make the way of a case that passed.
+/// Number of looks that make the way of a case that passed.
 const FEW: u32 = 96;
-/// How many looks make the plots of one that failed.
+/// Number of looks that make the plots of one that failed.
 const MANY: u32 = 480;
 /// Most lines that are shown of what the client wrote.
 const MOST_OUTPUT: usize = 200;
@@ -122,7 +122,7 @@ fn failures(outcome: &Outcome, detail: Detail) -> Markup {
     }
 }
 
-/// What was so at a failure and, if it is wanted, what came before it.
+/// Circumstances of a failure and, if it is wanted, what came before it.
 fn context(context: &Context, wants_before: bool) -> Markup {
     let before = context.before.iter().filter(|_| wants_before);
     let before: Vec<&String> = before.collect();

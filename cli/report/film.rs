@@ -17,7 +17,7 @@ use crate::log::Words;
 
 /// Shortest time between two looks.
 const SHORTEST: Duration = Duration::from_millis(5);
-/// How long before and after a failure traffic is shown.
+/// Time before and after a failure for which traffic is shown.
 const AROUND: [Duration; 2] = [Duration::from_millis(1500), Duration::from_millis(500)];
 /// Most lines of traffic that are shown; the last ones before a failure count most.
 const MOST_LINES: usize = 200;

@@ -7,14 +7,14 @@ use sim_physics::world::{Feature, FeatureKind, Shape};
 
 use super::film::{Film, Way};
 
-/// How wide the picture is at most, and how high, in units of its own.
+/// Greatest width of the picture, and its height, in units of its own.
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 480.0;
 /// Least width and height of what is shown, m.
 const LEAST: f64 = 2.0;
 /// Room around what is shown, as a part of it.
 const MARGIN: f64 = 0.2;
-/// How many colours a way has.
+/// Number of colours of a way.
 const COLOURS: usize = 16;
 
 /// The part of the plane that is shown, and how large.

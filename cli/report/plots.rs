@@ -31,7 +31,7 @@ const GRID: RGBColor = RGBColor(2, 2, 2);
 const FAULT: RGBColor = RGBColor(230, 159, 0);
 const FAILURE: RGBColor = RGBColor(200, 0, 0);
 
-/// What is measured in a unit, in the order of the plots.
+/// Units and what is measured in them, in the order of the plots.
 const UNITS: [(&str, &str); 14] = [
     ("m/s", "speed"),
     ("0.1 %", "commands and set-points"),

@@ -72,7 +72,7 @@ impl<'a> Case<'a> {
         self.is_live() && self.args.time == TimeArg::Lockstep
     }
 
-    /// What the time of the run is called.
+    /// Name of the run's kind of time.
     pub(crate) fn time_word(&self) -> &'static str {
         if self.is_live() {
             self.args.time.word()
@@ -143,7 +143,7 @@ impl<'a> Case<'a> {
         Ok(Some(desk))
     }
 
-    /// What to type to see the same again.
+    /// Command that shows the same again.
     pub(crate) fn command(&self) -> String {
         let mut words: Vec<OsString> = ["sim", "run", "--seed"].map(OsString::from).into();
         words.push(self.seed.to_string().into());
@@ -192,7 +192,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// What came of a case.
+/// Result of a case.
 pub(crate) enum CaseResult {
     /// It was played to an end.
     Played(Box<Played>),
@@ -209,7 +209,7 @@ pub(crate) struct Played {
     pub(crate) client: Option<PlayedClient>,
     /// Real time that it took.
     pub(crate) took: Duration,
-    /// What the machine did to it; nothing can be done to what runs in simulated time.
+    /// Delays by the machine; nothing can be done to what runs in simulated time.
     pub(crate) held_up: Option<HeldUp>,
     /// It failed, and the machine held it up for so long that this proves nothing.
     pub(crate) is_spoilt: bool,
@@ -238,9 +238,9 @@ pub(crate) struct PlayedClient {
     pub(crate) stopped: bool,
     /// The end of what it wrote.
     pub(crate) output: String,
-    /// What it waited for outside of the simulation, for which the run is not repeatable.
+    /// Things outside of the simulation that it waited for, so that the run is not repeatable.
     pub(crate) outside: Vec<String>,
-    /// What lockstep refused it.
+    /// Calls that lockstep refused it.
     pub(crate) refused: Vec<String>,
 }
 

@@ -12,7 +12,7 @@ use rustix::fs::FlockOperation;
 
 use super::case::Case;
 
-/// How many runs of the same may go on at the same time.
+/// Most runs of the same that may go on at the same time.
 const MOST: u32 = 1000;
 
 /// A folder, removed on drop. It is locked, so that what a killed run has left is known as such.

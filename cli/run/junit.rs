@@ -17,7 +17,7 @@ use crate::whole_file::Target;
 use super::case::{Case, CaseResult, Played};
 use super::tell;
 
-/// How many times as long as the last writing took to play on before the next: with thousands of
+/// Multiple of the last writing's time for which is played on before the next: with thousands of
 /// results the file is not written for each.
 const RARELY: u32 = 20;
 
@@ -194,7 +194,7 @@ fn test_case(case: &Case<'_>, result: Option<&CaseResult>) -> TestCase {
     test
 }
 
-/// What happened before each failure.
+/// Events before each failure.
 fn surroundings(outcome: &Outcome) -> String {
     let lines = outcome.failures.iter().flat_map(|failure| {
         let before = failure.context.before.iter().cloned();

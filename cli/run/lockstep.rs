@@ -31,9 +31,9 @@ use super::play::{BROKEN_OFF, Playing, over_time};
 
 /// Instants of the simulation between looks at the real clock.
 const MOST_INSTANTS: u32 = 10_000;
-/// How long simulated time may go on before a client that waits for room is asked again.
+/// Simulated time after which a client that waits for room is asked again.
 const ROOM: Duration = Duration::from_millis(5);
-/// How much of a client's output is kept in its file.
+/// Most bytes of a client's output that are kept in its file.
 const MOST_FILED: u64 = 1 << 26;
 
 /// Plays it. The client ends before this returns, whatever happens.
@@ -113,7 +113,7 @@ fn failure(case: &Case<'_>, error: Error) -> Failure {
         )),
         Error::Refused(why) => Failure::usage(anyhow!("{why}; --time real runs it in real time")),
         Error::World(why) => Failure::system(anyhow!(why)),
-        error @ Error::System { .. } => Failure::system(error),
+        error => Failure::system(error),
     }
 }
 

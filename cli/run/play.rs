@@ -10,9 +10,9 @@ use sim_runner::{Run, RunError, RunOptions};
 use sim_settings::show_duration;
 
 use crate::exit::Failure;
+use crate::recording::TraceFile;
 
 use super::case::{Case, CaseResult, Played, PlayedClient};
-use super::trace_file::TraceFile;
 
 /// Most simulated time between two looks at the clock and for signals.
 const SLICE: Duration = Duration::from_millis(500);
@@ -100,7 +100,7 @@ impl<'a> Playing<'a> {
         Ok(true)
     }
 
-    /// What came of it. The trace has its end in any case, so that it can be played again.
+    /// Ends it and gives its result. The trace has its end in any case, so that it can be played again.
     pub(super) fn conclude(
         mut self,
         run: &mut Run,

@@ -18,10 +18,10 @@ use super::Told;
 use super::case::{Case, CaseResult, Verdict};
 use super::{live, lockstep, play, report, twice};
 
-/// How long everything may take to end after a second signal.
+/// Time in which everything has to end after a second signal.
 const LAST_PATIENCE: Duration = Duration::from_secs(15);
 
-/// How long to wait for a result before looking whether something is left to be done.
+/// Time to wait for a result before looking whether something is left to be done.
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// Plays all, and keeps nothing of what has been told. What was not played, since another failed or a
@@ -115,7 +115,7 @@ pub(crate) fn play_all(
     Ok(wrong)
 }
 
-/// How many to play at a time.
+/// Number of cases to play at a time.
 fn threads(args: &RunArgs, cases: usize) -> usize {
     let asked = args.jobs.and_then(|most| usize::try_from(most).ok());
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);

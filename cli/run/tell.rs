@@ -1,4 +1,4 @@
-//! What is printed of scenarios.
+//! Words that are printed of scenarios.
 
 use std::fmt::Write as _;
 
@@ -16,13 +16,13 @@ use crate::visible;
 
 use super::case::{Case, CaseResult, Played, Verdict};
 
-/// How many of the last lines of traffic are shown before a failure.
+/// Number of the last lines of traffic that are shown before a failure.
 const TRAFFIC: usize = 12;
 /// Of how many failures what came before them is shown.
 const CONTEXTS: usize = 5;
-/// How many of the last lines of the client's output are shown of a scenario that failed.
+/// Number of the last lines of the client's output that are shown of a scenario that failed.
 const OUTPUT: usize = 30;
-/// How much is shown of one of them.
+/// Most characters that are shown of one of them.
 const MOST_CHARACTERS: usize = 300;
 
 /// A scenario in the list.
@@ -35,7 +35,7 @@ pub(crate) fn listed(loaded: &Loaded) -> String {
     text
 }
 
-/// What would be played.
+/// Words for what would be played.
 pub(crate) fn planned(case: &Case<'_>) -> String {
     let scenario = &case.loaded.scenario;
     let mut text = format!(
@@ -68,7 +68,7 @@ pub(crate) fn variables(scenario: &Scenario) -> Vec<String> {
         .collect()
 }
 
-/// What came of a case, in full if it failed.
+/// Result of a case in words, in full if it failed.
 pub(crate) fn told(args: &RunArgs, case: &Case<'_>, result: &CaseResult) -> String {
     let name = case.name();
     match result {
@@ -218,7 +218,7 @@ pub(crate) fn not_judged(outcome: &Outcome) -> String {
     outcome.not_judged.iter().map(line).collect()
 }
 
-/// What an outcome was worth: `3 of 3 faults hit, 214 requests, 9.3 m`.
+/// Worth of an outcome: `3 of 3 faults hit, 214 requests, 9.3 m`.
 pub(crate) fn worth(outcome: &Outcome) -> String {
     let faults = outcome.faults.iter();
     let armed: u64 = faults.clone().map(|fault| fault.armed).sum();

@@ -11,7 +11,7 @@ use crate::exit::Failure;
 use super::case::{Case, CaseResult};
 use super::{lockstep, tell};
 
-/// What is compared: the ends of the files' names, and what is in them.
+/// Compared files: the ends of the files' names, and what is in them.
 const COMPARED: [(&str, &str); 2] = [("trace.jsonl", "trace"), ("client.log", "client's output")];
 
 /// Plays it two times; a difference fails it. The files that stay are those of the second.

@@ -20,11 +20,11 @@ use crate::recording::{self, Played};
 use crate::visible;
 use sim_core::device::Devices;
 
-/// How many events one of them may be ahead of the other.
+/// Most events that one of them may be ahead of the other.
 const AHEAD: usize = 1 << 10;
-/// How many events are shown of those before they part.
+/// Number of events that are shown of those before they part.
 const BEFORE: usize = 8;
-/// How many are shown of each afterwards.
+/// Number that is shown of each afterwards.
 const AFTERWARDS: usize = 4;
 
 /// Says where two recordings part; the exit code is 1 if they do.
@@ -78,7 +78,7 @@ pub(super) fn compare(
     })
 }
 
-/// What a run begins with.
+/// Beginning of a run.
 struct Begun {
     parts: [(&'static str, String); 4],
 }
@@ -163,7 +163,7 @@ fn parting(
     }
 }
 
-/// How one of them goes on.
+/// Continuation of one of them.
 fn follow(path: &Path, first: Option<Happened>, rest: &Receiver<Happened>) -> Vec<String> {
     let lines = first.into_iter().chain(rest.iter()).take(AFTERWARDS);
     let lines: Vec<String> = lines.map(|one| format!("  {}", one.line)).collect();

@@ -13,7 +13,7 @@ use super::Part;
 use crate::args::TraceArgs;
 use crate::exit::Failure;
 
-/// How often values are printed, unless it is said.
+/// Interval at which values are printed unless it is said.
 const EVERY: Duration = Duration::from_millis(100);
 
 /// Prints a line of values now and then.

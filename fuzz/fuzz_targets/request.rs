@@ -1,4 +1,4 @@
-//! What clients of the control socket send.
+//! Bytes that clients of the control socket send.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// What monotonic clocks show at the beginning: programs take 0 for "never".
+/// Time that monotonic clocks show at the beginning: programs take 0 for "never".
 const MONOTONIC_START: u64 = 1_000_000_000_000;
 
 const NANOSECONDS: u64 = 1_000_000_000;

@@ -205,7 +205,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// What a descriptor leads to, if that is outside.
+    /// Name of what a descriptor leads to, if that is outside.
     fn outside_name(&self, process: Tid, fd: i32) -> Option<String> {
         let descriptor = self.descriptor(process, fd)?;
         if descriptor.is_socket() {
@@ -316,7 +316,7 @@ pub(crate) fn info_of(process: Tid, fd: i32, name: &str) -> Option<i32> {
     value.trim().parse().ok()
 }
 
-/// What an epoll descriptor watches.
+/// Descriptors that an epoll descriptor watches.
 fn members_of_epoll(process: Tid, fd: i32) -> Vec<(i32, PollFlags)> {
     let text = std::fs::read_to_string(format!("/proc/{process}/fdinfo/{fd}"));
     let text = text.unwrap_or_default();

@@ -243,7 +243,7 @@ fn shared_place(process: Tid, address: u64) -> Option<FutexKey> {
     rights.ends_with('s').then_some(place)
 }
 
-/// What `FUTEX_WAKE_OP` does to the second word; whether its waiters are to be woken as well.
+/// Does to the second word what `FUTEX_WAKE_OP` does; says whether its waiters are to be woken as well.
 fn wake_operation(memory: Memory, address: u64, code: u32) -> io::Result<bool> {
     let operation = code >> 28 & 7;
     // Twelve bits with a sign each.

@@ -12,7 +12,7 @@ use crate::traced::tracer::{Halt, Tracer};
 use crate::traced::tree::{Resume, State};
 use crate::traced::wait::{Hold, Late, Wait};
 
-/// What a look at a wait says.
+/// Result of a look at a wait.
 enum Look {
     /// It goes on.
     Waits,

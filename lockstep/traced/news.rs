@@ -89,7 +89,7 @@ impl Tracer<'_> {
         true
     }
 
-    /// What has become of a thread.
+    /// Takes note of what has become of a thread.
     fn news(&mut self, tid: Tid, status: i32) -> Result<(), Halt> {
         if libc::WIFEXITED(status) || libc::WIFSIGNALED(status) {
             self.gone(tid, status);

@@ -63,7 +63,7 @@ struct List {
     inode: (u64, u64),
     path: &'static str,
     first: First,
-    /// What is being read of it, from the first read to the last.
+    /// Text that is being read of it, from the first read to the last.
     text: String,
 }
 

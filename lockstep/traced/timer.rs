@@ -89,7 +89,7 @@ impl Timers {
 }
 
 impl Timer {
-    /// What is left of it, and its interval.
+    /// Time that is left of it, and its interval.
     fn setting(&self, now: u64) -> (u64, u64) {
         let left = self.next.map_or(0, |next| next.saturating_sub(now).max(1));
         (left, self.interval)

@@ -47,7 +47,7 @@ pub(crate) struct Tracer<'a> {
     pub(crate) waits: u64,
     /// Counts up whenever something has happened that a wait may be for.
     pub(crate) happened: u64,
-    /// How much had happened when time last went on.
+    /// Count of what had happened when time last went on.
     pub(crate) advanced: u64,
     /// A signal may have been sent to somebody who waits.
     pub(crate) signalled: bool,

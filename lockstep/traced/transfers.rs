@@ -16,7 +16,7 @@ use crate::traced::wait::Wait;
 /// Most random bytes of one call; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
 
-/// How a read or write waits; see [`Wait::Descriptor`].
+/// Rule by which a read or write waits; see [`Wait::Descriptor`].
 struct Rule {
     flags: PollFlags,
     room: usize,
@@ -154,7 +154,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// What a read or write of something that is no port waits for, and how long.
+    /// Rule by which a read or write waits of something that is no port.
     fn transfer_rule(&self, entry: Entry, descriptor: &Descriptor) -> Result<Rule, Halt> {
         let Entry { tid, call, a, .. } = entry;
         let (flags, room) = match call {

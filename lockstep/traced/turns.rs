@@ -8,7 +8,7 @@ use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{Resume, Shown, State, Thread};
 use crate::traced::wait::{Hold, Wait};
 
-/// What one ask costs a thread that does nothing but ask.
+/// Time that one ask costs a thread that does nothing but ask.
 const CREEP: u64 = 20_000;
 
 /// Asks in a row that cost nothing.

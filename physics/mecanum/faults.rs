@@ -2,8 +2,7 @@
 
 use super::MecanumPlant;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};
-use crate::faults::MotorFaults;
-use crate::vehicle_body::number;
+use crate::faults::{MotorFaults, number};
 
 /// State of an ultrasonic sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -48,14 +48,14 @@ impl MecanumPlant {
         for (pulses, offset) in pulses.iter_mut().zip(self.pulse_offset) {
             *pulses = pulses.wrapping_add(offset);
         }
-        let seen = self.sensors.seen;
+        let observed = self.sensors.observed;
         MecanumMeasurements {
             board_powered: self.is_supplied(),
             pulses,
-            echoes: seen.echoes,
-            obstacle_ahead: seen.obstacle_ahead,
-            tag: seen.tag,
-            magnetic_bar: seen.magnetic_bar,
+            echoes: observed.echoes,
+            obstacle_ahead: observed.obstacle_ahead,
+            tag: observed.tag,
+            magnetic_bar: observed.magnetic_bar,
         }
     }
 

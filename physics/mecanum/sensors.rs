@@ -10,7 +10,7 @@ use crate::world::{BodyId, Cone, World};
 
 /// Readings of the sensors when they last looked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Seen {
+pub(super) struct Observed {
     /// m
     pub(super) echoes: [Option<f64>; ECHOES],
     pub(super) obstacle_ahead: bool,
@@ -34,7 +34,7 @@ pub(super) struct Sensors {
     noise: f64,
     crosstalk: f64,
     pub(super) chance: Noise,
-    pub(super) seen: Seen,
+    pub(super) observed: Observed,
 }
 
 /// A cone in the axes of the body.
@@ -115,7 +115,7 @@ impl Sensors {
             noise: ultrasonic.noise,
             crosstalk: ultrasonic.crosstalk / 100.0,
             chance: Noise::new(0, "ultrasonic"),
-            seen: Seen::default(),
+            observed: Observed::default(),
         }
     }
 
@@ -160,7 +160,7 @@ impl Sensors {
         let echoes = self
             .cones
             .map(|mount| world.nearest_echo(&mount.cone(motion), Some(body)));
-        for (index, heard) in self.seen.echoes.iter_mut().enumerate() {
+        for (index, heard) in self.observed.echoes.iter_mut().enumerate() {
             let mut echo = echoes[index];
             // The neighbour of each of the pairs on either side.
             if self.crosstalk > 0.0 && self.chance.uniform() < self.crosstalk {
@@ -179,17 +179,17 @@ impl Sensors {
 
     fn look_ahead(&mut self, world: &World, body: BodyId, motion: &BodyMotion) {
         let cone = self.beam.cone(motion);
-        self.seen.obstacle_ahead = world.nearest_echo(&cone, Some(body)).is_some();
+        self.observed.obstacle_ahead = world.nearest_echo(&cone, Some(body)).is_some();
     }
 
     fn read_tag(&mut self, world: &World, motion: &BodyMotion) {
         let tag = world.tag_near(in_world(motion, self.reader), self.reader_radius);
-        self.seen.tag = tag.map_or(0, |tag| tag.number);
+        self.observed.tag = tag.map_or(0, |tag| tag.number);
     }
 
     fn read_bar(&mut self, world: &World, motion: &BodyMotion) {
         let points = self.channels.map(|place| in_world(motion, place));
-        self.seen.magnetic_bar = world.strips_under(&points, self.bar_reach);
+        self.observed.magnetic_bar = world.strips_under(&points, self.bar_reach);
     }
 }
 

@@ -85,7 +85,7 @@ impl Drive {
 }
 
 impl R150Plant {
-    /// What turns and holds the wheels of a side over a step of `dt` seconds. The motor's back-EMF
+    /// Drive and brake of the wheels of a side over a step of `dt` seconds. The motor's back-EMF
     /// answers to the speed at the end of the step: its time constant is near the step itself.
     fn wheel_drive(&self, side: Side, dt: f64) -> WheelDrive {
         let drive = &self.drive;
@@ -114,6 +114,27 @@ impl R150Plant {
             drag: faults.drag_torque,
             blocked: faults.blocked,
         }
+    }
+
+    /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
+    pub(super) fn settle(&mut self, world: &mut World, seconds: f64) {
+        let could_stand = self.drive.gear.is_slow(&self.body) && !self.is_driven();
+        let (gear, body) = (&mut self.drive.gear, &mut self.body);
+        if gear.settle(body, world, seconds, could_stand) {
+            self.note_encoders();
+            self.solve_network();
+        }
+    }
+
+    /// Tells whether something is trying to move the vehicle. A motor against a blocked wheel
+    /// counts: its current must go on being integrated.
+    fn is_driven(&self) -> bool {
+        let motors = Side::BOTH.iter().any(|side| {
+            let port = self.motor_port(*side);
+            let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
+            port.connected && (port.duty != 0.0 || driven)
+        });
+        motors || self.body.total_push() != [0.0; 3]
     }
 }
 

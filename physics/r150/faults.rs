@@ -3,8 +3,7 @@
 use super::R150Plant;
 use super::fuse::{FUSES, FuseId};
 use super::signals::{Load, PwmSource, RAILS, Rail, Side, Sides};
-use crate::faults::MotorFaults;
-use crate::vehicle_body::{number, within};
+use crate::faults::{MotorFaults, number, within};
 
 /// Faults of the vehicle as a whole. They lie over what was set otherwise, so that taking
 /// them away leaves no trace but what they did to charge, fuses and motion meanwhile.

@@ -3,7 +3,7 @@
 use super::settings::{OutputDuty, PwmSettings, SteadyLevel, Unmeasured};
 use super::signals::{PwmReading, PwmSource};
 
-/// What reaches an input.
+/// Signal that reaches an input.
 #[derive(Debug, Clone, Copy)]
 struct Signal {
     frequency: f64,

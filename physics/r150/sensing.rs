@@ -107,7 +107,7 @@ impl R150Plant {
         self.drive.motor_speed(side) * 60.0 / std::f64::consts::TAU
     }
 
-    /// What reaches the firmware's input for a side.
+    /// Speed that reaches the firmware's input for a side.
     fn encoder(&self, side: Side) -> f64 {
         // Swapped cables lead to the other side's encoder.
         let side = self.port_of(side);

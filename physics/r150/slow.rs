@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::R150Plant;
 use super::battery::Battery;
 use super::fuse::{FUSES, Fuse, FuseId};
 use super::network::Flow;
@@ -101,6 +102,34 @@ impl SlowStates {
             .min_by(|(first, _), (second, _)| first.total_cmp(second));
         if let Some((_, fuse)) = due {
             fuse.blown = true;
+        }
+    }
+}
+
+impl R150Plant {
+    /// Lets the slow states follow the present currents, which change whenever a fuse blows. Each
+    /// round but the last blows one, so there are at most as many as there are fuses.
+    pub(super) fn pass(&mut self, seconds: f64) {
+        self.count_turns(seconds);
+        let mut left = seconds;
+        for _ in FuseId::ALL {
+            let Some(due) = self
+                .slow
+                .time_to_blow(&self.flow)
+                .filter(|due| *due <= left)
+            else {
+                break;
+            };
+            if !self.slow.advance(&self.flow, due) {
+                self.slow.blow_next(&self.flow);
+            }
+            left -= due;
+            self.solve_network();
+            self.body.wake();
+        }
+        if self.slow.advance(&self.flow, left) {
+            self.solve_network();
+            self.body.wake();
         }
     }
 }

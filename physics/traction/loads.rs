@@ -16,7 +16,7 @@ pub struct Stance {
     pub carried: Option<[f64; 2]>,
 }
 
-/// How long a vehicle takes to lean on its tyres, s.
+/// Time in which a vehicle leans on its tyres, s.
 const LEANING: f64 = 0.05;
 
 impl Stance {

@@ -4,9 +4,9 @@ use super::World;
 use super::area::{Band, Disc, Shape};
 use super::terrain::Change;
 
-/// How wide a magnetic strip is shown, m.
+/// Width of a magnetic strip as it is shown, m.
 const STRIP_WIDTH: f64 = 0.05;
-/// How large an RFID tag is shown, m.
+/// Radius of an RFID tag as it is shown, m.
 const TAG_RADIUS: f64 = 0.05;
 
 /// Something that lies or stands in the world.

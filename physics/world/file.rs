@@ -4,16 +4,41 @@
 //! written with its unit, as in `"50 mm"` or `"12 deg"`.
 
 mod document;
-mod error;
 mod quantity;
 
-pub use error::WorldFileError;
+use sim_settings::{Origin, Source, shorten};
 
-use sim_settings::Source;
-
-use super::map::{MOST_PARTS, WorldMap};
-use super::obstacle::ObstacleError;
+use super::map::WorldMap;
+use super::obstacle::{MOST_PARTS, ObstacleError};
 use document::Document;
+
+/// A world file that was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{origin}: {}{why}", key.as_ref().map(|key| format!("`{key}`: ")).unwrap_or_default())]
+pub struct WorldFileError {
+    /// File, line and column.
+    pub origin: Origin,
+    /// The key with the tables around it; `None` where the file is not TOML at all.
+    pub key: Option<String>,
+    /// Reason, and what is allowed.
+    pub why: String,
+}
+
+impl WorldFileError {
+    fn new(error: &toml::de::Error, source: &Source<'_>) -> Self {
+        let at = error.span().map_or(0, |span| span.start);
+        Self::at(at, error.message(), source)
+    }
+
+    /// `at` is the byte that is to blame.
+    fn at(at: usize, why: &str, source: &Source<'_>) -> Self {
+        Self {
+            origin: source.place(at),
+            key: source.key_at(at).map(shorten),
+            why: shorten(why.replace('\n', " ")),
+        }
+    }
+}
 
 impl WorldMap {
     /// Reads a world file; `file` is what errors call it.

@@ -1,7 +1,7 @@
 //! Things that lie and stand on the plane.
 
 use super::area::Shape;
-use super::obstacle::{ObstacleError, Obstacles};
+use super::obstacle::{MOST_PARTS, ObstacleError, Obstacles};
 use super::scan::Tag;
 use super::{World, WorldSettings};
 
@@ -52,11 +52,6 @@ pub struct Strip {
     /// Radius with which it goes around its points; where it does not fit, as much as does.
     pub corner_radius: f64,
 }
-
-/// Most parts of a world: boxes, posts, areas, tags, and the pieces of walls and strips. With so
-/// many at one place a step of the physics takes a tenth of a second, and that grows with their
-/// square.
-pub const MOST_PARTS: usize = 4000;
 
 impl WorldMap {
     /// Number of its parts; there may be [`MOST_PARTS`].

@@ -1,11 +1,14 @@
 //! Things that stand on the plane and are no vehicles: walls, boxes, posts.
 
 use super::area::{Band, Disc, Rectangle, Shape, from};
-use super::map::MOST_PARTS;
 use crate::pose::Pose;
 
 /// The plane ends here, m.
 pub const EDGE_M: f64 = 10_000.0;
+/// Most parts of a world: boxes, posts, areas, tags, and the pieces of walls and strips. With so
+/// many at one place a step of the physics takes a tenth of a second, and that grows with their
+/// square.
+pub const MOST_PARTS: usize = 4000;
 
 /// Something that stands on the plane. Vehicles do not move it; whoever owns the world may, if it
 /// has a name.
@@ -35,6 +38,7 @@ pub enum ObstacleShape {
 
 /// Reason for which an obstacle was not added, moved or removed. Nothing has changed then.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ObstacleError {
     /// Names are given once.
     #[error(

@@ -10,7 +10,7 @@ use sim_core::device::names::Unit;
 use super::{Devices, Origin, Reading, Saved};
 use crate::suggest::{nearest, or_allowed};
 
-/// What an expression is.
+/// Kind of an expression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Type {
     Number,

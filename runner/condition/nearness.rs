@@ -5,7 +5,7 @@ use cel::parser::Expression;
 
 use super::{Condition, Reading, Situation};
 
-/// What is false and cannot be more or less so.
+/// Distance of what is false and cannot be more or less so.
 const FAR: f64 = 1.0;
 
 impl Condition {

@@ -68,7 +68,7 @@ pub(crate) struct DeviceText {
     _settings: toml::Table,
 }
 
-/// What a device's table says, with what only devices like it have.
+/// Table of a device, with what only devices like it have.
 pub(super) struct OwnText {
     pub(super) common: DeviceText,
     pub(super) device: &'static DeviceSpec,

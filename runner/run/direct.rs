@@ -36,6 +36,7 @@ pub struct StepReport<'a> {
 
 /// Reason for which a step cannot be added.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum StepError {
     /// The text is wrong.
     #[error(transparent)]

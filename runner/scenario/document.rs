@@ -89,7 +89,7 @@ pub(crate) struct Document {
     pub client_report: Option<Spanned<DemandText>>,
 }
 
-/// What must be there may be in the file that this one is based on.
+/// Lets what must be there be in the file that this one is based on.
 fn needs_less_with_a_base(schema: &mut Schema) {
     if let Some(required) = schema.remove("required") {
         let alone = serde_json::json!({ "required": required });

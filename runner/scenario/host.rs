@@ -172,7 +172,7 @@ impl HostReader<'_, '_> {
         self.problems.take(name.span(), found)
     }
 
-    /// What has to come back, whose fields have these names if they are known.
+    /// Reply that has to come, whose fields have these names if they are known.
     fn reply(
         &mut self,
         text: &ReplyText,

@@ -22,7 +22,7 @@ use crate::scenario::{self, Scenario, Texts};
 /// Most bytes of a port by which the recording and the second run may be apart, since of one
 /// instant there is never more. So neither of them fills the memory when the other has nothing.
 const MOST_APART: usize = 1 << 16;
-/// How much simulated time is played before what came is compared.
+/// Simulated time that is played before what came is compared.
 const SLICE: Duration = Duration::from_millis(500);
 const NANOSECOND: Duration = Duration::from_nanos(1);
 
@@ -87,6 +87,7 @@ fn shown(byte: Option<(SimTime, u8)>) -> String {
 
 /// Reason for which a trace is not repeated.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReplayError {
     /// The second run is another one.
     #[error(transparent)]

@@ -123,6 +123,7 @@ pub static HANDS: Actions = actions::<Hands>();
 /// Deeds of somebody's hands to a vehicle.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Hands {
     /// Pushes steadily until another push, or for as long as `for` says.
     Push(Push),

@@ -53,6 +53,7 @@ pub type Fields = Vec<(&'static str, Field)>;
 
 /// The value of a field.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Field {
     /// Yes or no.
     Flag(bool),

@@ -153,7 +153,7 @@ impl Getter {
         match self {
             Self::Number(get) => Reading::Number(get(view)),
             Self::Flag(get) => Reading::Flag(get(view)),
-            Self::Count(code) => Reading::Number(view.observed.count(code)),
+            Self::Count(code) => Reading::Number(as_number(view.observed.count(code))),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use sim_settings::SimTime;
 
-use super::{DeviceSpec, names};
+use super::DeviceSpec;
 use crate::event::{Event, EventKind, Role};
 use crate::report::Report;
 
@@ -76,7 +76,7 @@ impl Observed {
 
     /// Counts the events of a code.
     #[must_use]
-    pub fn count(&self, code: &str) -> f64 {
-        names::as_number(self.counts.get(code).copied().unwrap_or(0))
+    pub fn count(&self, code: &str) -> u64 {
+        self.counts.get(code).copied().unwrap_or(0)
     }
 }

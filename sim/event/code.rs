@@ -5,6 +5,7 @@ use std::time::Duration;
 
 /// Party that an event is held against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Blame {
     /// Nobody: it only happened.
     Nobody,

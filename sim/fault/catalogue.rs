@@ -59,6 +59,7 @@ macro_rules! faults {
     )+) => {
         /// What goes wrong, by its level, with the parameters of its own.
         #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
         pub enum FaultKind { $(
             $(#[doc = $of_level])+
             $level($of),
@@ -67,6 +68,7 @@ macro_rules! faults {
         $(
             $(#[doc = $of_level])+
             #[derive(Debug, Clone, PartialEq)]
+            #[non_exhaustive]
             pub enum $of { $(
                 $(#[doc = $summary])+
                 $variant { $(

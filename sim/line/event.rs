@@ -8,6 +8,7 @@ use crate::event::{Code, EventKind, Level, Role, code};
 
 /// Something that happened on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LineEvent {
     /// A client opened the port.
     Attached,

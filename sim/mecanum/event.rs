@@ -9,7 +9,6 @@ use crate::event::{Code, EventKind, Hex, Level, Role, code};
 use crate::mecanum_device::ascii::{HIGHEST, LOWEST, LineError};
 use crate::mecanum_device::codec::Decoded;
 use crate::mecanum_device::motion::Change;
-use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::settings::OverSpeed;
 use crate::mecanum_device::{Discard, Field, Handling, Link, MAX_SPEED, MecanumEvent};
 
@@ -240,53 +239,5 @@ impl fmt::Display for MecanumEvent {
             ),
             Self::Started => write!(f, "the board has started"),
         }
-    }
-}
-
-impl fmt::Display for Request {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())?;
-        match self {
-            Self::Motion {
-                seq,
-                is_reset,
-                moving_idx,
-                s,
-                v,
-            } => write!(
-                f,
-                " #{seq} is_reset {is_reset} moving_idx {moving_idx} s {s} v {v}"
-            ),
-            Self::SetPose {
-                seq,
-                axis_x,
-                axis_y,
-                ori,
-            } => write!(f, " #{seq} x {axis_x} y {axis_y} ori {ori}"),
-            Self::ControlMode { seq, mode } => write!(f, " #{seq} {mode}"),
-        }
-    }
-}
-
-impl fmt::Display for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "status #{} v {} {} at {} {} ori {} rfid {} magn 0x{:04X} infra {} front {:?} mm \
-             rear {:?} mm motors {} mile {} mm",
-            self.seq,
-            self.v_x,
-            self.v_y,
-            self.axis_x,
-            self.axis_y,
-            self.ori,
-            self.rfid,
-            self.magn,
-            self.infra,
-            self.ut_f,
-            self.ut_b,
-            self.moto_state,
-            self.mile,
-        )
     }
 }

@@ -59,7 +59,7 @@ fn input<T: Default>(view: &View<'_>, get: impl FnOnce(MecanumMeasurements) -> T
     car(view).map_or_else(T::default, |car| get(car.plant().measurements()))
 }
 
-/// What an ultrasonic sensor really sees; infinite without an echo.
+/// Distance that an ultrasonic sensor really sees; infinite without an echo.
 fn echo<const AT: usize>(view: &View<'_>) -> f64 {
     input(view, |measured| measured.echoes[AT]).unwrap_or(f64::INFINITY)
 }

@@ -109,6 +109,7 @@ impl fmt::Display for Report {
 
 /// Reason for which a line is no command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LineError {
     /// Neither a letter of a command nor a number after it.
     Malformed,

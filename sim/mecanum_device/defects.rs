@@ -84,7 +84,7 @@ impl MecanumDevice {
         }
     }
 
-    /// What the firmware takes notice of. Pulses are counted by the hardware, and a supply that
+    /// Readings of which the firmware takes notice. Pulses are counted by the hardware, and a supply that
     /// comes or goes cannot be overlooked.
     pub(super) fn overlook(&mut self, measured: &MecanumMeasurements) -> MecanumMeasurements {
         if !self.defects.frozen_sensors || self.measured.board_powered != measured.board_powered {

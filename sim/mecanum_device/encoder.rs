@@ -46,7 +46,7 @@ pub enum Counting {
     },
 }
 
-/// How fast a wheel should be by what its motor was asked to do, in shares of its full speed.
+/// Speed that a wheel should have by what its motor was asked to do, in shares of its full speed.
 #[derive(Debug, Clone, Copy)]
 struct Expected {
     at: SimTime,

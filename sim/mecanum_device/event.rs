@@ -23,6 +23,7 @@ pub enum Field {
 
 /// Treatment of a value that the protocol does not know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Handling {
     /// The packet was ignored.
     Ignored,
@@ -32,6 +33,7 @@ pub enum Handling {
 
 /// Reason for which motions were discarded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Discard {
     /// Another one preempted them.
     Preempted,
@@ -43,6 +45,7 @@ pub enum Discard {
 
 /// Something that happened on the board.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum MecanumEvent {
     /// A request was understood on the main link, where bytes have this order.
     Request(Request, ByteOrder),

@@ -1,7 +1,9 @@
-//! The packets of the main link as types (article, control by the on-board Android).
+//! The packets of the main link as types, bytes and words (article, control by the on-board Android).
 //!
 //! The article does not state the byte order. Little-endian is our assumption, and what the types
 //! here read and write; [`Packet::reorder`] makes the other of it.
+
+use std::fmt;
 
 use super::codec::Packet;
 use super::settings::ByteOrder;
@@ -9,6 +11,7 @@ use super::settings::ByteOrder;
 /// Packet of a client to the board. Fields are as on the wire; what is out of range is the
 /// device's business.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Request {
     /// Type 0, control instruction, 控制指令.
     Motion {
@@ -224,6 +227,54 @@ impl Packet for Status {
             moto_state: bytes[36],
             mile: half(37),
         })
+    }
+}
+
+impl fmt::Display for Request {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        match self {
+            Self::Motion {
+                seq,
+                is_reset,
+                moving_idx,
+                s,
+                v,
+            } => write!(
+                f,
+                " #{seq} is_reset {is_reset} moving_idx {moving_idx} s {s} v {v}"
+            ),
+            Self::SetPose {
+                seq,
+                axis_x,
+                axis_y,
+                ori,
+            } => write!(f, " #{seq} x {axis_x} y {axis_y} ori {ori}"),
+            Self::ControlMode { seq, mode } => write!(f, " #{seq} {mode}"),
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "status #{} v {} {} at {} {} ori {} rfid {} magn 0x{:04X} infra {} front {:?} mm \
+             rear {:?} mm motors {} mile {} mm",
+            self.seq,
+            self.v_x,
+            self.v_y,
+            self.axis_x,
+            self.axis_y,
+            self.ori,
+            self.rfid,
+            self.magn,
+            self.infra,
+            self.ut_f,
+            self.ut_b,
+            self.moto_state,
+            self.mile,
+        )
     }
 }
 

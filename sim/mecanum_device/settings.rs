@@ -1,13 +1,13 @@
 //! Every choice about the mecanum board's firmware, with the reason we believe it.
 
-mod words;
+mod choices;
 
 use std::time::Duration;
 
 use sim_physics::mecanum::Wiring;
 use sim_settings::settings;
 
-pub use words::*;
+pub use choices::*;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;

@@ -4,6 +4,7 @@ use sim_physics::mecanum::Wheel;
 use sim_settings::SimTime;
 
 use super::ascii::Report;
+use super::motion::whole;
 use super::packet::Status;
 use super::settings::{
     AsciiMileage, AsciiSpeedSign, HeadingRange, MagnBits, MotorState, NoEcho, Overflow, StatusSeq,
@@ -168,15 +169,6 @@ impl MecanumDevice {
             Overflow::Saturate => clamp_u16(value),
         }
     }
-}
-
-/// Rounds to the nearest integer, saturating; what is not a number is 0.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a cast from a float saturates, as the documentation says"
-)]
-pub(super) fn whole(value: f64) -> i64 {
-    value.round() as i64
 }
 
 /// The low 16 bits, as a field that overflows keeps them.

@@ -3,9 +3,9 @@
 
 mod choices;
 mod movements;
-mod orders;
 mod remote;
 mod reported_choices;
+mod requests;
 mod robustness;
 mod ros;
 mod status;
@@ -113,7 +113,7 @@ impl Bench {
             let pulses = 50.0 * commands.speed_voltage * seconds;
             self.turned[at] += rotation * pulses;
             // A pulse that is short of its place by rounding alone has come.
-            let whole = |travel: f64| super::telemetry::whole((travel + 1e-9).floor());
+            let whole = |travel: f64| super::motion::whole((travel + 1e-9).floor());
             let before = whole(self.travel[at]);
             self.travel[at] += rotation.abs() * pulses;
             let came = u32::try_from(whole(self.travel[at]) - before).unwrap();
@@ -192,8 +192,7 @@ impl Bench {
 
     /// Revolutions that each wheel has turned, to a tenth of one.
     fn tenths(&self) -> [i64; WHEELS] {
-        self.turned
-            .map(|pulses| super::telemetry::whole(pulses / 6.0))
+        self.turned.map(|pulses| super::motion::whole(pulses / 6.0))
     }
 
     fn is_driving(&self) -> bool {

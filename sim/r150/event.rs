@@ -7,10 +7,9 @@ use sim_settings::show_duration;
 
 use crate::event::{Code, EventKind, Hex, Level, Role, code};
 use crate::r150_device::codec::Decoded;
-use crate::r150_device::command::{Refusal, Request, name};
+use crate::r150_device::command::{Refusal, name};
 use crate::r150_device::control::Parts;
-use crate::r150_device::protection::Cause;
-use crate::r150_device::reply::Reply;
+use crate::r150_device::group::Cause;
 use crate::r150_device::settings::ProtectionAction;
 use crate::r150_device::{R150Event, ValueError};
 
@@ -272,81 +271,6 @@ impl fmt::Display for ValueError {
                 "motor PWM right {right} left {left} out of range: -1000 to 1000 is allowed"
             ),
             Self::ReservedBits(bits) => write!(f, "reserved power bits 0x{bits:08X} are set"),
-        }
-    }
-}
-
-impl fmt::Display for Request {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "0x{:02X} {}",
-            self.command(),
-            name(self.command()).unwrap_or("?")
-        )?;
-        match self {
-            Self::PowerControl { status } => write!(f, " {}", Rails(*status)),
-            Self::SetPwmOutputs { duty } => write!(f, " {duty:?}"),
-            Self::SetMotors { right, left } => write!(f, " right {right} left {left}"),
-            _ => Ok(()),
-        }
-    }
-}
-
-impl fmt::Display for Reply {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "0x{:02X} {}",
-            self.command(),
-            name(self.command()).unwrap_or("?")
-        )?;
-        match self {
-            Self::Bool { success, .. } => write!(f, " {success}"),
-            Self::PwmOutputs { duty } => write!(f, " {duty:?}"),
-            Self::PwmInputs { frequency_hz, duty } => write!(f, " {frequency_hz:?} Hz {duty:?}"),
-            Self::Version { hardware, software } => {
-                write!(f, " hardware 0x{hardware:08X} software 0x{software:08X}")
-            }
-            Self::Motors {
-                right_rpm,
-                left_rpm,
-                soc,
-            } => write!(
-                f,
-                " right {right_rpm} rpm left {left_rpm} rpm soc {}.{} %",
-                soc / 10,
-                soc % 10
-            ),
-            Self::SystemInfo(info) => write!(
-                f,
-                " supply {} mV, on: {}, status 0x{:02X}, {} / {} mA, mode {}/{}",
-                info.voltage_48v,
-                Rails(u32::from(info.power_status)),
-                info.sys_status,
-                info.current_12v.map(|ma| ma.to_string()).join("+"),
-                info.current_48v,
-                info.power_ctrl_mode,
-                info.pwm_ctrl_mode,
-            ),
-        }
-    }
-}
-
-/// Names of the rails whose bits are set.
-struct Rails(u32);
-
-impl fmt::Display for Rails {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; 6] = ["12V-A", "12V-B", "12V-C", "12V-D", "48V", "5V"];
-        let on: Vec<&str> = (0..NAMES.len())
-            .filter(|bit| self.0 >> bit & 1 == 1)
-            .map(|bit| NAMES[bit])
-            .collect();
-        if on.is_empty() {
-            write!(f, "none")
-        } else {
-            write!(f, "{}", on.join(" "))
         }
     }
 }

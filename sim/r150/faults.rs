@@ -22,9 +22,10 @@ pub(super) fn check(fault: &Fault) -> Result<(), String> {
     if let Some(command) = fault.scope.command
         && command::name(command).is_none()
     {
+        let known = command::COMMANDS.map(|(known, _)| format!("0x{known:02X}"));
+        let known = known.join(", ");
         return Err(format!(
-            "`command`: the R150 has no command 0x{command:02X}; it has 0x02, 0x03, 0x04, 0x05, \
-             0x06, 0x07, 0x12 and 0xF0"
+            "`command`: the R150 has no command 0x{command:02X}; it has {known}"
         ));
     }
     if let Some(motors) = fault.scope.motors.filter(|motors| motors.is_wheel()) {

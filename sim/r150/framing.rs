@@ -3,8 +3,7 @@
 use crate::device::Framing;
 use crate::fault::resized;
 use crate::r150_device::codec::{self, OVERHEAD};
-use crate::r150_device::command::code;
-use crate::r150_device::reply::Reply;
+use crate::r150_device::command::{Reply, code};
 
 /// Header, length, command, parameters, CRC.
 pub(super) struct Frames;

@@ -11,8 +11,7 @@ use crate::device::host::{Field, Fields, Message, Reply as Found, ReplyReader};
 use crate::device::{DeviceSettings, HostSpec};
 use crate::fault::parameters::RailName;
 use crate::r150_device::codec::{Decoded, Decoder, Frame};
-use crate::r150_device::command::{Request, code};
-use crate::r150_device::reply::Reply;
+use crate::r150_device::command::{COMMANDS, Reply, Request};
 use crate::r150_device::settings::Resync;
 
 /// Silence after which a client gives up a frame that was begun.
@@ -170,19 +169,8 @@ fn fields(reply: &Reply) -> Fields {
 
 /// Names that a reply to this command can have; to any command where it is not known.
 fn field_names(command: Option<u8>) -> Vec<&'static str> {
-    let all = [
-        code::POWER_CONTROL,
-        code::SET_PWM_OUTPUTS,
-        code::GET_PWM_OUTPUTS,
-        code::GET_PWM_INPUTS,
-        code::SYSTEM_INFO,
-        code::HEARTBEAT,
-        code::VERSION,
-        code::SET_MOTORS,
-    ];
-    let asked = all
-        .into_iter()
-        .filter(|code| command.is_none_or(|command| command == *code));
+    let all = COMMANDS.iter().map(|(code, _)| *code);
+    let asked = all.filter(|code| command.is_none_or(|command| command == *code));
     // Of each command the one length that its reply has parses.
     asked
         .filter_map(|code| (0..=255).find_map(|length| Reply::parse(code, &vec![0; length]).ok()))

@@ -7,8 +7,8 @@ use super::R150;
 use crate::device::names::as_number;
 use crate::device::{NameInfo, Observer, View};
 use crate::event::EventKind;
-use crate::r150_device::command::Request;
-use crate::r150_device::reply::{Reply, SystemInfo, sys_status};
+use crate::r150_device::command::{Reply, Request};
+use crate::r150_device::system_info::{SystemInfo, sys_status};
 use crate::r150_device::vehicle::Vehicle;
 use crate::r150_device::{R150Device, R150Event};
 
@@ -35,11 +35,8 @@ impl Observer for Noted {
                 }
                 Request::PowerControl { status } => self.power = status,
                 Request::SetPwmOutputs { duty } => self.duty = duty,
-                Request::GetPwmOutputs
-                | Request::GetPwmInputs
-                | Request::SystemInfo
-                | Request::Heartbeat
-                | Request::Version => {}
+                // No name tells of the others.
+                _ => {}
             },
             Some(R150Event::Reply { reply, .. }) => match *reply {
                 Reply::Motors {
@@ -49,7 +46,7 @@ impl Observer for Noted {
                 } => self.motors_reply = Some((at, [right_rpm, left_rpm], soc)),
                 Reply::SystemInfo(info) => self.info = Some((at, info)),
                 Reply::Bool { success, .. } => self.last_bool = success,
-                Reply::PwmOutputs { .. } | Reply::PwmInputs { .. } | Reply::Version { .. } => {}
+                _ => {}
             },
             _ => {}
         }

@@ -13,6 +13,7 @@ use crate::event::{Code, EventKind, Level, Role, Told};
 
 /// Something that happened to the hardware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum HardwareEvent {
     /// A fuse blew.
     FuseBlown(FuseId),

@@ -11,6 +11,7 @@ use sim_settings::SimTime;
 
 /// Way in which it fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum CanFailure {
     /// The controller hears nothing.
     Cut,

@@ -23,7 +23,7 @@ pub const POWER_BITS: u8 = 0b11_1111;
 pub const FULL_DUTY: u16 = 1000;
 
 impl Outputs {
-    /// What the app has set when the simulation begins.
+    /// Outputs that the app has set when the simulation begins.
     fn of_app(settings: &R150FirmwareSettings) -> Self {
         Self {
             power: settings.app_power.to_le_bytes()[0],

@@ -7,7 +7,7 @@ use sim_settings::SimTime;
 
 use super::R150Device;
 use super::event::R150Event;
-use super::reply::SystemInfo;
+use super::system_info::SystemInfo;
 use crate::defects::{DefectCounts, Defects};
 
 impl R150Device {

@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use super::codec::Decoded;
-use super::command::{Refusal, Request};
+use super::command::{Refusal, Reply, Request};
 use super::control::{POWER_BITS, Parts};
-use super::protection::{Cause, Group};
-use super::reply::Reply;
+use super::group::{Cause, Group};
 use super::settings::ProtectionAction;
 use super::vehicle::{Obstacle, OperatorInput};
 
 /// Something that happened in the module or the vehicle.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum R150Event {
     /// A request was understood.
     Request {
@@ -98,6 +98,7 @@ pub enum R150Event {
 
 /// A value that the manual does not allow; the settings say what becomes of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ValueError {
     /// A PWM duty above 1000.
     DutyOutOfRange([u16; 4]),

@@ -98,7 +98,7 @@ impl Motors {
         }
     }
 
-    /// How many commands have come within a second, if those are too many. It is told once a
+    /// Number of commands that have come within a second, if those are too many. It is told once a
     /// second.
     fn over_rate(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> Option<usize> {
         let interval = settings.motor_reply_interval.as_secs_f64();

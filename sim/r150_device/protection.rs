@@ -3,16 +3,14 @@
 //! They see measured currents, temperatures and voltages only, and act by withholding outputs.
 //! Where the settings say so they report only, for as long as what they report lasts.
 
-mod group;
-
 use sim_physics::r150::R150Measurements;
 use sim_settings::SimTime;
 
 use super::earlier;
 use super::event::R150Event;
-use super::reply::sys_status;
+use super::group::{Cause, Group};
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
-pub use group::{Cause, Group};
+use super::system_info::sys_status;
 
 /// A protection that has switched its group off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -286,7 +284,7 @@ impl Protection {
             || (self.fault && switches_off(self.settings.on_power_module_fault))
     }
 
-    /// What happens to an overloaded group: the manual promises that 48 V and 5 V are protected.
+    /// Action on an overloaded group: the manual promises that 48 V and 5 V are protected.
     fn on_overcurrent(&self, group: Group) -> ProtectionAction {
         match group {
             Group::Ab | Group::Cd => self.settings.on_overcurrent_12v,

@@ -4,11 +4,10 @@ use sim_settings::SimTime;
 
 use super::R150Device;
 use super::codec::{self, Decoded, Frame};
-use super::command::{Refusal, Request, code};
+use super::command::{Refusal, Reply, Request, code};
 use super::control::FULL_DUTY;
 use super::event::{R150Event, ValueError};
 use super::motors::{Answer, FULL};
-use super::reply::Reply;
 use super::settings::{
     HeartbeatBy, MotorsAnswered, MotorsRefusalReply, OutOfRange, RefusalReply, ReplyCommand,
 };

@@ -87,7 +87,7 @@ impl Speedometer {
 mod tests {
     use super::*;
 
-    /// What is shown every millisecond of a motor that turns at 600 rpm from 0 on.
+    /// Speeds shown every millisecond of a motor that turns at 600 rpm from 0 on.
     fn shown(change: impl FnOnce(&mut R150FirmwareSettings)) -> Vec<f64> {
         let mut settings = R150FirmwareSettings::default();
         change(&mut settings);

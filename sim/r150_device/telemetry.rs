@@ -4,9 +4,10 @@ use sim_physics::r150::{R150Measurements, RAILS, Rail};
 use sim_settings::SimTime;
 
 use super::R150Device;
-use super::reply::{Reply, SystemInfo};
+use super::command::Reply;
 use super::settings::{Current48v, Voltage12v, Voltage48v};
 use super::speed::Speedometer;
+use super::system_info::SystemInfo;
 
 impl R150Device {
     /// The reply to 0x05.

@@ -14,8 +14,7 @@ use sim_physics::r150::{PwmReading, R150Measurements, Sides};
 use sim_settings::SimTime;
 
 use super::codec::{Decoded, Decoder};
-use super::command::Request;
-use super::reply::Reply;
+use super::command::{Reply, Request};
 use super::settings::{R150FirmwareSettings, Resync};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
@@ -146,7 +145,7 @@ impl Bench {
         }
     }
 
-    fn info(&mut self) -> super::reply::SystemInfo {
+    fn info(&mut self) -> super::system_info::SystemInfo {
         match self.ask(Request::SystemInfo) {
             Some(Reply::SystemInfo(info)) => info,
             other => panic!("{other:?}"),

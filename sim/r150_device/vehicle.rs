@@ -21,6 +21,7 @@ pub enum Key {
 
 /// Input of an operator or the app.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum OperatorInput {
     /// Long press of both rear buttons, 解锁.
     Unlock,

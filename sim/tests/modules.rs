@@ -1,4 +1,4 @@
-//! How the modules of this crate depend on one another.
+//! Dependencies between the modules of this crate and of the one below it.
 
 #![expect(clippy::unwrap_used, reason = "a test")]
 
@@ -6,97 +6,158 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// For each module of the crate, those that it names.
-fn dependencies() -> BTreeMap<String, BTreeSet<String>> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(root).unwrap() {
-        let path = entry.unwrap().path();
-        let module = path.file_stem().unwrap().to_str().unwrap().to_owned();
-        let is_source = path.extension().is_some_and(|ending| ending == "rs");
-        if is_source && module != "lib" {
-            let uses = found.entry(module.clone()).or_insert_with(BTreeSet::new);
-            read(&path, uses);
-            read_folder(&root.join(&module), uses);
-            uses.remove(&module);
+/// Path of a module, or of something in one: `["rig", "port", "PortId"]`.
+type Names = Vec<String>;
+
+/// The modules of a crate with what each names, in whichever way: `crate::`, `super::`, a child.
+struct Modules(BTreeMap<Names, BTreeSet<Names>>);
+
+impl Modules {
+    fn of(folder: &str) -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+        let mut sources = BTreeMap::new();
+        read_folder(&root, &[], &mut sources);
+        assert!(sources.len() > 40, "{:?}", sources.keys());
+        let named =
+            |(module, text): (&Names, &String)| (module.clone(), named(module, text, &sources));
+        Self(sources.iter().map(named).collect())
+    }
+
+    /// The module in which something really is that others may hand on.
+    fn home(&self, path: &[String], hops: usize) -> Names {
+        let is_module = |length: &usize| self.0.contains_key(&path[..*length]);
+        let module = (0..=path.len()).rev().find(is_module).unwrap_or(0);
+        let elsewhere = path.get(module).and_then(|name| {
+            let mut handed_on = self.0[&path[..module]].iter();
+            handed_on.find(|other| other.last() == Some(name) && **other != path[..=module])
+        });
+        match elsewhere {
+            Some(path) if hops > 0 => self.home(path, hops - 1),
+            _ => path[..module].to_vec(),
         }
     }
-    assert!(found.len() > 8, "{found:?}");
+
+    /// For each module that lies in `parent`, those beside it that it or one below it uses.
+    fn within(&self, parent: &[String]) -> BTreeMap<&str, BTreeSet<String>> {
+        let child = |path: &'_ [String]| path.strip_prefix(parent)?.first().cloned();
+        let mut found = BTreeMap::new();
+        for (module, named) in &self.0 {
+            let Some(name) = module.strip_prefix(parent).and_then(<[_]>::first) else {
+                continue;
+            };
+            let uses: &mut BTreeSet<_> = found.entry(name.as_str()).or_default();
+            uses.extend(named.iter().filter_map(|path| child(&self.home(path, 5))));
+            uses.remove(name);
+        }
+        found
+    }
+}
+
+/// Reads the source of a folder's modules, tests aside.
+fn read_folder(folder: &Path, parent: &[String], sources: &mut BTreeMap<Names, String>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        let mut module = parent.to_vec();
+        if name != "lib" {
+            module.push(name.to_owned());
+        }
+        if ["tests", "benches"].contains(&name) {
+        } else if path.is_dir() {
+            read_folder(&path, &module, sources);
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap();
+            let code = text
+                .lines()
+                .filter(|line| !line.trim_start().starts_with("//"));
+            sources.insert(module, code.collect::<Vec<_>>().join("\n"));
+        }
+    }
+}
+
+/// All that a module names in its crate.
+fn named(module: &Names, text: &str, modules: &BTreeMap<Names, String>) -> BTreeSet<Names> {
+    let mut found = BTreeSet::new();
+    let mut before = ' ';
+    for (at, first) in text.char_indices() {
+        // At the beginning of a path.
+        if first.is_alphabetic() && !is_of_name(before) && before != ':' {
+            for path in paths(&text[at..]).0 {
+                let child = [&module[..], &path[..1]].concat();
+                let ups = path.iter().take_while(|name| *name == "super").count();
+                let base = match path[0].as_str() {
+                    "crate" => &[],
+                    "self" => &module[..],
+                    "super" => &module[..module.len() - ups],
+                    _ if modules.contains_key(&child) => &child[..],
+                    _ => continue,
+                };
+                found.insert([base, &path[ups.max(1)..]].concat());
+            }
+        }
+        before = first;
+    }
     found
 }
 
-fn read_folder(folder: &Path, uses: &mut BTreeSet<String>) {
-    for entry in fs::read_dir(folder).into_iter().flatten() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_str().unwrap();
-        if name == "tests" || name == "tests.rs" {
-            continue;
-        }
-        if path.is_dir() {
-            read_folder(&path, uses);
-        } else {
-            read(&path, uses);
-        }
-    }
+fn is_of_name(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
 }
 
-/// Notes the modules that a file names, tests aside.
-fn read(path: &Path, uses: &mut BTreeSet<String>) {
-    let text = fs::read_to_string(path).unwrap();
-    let text = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap();
-    let code = text
-        .lines()
-        .filter(|line| !line.trim_start().starts_with("//"));
-    for line in code {
-        assert!(
-            !line.contains("use crate::{"),
-            "{}: one line for each module, so that they can be read here",
-            path.display()
-        );
-        for part in line.split("crate::").skip(1) {
-            let name: String = part
-                .chars()
-                .take_while(|c| c.is_alphanumeric() || *c == '_')
-                .collect();
-            // Macros are at the root, whatever module declares them.
-            if !part[name.len()..].starts_with('!') {
-                uses.insert(name);
+/// The paths at the beginning of a text, several if it has braces; and what is behind them.
+fn paths(text: &str) -> (Vec<Names>, &str) {
+    let text = text.trim_start();
+    if let Some(mut rest) = text.strip_prefix('{') {
+        let mut all = Vec::new();
+        loop {
+            let (some, behind) = paths(rest);
+            all.extend(some);
+            match behind.trim_start().strip_prefix(',') {
+                Some(next) => rest = next,
+                None => return (all, behind.trim_start().strip_prefix('}').unwrap_or(behind)),
             }
         }
     }
+    let (name, rest) = text.split_at(text.find(|c| !is_of_name(c)).unwrap_or(text.len()));
+    let (ends, rest) = match rest.strip_prefix("::") {
+        Some(next) => paths(next),
+        None => (vec![Vec::new()], rest),
+    };
+    let name = (!name.is_empty()).then(|| name.to_owned());
+    let whole = |end: Names| name.iter().cloned().chain(end).collect();
+    (ends.into_iter().map(whole).collect(), rest)
 }
 
 #[test]
 fn modules_form_no_circle() {
-    let mut left = dependencies();
-    // What the crate hands on from another one names none of its modules.
-    let own: BTreeSet<String> = left.keys().cloned().collect();
-    for uses in left.values_mut() {
-        uses.retain(|used| own.contains(used));
-    }
-    loop {
-        let free = |(_, uses): &(&String, &BTreeSet<String>)| uses.is_empty();
-        let Some(next) = left.iter().find(free).map(|(module, _)| module.clone()) else {
-            break;
-        };
-        left.remove(&next);
-        for uses in left.values_mut() {
-            uses.remove(&next);
+    for folder in [".", "../physics"] {
+        let modules = Modules::of(folder);
+        for parent in modules.0.keys() {
+            let mut left = modules.within(parent);
+            while let Some(free) = left.iter().find(|(_, uses)| uses.is_empty()) {
+                let free = (*free.0).to_owned();
+                left.remove(&*free);
+                for uses in left.values_mut() {
+                    uses.remove(&free);
+                }
+            }
+            assert!(
+                left.is_empty(),
+                "in {folder}, {parent:?}, these form a circle, or hang on one: {left:#?}"
+            );
         }
     }
-    assert!(
-        left.is_empty(),
-        "these form a circle, or hang on one: {left:#?}"
-    );
 }
 
 #[test]
 fn firmware_knows_nothing_of_its_surroundings() {
-    let dependencies = dependencies();
+    let modules = Modules::of(".");
+    let uses = modules.within(&[]);
     for firmware in ["r150_device", "mecanum_device"] {
-        for module in &dependencies[firmware] {
+        for module in &uses[firmware] {
             assert!(
-                ["defects", "noise", "uart"].contains(&module.as_str()),
+                ["defects", "uart"].contains(&module.as_str()),
                 "{firmware} uses {module}"
             );
         }

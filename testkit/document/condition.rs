@@ -4,7 +4,7 @@ use sim_core::device::names::Unit;
 
 use super::Writer;
 
-/// How deeply they are nested.
+/// Deepest nesting of them.
 const MOST_DEPTH: usize = 4;
 
 impl Writer<'_> {

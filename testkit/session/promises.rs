@@ -121,7 +121,7 @@ impl Client {
         }
     }
 
-    /// How much of what has come is whole frames, packets or lines, if all is well.
+    /// Length of the whole frames, packets or lines in what has come, if all is well.
     fn whole(&self) -> usize {
         let bytes = &self.unread;
         match self.says {

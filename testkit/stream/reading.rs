@@ -125,7 +125,7 @@ pub(super) fn lines(bytes: &[u8], syntax: Syntax) -> Vec<Line<'_>> {
     told.chain(begun).collect()
 }
 
-/// What is told of a line, without its end; nothing of a blank one.
+/// Meaning of a line without its end; nothing of a blank one.
 fn line(bytes: &[u8], syntax: Syntax) -> Option<Line<'_>> {
     if bytes.len() > LONGEST {
         return Some((Some(&bytes[..LONGEST]), None));

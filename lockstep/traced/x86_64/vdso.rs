@@ -104,7 +104,7 @@ unsafe extern "C" {
     static sim_lockstep_vdso_end: [u8; 0];
 }
 
-/// How far behind the beginning of the code a place in it is.
+/// Distance of a place in the code from its beginning.
 fn offset(place: *const [u8; 0]) -> usize {
     place.addr() - (&raw const sim_lockstep_vdso).addr()
 }
@@ -122,7 +122,7 @@ fn code(clocks: u64) -> Vec<u8> {
     code
 }
 
-/// What takes the place of a function of the vDSO.
+/// Offset of what takes the place of a function of the vDSO.
 fn replacement(name: &[u8]) -> Option<usize> {
     let name = name.strip_prefix(b"__vdso_").unwrap_or(name);
     Some(match name {

@@ -23,7 +23,7 @@ struct WheelEquation {
     right: f64,
 }
 
-/// What dry friction and brakes do to a wheel in this step.
+/// Effect of dry friction and brakes on a wheel in this step.
 #[derive(Clone, Copy, PartialEq)]
 enum Hold {
     /// It turns against their full torque; N·m·s.

@@ -1,12 +1,12 @@
-//! What rules, responses and the demand on the client report say.
+//! Reading of rules, responses and the demand on the client report.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use sim_core::device::client_report_codes;
 use toml::Spanned;
 
 use super::Checker;
-use crate::report::client_report_codes;
 use crate::scenario::document::{DemandText, ResponseText, RuleText};
 use crate::scenario::{Cause, Demand, Response, Rule};
 use crate::suggest::or_allowed;

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use sim_core::SimTime;
 use sim_core::r150_device::codec::{Decoded, Decoder};
-use sim_core::r150_device::command::Request;
-use sim_core::r150_device::reply::Reply;
+use sim_core::r150_device::command::{Reply, Request};
 use sim_core::r150_device::settings::Resync;
 
 use super::{Client, millis};

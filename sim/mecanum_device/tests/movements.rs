@@ -107,7 +107,7 @@ fn every_movement_moves_the_dead_reckoning_its_way() {
         assert!(close(status.axis_y, 100.0 * left), "{name} {status}");
         // Ten revolutions of 0.1 π m each.
         let degrees = (turn * std::f64::consts::PI).to_degrees();
-        let tenths = super::super::telemetry::whole(degrees * 10.0);
+        let tenths = super::super::motion::whole(degrees * 10.0);
         assert_eq!(i64::from(status.ori), tenths, "{name} {status}");
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use super::*;
 use crate::event::EventKind;
 use crate::r150_device::codec::encode;
+use crate::r150_device::command;
 use crate::r150_device::settings::{
     OutOfRange, RefusalReply, ReplyCommand, Version, VersionOrder, Voltage48v,
 };
@@ -322,5 +323,13 @@ fn measurement_noise_reaches_the_speeds() {
             .map(|_| bench.device.motor_reply().encode())
             .collect();
         assert_eq!(replies.len() == 1, even, "{noise}");
+    }
+}
+
+#[test]
+fn all_commands_and_no_others_have_names() {
+    for byte in 0..=255 {
+        let unknown = Request::parse(byte, &[]) == Err(command::Refusal::UnknownCommand(byte));
+        assert_eq!(command::name(byte).is_none(), unknown, "0x{byte:02X}");
     }
 }

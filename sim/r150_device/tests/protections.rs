@@ -1,8 +1,8 @@
 //! Overcurrent, over-temperature and undervoltage.
 
 use super::*;
-use crate::r150_device::reply::sys_status as bit;
 use crate::r150_device::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
+use crate::r150_device::system_info::sys_status as bit;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 

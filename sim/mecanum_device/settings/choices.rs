@@ -1,4 +1,4 @@
-//! The words that settings of the firmware may have.
+//! Settings of the firmware that are one of a few words.
 
 use sim_settings::choices;
 

@@ -1,4 +1,4 @@
-//! Orders of clients, and what becomes of them.
+//! Requests of clients, and what becomes of them.
 
 use sim_settings::SimTime;
 
@@ -216,7 +216,7 @@ impl MecanumDevice {
     }
 }
 
-/// What a letter means; the article's table and its picture disagree on two.
+/// Meaning of a letter; the article's table and its picture disagree on two.
 fn course(letter: Letter, meaning: AsciiLetters) -> Course {
     match (letter, meaning) {
         (Letter::X, _) => Course::Ahead,

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use sim_physics::r150::R150Measurements;
 
-use crate::r150_device::reply::sys_status;
+use super::system_info::sys_status;
 
 /// Outputs that are protected together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
