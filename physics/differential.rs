@@ -119,11 +119,12 @@ impl Plant for Differential {
         let motion = world.motion(self.body.id());
         let ground = world.ground_at(motion.x, motion.y);
         let (mass, inertia) = (self.mass(), inertia(self.shape, self.mass()));
-        let pull = motion.to_body(ground.downhill());
         let weight = mass * world.gravity();
         let [push_ahead, push_left, push_turn] = self.body.total_push();
         let mut course = Course::new(motion.body_velocity());
-        let [ahead, left, yaw_rate] = course.coasting(dt);
+        let part = course.part(dt);
+        let pull = part.look_at(motion.to_body(ground.downhill()));
+        let [ahead, left, yaw_rate] = course.coasting(part);
         let free = [
             ahead + dt * (pull[0] * weight + push_ahead) / mass,
             left + dt * (pull[1] * weight + push_left) / mass,
@@ -144,8 +145,11 @@ impl Plant for Differential {
             let change = held[axis] - free[axis];
             free[axis] + change.clamp(-limits[axis], limits[axis])
         });
+        for (wheel, travel) in self.travel.iter_mut().enumerate() {
+            *travel += dt * (self.speed[wheel] + self.wanted[wheel]) / 2.0;
+        }
         self.speed = self.wanted;
-        course.go_on(velocity, dt);
+        course.go_on(part, velocity);
         world.lead(self.body.id(), &course);
     }
 
@@ -155,9 +159,6 @@ impl Plant for Differential {
         }
         let seconds = world.step_length().as_secs_f64();
         self.body.follow(world);
-        for (travel, speed) in self.travel.iter_mut().zip(self.speed) {
-            *travel += speed * seconds;
-        }
         let slow = self.body.is_slow(self.wanted);
         self.body.settle(world, seconds, slow);
     }

@@ -11,8 +11,8 @@ use crate::world::{Course, World};
 /// Length that no part of a step exceeds in which tyres slide, or what drives the wheels changes in
 /// a turn. Other steps are taken as a whole: parts would double the cost and show nothing.
 const PART: Duration = Duration::from_micros(1250);
-/// Change of a wheel's speed over a step from which on it counts as driven otherwise, rad/s.
-const QUICK: f64 = 0.002;
+/// Acceleration from which on what drives a wheel counts as changing, rad/s².
+const QUICK: f64 = 0.4;
 /// Share of what friction gives with which a tyre pulls across in a turn.
 const ACROSS: f64 = 0.1;
 
@@ -87,10 +87,10 @@ pub(crate) struct WheelDrive {
 
 /// What acts on the vehicle from outside in a step.
 struct Outside {
-    /// Downhill, ahead and left, N.
+    /// Downhill, ahead and left in the axes of the step's beginning, N.
     pull: [f64; 2],
-    /// That and what pushes it: ahead, left (N) and counter-clockwise (N·m).
-    force: [f64; 3],
+    /// In its own axes: ahead, left (N) and counter-clockwise (N·m).
+    push: [f64; 3],
     /// That presses it on the ground, N.
     pressing: f64,
     /// Under each patch.
@@ -195,6 +195,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     pub(crate) fn stop(&mut self, wheel: usize) {
         self.energy.held += self.wheel_inertia * square(self.wheel_speed[wheel]) / 2.0;
         self.wheel_speed[wheel] = 0.0;
+        self.turned[wheel] = 0.0;
     }
 
     /// Tells whether body and wheels are slow enough to stand.
@@ -256,27 +257,34 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         }
         let outside = Outside {
             pull,
-            force: [pull[0] + push[0], pull[1] + push[1], push[2]],
+            push,
             pressing: weight * ground.cos_slope(),
             friction,
         };
 
-        let parts = self.parts(drives, world.step_length());
-        let dt = world.step_length().as_secs_f64() / f64::from(parts);
+        let step = world.step_length();
+        // What it runs into is known for a step as a whole.
+        let parts = if world.is_touching(body.id()) {
+            1
+        } else {
+            self.parts(drives, step)
+        };
+        let dt = step.as_secs_f64() / f64::from(parts);
         let before = self.wheel_speed;
         let mut course = Course::new(motion.body_velocity());
         self.turned = [0.0; WHEELS];
         self.tipping = false;
         for number in 1..=parts {
             let drives = drives.each_ref().map(|drive| drive.part(number, parts));
-            self.go_on(&mut course, &drives, &outside, dt);
+            let velocity = self.go_on(&mut course, &drives, &outside, dt);
+            self.led_to = self.of_body(velocity);
             if number < parts {
-                self.traction.follow(course.velocity, self.wheel_speed);
+                self.traction.follow(velocity, self.wheel_speed);
             }
         }
+        let quick = QUICK * step.as_secs_f64();
         self.quick = (before.iter().zip(&self.wheel_speed))
-            .any(|(before, after)| (after - before).abs() > QUICK);
-        self.led_to = self.of_body(course.velocity);
+            .any(|(before, after)| (after - before).abs() > quick);
         world.lead(body.id(), &course);
     }
 
@@ -291,28 +299,28 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         u32::try_from(parts).unwrap_or(u32::MAX)
     }
 
-    /// Goes on by `dt` seconds.
+    /// Goes on by a part of `dt` seconds; gives the velocity at its end, in its axes.
     fn go_on(
         &mut self,
         course: &mut Course,
         drives: &[WheelDrive; WHEELS],
         outside: &Outside,
         dt: f64,
-    ) {
+    ) -> [f64; 3] {
+        let part = course.part(dt);
+        let pull = part.look_at(outside.pull);
+        let [push_ahead, push_left, push_turn] = outside.push;
+        let force = [pull[0] + push_ahead, pull[1] + push_left, push_turn];
         let on_tyres = self.traction.force();
-        let (loads, lifts) = self
-            .stance
-            .carry(outside.pull, on_tyres, outside.pressing, dt);
+        let (loads, lifts) = self.stance.carry(pull, on_tyres, outside.pressing, dt);
         self.tipping |= lifts;
         let mut wheels = self.wheels(drives, &loads);
-        let before = course.coasting(dt);
+        let before = course.coasting(part);
         let heft = [self.mass, self.mass, self.inertia];
         let mut chassis = Chassis {
             mass: self.mass,
             inertia: self.inertia,
-            velocity: std::array::from_fn(|axis| {
-                before[axis] + dt * outside.force[axis] / heft[axis]
-            }),
+            velocity: std::array::from_fn(|axis| before[axis] + dt * force[axis] / heft[axis]),
         };
         let rolling = self.wheel_speed;
         self.traction.solve(
@@ -330,11 +338,12 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
 
         let mean: [f64; 3] =
             std::array::from_fn(|axis| (before[axis] + chassis.velocity[axis]) / 2.0);
-        let given = outside.force.iter().zip(mean);
+        let given = force.iter().zip(mean);
         let given: f64 = given.map(|(force, speed)| force * speed).sum();
         self.energy.outside += dt * given;
         self.account(drives, mean, rolling);
-        course.go_on(chassis.velocity, dt);
+        course.go_on(part, chassis.velocity);
+        chassis.velocity
     }
 
     /// Takes over the velocity that a step really ended with.

@@ -192,7 +192,8 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         (patches.iter()).any(|patch| patch.impulse[1].abs() > share * patch.limit * self.dt)
     }
 
-    /// Returns what every patch did on the ground in the last step; nothing before the first.
+    /// Returns what every patch did on the ground in the last step, or part of one; nothing before
+    /// the first.
     #[must_use]
     pub fn on_ground(&self) -> [GroundForce; PATCHES] {
         let rate = self.rate();

@@ -74,7 +74,7 @@ impl VehicleBody {
         &self.motion
     }
 
-    /// Distance that it has driven, m.
+    /// Distance that it has driven, from step to step, m.
     pub fn distance(&self) -> f64 {
         self.distance
     }

@@ -17,7 +17,7 @@ use std::time::Duration;
 use rapier2d::prelude as rapier;
 
 pub use area::{Band, Disc, Rectangle, Shape};
-pub use bodies::Course;
+pub use bodies::{Course, Part};
 pub use features::{Feature, FeatureKind};
 pub use file::WorldFileError;
 pub use ground::Ground;

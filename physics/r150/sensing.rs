@@ -37,7 +37,7 @@ impl R150Plant {
         self.drive.gear.energy
     }
 
-    /// Returns what each wheel did on the ground in the last step of the world, front left, front
+    /// Returns what each wheel did on the ground at the end of the last step, front left, front
     /// right, rear left, rear right.
     #[must_use]
     pub fn on_ground(&self) -> [GroundForce; 4] {

@@ -5,61 +5,85 @@ use rapier2d::prelude as rapier;
 use super::{Body, BodyId, BodyShape, World, rapier_pose, rapier_vector};
 use crate::pose::{BodyMotion, Pose};
 
-/// Course of a body through a step, part by part.
+/// Course of a body through a step, part by part. Vectors are in the axes that it has at the
+/// beginning, so that momentum stays what it is as it turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Course {
-    /// Velocity by now, ahead, left (m/s) and yaw rate (rad/s), in the axes that the body has by now.
-    pub velocity: [f64; 3],
-    /// Way ahead and to the left in the axes that it had at the beginning, m.
+    /// m/s
+    velocity: [f64; 2],
+    /// rad/s
+    yaw_rate: f64,
+    /// m
     way: [f64; 2],
     /// By which it has turned, rad, and the cosine and the sine of that.
     turn: f64,
-    direction: [f64; 2],
+    axes: [f64; 2],
 }
 
 impl Course {
-    /// Of a body that has this velocity, and has gone nowhere yet.
+    /// Of a body that has this velocity ahead and left (m/s) and yaw rate (rad/s).
     #[must_use]
-    pub fn new(velocity: [f64; 3]) -> Self {
+    pub fn new([ahead, left, yaw_rate]: [f64; 3]) -> Self {
         Self {
-            velocity,
+            velocity: [ahead, left],
+            yaw_rate,
             way: [0.0; 2],
             turn: 0.0,
-            direction: [1.0, 0.0],
+            axes: [1.0, 0.0],
         }
     }
 
-    /// Velocity that nothing changes, in the axes that the body has after so many seconds.
+    /// The part of so many seconds that comes, looked at in the axes that the body then has if it
+    /// turns on as it does.
     #[must_use]
-    pub fn coasting(&self, seconds: f64) -> [f64; 3] {
-        let [ahead, left, yaw_rate] = self.velocity;
-        let [ahead, left] = turned([ahead, left], direction(-yaw_rate * seconds));
-        [ahead, left, yaw_rate]
+    pub fn part(&self, seconds: f64) -> Part {
+        let axes = turned(self.axes, rotation(self.yaw_rate * seconds));
+        Part { axes, seconds }
     }
 
-    /// Goes on for so many seconds to this velocity, evenly.
-    pub fn go_on(&mut self, velocity: [f64; 3], seconds: f64) {
-        let before = self.flow();
-        let turn = seconds * (self.velocity[2] + velocity[2]) / 2.0;
+    /// Velocity in the axes of a part: ahead, left and yaw rate.
+    #[must_use]
+    pub fn coasting(&self, part: Part) -> [f64; 3] {
+        let [ahead, left] = part.look_at(self.velocity);
+        [ahead, left, self.yaw_rate]
+    }
+
+    /// Goes on by a part, evenly, to the velocity that it has in the axes of the part.
+    pub fn go_on(&mut self, part: Part, [ahead, left, yaw_rate]: [f64; 3]) {
+        let half = part.seconds / 2.0;
+        let turn = half * (self.yaw_rate + yaw_rate);
         self.turn += turn;
-        self.direction = turned(self.direction, direction(turn));
-        self.velocity = velocity;
-        let after = self.flow();
-        for axis in 0..2 {
-            self.way[axis] += seconds * (before[axis] + after[axis]) / 2.0;
+        self.axes = turned(self.axes, rotation(turn));
+        self.yaw_rate = yaw_rate;
+        let velocity = turned([ahead, left], part.axes);
+        let mean = self.velocity.iter().zip(velocity);
+        for (way, (before, after)) in self.way.iter_mut().zip(mean) {
+            *way += half * (before + after);
         }
-    }
-
-    /// Velocity by now in the axes of the beginning, m/s.
-    fn flow(&self) -> [f64; 2] {
-        let [ahead, left, _] = self.velocity;
-        turned([ahead, left], self.direction)
+        self.velocity = velocity;
     }
 }
 
-/// Cosine and sine of an angle that is small, within its cube by 12: a rotation in any case, so that
-/// no energy comes of the difference.
-fn direction(angle: f64) -> [f64; 2] {
+/// Part of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Cosine and sine of the turn since the beginning of the step.
+    axes: [f64; 2],
+    seconds: f64,
+}
+
+impl Part {
+    /// A vector in the axes of the step's beginning as seen in this part's.
+    #[must_use]
+    pub fn look_at(&self, vector: [f64; 2]) -> [f64; 2] {
+        let [cos, sin] = self.axes;
+        turned(vector, [cos, -sin])
+    }
+}
+
+/// Cosine and sine of an angle that is meant to be small, within its cube by 12; of a rotation in
+/// any case.
+fn rotation(angle: f64) -> [f64; 2] {
     let half = angle / 2.0;
     let scale = 1.0 / (1.0 + half * half);
     [(1.0 - half * half) * scale, 2.0 * half * scale]
@@ -77,6 +101,8 @@ pub(super) struct Lead {
     end: (rapier::Vector, f64),
 }
 
+/// Most change of velocity in a step that is rounding and no contact, m/s and rad/s.
+const UNTOUCHED: f64 = 1e-9;
 /// Multiple of the speed of rest at which a resting body may be eased out of a contact.
 /// Where one side of a contact rests first, the strain of the other pushes it for a step or two.
 const EASING: f64 = 5.0;
@@ -155,44 +181,45 @@ impl World {
     /// Leads a body through the step that comes, on this course unless it runs into something.
     ///
     /// A plant hands its tyre forces over as the velocity that they lead to, which is what its
-    /// implicit solution finds. A body that leans on something moves by that velocity from the
+    /// implicit solution finds. A body that touches something moves by that velocity from the
     /// beginning, or the contact would leave half of what pushes it.
     pub fn lead(&mut self, id: BodyId, course: &Course) {
         let motion = self.motion(id);
-        let [ahead, left, yaw_rate] = course.velocity;
+        let end = motion.to_world(course.velocity);
         if self.is_touching(id) {
-            self.set_velocity(id, motion.to_world([ahead, left]), yaw_rate);
+            self.set_velocity(id, end, course.yaw_rate);
             return;
         }
         let seconds = self.step.as_secs_f64();
         let mean = motion.to_world(course.way.map(|way| way / seconds));
         let mean_yaw_rate = course.turn / seconds;
-        let end = motion.to_world(course.flow());
         self.set_velocity(id, mean, mean_yaw_rate);
         self.bodies[id.0].lead = Some(Lead {
             mean: (rapier_vector(mean), mean_yaw_rate),
-            end: (rapier_vector(end), yaw_rate),
+            end: (rapier_vector(end), course.yaw_rate),
         });
     }
 
-    /// Gives the bodies that were led the velocities of the end of the step, changed by what they
-    /// ran into.
+    /// Gives the bodies that were led the velocities of the end of the step. What ran into something
+    /// keeps what that left it.
     pub(super) fn end_leads(&mut self) {
         for body in &mut self.bodies {
             let Some(Lead { mean, end }) = body.lead.take() else {
                 continue;
             };
             let rigid = &mut self.rapier.bodies[body.handle];
-            let velocity = end.0 + (rigid.linvel() - mean.0);
-            let yaw_rate = end.1 + (rigid.angvel() - mean.1);
-            rigid.set_linvel(velocity, true);
-            rigid.set_angvel(yaw_rate, true);
+            let pushed = (rigid.linvel() - mean.0).length() + (rigid.angvel() - mean.1).abs();
+            if pushed <= UNTOUCHED {
+                rigid.set_linvel(end.0, true);
+                rigid.set_angvel(end.1, true);
+            }
         }
     }
 
     /// Gives a body a velocity: along the world's axes, and yaw rate.
     pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
         self.changes += 1;
+        self.bodies[id.0].lead = None;
         let handle = self.bodies[id.0].handle;
         let body = &mut self.rapier.bodies[handle];
         body.set_linvel(rapier_vector(velocity), true);
@@ -202,6 +229,7 @@ impl World {
     /// Puts a body somewhere else, at rest.
     pub fn place(&mut self, id: BodyId, pose: Pose) {
         self.changes += 1;
+        self.bodies[id.0].lead = None;
         let handle = self.bodies[id.0].handle;
         let body = &mut self.rapier.bodies[handle];
         body.set_position(rapier_pose(pose), true);

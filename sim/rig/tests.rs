@@ -385,7 +385,7 @@ fn golden_drive() {
     let expected = (
         1476,
         "1.297 -0.900 1.589".to_owned(),
-        1_652_023_329_904_890_859,
+        1_271_824_775_714_985_714,
     );
     assert_eq!(
         seen, expected,

@@ -49,7 +49,8 @@ fn drive(step: u64, car: bool, sends: &[(SimTime, Vec<u8>)], seconds: u64) -> Mo
 fn agree(name: &str, car: bool, sends: &[(SimTime, Vec<u8>)]) {
     let [coarse, fine] = [5000, 500].map(|step| drive(step, car, sends, 20));
     let apart = (coarse.pose.x - fine.pose.x).hypot(coarse.pose.y - fine.pose.y);
-    let turn = (coarse.pose.heading - fine.pose.heading).to_degrees();
+    let turn = coarse.pose.heading - fine.pose.heading;
+    let turn = turn.sin().atan2(turn.cos()).to_degrees();
     println!(
         "{name}: {:.2} m, {:.1} mm and {turn:.3} deg apart",
         fine.distance,

@@ -421,7 +421,7 @@ fn golden_car() {
     let expected = (
         4859,
         "0.357 0.037 -0.981".to_owned(),
-        4_090_528_704_150_340_792,
+        14_978_187_310_476_886_068,
     );
     assert_eq!(
         seen, expected,
