@@ -56,6 +56,8 @@ struct Node {
     token: usize,
     openers: u32,
     departed: bool,
+    /// Somebody has closed it.
+    left: bool,
     /// Reports of openings and of closings since a visit of our own began.
     opened: u32,
     closed: u32,
@@ -143,6 +145,7 @@ impl State {
             node.closed += 1;
             node.openers = node.openers.saturating_sub(1);
             node.departed |= node.openers == 0;
+            node.left = true;
         }
         self.ready.push(node.token);
     }
@@ -202,6 +205,7 @@ impl Registration {
             token: self.token,
             openers: 0,
             departed: false,
+            left: false,
             opened: 0,
             closed: 0,
         };
@@ -215,10 +219,12 @@ impl Registration {
         self.hub.lock().ready.push(self.token);
     }
 
-    /// The port has been looked at: is it to be looked at again, or is nothing left there?
+    /// The port has been looked at: is it to be looked at again, or is nothing left there? Who left
+    /// during a visit of our own is yet to be dealt with.
     pub(crate) fn note(&self, idle: bool) {
+        let pending = self.has_somebody_left() || self.has_been_replaced();
         let mut state = self.hub.lock();
-        if idle {
+        if idle && !pending {
             state.ready.retain(|token| *token != self.token);
         } else {
             state.ready.push(self.token);
@@ -244,20 +250,43 @@ impl Registration {
         self.with_node(|node| node.departed && node.openers > 0)
     }
 
-    /// We ourselves are about to open and close the node.
-    pub(crate) fn begin_visits(&self) -> Result<(), PortErrorKind> {
+    /// Whether somebody has left since our last visits, be it that the count says others are there:
+    /// closings that come together are reported as one as well, and leave it too high.
+    pub(crate) fn has_somebody_left(&self) -> bool {
+        self.with_node(|node| node.left)
+    }
+
+    /// We ourselves are about to open and close the node. Tells whether anybody has departed.
+    pub(crate) fn begin_visits(
+        &self,
+        is_hung_up: impl FnOnce() -> Result<bool, PortErrorKind>,
+    ) -> Result<bool, PortErrorKind> {
         self.drain()?;
-        self.with_node(|node| (node.opened, node.closed) = (0, 0));
-        Ok(())
+        // Whoever comes from here on is yet to be reported.
+        let nobody = is_hung_up()?;
+        Ok(self.with_node(|node| {
+            (node.opened, node.closed) = (0, 0);
+            if nobody {
+                node.openers = 0;
+            }
+            node.departed
+        }))
     }
 
     /// We have done so `visits` times. If anybody else has opened or closed it meanwhile, somebody
-    /// may have left. Whoever is seen to be there may not be reported yet, so that the count is
-    /// corrected where nobody is, and never upwards.
-    pub(crate) fn end_visits(&self, visits: u32, hung_up: bool) -> Result<(), PortErrorKind> {
+    /// may have left, beside who had `departed` before and is not done with. Whoever is seen to be
+    /// there may not be reported yet, so that the count is corrected where nobody is, and never
+    /// upwards.
+    pub(crate) fn end_visits(
+        &self,
+        visits: u32,
+        hung_up: bool,
+        departed: bool,
+    ) -> Result<(), PortErrorKind> {
         self.drain()?;
         self.with_node(|node| {
-            node.departed = (node.opened, node.closed) != (visits, visits);
+            node.left = (node.opened, node.closed) != (visits, visits);
+            node.departed = node.left || departed;
             if hung_up {
                 node.openers = 0;
             }
@@ -289,6 +318,7 @@ impl Drop for Registration {
     fn drop(&mut self) {
         self.unwatch_node();
         // Epoll forgets a descriptor when its port closes it.
-        self.note(true);
+        let token = self.token;
+        self.hub.lock().ready.retain(|ready| *ready != token);
     }
 }

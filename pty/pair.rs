@@ -272,12 +272,24 @@ impl Pair {
     /// from; says how often it was opened for that.
     pub(crate) fn restore_for_next(&self) -> Result<u32, PortErrorKind> {
         self.flush_output()?;
+        self.look_in_for_next(resume_and_empty)
+    }
+
+    /// The same, but takes nothing from one who has been there for long.
+    pub(crate) fn resume(&self) -> Result<u32, PortErrorKind> {
+        self.look_in_for_next(resume)
+    }
+
+    fn look_in_for_next(
+        &self,
+        mend: impl FnOnce(&OwnedFd) -> Result<(), PortErrorKind>,
+    ) -> Result<u32, PortErrorKind> {
         // Nobody who wants to talk sets this, so it is not the next one's.
         if self.settings()?.output_speed() == 0 {
             self.write_defaults()?;
         }
         match self.look_in()? {
-            Some(slave) => resume_and_empty(&slave).map(|()| 1),
+            Some(slave) => mend(&slave).map(|()| 1),
             None => Ok(0),
         }
     }
@@ -354,8 +366,12 @@ impl AsFd for Pair {
 
 /// Has the client's output go on, and takes back what has arrived for it and was not read.
 fn resume_and_empty(slave: &OwnedFd) -> Result<(), PortErrorKind> {
-    unless_hung_up(tcflow(slave, Action::OOn)).map_err(PortErrorKind::call("tcflow"))?;
+    resume(slave)?;
     unless_hung_up(tcflush(slave, QueueSelector::IFlush)).map_err(PortErrorKind::call("tcflush"))
+}
+
+fn resume(slave: &OwnedFd) -> Result<(), PortErrorKind> {
+    unless_hung_up(tcflow(slave, Action::OOn)).map_err(PortErrorKind::call("tcflow"))
 }
 
 /// A privileged client may hang up all who have the node open, ourselves for once. What was to be undone is

@@ -221,7 +221,7 @@ impl PtyPort {
                     if input && !self.unsent.is_empty() {
                         // What waits behind the last 4095 bytes has outlived the flush.
                         self.unsent.clear();
-                        self.visit(Pair::restore_for_next)?;
+                        self.visit(true, Pair::restore_for_next)?;
                     }
                 }
                 Read::Other => {}
@@ -239,7 +239,8 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        if self.client == Client::Nobody && !self.has_departed() && !self.pair.has_client()? {
+        let nobody = !self.has_departed() && !self.has_somebody_left();
+        if self.client == Client::Nobody && nobody && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
         self.client = Client::Attached;
@@ -254,11 +255,13 @@ impl PtyPort {
         if replaced && !self.pair.is_hung_up()? {
             self.discard_seen()?;
             self.unsent.clear();
-            self.visit(Pair::restore_for_next)?;
+            self.visit(false, Pair::restore_for_next)?;
             // That a third has taken the place of one who was not told of is not to be told.
             if self.client == Client::Attached {
                 self.client = Client::Replaced;
             }
+        } else if self.has_somebody_left() && !self.pair.is_hung_up()? {
+            self.visit(true, Pair::resume)?;
         }
         Ok(())
     }
@@ -307,7 +310,7 @@ impl PtyPort {
         self.unsent.clear();
         self.seen = 0;
         let mut restored = false;
-        self.visit(|pair| {
+        self.visit(false, |pair| {
             let visits;
             (restored, visits) = pair.restore()?;
             Ok(visits)
@@ -351,13 +354,22 @@ impl PtyPort {
             .is_some_and(Registration::has_departed)
     }
 
-    /// Has the node opened by ourselves, as often as `open` says, which is counted.
+    fn has_somebody_left(&self) -> bool {
+        self.registration
+            .as_ref()
+            .is_some_and(Registration::has_somebody_left)
+    }
+
+    /// Has the node opened by ourselves, as often as `open` says, which is counted; `keeps` says that
+    /// whoever has departed is yet to be told of.
     fn visit(
         &mut self,
+        keeps: bool,
         open: impl FnOnce(&Pair) -> Result<u32, PortErrorKind>,
     ) -> Result<(), PortErrorKind> {
+        let mut departed = false;
         if let Some(registration) = &self.registration {
-            registration.begin_visits()?;
+            departed = registration.begin_visits(|| self.pair.is_hung_up())?;
         }
         let visits = open(&self.pair)?;
         // A visit flushes, which is no wish of the client's. What it takes back itself meanwhile is.
@@ -366,7 +378,7 @@ impl PtyPort {
         }
         let hung_up = self.pair.is_hung_up()?;
         match &self.registration {
-            Some(registration) => registration.end_visits(visits, hung_up),
+            Some(registration) => registration.end_visits(visits, hung_up, departed && keeps),
             None => Ok(()),
         }
     }
