@@ -277,7 +277,9 @@ fn the_end_of_a_session_on_the_port_leaves_it_sound() {
     let fresh = bench.client().termios();
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
-    let script = r#"exec setsid sh -c 'exec 3<>"$0"; echo there; sleep 1000' "$0""#;
+    // Nobody but the killed one has the port: a child would outlive it where hang-ups are ignored, as
+    // under `nohup`.
+    let script = r#"exec setsid sh -c 'exec 3<>"$0"; echo there; exec sleep 1000' "$0""#;
     let mut session = Command::new("sh");
     session.args(["-c", script]).arg(bench.port.path());
     let mut session = session
