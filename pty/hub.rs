@@ -250,10 +250,11 @@ impl Registration {
         self.with_node(|node| node.departed && node.openers > 0)
     }
 
-    /// Whether somebody has left since our last visits, be it that the count says others are there:
-    /// closings that come together are reported as one as well, and leave it too high.
+    /// Whether somebody has left since our last visits of whom the count says that others are still
+    /// there: closings that come together are reported as one as well, and leave it too high.
     pub(crate) fn has_somebody_left(&self) -> bool {
-        self.with_node(|node| node.left)
+        // Not while the last one closes: an opening of our own would hide that of the next.
+        self.with_node(|node| node.left && !node.departed)
     }
 
     /// We ourselves are about to open and close the node. Tells whether anybody has departed.
