@@ -5,7 +5,7 @@
 //! watched for changes (edges), and each report has its port looked at until nothing is left there.
 //! Who is attached follows from that look alone ([`Pair::is_hung_up`](crate::pair::Pair)). The
 //! reports are also counted, for what a look cannot show: that one client has left and another has
-//! come in between. A wrong count does no harm, see [`Registration::has_departed`].
+//! come in between. A wrong count does no harm, see [`Departures`].
 
 use std::collections::BTreeMap;
 use std::mem::MaybeUninit;
@@ -58,9 +58,26 @@ struct Node {
     departed: bool,
     /// Somebody has closed it.
     left: bool,
+    /// Others opened or closed it during our last visits, which hides whether somebody is there.
+    unsure: bool,
     /// Reports of openings and of closings since a visit of our own began.
     opened: u32,
     closed: u32,
+}
+
+/// Departures from a node, as far as counting shows. Reports of the same kind that come together are
+/// reported as one, so that whoever acts on this does nothing that would harm a client.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Departures {
+    #[default]
+    None,
+    /// Somebody has closed it, and others seem to be there still; the count may be too high.
+    OneOfSeveral,
+    /// The last one has closed it, which is reported before the port is hung up: it may only be about
+    /// to. An opening of our own would hide that of the next now.
+    Last,
+    /// Another has opened it since, who is reported before it can write anything.
+    Replaced,
 }
 
 impl Hub {
@@ -206,6 +223,7 @@ impl Registration {
             openers: 0,
             departed: false,
             left: false,
+            unsure: false,
             opened: 0,
             closed: 0,
         };
@@ -222,7 +240,8 @@ impl Registration {
     /// The port has been looked at: is it to be looked at again, or is nothing left there? Who left
     /// during a visit of our own is yet to be dealt with.
     pub(crate) fn note(&self, idle: bool) {
-        let pending = self.has_somebody_left() || self.has_been_replaced();
+        let departures = self.departures();
+        let pending = matches!(departures, Departures::OneOfSeveral | Departures::Replaced);
         let mut state = self.hub.lock();
         if idle && !pending {
             state.ready.retain(|token| *token != self.token);
@@ -236,25 +255,24 @@ impl Registration {
         self.hub.drain()
     }
 
-    /// Tells whether, as far as counting shows, the last one who had the node open has closed
-    /// it since our last visits. Openings that come together are reported as one, so that somebody
-    /// may still be there: whoever acts on this does nothing that would harm a client.
-    pub(crate) fn has_departed(&self) -> bool {
-        self.with_node(|node| node.departed)
-    }
-
-    /// Whether, as far as can be told from counting, another has opened the node since the last one closed
-    /// it. A closing is reported before the port is hung up, so that without an opening the one who was
-    /// there may only be about to leave. Another is reported before it can write anything.
-    pub(crate) fn has_been_replaced(&self) -> bool {
-        self.with_node(|node| node.departed && node.openers > 0)
-    }
-
-    /// Whether somebody has left since our last visits of whom the count says that others are still
-    /// there: closings that come together are reported as one as well, and leave it too high.
-    pub(crate) fn has_somebody_left(&self) -> bool {
-        // Not while the last one closes: an opening of our own would hide that of the next.
-        self.with_node(|node| node.left && !node.departed)
+    /// Departures since our last visits, as far as counting shows.
+    pub(crate) fn departures(&self) -> Departures {
+        self.with_node(|node| match node {
+            Node {
+                departed: false,
+                left: false,
+                ..
+            } => Departures::None,
+            Node {
+                departed: false, ..
+            } => Departures::OneOfSeveral,
+            Node {
+                openers: 0,
+                unsure: false,
+                ..
+            } => Departures::Last,
+            _ => Departures::Replaced,
+        })
     }
 
     /// We ourselves are about to open and close the node. Tells whether anybody has departed.
@@ -286,8 +304,9 @@ impl Registration {
     ) -> Result<(), PortErrorKind> {
         self.drain()?;
         self.with_node(|node| {
-            node.left = (node.opened, node.closed) != (visits, visits);
-            node.departed = node.left || departed;
+            node.unsure = (node.opened, node.closed) != (visits, visits);
+            node.departed = node.unsure || departed;
+            node.left = false;
             if hung_up {
                 node.openers = 0;
             }

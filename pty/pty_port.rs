@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
-use crate::hub::{BOTH, IN, Registration};
+use crate::hub::{BOTH, Departures, IN, Registration};
 use crate::line::LineSettings;
 use crate::pair::{Pair, PtySetup, Read};
 use crate::port::{Counters, Event, Kind};
@@ -239,7 +239,7 @@ impl PtyPort {
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
         // Somebody who came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        let nobody = !self.has_departed() && !self.has_somebody_left();
+        let nobody = self.departures() == Departures::None;
         if self.client == Client::Nobody && nobody && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
@@ -250,18 +250,23 @@ impl PtyPort {
 
     /// Takes note of one client having left and another having come between two looks.
     fn notice_handover(&mut self) -> Result<(), PortErrorKind> {
+        let departures = self.departures();
         // A port that is hung up is found so when it is read.
-        let replaced = (self.registration.as_ref()).is_some_and(Registration::has_been_replaced);
-        if replaced && !self.pair.is_hung_up()? {
-            self.discard_seen()?;
-            self.unsent.clear();
-            self.visit(false, Pair::restore_for_next)?;
-            // That a third has taken the place of one who was not told of is not to be told.
-            if self.client == Client::Attached {
-                self.client = Client::Replaced;
+        if departures == Departures::None || self.pair.is_hung_up()? {
+            return Ok(());
+        }
+        match departures {
+            Departures::None | Departures::Last => {}
+            Departures::OneOfSeveral => self.visit(true, Pair::resume)?,
+            Departures::Replaced => {
+                self.discard_seen()?;
+                self.unsent.clear();
+                self.visit(false, Pair::restore_for_next)?;
+                // That a third has taken the place of one who was not told of is not to be told.
+                if self.client == Client::Attached {
+                    self.client = Client::Replaced;
+                }
             }
-        } else if self.has_somebody_left() && !self.pair.is_hung_up()? {
-            self.visit(true, Pair::resume)?;
         }
         Ok(())
     }
@@ -348,16 +353,9 @@ impl PtyPort {
             .map_or(Ok(()), Registration::drain)
     }
 
-    fn has_departed(&self) -> bool {
-        self.registration
-            .as_ref()
-            .is_some_and(Registration::has_departed)
-    }
-
-    fn has_somebody_left(&self) -> bool {
-        self.registration
-            .as_ref()
-            .is_some_and(Registration::has_somebody_left)
+    fn departures(&self) -> Departures {
+        let registration = self.registration.as_ref();
+        registration.map_or(Departures::None, Registration::departures)
     }
 
     /// Has the node opened by ourselves, as often as `open` says, which is counted; `keeps` says that
