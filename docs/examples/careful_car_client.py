@@ -223,11 +223,11 @@ class Car:
                 return "the board has restarted"
             if not status.is_clear(axis, sign):
                 return "somebody is in the way"
-            # A single packet may be wrong: enough to stop, and too little to give up.
+            # Two packets in a row may be wrong: too little to give up.
             strayed = strayed + 1 if abs(aside) > 3 or abs(status.ori) > 80 else 0
             if strayed == 2 and by_line and left >= begin_left and abs(status.ori) <= 80:
                 return "a line was misheard"  # it goes aside alone
-            if strayed == 2:
+            if strayed == 3:
                 raise Trouble(f"off course: {aside / 10} revolutions, {status.ori / 10} degrees")
             if left < -2 or left > begin_left + 2:
                 return "that was another order than it should have been"

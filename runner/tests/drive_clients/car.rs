@@ -302,10 +302,12 @@ impl Car<'_> {
                 0
             };
             nearest = nearest.min(left);
-            if strayed == 2 || stuck == 15 {
+            if by_line && strayed == 2 && left >= way.abs() {
                 // It goes aside alone where it was told something else than it was to be.
-                let misheard = by_line && strayed == 2 && left >= way.abs();
-                return misheard.then_some(Pause::Doubt).ok_or(End::Trouble);
+                return Ok(Pause::Doubt);
+            }
+            if strayed == 3 || stuck == 15 {
+                return Err(End::Trouble);
             }
             ran |= running;
             standing = if running { 0 } else { standing + 1 };
