@@ -56,9 +56,9 @@ struct Node {
     token: usize,
     openers: u32,
     departed: bool,
-    /// Somebody has closed it.
+    /// Somebody has left of whom the count says that others are still there.
     left: bool,
-    /// Others opened or closed it during our last visits, which hides whether somebody is there.
+    /// Somebody closed it during our last visits, which hide openings.
     unsure: bool,
     /// Reports of openings and of closings since a visit of our own began.
     opened: u32,
@@ -66,16 +66,18 @@ struct Node {
 }
 
 /// Departures from a node, as far as counting shows. Reports of the same kind that come together are
-/// reported as one, so that whoever acts on this does nothing that would harm a client.
+/// reported as one, so that the count may be wrong either way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Departures {
     #[default]
     None,
-    /// Somebody has closed it, and others seem to be there still; the count may be too high.
+    /// Somebody has closed it, and others seem to be there still.
     OneOfSeveral,
-    /// The last one has closed it, which is reported before the port is hung up: it may only be about
-    /// to. An opening of our own would hide that of the next now.
+    /// The last one has closed it, which is reported before the port is hung up. An opening of our own
+    /// would hide that of the next now.
     Last,
+    /// The last one has closed it during a visit of our own. Another may be there, unreported.
+    Unclear,
     /// Another has opened it since, who is reported before it can write anything.
     Replaced,
 }
@@ -240,8 +242,7 @@ impl Registration {
     /// The port has been looked at: is it to be looked at again, or is nothing left there? Who left
     /// during a visit of our own is yet to be dealt with.
     pub(crate) fn note(&self, idle: bool) {
-        let departures = self.departures();
-        let pending = matches!(departures, Departures::OneOfSeveral | Departures::Replaced);
+        let pending = self.departures() != Departures::None;
         let mut state = self.hub.lock();
         if idle && !pending {
             state.ready.retain(|token| *token != self.token);
@@ -257,22 +258,19 @@ impl Registration {
 
     /// Departures since our last visits, as far as counting shows.
     pub(crate) fn departures(&self) -> Departures {
-        self.with_node(|node| match node {
-            Node {
-                departed: false,
-                left: false,
-                ..
-            } => Departures::None,
-            Node {
-                departed: false, ..
-            } => Departures::OneOfSeveral,
-            Node {
-                openers: 0,
-                unsure: false,
-                ..
-            } => Departures::Last,
-            _ => Departures::Replaced,
+        self.with_node(|node| match (node.departed, node.openers) {
+            (false, _) if node.left => Departures::OneOfSeveral,
+            (false, _) => Departures::None,
+            (true, 0) if node.unsure => Departures::Unclear,
+            (true, 0) => Departures::Last,
+            (true, _) => Departures::Replaced,
         })
+    }
+
+    /// The last one has not left after all: somebody is there whose opening was reported together with
+    /// another's.
+    pub(crate) fn correct_last(&self) {
+        self.with_node(|node| (node.openers, node.departed, node.left) = (1, false, true));
     }
 
     /// We ourselves are about to open and close the node. Tells whether anybody has departed.
@@ -292,10 +290,9 @@ impl Registration {
         }))
     }
 
-    /// We have done so `visits` times. If anybody else has opened or closed it meanwhile, somebody
-    /// may have left, beside who had `departed` before and is not done with. Whoever is seen to be
-    /// there may not be reported yet, so that the count is corrected where nobody is, and never
-    /// upwards.
+    /// We have done so `visits` times, beside whom others may have come or left. Who had `departed` before
+    /// is not done with. Whoever is seen to be there may not be reported yet, so that the count is
+    /// corrected where nobody is, and never upwards.
     pub(crate) fn end_visits(
         &self,
         visits: u32,
@@ -304,9 +301,9 @@ impl Registration {
     ) -> Result<(), PortErrorKind> {
         self.drain()?;
         self.with_node(|node| {
-            node.unsure = (node.opened, node.closed) != (visits, visits);
+            node.unsure = node.closed != visits;
             node.departed = node.unsure || departed;
-            node.left = false;
+            node.left = node.opened != visits;
             if hung_up {
                 node.openers = 0;
             }

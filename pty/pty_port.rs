@@ -6,6 +6,7 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use rustix::io::Errno;
 
@@ -21,6 +22,9 @@ const MOST_READS: usize = 8;
 /// Most bytes kept for a client that does not read, beside some 20 kB in the kernel: as many as Linux keeps
 /// of what a serial port has received.
 const MOST_UNSENT: usize = 1 << 16;
+/// Longest time from the report that the last client has closed the port until it is hung up. If
+/// that takes longer, somebody is still there.
+const CLOSING: Duration = Duration::from_millis(20);
 
 /// A pseudo-terminal, with or without a link to it at a path of the user's
 /// choice.
@@ -31,6 +35,8 @@ pub(crate) struct PtyPort {
     registration: Option<Registration>,
     pair: Pair,
     client: Client,
+    /// Since when the last client seems to be closing the port.
+    closing: Option<Instant>,
     /// Bytes that were read before that was known, to be handed out after it.
     held: Vec<u8>,
     /// Number of the bytes that wait to be read that were there at the last look: of a client that
@@ -78,6 +84,7 @@ impl PtyPort {
             registration: None,
             pair,
             client: Client::Nobody,
+            closing: None,
             held: Vec::new(),
             seen: 0,
             unsent: VecDeque::new(),
@@ -183,6 +190,10 @@ impl PtyPort {
         if self.client == Client::Replaced {
             return Ok(Some(self.hand_over()));
         }
+        if self.closing.is_some() && self.departures() == Departures::Unclear {
+            // What there is to read may be the next one's.
+            return Ok(None);
+        }
         if buf.is_empty() {
             // What is left of a client that is gone will not be sent.
             if self.pair.is_hung_up()? {
@@ -248,17 +259,31 @@ impl PtyPort {
         Ok(Event::Attached)
     }
 
-    /// Takes note of one client having left and another having come between two looks.
+    /// Takes note of clients having left, and others having come, between two looks.
     fn notice_handover(&mut self) -> Result<(), PortErrorKind> {
         let departures = self.departures();
         // A port that is hung up is found so when it is read.
         if departures == Departures::None || self.pair.is_hung_up()? {
+            self.closing = None;
             return Ok(());
         }
+        if let Departures::Last | Departures::Unclear = departures {
+            let since = *self.closing.get_or_insert_with(Instant::now);
+            if since.elapsed() < CLOSING {
+                return Ok(());
+            }
+        }
+        self.closing = None;
         match departures {
-            Departures::None | Departures::Last => {}
+            Departures::None => {}
             Departures::OneOfSeveral => self.visit(true, Pair::resume)?,
-            Departures::Replaced => {
+            Departures::Last => {
+                self.registration
+                    .iter()
+                    .for_each(Registration::correct_last);
+                self.visit(true, Pair::resume)?;
+            }
+            Departures::Unclear | Departures::Replaced => {
                 self.discard_seen()?;
                 self.unsent.clear();
                 self.visit(false, Pair::restore_for_next)?;
@@ -359,7 +384,7 @@ impl PtyPort {
     }
 
     /// Has the node opened by ourselves, as often as `open` says, which is counted; `keeps` says that
-    /// whoever has departed is yet to be told of.
+    /// whoever has departed is yet to be told of. While that is being found out, it is not opened.
     fn visit(
         &mut self,
         keeps: bool,
@@ -368,6 +393,10 @@ impl PtyPort {
         let mut departed = false;
         if let Some(registration) = &self.registration {
             departed = registration.begin_visits(|| self.pair.is_hung_up())?;
+            let is_open = matches!(self.departures(), Departures::Last | Departures::Unclear);
+            if keeps && is_open {
+                return Ok(());
+            }
         }
         let visits = open(&self.pair)?;
         // A visit flushes, which is no wish of the client's. What it takes back itself meanwhile is.

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
 use rustix::event::epoll;
+use rustix::fd::OwnedFd;
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
 use sim_pty::{Event, LineSettings, Port, PtySetup};
 
@@ -279,6 +280,45 @@ fn a_client_that_opened_together_with_another_is_still_served_when_that_one_leav
     bench.expect_quiet();
 }
 
+/// Sets from which the system has to take what is closed, which takes its time.
+fn epoll_sets() -> Vec<OwnedFd> {
+    (0..500)
+        .map(|_| epoll::create(epoll::CreateFlags::CLOEXEC).unwrap())
+        .collect()
+}
+
+fn add_to(sets: &[OwnedFd], client: &Client) {
+    for set in sets {
+        let data = epoll::EventData::new_u64(0);
+        epoll::add(set, client, data, epoll::EventFlags::IN).unwrap();
+    }
+}
+
+/// Whom another leaves while it closes the port itself is not taken for the next.
+#[test]
+fn two_clients_that_close_together_come_and_go_once() {
+    let mut bench = Bench::unlinked();
+    bench.waiter.set_busy_poll(common::PATIENCE);
+    let sets = epoll_sets();
+    let (close, closing) = std::sync::mpsc::channel::<[Client; 2]>();
+    let closer = std::thread::spawn(move || closing.into_iter().for_each(drop));
+    for round in 1..=200 {
+        let slow = bench.client();
+        add_to(&sets, &slow);
+        bench.expect(Event::Attached);
+        let quick = bench.client();
+        // Reports of openings that are taken one by one are told apart.
+        let _ = bench.waiter.wait(Some(Duration::ZERO)).unwrap();
+        close.send([quick, slow]).unwrap();
+        bench.expect(Event::Detached);
+        assert_eq!(bench.port.counters().attached, round);
+    }
+    drop(close);
+    closer.join().unwrap();
+    bench.expect_quiet();
+    assert_eq!(bench.port.counters().attached, 200);
+}
+
 /// The system tells of a closing before it hangs the port up, so that a look may come in between: for
 /// as long as it takes out of epoll sets what is closed.
 #[test]
@@ -288,15 +328,9 @@ fn a_client_that_is_seen_as_it_closes_comes_and_goes_once() {
     let path = bench.port.path().to_owned();
     let (next, rounds) = std::sync::mpsc::channel();
     let client = std::thread::spawn(move || {
-        let sets: Vec<_> = (0..500)
-            .map(|_| epoll::create(epoll::CreateFlags::CLOEXEC).unwrap())
-            .collect();
+        let sets = epoll_sets();
         for () in rounds {
-            let client = Client::open(&path);
-            for set in &sets {
-                let data = epoll::EventData::new_u64(0);
-                epoll::add(set, &client, data, epoll::EventFlags::IN).unwrap();
-            }
+            add_to(&sets, &Client::open(&path));
         }
     });
     for round in 1..=200 {

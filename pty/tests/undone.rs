@@ -196,14 +196,37 @@ fn output_held_back_goes_on_though_others_seem_to_be_there() {
     });
 }
 
+/// Two that open one after the other are reported as one, so that by counting nobody is left when one
+/// of them leaves.
+#[test]
+fn output_held_back_goes_on_though_nobody_seems_to_be_there() {
+    let mut bench = Bench::unlinked();
+    let (stays, holds) = (bench.client(), bench.client());
+    bench.expect(Event::Attached);
+    settle(&mut bench);
+    tcflow(&holds, Action::OOff).unwrap();
+    drop(holds);
+    settle(&mut bench);
+    for _ in 0..2 {
+        stays.send(b"asks");
+        assert_eq!(bench.expect_bytes(4), b"asks");
+    }
+    drop(stays);
+    bench.expect(Event::Detached);
+    bench.expect_quiet();
+}
+
 /// It may come while we ourselves have the node open.
 #[test]
 fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
-    let mut bench = Bench::unlinked();
+    // By a link, since a node that is given up becomes somebody else's at once.
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("port");
+    let port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
+    let mut bench = Bench::new(port);
     let fresh = bench.client().termios();
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
-    let path = bench.port.path().to_owned();
     let hanging_up = std::thread::spawn(move || {
         for _ in 0..3000 {
             // It may be hung up while it is being opened.
