@@ -225,7 +225,7 @@ class Car:
                 return "somebody is in the way"
             # Two packets in a row may be wrong: too little to give up.
             strayed = strayed + 1 if abs(aside) > 3 or abs(status.ori) > 80 else 0
-            if strayed == 2 and by_line and left >= begin_left and abs(status.ori) <= 80:
+            if strayed >= 2 and by_line and left >= begin_left and abs(status.ori) <= 80:
                 return "a line was misheard"  # it goes aside alone
             if strayed == 3:
                 raise Trouble(f"off course: {aside / 10} revolutions, {status.ori / 10} degrees")
@@ -239,7 +239,7 @@ class Car:
                 ran, standing = True, 0
             else:
                 standing += 1
-                if standing >= 2 and (ran or time.monotonic() - begun > 0.6):
+                if standing >= 2 and not strayed and (ran or time.monotonic() - begun > 0.6):
                     return None
         return "nothing to be heard"
 

@@ -302,7 +302,7 @@ impl Car<'_> {
                 0
             };
             nearest = nearest.min(left);
-            if by_line && strayed == 2 && left >= way.abs() {
+            if by_line && strayed >= 2 && left >= way.abs() && self.status.ori.abs() <= 80 {
                 // It goes aside alone where it was told something else than it was to be.
                 return Ok(Pause::Doubt);
             }
@@ -311,7 +311,7 @@ impl Car<'_> {
             }
             ran |= running;
             standing = if running { 0 } else { standing + 1 };
-            if standing >= 2 && (ran || self.now > begun + millis(600)) {
+            if strayed == 0 && standing >= 2 && (ran || self.now > begun + millis(600)) {
                 return Ok(Pause::Stands);
             }
         }
