@@ -26,7 +26,7 @@ with serial.Serial(sys.argv[1], 115200) as port:
     info = ask(port, 0x06)
     print("12 V A reads %d mV, rails that are on: %#04x" % (struct.unpack_from("<I", info)[0], info[54]))
     speed = (0, 0)
-    for _ in range(40):  # two seconds at 20 Hz; one that comes a little too soon gets no reply
+    for _ in range(40):  # two seconds at 20 Hz; the reply to one that comes too soon is held back
         due = time.monotonic() + 0.05
         reply = ask(port, 0x12, struct.pack("<hh", 1000, 1000), timeout=0.04)
         speed = struct.unpack_from("<hh", reply) if reply else speed

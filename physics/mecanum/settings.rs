@@ -84,8 +84,8 @@ settings! {
             assumed "nearly all mecanum wheels; the firmware's dead reckoning takes it for granted";
         /// Force along the roller's axle per unit of slip, as a multiple of the load.
         axial_stiffness: f64 = 2.4, range 0.1..=100.0,
-            assumed "with the roller drag a strafe then moves 0.86 of what the wheels turn; \
-                     published cars 0.74 to 0.88";
+            assumed "with the roller drag a strafe then moves 0.85 of what the wheels turn; \
+                     published cars 0.74 to 0.92";
         /// Drag of a turning roller, as a share of the load.
         roller_drag: f64 = 0.18, range 0.0..=2.0,
             assumed "plain bearings and a small rubber roller on a hard floor";

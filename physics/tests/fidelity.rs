@@ -306,7 +306,13 @@ fn rows() -> Vec<Row> {
             1.0001,
         ),
         ("car, strafe by wheels", strafe_share(0.0), 2, 0.74, 0.92),
-        ("the same with 8 kg", strafe_share(8.0), 2, 0.74, 0.92),
+        (
+            "the same with 8 kg",
+            strafe_share(8.0),
+            2,
+            0.74,
+            strafe_share(0.0),
+        ),
         ("car, coasting forward", coasting(false), 2, 0.88, 1.05),
         (
             "car, coasting sideways by forward",

@@ -91,15 +91,15 @@ impl Books {
         let size = self.moved + outside.abs() + 0.1;
         let heat = held + tyres;
         let mut missing = vec![
-            ("of the motors", self.motors - motor_heat - motors),
-            ("of the wheels", motors + outside - heat),
+            ("of the motors", 0.02, self.motors - motor_heat - motors),
+            ("of the wheels", 0.001, motors + outside - heat),
         ];
         if r150.is_some() {
             let left = self.battery - self.electronics - self.motors;
-            missing.push(("of the battery", left));
+            missing.push(("of the battery", 0.001, left));
         }
-        for (what, missing) in missing {
-            if missing.abs() > 0.02 * size {
+        for (what, share, missing) in missing {
+            if missing.abs() > share * size {
                 return Err(format!(
                     "{missing:.3} J {what} are missing: {self:?} {energy:?}"
                 ));

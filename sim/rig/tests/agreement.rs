@@ -113,7 +113,7 @@ fn queued_motions_of_the_car() {
     }
 }
 
-/// Packets that queue these motions: kind, way in cm or turn in °, speed.
+/// Packets that queue these motions: kind, way in 1/10 revolution or turn in °, speed.
 fn queue(motions: &[(u8, u16, i16)]) -> Vec<(SimTime, Vec<u8>)> {
     let packet = |&(moving_idx, s, v): &(u8, u16, i16)| Packet::Motion {
         seq: 0,
