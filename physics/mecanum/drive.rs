@@ -85,7 +85,8 @@ impl Drive {
             place: [0.0; 2],
         };
         let deck = [body.length, body.width];
-        let carried = Mass::spread(payload, deck, body.payload_height, [0.0; 2]);
+        let place = [body.payload_ahead, body.payload_left];
+        let carried = Mass::spread(payload, deck, body.payload_height, place);
         self.gear.set_masses(&own, &carried);
     }
 

@@ -73,6 +73,11 @@ settings! {
         payload: f64 = 0.0, unit "kg", range 0.0..=100.0, assumed "empty unless chosen";
         /// Height of the payload's centre of mass above the ground.
         payload_height: f64 = 0.2, unit "m", range 0.0..=3.0, assumed "on the deck";
+        /// Place of the payload ahead of the middle.
+        payload_ahead: f64 = 0.0, unit "m", range -2.5..=2.5, assumed "on the middle of the deck";
+        /// Place of the payload to the left of the middle.
+        payload_left: f64 = 0.002, unit "m", range -2.5..=2.5,
+            assumed "nobody loads a vehicle to the millimetre";
     }
 
     /// Wheels and rollers.

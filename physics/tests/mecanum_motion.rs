@@ -478,3 +478,30 @@ fn a_tall_load_would_tip_it_when_it_brakes_and_a_low_one_not() {
         assert_eq!(tipped, tips, "{height}");
     }
 }
+
+#[test]
+fn a_load_beside_the_middle_presses_its_wheels_and_turns_a_strafing_car() {
+    let place = |ahead, left| {
+        move |settings: &mut MecanumPlantSettings| {
+            settings.wheel.roller_spread = 0.0;
+            settings.body.payload = 8.0;
+            (settings.body.payload_ahead, settings.body.payload_left) = (ahead, left);
+        }
+    };
+    let mut settings = MecanumPlantSettings::default();
+    place(0.05, -0.03)(&mut settings);
+    let mut car = Car::with(&settings);
+    car.run(0.5);
+    // 8 kg, each by its way from the middle over that of the wheels.
+    let weight = 8.0 * 9.80665;
+    let [ahead, left] = leaning(&car);
+    assert!((ahead - weight * 0.05 / 0.10).abs() < 0.1, "{ahead} N");
+    assert!((left - weight * -0.03 / 0.12).abs() < 0.1, "{left} N");
+    // Strafing to the left, the left front wheel pulls back and the right one ahead, which turns it to the
+    // left, and the rear ones to the right: those with the greater load win.
+    let (middle, _) = strafe(place(0.0, 0.0));
+    let (nose, _) = strafe(place(0.05, 0.0));
+    let (tail, _) = strafe(place(-0.05, 0.0));
+    println!("strafing to the left it turns by {middle:.3}, {nose:.3} and {tail:.3} deg");
+    assert!(middle.abs() < 1e-6 && nose > 5.0 && tail < -5.0);
+}
