@@ -140,7 +140,7 @@ impl Kind for PtyPort {
         self.notice_handover()
             .map_err(|kind| self.error("write to", kind))?;
         let mut sent = 0;
-        if self.unsent.is_empty() {
+        if self.unsent.is_empty() && !self.is_unclear() {
             sent = write_some(&self.pair, bytes)
                 .map_err(|errno| self.error("write to", PortErrorKind::call("write")(errno)))?;
         }
@@ -190,7 +190,7 @@ impl PtyPort {
         if self.client == Client::Replaced {
             return Ok(Some(self.hand_over()));
         }
-        if self.closing.is_some() && self.departures() == Departures::Unclear {
+        if self.is_unclear() {
             // What there is to read may be the next one's.
             return Ok(None);
         }
@@ -296,6 +296,11 @@ impl PtyPort {
         Ok(())
     }
 
+    /// Whether it is yet to be seen who is there, so that nothing is to be read or sent.
+    fn is_unclear(&self) -> bool {
+        self.closing.is_some() && self.departures() == Departures::Unclear
+    }
+
     /// Tells that the one has left; that the other is there is told next.
     fn hand_over(&mut self) -> Event {
         self.client = Client::New;
@@ -305,7 +310,7 @@ impl PtyPort {
     /// Sends of what was kept as much as there is room for.
     fn send_unsent(&mut self) -> Result<(), PortErrorKind> {
         // It may have happened that the client does not want it any more.
-        if self.unsent.is_empty() || self.pair.has_happened()? {
+        if self.unsent.is_empty() || self.is_unclear() || self.pair.has_happened()? {
             return Ok(());
         }
         let kept = self.unsent.make_contiguous();
