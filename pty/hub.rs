@@ -58,7 +58,8 @@ struct Node {
     departed: bool,
     /// Somebody has left of whom the count says that others are still there.
     left: bool,
-    /// Somebody closed it during our last visits, which hide openings.
+    /// Another may have opened it unreported: during our last visits, or together with one who has opened
+    /// it since the last one closed it.
     unsure: bool,
     /// Reports of openings and of closings since a visit of our own began.
     opened: u32,
@@ -76,7 +77,7 @@ pub(crate) enum Departures {
     /// The last one has closed it, which is reported before the port is hung up. An opening of our own
     /// would hide that of the next now.
     Last,
-    /// The last one has closed it during a visit of our own. Another may be there, unreported.
+    /// The last one has closed it, and another may be there, unreported.
     Unclear,
     /// Another has opened it since, who is reported before it can write anything.
     Replaced,
@@ -159,6 +160,7 @@ impl State {
         if events.contains(ReadFlags::OPEN) {
             node.openers += 1;
             node.opened += 1;
+            node.unsure |= node.departed;
         }
         if events.intersects(ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE) {
             node.closed += 1;
@@ -301,8 +303,8 @@ impl Registration {
     ) -> Result<(), PortErrorKind> {
         self.drain()?;
         self.with_node(|node| {
-            node.unsure = node.closed != visits;
-            node.departed = node.unsure || departed;
+            node.departed = node.closed != visits || departed;
+            node.unsure = node.departed;
             node.left = node.opened != visits;
             if hung_up {
                 node.openers = 0;

@@ -233,6 +233,9 @@ impl PtyPort {
                         // What waits behind the last 4095 bytes has outlived the flush.
                         self.unsent.clear();
                         self.visit(true, Pair::restore_for_next)?;
+                        if self.is_unclear() {
+                            return Ok(None);
+                        }
                     }
                 }
                 Read::Other => {}
@@ -340,6 +343,7 @@ impl PtyPort {
 
     /// Makes the port as it was before any client came.
     fn vacate(&mut self) -> Result<Event, PortErrorKind> {
+        self.closing = None;
         self.pair.discard_left_behind()?;
         self.held.clear();
         self.unsent.clear();
@@ -409,10 +413,13 @@ impl PtyPort {
             self.discard_seen()?;
         }
         let hung_up = self.pair.is_hung_up()?;
-        match &self.registration {
-            Some(registration) => registration.end_visits(visits, hung_up, departed && keeps),
-            None => Ok(()),
+        if let Some(registration) = &self.registration {
+            registration.end_visits(visits, hung_up, departed && keeps)?;
         }
+        if self.departures() == Departures::Unclear {
+            self.closing.get_or_insert_with(Instant::now);
+        }
+        Ok(())
     }
 
     fn error(&self, action: &'static str, kind: PortErrorKind) -> PortError {
