@@ -150,6 +150,63 @@ fn a_fuse_that_blows_is_told_once() {
     assert_eq!(told, ["the fuse of the right motor blew"]);
 }
 
+fn full_ahead(rig: &mut Rig, time: Duration) {
+    let full = Request::SetMotors {
+        right: 1000,
+        left: 1000,
+    };
+    let end = rig.now() + time;
+    while rig.now() < end {
+        let now = rig.now();
+        rig.client_sends(PORT, now, &full.encode()).unwrap();
+        rig.advance(now + Duration::from_millis(50)).unwrap();
+    }
+}
+
+#[test]
+fn a_motor_that_gets_hot_is_limited_shut_off_and_cools_and_each_is_told() {
+    let mut rig = rig_with(Wire::Instant, 1, |settings| {
+        let thermal = &mut settings.plant.motor_thermal;
+        // So that it warms within seconds, and less current is not enough.
+        thermal.rated_current = 0.2;
+        thermal.motor_time_constant = Duration::from_secs(2);
+        thermal.driver_rise = 0.0;
+    });
+    full_ahead(&mut rig, Duration::from_secs(10));
+    rig.advance(rig.now() + Duration::from_secs(10)).unwrap();
+    let told: Vec<String> = std::iter::from_fn(|| rig.poll_event())
+        .map(|event| event.kind.to_string())
+        .filter(|text| text.starts_with("the right motor"))
+        .collect();
+    let [limited, shut_off, .., cooled] = &told[..] else {
+        panic!("{told:?}");
+    };
+    assert_eq!(
+        limited,
+        "the right motor or its driver is hot and gets less current"
+    );
+    assert_eq!(
+        shut_off,
+        "the right motor or its driver is too hot and shut off"
+    );
+    assert_eq!(cooled, "the right motor has cooled");
+}
+
+#[test]
+fn a_load_behind_the_axle_would_tip_it_which_is_told_once() {
+    for (ahead, told) in [(-0.1, 0), (-2.0, 1)] {
+        let mut rig = rig_with(Wire::Instant, 1, |settings| {
+            settings.plant.body.payload = 150.0;
+            settings.plant.body.payload_ahead = ahead;
+        });
+        rig.advance(SimTime::from_millis(2000)).unwrap();
+        let tipping = codes(&mut rig)
+            .into_iter()
+            .filter(|code| *code == "tipping");
+        assert_eq!(tipping.count(), told, "{ahead} m");
+    }
+}
+
 #[test]
 fn on_an_instant_wire_the_reply_is_there_at_once() {
     let mut rig = rig_with(Wire::Instant, 1, |s| {
@@ -163,21 +220,8 @@ fn on_an_instant_wire_the_reply_is_there_at_once() {
 #[test]
 fn full_ahead_reaches_the_manuals_speed_and_the_watchdog_ends_it() {
     let mut rig = rig(Wire::Instant);
-    let mut now = SimTime::ZERO;
-    for _ in 0..60 {
-        rig.client_sends(
-            PORT,
-            now,
-            &Request::SetMotors {
-                right: 1000,
-                left: 1000,
-            }
-            .encode(),
-        )
-        .unwrap();
-        now += Duration::from_millis(50);
-    }
-    rig.advance(now).unwrap();
+    full_ahead(&mut rig, Duration::from_secs(3));
+    let now = rig.now();
     let driving = rig.device::<R150>(0).unwrap().truth();
     assert!(
         (driving.forward_speed / 1.4 - 1.0).abs() < 0.03,
