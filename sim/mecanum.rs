@@ -99,6 +99,9 @@ pub fn add(
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.
 const MOST_ROUNDS: usize = 8;
+/// Least time between two pulses that are taken one by one; faster ones, which only extreme settings
+/// bring about, are taken together.
+const BETWEEN_PULSES: Duration = Duration::from_micros(10);
 
 /// Firmware and hardware of one car.
 #[derive(Debug)]
@@ -108,7 +111,8 @@ pub struct Mecanum {
     faults: faults::Faults,
     /// Up to when the plant has advanced.
     plant_at: SimTime,
-    /// Time at which the next pulse of a wheel comes.
+    /// Times at which the last pulse of a wheel was taken, and the next one is to be.
+    pulse_taken: SimTime,
     pulse_due: Option<SimTime>,
     /// A wheel would have lifted after the last step, and when that began if it is to be told.
     tips: bool,
@@ -133,6 +137,7 @@ impl Mecanum {
             plant,
             faults: faults::Faults::default(),
             plant_at: SimTime::ZERO,
+            pulse_taken: SimTime::ZERO,
             pulse_due: None,
             tips: false,
             tipped_at: None,
@@ -200,6 +205,7 @@ impl Device for Mecanum {
     fn settle(&mut self, now: SimTime) {
         if self.pulse_due.is_some_and(|due| due <= now) {
             self.pass_to(now);
+            self.pulse_taken = now;
         }
         for _ in 0..MOST_ROUNDS {
             self.device.sense(now, &self.plant.measurements());
@@ -211,7 +217,8 @@ impl Device for Mecanum {
             self.plant.set_commands(&commands);
         }
         let next = self.plant.next_pulse().map(|passed| self.plant_at + passed);
-        self.pulse_due = next.map(|due| due.max(now + Duration::from_nanos(1)));
+        let soonest = (now + Duration::from_nanos(1)).max(self.pulse_taken + BETWEEN_PULSES);
+        self.pulse_due = next.map(|due| due.max(soonest));
     }
 
     fn poll_output(&mut self) -> Option<(usize, Vec<u8>)> {
