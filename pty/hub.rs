@@ -5,7 +5,7 @@
 //! watched for changes (edges), and each report has its port looked at until nothing is left there.
 //! Who is attached follows from that look alone ([`Pair::is_hung_up`](crate::pair::Pair)). The
 //! reports are also counted, for what a look cannot show: that one client has left and another has
-//! come in between. A wrong count does no harm, see [`Departures`].
+//! come in between. The count may be wrong, see [`Departures`].
 
 use std::collections::BTreeMap;
 use std::mem::MaybeUninit;
@@ -55,8 +55,9 @@ struct State {
 struct Node {
     token: usize,
     openers: u32,
+    /// The count has come to nothing since our last visits.
     departed: bool,
-    /// Somebody has left of whom the count says that others are still there.
+    /// Somebody has closed it, or has opened it during our last visits.
     left: bool,
     /// Another may have opened it unreported: during our last visits, or together with one who has opened
     /// it since the last one closed it.
@@ -79,7 +80,8 @@ pub(crate) enum Departures {
     Last,
     /// The last one has closed it, and another may be there, unreported.
     Unclear,
-    /// Another has opened it since, who is reported before it can write anything.
+    /// The last one has closed it, and another has opened it since, who is reported before it can write
+    /// anything.
     Replaced,
 }
 
@@ -241,8 +243,8 @@ impl Registration {
         self.hub.lock().ready.push(self.token);
     }
 
-    /// The port has been looked at: is it to be looked at again, or is nothing left there? Who left
-    /// during a visit of our own is yet to be dealt with.
+    /// The port has been looked at: is it to be looked at again, or is nothing left there? Departures are
+    /// yet to be dealt with.
     pub(crate) fn note(&self, idle: bool) {
         let pending = self.departures() != Departures::None;
         let mut state = self.hub.lock();

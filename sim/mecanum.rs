@@ -99,8 +99,8 @@ pub fn add(
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
 /// then goes on at the next one.
 const MOST_ROUNDS: usize = 8;
-/// Least time between two pulses that are taken one by one; faster ones, which only extreme settings
-/// bring about, are taken together.
+/// Least time between two looks at the pulses. Those within it are taken together: of wheels that turn
+/// alike, and of encoders that give more than 100,000 a second.
 const BETWEEN_PULSES: Duration = Duration::from_micros(10);
 
 /// Firmware and hardware of one car.
