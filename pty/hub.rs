@@ -149,6 +149,18 @@ impl Hub {
     }
 }
 
+impl Node {
+    fn departures(&self) -> Departures {
+        match (self.departed, self.openers) {
+            (false, _) if self.left => Departures::OneOfSeveral,
+            (false, _) => Departures::None,
+            (true, 0) if self.unsure => Departures::Unclear,
+            (true, 0) => Departures::Last,
+            (true, _) => Departures::Replaced,
+        }
+    }
+}
+
 impl State {
     fn note(&mut self, wd: i32, events: ReadFlags) {
         if events.contains(ReadFlags::QUEUE_OVERFLOW) {
@@ -262,13 +274,7 @@ impl Registration {
 
     /// Departures since our last visits, as far as counting shows.
     pub(crate) fn departures(&self) -> Departures {
-        self.with_node(|node| match (node.departed, node.openers) {
-            (false, _) if node.left => Departures::OneOfSeveral,
-            (false, _) => Departures::None,
-            (true, 0) if node.unsure => Departures::Unclear,
-            (true, 0) => Departures::Last,
-            (true, _) => Departures::Replaced,
-        })
+        self.with_node(|node| node.departures())
     }
 
     /// The last one has not left after all: somebody is there whose opening was reported together with
@@ -341,5 +347,46 @@ impl Drop for Registration {
         // Epoll forgets a descriptor when its port closes it.
         let token = self.token;
         self.hub.lock().ready.retain(|ready| *ready != token);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Who seems to have left after reports of openings, `o`, and closings, `c`.
+    #[test]
+    fn departures_follow_from_the_reports() {
+        for (reports, expected) in [
+            ("", Departures::None),
+            ("oo", Departures::None),
+            ("ooc", Departures::OneOfSeveral),
+            // Two that opened together may be reported as one.
+            ("oc", Departures::Last),
+            ("oco", Departures::Replaced),
+            // The second opening may be that of two as well.
+            ("ococ", Departures::Unclear),
+            ("oocc", Departures::Last),
+        ] {
+            let mut state = State::default();
+            let node = Node {
+                token: 7,
+                openers: 0,
+                departed: false,
+                left: false,
+                unsure: false,
+                opened: 0,
+                closed: 0,
+            };
+            state.nodes.insert(1, node);
+            for report in reports.chars() {
+                let events = match report {
+                    'o' => ReadFlags::OPEN,
+                    _ => ReadFlags::CLOSE_WRITE,
+                };
+                state.note(1, events);
+            }
+            assert_eq!(state.nodes[&1].departures(), expected, "{reports}");
+        }
     }
 }
