@@ -11,6 +11,8 @@ use crate::world::{Course, World};
 /// Length that no part of a step exceeds in which tyres slide, or what drives the wheels changes in
 /// a turn. Other steps are taken as a whole: parts would double the cost and show nothing.
 const PART: Duration = Duration::from_micros(1250);
+/// Length of the shortest part that a sudden change cuts off, s.
+const SHORTEST: f64 = 1e-4;
 /// Acceleration from which on what drives a wheel counts as changing, rad/s².
 const QUICK: f64 = 0.4;
 /// Share of what friction gives with which a tyre pulls across in a turn.
@@ -66,14 +68,29 @@ impl Mass {
     }
 }
 
-/// Drive and brake of a wheel over one step.
+/// Part of a step, s.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span {
+    /// From the beginning of the step.
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+}
+
+/// How what drives the wheels changes in a step.
+#[derive(Debug, Default)]
+pub(crate) struct Changes {
+    /// Set if it does so little by little.
+    pub(crate) gradual: bool,
+    /// Times at which it does so at once, in order, s.
+    pub(crate) sudden: Vec<f64>,
+}
+
+/// Drive and brake of a wheel over a part of a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelDrive {
-    /// Impulse that the motor gives a wheel that stands, as at the end of the step, N·m·s.
+    /// Impulse that the motor gives a wheel that stands, as at the end of the part, N·m·s.
     pub(crate) impulse: f64,
-    /// By how much that rises in the course of the step, N·m·s.
-    pub(crate) rise: f64,
-    /// By how much less it gives for each rad/s at the end of the step, kg·m².
+    /// By how much less it gives for each rad/s at the end of the part, kg·m².
     pub(crate) opposed: f64,
     /// Dry friction of the gear, N·m.
     pub(crate) gear: f64,
@@ -125,16 +142,9 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     quick: bool,
 }
 
-impl WheelDrive {
-    /// One of equal parts of the step, from the 1st to the last.
-    fn part(&self, number: u32, parts: u32) -> Self {
-        let share = 1.0 / f64::from(parts);
-        let ahead = 1.0 - f64::from(number) * share;
-        Self {
-            impulse: (self.impulse - self.rise * ahead) * share,
-            opposed: self.opposed * share,
-            ..*self
-        }
+impl Span {
+    pub(crate) fn seconds(self) -> f64 {
+        self.to - self.from
     }
 }
 
@@ -237,12 +247,14 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.traction.on_ground()
     }
 
-    /// Computes the forces of one step and gives the body the velocity they lead to.
+    /// Computes the forces of one step and gives the body the velocity they lead to. Asks for the
+    /// drives of every part of the step, with the speeds of the wheels at its beginning, rad/s.
     pub(crate) fn step(
         &mut self,
         world: &mut World,
         body: &VehicleBody,
-        drives: &[WheelDrive; WHEELS],
+        changes: &Changes,
+        mut drives: impl FnMut(Span, &[f64; WHEELS]) -> [WheelDrive; WHEELS],
     ) {
         let push = body.total_push();
         let motion = world.motion(body.id());
@@ -262,41 +274,39 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             friction,
         };
 
-        let step = world.step_length();
+        let step = world.step_length().as_secs_f64();
         // What it runs into is known for a step as a whole.
-        let parts = if world.is_touching(body.id()) {
-            1
-        } else {
-            self.parts(drives, step)
-        };
-        let dt = step.as_secs_f64() / f64::from(parts);
+        let whole = world.is_touching(body.id());
+        let part = if whole { step } else { self.part(changes, step) };
+        let sudden: &[f64] = if whole { &[] } else { &changes.sudden };
         let before = self.wheel_speed;
         let mut course = Course::new(motion.body_velocity());
         self.turned = [0.0; WHEELS];
         self.tipping = false;
-        for number in 1..=parts {
-            let drives = drives.each_ref().map(|drive| drive.part(number, parts));
-            let velocity = self.go_on(&mut course, &drives, &outside, dt);
+        let mut span = Span { from: 0.0, to: 0.0 };
+        loop {
+            span = next_part(span.to, part, step, sudden);
+            let drives = drives(span, &self.wheel_speed);
+            let velocity = self.go_on(&mut course, &drives, &outside, span.seconds());
             self.led_to = self.of_body(velocity);
-            if number < parts {
-                self.traction.follow(velocity, self.wheel_speed);
+            if span.to >= step {
+                break;
             }
+            self.traction.follow(velocity, self.wheel_speed);
         }
-        let quick = QUICK * step.as_secs_f64();
         self.quick = (before.iter().zip(&self.wheel_speed))
-            .any(|(before, after)| (after - before).abs() > quick);
+            .any(|(before, after)| (after - before).abs() > QUICK * step);
         world.lead(body.id(), &course);
     }
 
-    /// Number of parts in which a step is taken.
-    fn parts(&self, drives: &[WheelDrive; WHEELS], step: Duration) -> u32 {
-        let changes = self.quick || drives.iter().any(|drive| drive.rise != 0.0);
+    /// Length of the parts in which a step is taken, s.
+    fn part(&self, changes: &Changes, step: f64) -> f64 {
         let turns = self.traction.is_strained_across(ACROSS);
-        if !(self.traction.slides() || changes && turns) {
-            return 1;
+        if self.traction.slides() || (self.quick || changes.gradual) && turns {
+            step / (step / PART.as_secs_f64()).ceil()
+        } else {
+            step
         }
-        let parts = step.as_nanos().div_ceil(PART.as_nanos());
-        u32::try_from(parts).unwrap_or(u32::MAX)
     }
 
     /// Goes on by a part of `dt` seconds; gives the velocity at its end, in its axes.
@@ -405,6 +415,16 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             }
         })
     }
+}
+
+/// The part that begins at `from` of a step that is taken in equal parts, s; a sudden change ends one.
+fn next_part(from: f64, part: f64, step: f64, sudden: &[f64]) -> Span {
+    let even = ((from / part + 1e-6).floor() + 1.0) * part;
+    let even = if even > step - SHORTEST { step } else { even };
+    let cut = sudden.iter().copied();
+    let mut cut = cut.filter(|cut| *cut >= from + SHORTEST && *cut <= even - SHORTEST);
+    let to = cut.next().unwrap_or(even);
+    Span { from, to }
 }
 
 fn square(number: f64) -> f64 {

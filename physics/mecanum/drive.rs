@@ -2,20 +2,25 @@
 
 use super::MecanumPlant;
 use super::encoder::PulseWire;
-use super::motor::{Motor, MotorLaw, Order};
+use super::motor::{Grip, Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
 use crate::faults::MotorFaults;
-use crate::running_gear::{Mass, RunningGear, WheelDrive};
+use crate::running_gear::{Changes, Mass, RunningGear, Span, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Slanted;
 use crate::world::World;
+
+/// Most orders that are told apart in a step; those that follow last until its end.
+const MOST_ORDERS: usize = 64;
 
 /// The moving parts; arrays are by [`Wheel::index`].
 #[derive(Debug, Clone)]
 pub(super) struct Drive {
     pub(super) gear: RunningGear<WHEELS, Slanted>,
     motors: [Motor; WHEELS],
+    /// Orders of the step that comes.
+    orders: Vec<Orders>,
     pub(super) pulses: [PulseWire; WHEELS],
     /// Factor by which each wheel turns faster than it should.
     speed_factors: [f64; WHEELS],
@@ -32,6 +37,13 @@ pub(super) struct Drive {
     law: MotorLaw,
     gear_friction: f64,
     brake_torque: f64,
+}
+
+/// Orders to the motors for a part of a step.
+#[derive(Debug, Clone, Copy)]
+struct Orders {
+    span: Span,
+    of: [Order; WHEELS],
 }
 
 impl Drive {
@@ -53,6 +65,7 @@ impl Drive {
                 contacts,
             ),
             motors: [Motor::new(); WHEELS],
+            orders: Vec::new(),
             // Speeds and angles are those of a wheel of the nominal radius that gets as far.
             pulses: wheel_factors.map(|factor| {
                 let pulses = f64::from(settings.encoder.pulses_per_revolution);
@@ -105,8 +118,35 @@ impl Drive {
     /// Forgets what was ordered for a step that does not come.
     pub(super) fn forget_step(&mut self) {
         self.passed = 0.0;
-        for motor in &mut self.motors {
-            motor.forget();
+        self.orders.clear();
+    }
+
+    /// Notes what is asked of the motors up to `passed` seconds into the step that comes.
+    fn ask(&mut self, orders: [Order; WHEELS], passed: f64) {
+        let from = std::mem::replace(&mut self.passed, passed);
+        let full = self.orders.len() == MOST_ORDERS;
+        match self.orders.last_mut() {
+            Some(last) if full || last.of == orders => {
+                last.span.to = passed;
+                last.of = orders;
+            }
+            _ => self.orders.push(Orders {
+                span: Span { from, to: passed },
+                of: orders,
+            }),
+        }
+    }
+
+    /// How what is asked of the motors changes in the step that comes.
+    fn changes(&self) -> Changes {
+        let first = self.orders.first();
+        let starts = self.orders.iter().skip(1).map(|orders| orders.span.from);
+        Changes {
+            gradual: first.is_some_and(|orders| {
+                let mut ramps = self.motors.iter().zip(orders.of);
+                ramps.any(|(motor, order)| motor.ramps(order))
+            }),
+            sudden: starts.collect(),
         }
     }
 
@@ -126,18 +166,13 @@ impl MecanumPlant {
         if seconds <= 0.0 {
             return;
         }
-        self.drive.passed = passed;
-        if self.body.is_resting() {
-            return;
-        }
-        for wheel in Wheel::ALL {
-            let order = self.order(wheel);
-            let index = wheel.index();
-            let drive = &mut self.drive;
-            let speed = drive.gear.wheel_speed[index];
-            drive.motors[index].carry_out(order, speed, &drive.law, seconds);
-            drive.turned[index] += speed * seconds;
-            drive.pulses[index].turn(speed * seconds, self.wheel_faults[index].encoder);
+        let orders = Wheel::ALL.map(|wheel| self.order(wheel));
+        let drive = &mut self.drive;
+        drive.ask(orders, passed);
+        for index in 0..WHEELS {
+            let angle = drive.gear.wheel_speed[index] * seconds;
+            drive.turned[index] += angle;
+            drive.pulses[index].turn(angle, self.wheel_faults[index].encoder);
         }
     }
 
@@ -180,29 +215,49 @@ impl MecanumPlant {
 /// the speeds at the end of the step: their control is quicker than the step.
 pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
-    let grips = Wheel::ALL.map(|wheel| {
-        let order = plant.order(wheel);
-        let drive = &mut plant.drive;
-        let (index, rest) = (wheel.index(), dt - drive.passed);
-        let speed = drive.gear.wheel_speed[index];
-        drive.motors[index].carry_out(order, speed, &drive.law, rest);
-        drive.motors[index].grip(speed, &drive.law, dt)
-    });
+    let orders = Wheel::ALL.map(|wheel| plant.order(wheel));
     let drive = &mut plant.drive;
-    let drives = std::array::from_fn(|wheel| {
-        let (grip, faults) = (grips[wheel], &plant.wheel_faults[wheel]);
-        WheelDrive {
-            impulse: dt * grip.gain * grip.speed,
-            rise: dt * grip.gain * grip.rise,
-            opposed: dt * grip.gain,
-            gear: drive.gear_friction,
-            brake: drive.brake_torque * grip.held,
-            drag: faults.drag_torque,
-            blocked: faults.blocked,
+    drive.ask(orders, dt);
+    let changes = drive.changes();
+    let Drive {
+        gear,
+        motors,
+        orders,
+        motor_torque,
+        law,
+        gear_friction,
+        brake_torque,
+        ..
+    } = drive;
+    let mut grips = [Grip::default(); WHEELS];
+    gear.step(world, &plant.body, &changes, |span, speeds| {
+        for Orders { span: asked, of } in &*orders {
+            let seconds = asked.to.min(span.to) - asked.from.max(span.from);
+            if seconds > 0.0 {
+                for (wheel, order) in of.iter().enumerate() {
+                    motors[wheel].carry_out(*order, speeds[wheel], law, seconds);
+                }
+            }
         }
+        std::array::from_fn(|wheel| {
+            let seconds = span.seconds();
+            let (grip, faults) = (
+                motors[wheel].grip(speeds[wheel], law, seconds),
+                &plant.wheel_faults[wheel],
+            );
+            grips[wheel] = grip;
+            WheelDrive {
+                impulse: seconds * grip.gain * grip.speed,
+                opposed: seconds * grip.gain,
+                gear: *gear_friction,
+                brake: *brake_torque * grip.held,
+                drag: faults.drag_torque,
+                blocked: faults.blocked,
+            }
+        })
     });
-    drive.gear.step(world, &plant.body, &drives);
-    for (index, grip) in grips.iter().enumerate() {
-        drive.motor_torque[index] = grip.gain * (grip.speed - drive.gear.wheel_speed[index]);
+    for (wheel, grip) in grips.iter().enumerate() {
+        motor_torque[wheel] = grip.gain * (grip.speed - gear.wheel_speed[wheel]);
     }
+    drive.orders.clear();
 }

@@ -18,25 +18,24 @@ pub(super) enum Order {
 pub(super) struct Motor {
     /// Speed at which the ramp stands, rad/s.
     reference: f64,
-    /// Speed of it when the motor was last asked to turn, and by how much that rose in the step.
+    /// Speed of it when the motor was last asked to turn.
     aim: f64,
-    rise: f64,
     /// Part to which BK has come on, 0–1.
     brake: f64,
-    /// For how much of the step the motor has been asked to turn, and has held with all its torque,
-    /// s.
+    /// For how much of a part of a step the motor has been asked to turn, and has held with all its
+    /// torque, s.
     turned: f64,
     held: f64,
 }
 
-/// Effect of a motor on its wheel over one step: a torque of `gain · (speed − speed of the wheel)`.
+/// Effect of a motor on its wheel over a part of a step: a torque of
+/// `gain · (speed − speed of the wheel)`.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Grip {
     /// N·m·s/rad
     pub(super) gain: f64,
-    /// At the end of the step, and by how much it rose in it, rad/s.
+    /// At the end of the part, rad/s.
     pub(super) speed: f64,
-    pub(super) rise: f64,
     /// Share of the torque of its brake with which it holds.
     pub(super) held: f64,
 }
@@ -61,7 +60,6 @@ impl Motor {
         Self {
             reference: 0.0,
             aim: 0.0,
-            rise: 0.0,
             // It has stood for long.
             brake: 1.0,
             turned: 0.0,
@@ -69,7 +67,13 @@ impl Motor {
         }
     }
 
-    /// Carries out an order for so many seconds of a step, from the wheel's present speed.
+    /// Tells whether an order moves the ramp.
+    pub(super) fn ramps(&self, order: Order) -> bool {
+        matches!(order, Order::Turn(wanted) if wanted != self.reference)
+    }
+
+    /// Carries out an order for so many seconds of a part of a step, at whose beginning the wheel
+    /// has this speed.
     pub(super) fn carry_out(&mut self, order: Order, speed: f64, law: &MotorLaw, seconds: f64) {
         let brake = self.brake;
         self.brake = if order == Order::Brake {
@@ -80,10 +84,8 @@ impl Motor {
         match order {
             Order::Turn(wanted) => {
                 let stretch = law.ramp * seconds;
-                let rise = (wanted - self.reference).clamp(-stretch, stretch);
-                self.reference += rise;
+                self.reference += (wanted - self.reference).clamp(-stretch, stretch);
                 self.aim = self.reference;
-                self.rise += rise;
                 self.turned += seconds;
             }
             // The ramp begins where the wheel is found when it is driven again.
@@ -98,7 +100,7 @@ impl Motor {
         }
     }
 
-    /// Returns the effect of the orders of a step of `dt` seconds, of which there are no more.
+    /// Returns the effect of the orders of a part of `dt` seconds, of which there are no more.
     pub(super) fn grip(&mut self, speed: f64, law: &MotorLaw, dt: f64) -> Grip {
         let behind = (self.aim - speed).abs();
         // Less gain where the full one would ask for more torque than there is. The wheel then
@@ -108,20 +110,13 @@ impl Motor {
         } else {
             law.gain
         };
-        let rise = std::mem::take(&mut self.rise);
         let [turned, held] =
             [&mut self.turned, &mut self.held].map(|part| (std::mem::take(part) / dt).min(1.0));
         Grip {
             gain: gain * turned,
             speed: self.aim,
-            rise,
             held,
         }
-    }
-
-    /// Forgets what was ordered for a step that does not come.
-    pub(super) fn forget(&mut self) {
-        (self.turned, self.held, self.rise) = (0.0, 0.0, 0.0);
     }
 }
 

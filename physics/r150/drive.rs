@@ -4,7 +4,7 @@ use super::R150Plant;
 use super::driver::Driver;
 use super::settings::R150PlantSettings;
 use super::signals::Side;
-use crate::running_gear::{Mass, RunningGear, WheelDrive};
+use crate::running_gear::{Changes, Mass, RunningGear, Span, WheelDrive};
 use crate::tolerance::Draw;
 use crate::traction::Straight;
 use crate::world::World;
@@ -24,6 +24,26 @@ pub(super) struct Drive {
     gear_friction: f64,
     gear_loss: f64,
     brake_torque: f64,
+}
+
+/// What drives the wheels of a side over a step, and by how much the impulse rises in the course of
+/// it, N·m·s.
+struct SideDrive {
+    whole: WheelDrive,
+    rise: f64,
+}
+
+impl SideDrive {
+    /// The part over a span of a step of so many seconds.
+    fn over(&self, span: Span, step: f64) -> WheelDrive {
+        let share = span.seconds() / step;
+        let ahead = 1.0 - span.to / step;
+        WheelDrive {
+            impulse: (self.whole.impulse - self.rise * ahead) * share,
+            opposed: self.whole.opposed * share,
+            ..self.whole
+        }
+    }
 }
 
 impl Drive {
@@ -87,7 +107,7 @@ impl Drive {
 impl R150Plant {
     /// Drive and brake of the wheels of a side over a step of `dt` seconds. The motor's back-EMF
     /// answers to the speed at the end of the step: its time constant is near the step itself.
-    fn wheel_drive(&self, side: Side, dt: f64) -> WheelDrive {
+    fn side_drive(&self, side: Side, dt: f64) -> SideDrive {
         let drive = &self.drive;
         let index = side.index();
         let port = self.motor_port(side);
@@ -105,15 +125,15 @@ impl R150Plant {
             rise = full * drive.duty[index].map_or(0.0, |before| port.duty - before);
             opposed = dt * torque_per_volt * ratio * constant;
         }
-        WheelDrive {
+        let whole = WheelDrive {
             impulse,
-            rise,
             opposed,
             gear: friction * ratio,
             brake: if brakes { drive.brake_torque } else { 0.0 },
             drag: faults.drag_torque,
             blocked: faults.blocked,
-        }
+        };
+        SideDrive { whole, rise }
     }
 
     /// Counts how long the vehicle has been slow enough, and then brings it to a full stop.
@@ -142,10 +162,16 @@ impl R150Plant {
 pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     plant.follow_duty(dt);
-    let drives = Side::BOTH.map(|side| plant.wheel_drive(side, dt));
+    let drives = Side::BOTH.map(|side| plant.side_drive(side, dt));
     plant.drive.duty = Side::BOTH.map(|side| {
         let port = plant.motor_port(side);
         port.connected.then_some(port.duty)
     });
-    plant.drive.gear.step(world, &plant.body, &drives);
+    let changes = Changes {
+        gradual: drives.iter().any(|drive| drive.rise != 0.0),
+        sudden: Vec::new(),
+    };
+    (plant.drive.gear).step(world, &plant.body, &changes, |span, _| {
+        drives.each_ref().map(|drive| drive.over(span, dt))
+    });
 }
