@@ -277,7 +277,11 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let step = world.step_length().as_secs_f64();
         // What it runs into is known for a step as a whole.
         let whole = world.is_touching(body.id());
-        let part = if whole { step } else { self.part(changes, step) };
+        let part = if whole {
+            step
+        } else {
+            self.part(changes, step)
+        };
         let sudden: &[f64] = if whole { &[] } else { &changes.sudden };
         let before = self.wheel_speed;
         let mut course = Course::new(motion.body_velocity());

@@ -63,7 +63,7 @@ fn agree(name: &str, car: bool, sends: &[(SimTime, Vec<u8>)]) {
 /// Queued motions one after another, each another way.
 #[test]
 fn queued_motions_of_the_car() {
-    let motions: [&[(u8, u16, i16)]; 5] = [
+    let motions: [&[Asked]; 5] = [
         &[
             (0, 20, 300),
             (2, 20, 300),
@@ -113,17 +113,49 @@ fn queued_motions_of_the_car() {
     }
 }
 
-/// Packets that queue these motions: kind, way in 1/10 revolution or turn in °, speed.
-fn queue(motions: &[(u8, u16, i16)]) -> Vec<(SimTime, Vec<u8>)> {
-    let packet = |&(moving_idx, s, v): &(u8, u16, i16)| Packet::Motion {
+/// Motions that break one another off, so that within two steps wheels are braked and driven again.
+#[test]
+fn motions_of_the_car_that_preempt_one_another() {
+    let motions = [
+        (100, (1, 20, -463)),
+        (2597, (1, 49, -483)),
+        (4830, (0, 19, 175)),
+        (5833, (4, 16, 174)),
+        (7402, (0, 42, 309)),
+        (8630, (1, 59, -448)),
+        (10098, (4, 8, 463)),
+        (11134, (1, 30, 483)),
+        (12568, (2, 57, 491)),
+        (14390, (3, 8, 422)),
+        (16673, (3, 21, 414)),
+    ];
+    agree("preempting motions", true, &preempt(&motions));
+}
+
+/// Kind, way in 1/10 revolution or turn in °, speed.
+type Asked = (u8, u16, i16);
+
+/// Packets that queue these motions.
+fn queue(motions: &[Asked]) -> Vec<(SimTime, Vec<u8>)> {
+    let packets = motions.iter().map(|motion| packet(*motion, 0));
+    (3..).map(SimTime::from_millis).zip(packets).collect()
+}
+
+/// Packets with these motions, each of which preempts the one before it, at these ms.
+fn preempt(motions: &[(u64, Asked)]) -> Vec<(SimTime, Vec<u8>)> {
+    let packet = |(at, motion): &(u64, Asked)| (SimTime::from_millis(*at), packet(*motion, 1));
+    motions.iter().map(packet).collect()
+}
+
+fn packet((moving_idx, s, v): Asked, is_reset: u8) -> Vec<u8> {
+    let motion = Packet::Motion {
         seq: 0,
-        is_reset: 0,
+        is_reset,
         moving_idx,
         s,
         v,
     };
-    let packets = motions.iter().map(|motion| packet(motion).encode());
-    (3..).map(SimTime::from_millis).zip(packets).collect()
+    motion.encode()
 }
 
 /// A client that asks at 20 Hz for something else every half second.
@@ -175,6 +207,18 @@ fn any_drive_of_either() {
             })
             .collect();
         agree(&format!("drive {drive} of the car"), true, &queue(&motions));
+        let mut at = 100;
+        let timed: Vec<_> = (motions.into_iter().cycle().take(12))
+            .map(|motion| {
+                at += u64::from(within(300, 2200).cast_unsigned());
+                (at, motion)
+            })
+            .collect();
+        agree(
+            &format!("preempting drive {drive} of the car"),
+            true,
+            &preempt(&timed),
+        );
         let duties = [(); 40].map(|()| (within(-1000, 1000), within(-1000, 1000)));
         let sends = at_20_hz(|half| duties[half]);
         agree(&format!("drive {drive} of the R150"), false, &sends);
