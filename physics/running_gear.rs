@@ -9,7 +9,8 @@ use crate::vehicle_body::VehicleBody;
 use crate::world::{Course, World};
 
 /// Length that no part of a step exceeds in which tyres slide, or what drives the wheels changes in
-/// a turn. Other steps are taken as a whole: parts would double the cost and show nothing.
+/// a turn. Other steps are taken as a whole, but for what changes at once: parts would double the
+/// cost and show nothing.
 const PART: Duration = Duration::from_micros(1250);
 /// Length of the shortest part that a sudden change cuts off, s.
 const SHORTEST: f64 = 1e-4;

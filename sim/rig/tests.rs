@@ -429,7 +429,7 @@ fn golden_drive() {
     let expected = (
         1476,
         "1.297 -0.900 1.589".to_owned(),
-        1_271_824_775_714_985_714,
+        14_738_714_501_771_780_857,
     );
     assert_eq!(
         seen, expected,
