@@ -14,20 +14,18 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 use sim_control::session::{Session, SessionFile};
 use sim_control::{Answer, Ask, Control, Listener, Message, Refusal, Reply, Request};
-use sim_core::SimTime;
 use sim_core::event::{Event, Level};
 use sim_embed::clock::Clock;
 use sim_embed::ports::ShownPort;
 use sim_pty::ListenAddress;
 use sim_runner::condition::Probe;
-use sim_runner::run::StepReport;
 use sim_runner::{Run, RunError};
 
 use crate::exit::Failure;
 use crate::log::Words;
 use crate::visible;
 
-use listening::{Listening, Traffic, is_due};
+use listening::{Listening, Traffic, is_due, progress};
 
 /// Requests that are answered before clients of the ports have their turn again.
 const MOST_AT_ONCE: usize = 16;
@@ -58,20 +56,10 @@ pub(crate) struct Desk {
     waiting: Vec<(usize, Answer)>,
     /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
-    steps: Vec<Progress>,
     /// Goes behind those that listen and wait, who are told that it is over.
     pub(crate) control: Control,
     /// Goes when this does.
     _session: SessionFile,
-}
-
-/// The part of a step that may change: when it began and was done, how often it has hit, whether it lasts
-/// and has failed.
-type Progress = (Option<SimTime>, Option<SimTime>, u64, bool, bool);
-
-fn progress(step: &StepReport<'_>) -> Progress {
-    let failed = step.failure.is_some();
-    (step.begun, step.done, step.hits, step.lasting, failed)
 }
 
 impl Desk {
@@ -112,7 +100,6 @@ impl Desk {
             patience: SETTLE,
             waiting: Vec::new(),
             stepping: Vec::new(),
-            steps: Vec::new(),
         })
     }
 
@@ -144,25 +131,22 @@ impl Desk {
         }
     }
 
-    /// Does what is asked, and tells who listens what is due. Says when it has to be called again.
-    pub(crate) fn attend(
+    /// Does what is asked; says whether that was all.
+    pub(crate) fn answer_some(
         &mut self,
         run: &mut Run,
-        clock: Option<&mut Clock>,
+        clock: &mut Clock,
         woken: bool,
-    ) -> Result<Option<Duration>, RunError> {
+    ) -> Result<bool, RunError> {
         if woken {
             self.control.quiet();
         }
-        self.answer_waiting(run, clock.as_deref());
-        if !self.answer_some(run, clock)? {
-            return Ok(Some(Duration::ZERO));
-        }
-        Ok(self.tell_what_is_due(run))
+        self.answer_waiting(run, Some(clock));
+        self.answer_next(run, Some(clock))
     }
 
     /// Answers requests; says whether these were all.
-    fn answer_some(
+    fn answer_next(
         &mut self,
         run: &mut Run,
         mut clock: Option<&mut Clock>,
@@ -187,7 +171,7 @@ impl Desk {
         self.tell_what_is_due(run);
         if !any && !may_have_asked {
             // Whoever asks is somebody else.
-            self.answer_some(run, None)?;
+            self.answer_next(run, None)?;
             return Ok(false);
         }
         let mut settling = self.control.settling();
@@ -268,9 +252,10 @@ impl Desk {
         let probes = probes.map_err(|why| Refusal::new(422, why.to_string()))?;
         let now = Instant::now();
         self.tell_log();
-        self.listening.push(Listening::new(listener, probes, now));
-        self.steps = run.steps().map(|step| progress(&step)).collect();
-        self.tell_next = Some(now + TELL_EVERY);
+        let steps = run.steps().map(|step| progress(&step)).collect();
+        self.listening
+            .push(Listening::new(listener, probes, steps, now));
+        self.tell_next.get_or_insert(now + TELL_EVERY);
         Ok(Value::Null)
     }
 
@@ -302,10 +287,12 @@ impl Desk {
         }
     }
 
-    /// Tells who listens what is due by now; says after what time more is.
-    fn tell_what_is_due(&mut self, run: &Run) -> Option<Duration> {
+    /// Tells who listens what is due by now; says after what time more is. What has happened must be
+    /// known by then ([`Desk::event`]), so that a step is told behind the log of what came of it.
+    pub(crate) fn tell_what_is_due(&mut self, run: &Run) -> Option<Duration> {
         self.listening.retain(|one| !one.gone);
         if self.listening.is_empty() {
+            self.tell_next = None;
             return None;
         }
         let now = Instant::now();
@@ -351,20 +338,16 @@ impl Desk {
         }
     }
 
-    /// Tells which steps have come further.
+    /// Tells each of who listens which steps have come further since that was last told.
     fn tell_steps(&mut self, run: &Run) {
-        let mut messages = Vec::new();
-        let mut now = Vec::with_capacity(self.steps.len());
         for (index, step) in run.steps().enumerate() {
-            let own = progress(&step);
-            if self.steps.get(index) != Some(&own) {
-                messages.push(message("step", told::step_json(&step)));
+            let now = progress(&step);
+            let mut told = None;
+            for one in &mut self.listening {
+                if one.takes(index, now) {
+                    one.tell(told.get_or_insert_with(|| message("step", told::step_json(&step))));
+                }
             }
-            now.push(own);
-        }
-        self.steps = now;
-        for message in &messages {
-            self.tell_all(message);
         }
     }
 }

@@ -24,9 +24,9 @@ impl Attendant for Looking<'_> {
         clock: &mut Clock,
         woken: bool,
     ) -> Result<Option<Duration>, RunError> {
-        let mut again = None;
+        let mut answered = true;
         if let Some(desk) = &mut self.desk {
-            again = desk.attend(run, Some(clock), woken)?;
+            answered = desk.answer_some(run, clock, woken)?;
         }
         while let Some(event) = run.poll_event() {
             if let Some(desk) = &mut self.desk {
@@ -39,7 +39,11 @@ impl Attendant for Looking<'_> {
         if let Some(trace) = self.trace {
             trace.take(run);
         }
-        Ok(again)
+        match &mut self.desk {
+            Some(_) if !answered => Ok(Some(Duration::ZERO)),
+            Some(desk) => Ok(desk.tell_what_is_due(run)),
+            None => Ok(None),
+        }
     }
 
     fn wants_time(&self) -> bool {

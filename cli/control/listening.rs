@@ -5,6 +5,16 @@ use std::time::{Duration, Instant};
 use sim_control::{Listener, Message};
 use sim_core::SimTime;
 use sim_runner::condition::Probe;
+use sim_runner::run::StepReport;
+
+/// The part of a step that may change: when it began and was done, how often it has hit, whether it lasts
+/// and has failed.
+pub(super) type Progress = (Option<SimTime>, Option<SimTime>, u64, bool, bool);
+
+pub(super) fn progress(step: &StepReport<'_>) -> Progress {
+    let failed = step.failure.is_some();
+    (step.begun, step.done, step.hits, step.lasting, failed)
+}
 
 /// A listener, and what it is to be told next.
 pub(super) struct Listening {
@@ -13,16 +23,36 @@ pub(super) struct Listening {
     pub(super) values_next: Option<Instant>,
     pub(super) picture_next: Option<Instant>,
     pub(super) gone: bool,
+    /// Steps as they were told.
+    steps: Vec<Progress>,
 }
 
 impl Listening {
-    pub(super) fn new(listener: Listener, probes: Vec<Probe>, now: Instant) -> Self {
+    /// The steps are as they are now.
+    pub(super) fn new(
+        listener: Listener,
+        probes: Vec<Probe>,
+        steps: Vec<Progress>,
+        now: Instant,
+    ) -> Self {
         Self {
             values_next: listener.wants.values_every.map(|_| now),
             picture_next: listener.wants.picture_every.map(|_| now),
             listener,
             probes,
             gone: false,
+            steps,
+        }
+    }
+
+    /// Takes note of how far a step is; says whether that is new. The steps come in their order.
+    pub(super) fn takes(&mut self, index: usize, now: Progress) -> bool {
+        match self.steps.get_mut(index) {
+            Some(told) => std::mem::replace(told, now) != now,
+            None => {
+                self.steps.push(now);
+                true
+            }
         }
     }
 

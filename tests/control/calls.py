@@ -40,6 +40,14 @@ assert call("GET", "/v1/steps/mute")["state"] == "active"
 assert call("DELETE", "/v1/steps/mute")["state"] == "done"
 events.wait("log", lambda log: log["code"] == "fault_cleared")
 events.wait("step", lambda one: one["name"] == "mute" and one["state"] == "done")
+# A step is told behind the log of what came of it, to each who listens.
+second = Events()
+for _ in range(200):
+    name = step({"fault": {"kind": "mute", "direction": "to-client"}})["name"]
+    call("DELETE", f"/v1/steps/{name.replace(' ', '%20')}")
+    for one in (events, second):
+        one.wait("log", lambda log: log["code"] == "fault_cleared")
+        one.wait("step", lambda step: step["name"] == name and step["state"] == "done")
 step({"name": "a b/c", "fault": {"kind": "bit-flips", "probability": 0.01}})
 assert call("DELETE", "/v1/steps/a%20b%2Fc")["name"] == "a b/c"
 step({"fault": {"kind": "mute", "direction": "to-client"}, "for": "10 ms"})

@@ -78,19 +78,24 @@ class Events:
         while self.file.readline().strip():
             pass
 
-    def __iter__(self):
+    def lines(self):
+        """What comes for each line, also for those that only keep the stream alive."""
         kind = None
         while line := self.file.readline():
             line = line.decode().rstrip("\n")
             if line.startswith("event: "):
                 kind = line[7:]
-            elif line.startswith("data: "):
-                yield kind, json.loads(line[6:])
+            yield (kind, json.loads(line[6:])) if line.startswith("data: ") else None
+
+    def __iter__(self):
+        return (event for event in self.lines() if event is not None)
 
     def wait(self, kind, fits=lambda data: True):
-        for found, data in self:
-            if found == kind and fits(data):
-                return data
+        end = time.monotonic() + PATIENCE
+        for event in self.lines():
+            if event is not None and event[0] == kind and fits(event[1]):
+                return event[1]
+            assert time.monotonic() < end, f"no {kind} in {PATIENCE} s"
         raise AssertionError(f"the stream has ended without {kind}")
 
 
