@@ -69,13 +69,17 @@ impl Rig {
         send(now, device, slot, &mut self.events);
         take_events(device, slot.device.as_mut(), &mut self.events);
         self.deadlines.set(device, next(slot));
+        let watched = slot.faults.is_some();
         if self.resting && !slot.device.plant().at_rest() {
+            for other in 0..self.slots.len() {
+                self.rest_to_grid(other);
+            }
             self.resting = false;
             self.physics_due = self
                 .physics_due
                 .min(now.next_multiple(self.world.step_length()));
         }
-        if slot.faults.is_some() {
+        if watched {
             self.watch_faults(device);
         }
     }
