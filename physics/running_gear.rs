@@ -1,7 +1,5 @@
 //! Running gear of every vehicle: four wheels under its weight, and what they do in a step.
 
-use std::time::Duration;
-
 use crate::traction::{
     Chassis, Contact, GroundForce, Patch, Stance, Straight, Traction, TyreSettings, Wheel,
 };
@@ -9,9 +7,9 @@ use crate::vehicle_body::VehicleBody;
 use crate::world::{Course, World};
 
 /// Length that no part of a step exceeds in which tyres slide, or what drives the wheels changes in
-/// a turn. Other steps are taken as a whole, but for what changes at once: parts would double the
+/// a turn, s. Other steps are taken as a whole, but for what changes at once: parts would double the
 /// cost and show nothing.
-const PART: Duration = Duration::from_micros(1250);
+const PART: f64 = 1.25e-3;
 /// Length of the shortest part that a sudden change cuts off, s.
 const SHORTEST: f64 = 1e-4;
 /// Acceleration from which on what drives a wheel counts as changing, rad/s².
@@ -123,6 +121,8 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     pub(crate) wheel_speed: [f64; WHEELS],
     /// Angle by which each turned in the last step, rad.
     pub(crate) turned: [f64; WHEELS],
+    /// Impulse that each motor gave its wheel in the last step, N·m·s.
+    pub(crate) motor_impulse: [f64; WHEELS],
     /// Set if a wheel would lift off the ground.
     pub(crate) tipping: bool,
     /// kg
@@ -146,6 +146,11 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
 impl Span {
     pub(crate) fn seconds(self) -> f64 {
         self.to - self.from
+    }
+
+    /// For how long two spans are at the same time, s.
+    pub(crate) fn overlap(self, other: Self) -> f64 {
+        (self.to.min(other.to) - self.from.max(other.from)).max(0.0)
     }
 }
 
@@ -174,6 +179,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             traction: Traction::new(tyre, patches),
             wheel_speed: [0.0; WHEELS],
             turned: [0.0; WHEELS],
+            motor_impulse: [0.0; WHEELS],
             tipping: false,
             mass: 0.0,
             inertia: 0.0,
@@ -287,6 +293,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let before = self.wheel_speed;
         let mut course = Course::new(motion.body_velocity());
         self.turned = [0.0; WHEELS];
+        self.motor_impulse = [0.0; WHEELS];
         self.tipping = false;
         let mut span = Span { from: 0.0, to: 0.0 };
         loop {
@@ -308,7 +315,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     fn part(&self, changes: &Changes, step: f64) -> f64 {
         let turns = self.traction.is_strained_across(ACROSS);
         if self.traction.slides() || (self.quick || changes.gradual) && turns {
-            step / (step / PART.as_secs_f64()).ceil()
+            step / (step / PART).ceil()
         } else {
             step
         }
@@ -378,14 +385,13 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let turning: [f64; WHEELS] =
             std::array::from_fn(|wheel| (before[wheel] + self.wheel_speed[wheel]) / 2.0);
         let held = self.traction.held();
-        for (wheel, drive) in drives
-            .iter()
-            .enumerate()
-            .filter(|(_, drive)| !drive.blocked)
-        {
+        for (wheel, drive) in drives.iter().enumerate() {
             let motor = drive.impulse - drive.opposed * self.wheel_speed[wheel];
-            self.energy.motors += motor * turning[wheel];
-            self.energy.held -= held[wheel] * turning[wheel];
+            self.motor_impulse[wheel] += motor;
+            if !drive.blocked {
+                self.energy.motors += motor * turning[wheel];
+                self.energy.held -= held[wheel] * turning[wheel];
+            }
         }
         self.energy.tyres += self.traction.lost(mean, turning);
     }
@@ -425,7 +431,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
 /// The part that begins at `from` of a step that is taken in equal parts, s; a sudden change ends one.
 fn next_part(from: f64, part: f64, step: f64, sudden: &[f64]) -> Span {
     let even = ((from / part + 1e-6).floor() + 1.0) * part;
-    let even = if even > step - SHORTEST { step } else { even };
+    let even = if even < step - SHORTEST { even } else { step };
     let cut = sudden.iter().copied();
     let mut cut = cut.filter(|cut| *cut >= from + SHORTEST && *cut <= even - SHORTEST);
     let to = cut.next().unwrap_or(even);
@@ -434,4 +440,55 @@ fn next_part(from: f64, part: f64, step: f64, sudden: &[f64]) -> Span {
 
 fn square(number: f64) -> f64 {
     number * number
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ends(part: f64, step: f64, sudden: &[f64]) -> Vec<f64> {
+        let mut ends = Vec::new();
+        while ends.last().is_none_or(|end| *end < step) {
+            let from = ends.last().copied().unwrap_or(0.0);
+            ends.push(next_part(from, part, step, sudden).to);
+        }
+        ends
+    }
+
+    #[test]
+    fn a_step_is_cut_into_equal_parts_and_where_something_changes() {
+        let cut = |part, step, sudden: &[f64], wanted: &[f64]| {
+            let ends = ends(part, step, sudden);
+            let near = ends.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12);
+            assert!(ends.len() == wanted.len() && near, "{ends:?} {wanted:?}");
+            assert_eq!(ends.last(), wanted.last());
+        };
+        cut(5e-3, 5e-3, &[], &[5e-3]);
+        cut(1.25e-3, 5e-3, &[], &[1.25e-3, 2.5e-3, 3.75e-3, 5e-3]);
+        cut(5e-3, 5e-3, &[1e-3, 4e-3], &[1e-3, 4e-3, 5e-3]);
+        cut(2.5e-3, 5e-3, &[1e-3, 4e-3], &[1e-3, 2.5e-3, 4e-3, 5e-3]);
+        // A hair before and after each end, and after one another.
+        let hair = SHORTEST * 0.9;
+        cut(
+            2.5e-3,
+            5e-3,
+            &[hair, 2.5e-3 - hair, 2.5e-3 + hair, 5e-3 - hair],
+            &[2.5e-3, 5e-3],
+        );
+        cut(
+            5e-3,
+            5e-3,
+            &[1e-3, 1e-3 + hair, 1e-3 + 2.0 * hair],
+            &[1e-3, 1e-3 + 2.0 * hair, 5e-3],
+        );
+        cut(
+            SHORTEST / 2.0,
+            SHORTEST / 2.0,
+            &[SHORTEST / 4.0],
+            &[SHORTEST / 2.0],
+        );
+        // None of no length, and nothing outside of it.
+        cut(f64::NAN, 0.0, &[0.0], &[0.0]);
+        cut(5e-3, 5e-3, &[-1.0, 0.0, 5e-3, 1.0], &[5e-3]);
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::MecanumPlant;
 use super::encoder::PulseWire;
-use super::motor::{Grip, Motor, MotorLaw, Order};
+use super::motor::{Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
 use crate::faults::MotorFaults;
@@ -32,7 +32,7 @@ pub(super) struct Drive {
     turned: [f64; WHEELS],
     /// Angle that each wheel has turned, rad.
     pub(super) wheel_angle: [f64; WHEELS],
-    /// Torque of each motor in the last step, N·m.
+    /// Torque of each motor in the mean of the last step, N·m.
     pub(super) motor_torque: [f64; WHEELS],
     law: MotorLaw,
     gear_friction: f64,
@@ -111,18 +111,21 @@ impl Drive {
             self.wheel_angle[index] += turned;
             pulses.turn(turned - self.turned[index], faults[index].encoder);
         }
-        self.passed = 0.0;
-        self.turned = [0.0; WHEELS];
+        self.forget_step();
     }
 
-    /// Forgets what was ordered for a step that does not come.
+    /// Forgets what was ordered for a step that is over or does not come.
     pub(super) fn forget_step(&mut self) {
         self.passed = 0.0;
+        self.turned = [0.0; WHEELS];
         self.orders.clear();
     }
 
     /// Notes what is asked of the motors up to `passed` seconds into the step that comes.
     fn ask(&mut self, orders: [Order; WHEELS], passed: f64) {
+        if passed <= self.passed {
+            return;
+        }
         let from = std::mem::replace(&mut self.passed, passed);
         let full = self.orders.len() == MOST_ORDERS;
         match self.orders.last_mut() {
@@ -139,10 +142,9 @@ impl Drive {
 
     /// How what is asked of the motors changes in the step that comes.
     fn changes(&self) -> Changes {
-        let first = self.orders.first();
         let starts = self.orders.iter().skip(1).map(|orders| orders.span.from);
         Changes {
-            gradual: first.is_some_and(|orders| {
+            gradual: self.orders.iter().any(|orders| {
                 let mut ramps = self.motors.iter().zip(orders.of);
                 ramps.any(|(motor, order)| motor.ramps(order))
             }),
@@ -223,29 +225,20 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
         gear,
         motors,
         orders,
-        motor_torque,
         law,
         gear_friction,
         brake_torque,
         ..
     } = drive;
-    let mut grips = [Grip::default(); WHEELS];
     gear.step(world, &plant.body, &changes, |span, speeds| {
-        for Orders { span: asked, of } in &*orders {
-            let seconds = asked.to.min(span.to) - asked.from.max(span.from);
-            if seconds > 0.0 {
-                for (wheel, order) in of.iter().enumerate() {
-                    motors[wheel].carry_out(*order, speeds[wheel], law, seconds);
-                }
-            }
-        }
+        let seconds = span.seconds();
         std::array::from_fn(|wheel| {
-            let seconds = span.seconds();
-            let (grip, faults) = (
-                motors[wheel].grip(speeds[wheel], law, seconds),
-                &plant.wheel_faults[wheel],
-            );
-            grips[wheel] = grip;
+            let faults = &plant.wheel_faults[wheel];
+            let parts = orders
+                .iter()
+                .map(|part| (part.of[wheel], part.span.overlap(span)));
+            let parts = parts.filter(|(_, seconds)| *seconds > 0.0);
+            let grip = motors[wheel].carry_out(parts, speeds[wheel], law, seconds);
             WheelDrive {
                 impulse: seconds * grip.gain * grip.speed,
                 opposed: seconds * grip.gain,
@@ -256,8 +249,5 @@ pub(super) fn step(plant: &mut MecanumPlant, world: &mut World) {
             }
         })
     });
-    for (wheel, grip) in grips.iter().enumerate() {
-        motor_torque[wheel] = grip.gain * (grip.speed - gear.wheel_speed[wheel]);
-    }
-    drive.orders.clear();
+    drive.motor_torque = drive.gear.motor_impulse.map(|impulse| impulse / dt);
 }

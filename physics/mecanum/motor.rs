@@ -22,10 +22,6 @@ pub(super) struct Motor {
     aim: f64,
     /// Part to which BK has come on, 0–1.
     brake: f64,
-    /// For how much of a part of a step the motor has been asked to turn, and has held with all its
-    /// torque, s.
-    turned: f64,
-    held: f64,
 }
 
 /// Effect of a motor on its wheel over a part of a step: a torque of
@@ -62,8 +58,6 @@ impl Motor {
             aim: 0.0,
             // It has stood for long.
             brake: 1.0,
-            turned: 0.0,
-            held: 0.0,
         }
     }
 
@@ -72,36 +66,42 @@ impl Motor {
         matches!(order, Order::Turn(wanted) if wanted != self.reference)
     }
 
-    /// Carries out an order for so many seconds of a part of a step, at whose beginning the wheel
-    /// has this speed.
-    pub(super) fn carry_out(&mut self, order: Order, speed: f64, law: &MotorLaw, seconds: f64) {
-        let brake = self.brake;
-        self.brake = if order == Order::Brake {
-            (brake + seconds * law.brake_rate).min(1.0)
-        } else {
-            0.0
-        };
-        match order {
-            Order::Turn(wanted) => {
-                let stretch = law.ramp * seconds;
-                self.reference += (wanted - self.reference).clamp(-stretch, stretch);
-                self.aim = self.reference;
-                self.turned += seconds;
-            }
-            // The ramp begins where the wheel is found when it is driven again.
-            Order::Coast => self.reference = speed,
-            Order::Brake => {
-                // It comes on evenly, and is on for the rest.
-                let rising = (self.brake - brake) / law.brake_rate;
-                self.held += rising * (brake + self.brake) / 2.0 + (seconds - rising);
-                let lost = self.held * law.brake_deceleration;
-                self.reference = speed - speed.clamp(-lost, lost);
+    /// Carries out the orders of a part of `dt` seconds, at whose beginning the wheel has this speed:
+    /// each for so many seconds, s.
+    pub(super) fn carry_out(
+        &mut self,
+        orders: impl Iterator<Item = (Order, f64)>,
+        speed: f64,
+        law: &MotorLaw,
+        dt: f64,
+    ) -> Grip {
+        // For how long it was asked to turn, and held with all its torque, s.
+        let (mut turned, mut held) = (0.0, 0.0);
+        for (order, seconds) in orders {
+            let brake = self.brake;
+            self.brake = if order == Order::Brake {
+                (brake + seconds * law.brake_rate).min(1.0)
+            } else {
+                0.0
+            };
+            match order {
+                Order::Turn(wanted) => {
+                    let stretch = law.ramp * seconds;
+                    self.reference += (wanted - self.reference).clamp(-stretch, stretch);
+                    self.aim = self.reference;
+                    turned += seconds;
+                }
+                // The ramp begins where the wheel is found when it is driven again.
+                Order::Coast => self.reference = speed,
+                Order::Brake => {
+                    // It comes on evenly, and is on for the rest.
+                    let rising = (self.brake - brake) / law.brake_rate;
+                    held += rising * (brake + self.brake) / 2.0 + (seconds - rising);
+                    let lost = held * law.brake_deceleration;
+                    self.reference = speed - speed.clamp(-lost, lost);
+                }
             }
         }
-    }
-
-    /// Returns the effect of the orders of a part of `dt` seconds, of which there are no more.
-    pub(super) fn grip(&mut self, speed: f64, law: &MotorLaw, dt: f64) -> Grip {
         let behind = (self.aim - speed).abs();
         // Less gain where the full one would ask for more torque than there is. The wheel then
         // cannot overshoot, as it could under a fixed torque over a whole step.
@@ -110,12 +110,10 @@ impl Motor {
         } else {
             law.gain
         };
-        let [turned, held] =
-            [&mut self.turned, &mut self.held].map(|part| (std::mem::take(part) / dt).min(1.0));
         Grip {
-            gain: gain * turned,
+            gain: gain * (turned / dt).min(1.0),
             speed: self.aim,
-            held,
+            held: (held / dt).min(1.0),
         }
     }
 }

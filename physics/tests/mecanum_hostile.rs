@@ -33,6 +33,8 @@ enum Action {
     Place(f64, f64, f64),
     Ground(f64, f64, f64),
     Rest(u64),
+    /// To this share of the step that comes.
+    Pass(f64),
     Steps(u32),
 }
 
@@ -76,6 +78,7 @@ fn any_action() -> impl Strategy<Value = Action> {
         1 => (-3.0..7.0, -3.5..3.5, -7.0..7.0).prop_map(|(x, y, heading)| Action::Place(x, y, heading)),
         1 => (n(), n(), n()).prop_map(|(friction, slope, uphill)| Action::Ground(friction, slope, uphill)),
         1 => (0_u64..10_000_000).prop_map(Action::Rest),
+        6 => (0.0..1.2).prop_map(Action::Pass),
         6 => (1_u32..80).prop_map(Action::Steps),
     ]
 }
@@ -107,6 +110,7 @@ fn apply(car: &mut Car, action: &Action) {
             plant.wake();
         }
         Action::Rest(millis) => plant.rest(Duration::from_millis(millis)),
+        Action::Pass(share) => plant.pass_to(world.step_length().mul_f64(share)),
         Action::Steps(steps) => {
             for _ in 0..steps {
                 car.step();
@@ -141,18 +145,26 @@ fn check(car: &Car) {
     assert!(read.echoes.into_iter().flatten().all(in_range), "{read:?}");
 }
 
-fn yard() -> World {
+/// The yard, in steps of so many µs.
+fn yard(step: u64) -> World {
     let text = include_str!("../../worlds/yard.toml");
     let map = WorldMap::from_toml(text, "yard.toml").unwrap();
-    World::with_map(&WorldSettings::default(), &map)
+    let settings = WorldSettings {
+        step: Duration::from_micros(step),
+        ..WorldSettings::default()
+    };
+    World::with_map(&settings, &map)
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn numbers_stay_finite_and_bounded(actions in prop::collection::vec(any_action(), 1..40)) {
-        let mut car = Car::within(yard(), &MecanumPlantSettings::default());
+    fn numbers_stay_finite_and_bounded(
+        step in 500_u64..=10_000,
+        actions in prop::collection::vec(any_action(), 1..40),
+    ) {
+        let mut car = Car::within(yard(step), &MecanumPlantSettings::default());
         for action in &actions {
             apply(&mut car, action);
         }
@@ -171,6 +183,7 @@ proptest! {
         yaw_inertia in 0.0005..500.0_f64,
         friction in 0.0..2.0_f64,
         drives in prop::collection::vec((any::<[bool; 5]>(), any::<[bool; 5]>(), 0.0..1.0_f64), 1..8),
+        pass in 0.0..1.0_f64,
     ) {
         let mut settings = MecanumPlantSettings::default();
         settings.wheel.axial_stiffness = stiffness;
@@ -185,6 +198,7 @@ proptest! {
         let mut car = Car::with(&settings);
         car.world.set_ground(Ground::flat(friction));
         for (reverse, brake, voltage) in drives {
+            car.plant.pass_to(car.world.step_length().mul_f64(pass));
             car.plant.set_commands(&commands(reverse, brake, voltage));
             for _ in 0..100 {
                 car.step();

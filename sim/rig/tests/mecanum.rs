@@ -453,7 +453,7 @@ fn golden_car() {
     let expected = (
         4859,
         "0.357 0.037 -0.981".to_owned(),
-        10_621_473_391_400_826_559,
+        3_511_510_960_496_562_191,
     );
     assert_eq!(
         seen, expected,
