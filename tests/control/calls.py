@@ -42,9 +42,10 @@ events.wait("log", lambda log: log["code"] == "fault_cleared")
 events.wait("step", lambda one: one["name"] == "mute" and one["state"] == "done")
 # A step is told behind the log of what came of it, to each who listens.
 second = Events()
-for _ in range(200):
-    name = step({"fault": {"kind": "mute", "direction": "to-client"}})["name"]
-    call("DELETE", f"/v1/steps/{name.replace(' ', '%20')}")
+for number in range(200):
+    name = f"round-{number}"
+    step({"name": name, "fault": {"kind": "mute", "direction": "to-client"}})
+    call("DELETE", f"/v1/steps/{name}")
     for one in (events, second):
         one.wait("log", lambda log: log["code"] == "fault_cleared")
         one.wait("step", lambda step: step["name"] == name and step["state"] == "done")
