@@ -163,7 +163,7 @@ impl MecanumPlant {
     }
 
     /// Says that so much of the step that comes has passed when what follows is done to the pins.
-    /// The wheels give their pulses until then, as if they turned on as they did at its beginning.
+    /// The wheels give their pulses until then, as they are foreseen to turn.
     pub fn pass_to(&mut self, passed: Duration) {
         self.drive_to(passed.as_secs_f64());
     }

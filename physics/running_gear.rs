@@ -9,12 +9,13 @@ use crate::world::{Course, World};
 /// Length that no part of a step exceeds in which tyres slide, or what drives the wheels changes in
 /// a turn, s. Other steps are taken as a whole, but for what changes at once: parts would double the
 /// cost and show nothing.
-const PART: f64 = 1.25e-3;
+const PART: f64 = 1e-3;
 /// Length of the shortest part that a sudden change cuts off, s.
 const SHORTEST: f64 = 1e-4;
 /// Acceleration from which on what drives a wheel counts as changing, rad/s².
 const QUICK: f64 = 0.4;
-/// Share of what friction gives with which a tyre pulls across in a turn.
+/// Share of what friction gives with which a tyre pulls across in a turn. Rollers always do: what
+/// turns their wheels pushes the vehicle aside.
 const ACROSS: f64 = 0.1;
 
 /// Patches of a vehicle on the ground: front left, front right, rear left, rear right.
@@ -119,6 +120,8 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     traction: Traction<WHEELS, PATCHES, C>,
     /// rad/s
     pub(crate) wheel_speed: [f64; WHEELS],
+    /// Acceleration of each at the end of the last step, rad/s².
+    pub(crate) acceleration: [f64; WHEELS],
     /// Angle by which each turned in the last step, rad.
     pub(crate) turned: [f64; WHEELS],
     /// Impulse that each motor gave its wheel in the last step, N·m·s.
@@ -139,8 +142,6 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     rolling_resistance: f64,
     /// Energy of the body that the last step's forces led to, J.
     led_to: f64,
-    /// Set if a wheel's speed changed quickly in the last step.
-    quick: bool,
 }
 
 impl Span {
@@ -178,6 +179,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         Self {
             traction: Traction::new(tyre, patches),
             wheel_speed: [0.0; WHEELS],
+            acceleration: [0.0; WHEELS],
             turned: [0.0; WHEELS],
             motor_impulse: [0.0; WHEELS],
             tipping: false,
@@ -190,7 +192,6 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             wheel_radius: tyre.wheel_radius,
             rolling_resistance: tyre.rolling_resistance,
             led_to: 0.0,
-            quick: false,
         }
     }
 
@@ -212,6 +213,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
     pub(crate) fn stop(&mut self, wheel: usize) {
         self.energy.held += self.wheel_inertia * square(self.wheel_speed[wheel]) / 2.0;
         self.wheel_speed[wheel] = 0.0;
+        self.acceleration[wheel] = 0.0;
         self.turned[wheel] = 0.0;
     }
 
@@ -290,7 +292,6 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             self.part(changes, step)
         };
         let sudden: &[f64] = if whole { &[] } else { &changes.sudden };
-        let before = self.wheel_speed;
         let mut course = Course::new(motion.body_velocity());
         self.turned = [0.0; WHEELS];
         self.motor_impulse = [0.0; WHEELS];
@@ -306,15 +307,14 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             }
             self.traction.follow(velocity, self.wheel_speed);
         }
-        self.quick = (before.iter().zip(&self.wheel_speed))
-            .any(|(before, after)| (after - before).abs() > QUICK * step);
         world.lead(body.id(), &course);
     }
 
     /// Length of the parts in which a step is taken, s.
     fn part(&self, changes: &Changes, step: f64) -> f64 {
-        let turns = self.traction.is_strained_across(ACROSS);
-        if self.traction.slides() || (self.quick || changes.gradual) && turns {
+        let quick = self.acceleration.iter().any(|rate| rate.abs() > QUICK);
+        let turns = C::DRIVEN > 1 || self.traction.is_strained_across(ACROSS);
+        if self.traction.slides() || (quick || changes.gradual) && turns {
             step / (step / PART).ceil()
         } else {
             step
@@ -354,8 +354,10 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             dt,
         );
         self.wheel_speed = wheels.map(|wheel| wheel.speed);
-        for (wheel, turned) in self.turned.iter_mut().enumerate() {
-            *turned += dt * (rolling[wheel] + self.wheel_speed[wheel]) / 2.0;
+        for wheel in 0..WHEELS {
+            let (before, after) = (rolling[wheel], self.wheel_speed[wheel]);
+            self.turned[wheel] += dt * (before + after) / 2.0;
+            self.acceleration[wheel] = (after - before) / dt;
         }
 
         let mean: [f64; 3] =

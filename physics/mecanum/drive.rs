@@ -1,7 +1,7 @@
 //! Motors, wheels and rollers: from the pins to the velocity of the body.
 
 use super::MecanumPlant;
-use super::encoder::PulseWire;
+use super::encoder::{PulseWire, Turning};
 use super::motor::{Motor, MotorLaw, Order};
 use super::settings::MecanumPlantSettings;
 use super::signals::{PortCommand, WHEELS, Wheel};
@@ -145,35 +145,42 @@ impl Drive {
         let starts = self.orders.iter().skip(1).map(|orders| orders.span.from);
         Changes {
             gradual: self.orders.iter().any(|orders| {
-                let mut ramps = self.motors.iter().zip(orders.of);
-                ramps.any(|(motor, order)| motor.ramps(order))
+                let mut motors = self.motors.iter().zip(orders.of);
+                motors.any(|(motor, order)| motor.moves(order))
             }),
             sudden: starts.collect(),
         }
     }
 
+    /// How a wheel is foreseen to turn in the step that comes.
+    fn turning(&self, index: usize) -> Turning {
+        Turning::new(self.gear.wheel_speed[index], self.gear.acceleration[index])
+    }
+
     /// Part of the step that comes after which a wheel gives its next pulse, s.
     pub(super) fn next_pulse(&self) -> Option<f64> {
-        let wheels = self.pulses.iter().zip(self.gear.wheel_speed);
-        let next = wheels.filter_map(|(pulses, speed)| pulses.next_in(speed));
+        let wheels = self.pulses.iter().enumerate();
+        let next = wheels.filter_map(|(index, pulses)| {
+            let turning = self.turning(index).after(self.passed);
+            pulses.next_in(turning)
+        });
         next.reduce(f64::min).map(|seconds| self.passed + seconds)
     }
 }
 
 impl MecanumPlant {
     /// Lets the orders as they are act up to `passed` seconds into the step that comes, and gives
-    /// the pulses of the wheels until then, which turn on as they did.
+    /// the pulses of the wheels until then, as they are foreseen to turn.
     pub(super) fn drive_to(&mut self, passed: f64) {
-        let seconds = passed - self.drive.passed;
-        if seconds <= 0.0 {
+        if passed <= self.drive.passed {
             return;
         }
         let orders = Wheel::ALL.map(|wheel| self.order(wheel));
         let drive = &mut self.drive;
         drive.ask(orders, passed);
         for index in 0..WHEELS {
-            let angle = drive.gear.wheel_speed[index] * seconds;
-            drive.turned[index] += angle;
+            let turned = drive.turning(index).angle(passed);
+            let angle = turned - std::mem::replace(&mut drive.turned[index], turned);
             drive.pulses[index].turn(angle, self.wheel_faults[index].encoder);
         }
     }

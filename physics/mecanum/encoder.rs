@@ -19,6 +19,58 @@ pub(super) struct PulseWire {
     held_back: u32,
 }
 
+/// How a wheel is foreseen to turn on: as it does, or slowing as it does until it stands.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turning {
+    /// rad/s
+    speed: f64,
+    /// rad/s², never in the direction of the speed.
+    slowing: f64,
+}
+
+impl Turning {
+    /// From speed (rad/s) and acceleration (rad/s²). Only one that slows the wheel is taken to go
+    /// on: a wheel that has just been stopped must not be foreseen to turn back.
+    pub(super) fn new(speed: f64, acceleration: f64) -> Self {
+        let slows = speed * acceleration < 0.0;
+        Self {
+            speed,
+            slowing: if slows { acceleration } else { 0.0 },
+        }
+    }
+
+    /// Angle by which it turns in so many seconds, rad.
+    pub(super) fn angle(self, seconds: f64) -> f64 {
+        let seconds = self.until_it_stands(seconds);
+        seconds * (self.speed + self.slowing * seconds / 2.0)
+    }
+
+    /// How it turns on after so many seconds.
+    pub(super) fn after(self, seconds: f64) -> Self {
+        let turned = self.until_it_stands(seconds);
+        if turned < seconds {
+            return Self::new(0.0, 0.0);
+        }
+        Self::new(self.speed + self.slowing * seconds, self.slowing)
+    }
+
+    /// Seconds after which it has turned on by an angle of so many radians, which is at least 0.
+    fn seconds_for(self, angle: f64) -> Option<f64> {
+        let reaching = self.speed * self.speed - 2.0 * self.slowing.abs() * angle;
+        let reaches = self.speed != 0.0 && reaching >= 0.0;
+        reaches.then(|| 2.0 * angle / (self.speed.abs() + reaching.sqrt()))
+    }
+
+    /// So many seconds, or less if it stands before.
+    fn until_it_stands(self, seconds: f64) -> f64 {
+        if self.slowing == 0.0 {
+            seconds
+        } else {
+            seconds.min(-self.speed / self.slowing)
+        }
+    }
+}
+
 impl PulseWire {
     pub(super) fn new(pulses_per_revolution: f64, hysteresis: f64) -> Self {
         Self {
@@ -33,16 +85,15 @@ impl PulseWire {
         }
     }
 
-    /// Seconds until the next pulse if the wheel turns on with this speed, rad/s; none of one that
-    /// stands.
-    pub(super) fn next_in(&self, speed: f64) -> Option<f64> {
-        let pulses = if speed > 0.0 {
+    /// Seconds until the next pulse of a wheel that turns on like this; none of one that stands
+    /// before.
+    pub(super) fn next_in(&self, turning: Turning) -> Option<f64> {
+        let pulses = if turning.speed > 0.0 {
             self.edge + 1.0 - self.angle
         } else {
             self.angle - (self.edge - self.hysteresis)
         };
-        let seconds = pulses.max(0.0) / (speed.abs() * self.per_radian);
-        (speed != 0.0).then_some(seconds)
+        turning.seconds_for(pulses.max(0.0) / self.per_radian)
     }
 
     /// Lets the wheel turn by `angle` radians.
@@ -111,17 +162,37 @@ mod tests {
 
     #[test]
     fn the_next_pulse_comes_when_it_is_said_to() {
-        for speed in [3.0, -3.0, 0.01] {
+        for (speed, acceleration) in [(3.0, 0.0), (-3.0, 2.0), (3.0, -2.0), (0.01, 5.0)] {
             let mut wire = wire();
+            let mut turning = Turning::new(speed, acceleration);
             for count in 1..=5 {
-                let seconds = wire.next_in(speed).unwrap();
-                wire.turn(speed * seconds * 0.999, EncoderState::Working);
-                assert_eq!(wire.count, count - 1, "{speed}");
-                wire.turn(speed * seconds * 0.002, EncoderState::Working);
-                assert_eq!(wire.count, count, "{speed}");
+                let seconds = wire.next_in(turning).unwrap();
+                let until = turning.angle(seconds * 0.999);
+                wire.turn(until, EncoderState::Working);
+                assert_eq!(wire.count, count - 1, "{turning:?}");
+                let beyond = turning.angle(seconds * 1.001);
+                wire.turn(beyond - until, EncoderState::Working);
+                assert_eq!(wire.count, count, "{turning:?}");
+                turning = turning.after(seconds * 1.001);
             }
         }
-        assert_eq!(wire().next_in(0.0), None);
+    }
+
+    /// It needs half a pulse forward for the first one and 0.6 back.
+    #[test]
+    fn a_wheel_that_stands_before_its_next_pulse_gives_none() {
+        let next_in = |speed: f64, turns: f64| {
+            // Slowing so that it turns by so many pulses until it stands.
+            let acceleration = -speed * speed.abs() / (2.0 * turns * PULSE);
+            wire().next_in(Turning::new(speed, acceleration))
+        };
+        assert!(next_in(3.0, 0.501).is_some() && next_in(3.0, 0.499).is_none());
+        assert!(next_in(-3.0, 0.601).is_some() && next_in(-3.0, 0.599).is_none());
+        let standing = Turning::new(0.0, -300.0);
+        assert_eq!(wire().next_in(standing), None);
+        assert_eq!(standing.angle(1.0), 0.0);
+        let stopped = Turning::new(3.0, -300.0).after(1.0);
+        assert_eq!((stopped.angle(1.0), wire().next_in(stopped)), (0.0, None));
     }
 
     #[test]

@@ -61,9 +61,13 @@ impl Motor {
         }
     }
 
-    /// Tells whether an order moves the ramp.
-    pub(super) fn ramps(&self, order: Order) -> bool {
-        matches!(order, Order::Turn(wanted) if wanted != self.reference)
+    /// Tells whether an order moves the ramp, or the brake.
+    pub(super) fn moves(&self, order: Order) -> bool {
+        match order {
+            Order::Turn(wanted) => wanted != self.reference,
+            Order::Brake => self.brake < 1.0,
+            Order::Coast => false,
+        }
     }
 
     /// Carries out the orders of a part of `dt` seconds, at whose beginning the wheel has this speed:

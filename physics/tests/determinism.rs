@@ -13,7 +13,7 @@ use sim_physics::{
     Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
 };
 
-const GOLDEN: u64 = 0xb328_70f2_29e2_a413;
+const GOLDEN: u64 = 0x34bc_1e70_5b89_8fd5;
 
 /// FNV-1a over the bits of every number.
 struct Digest(u64);

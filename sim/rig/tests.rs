@@ -429,7 +429,7 @@ fn golden_drive() {
     let expected = (
         1476,
         "1.297 -0.900 1.589".to_owned(),
-        14_738_714_501_771_780_857,
+        12_116_680_373_378_725_843,
     );
     assert_eq!(
         seen, expected,

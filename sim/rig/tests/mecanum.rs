@@ -453,7 +453,7 @@ fn golden_car() {
     let expected = (
         4859,
         "0.357 0.037 -0.981".to_owned(),
-        3_511_510_960_496_562_191,
+        9_534_420_804_925_273_109,
     );
     assert_eq!(
         seen, expected,
