@@ -125,6 +125,43 @@ fn a_tall_load_that_would_tip_it_is_told_of_once() {
     }
 }
 
+/// What is asked of a car that rested acts from then on, whoever else was woken in that step.
+#[test]
+fn a_car_that_rests_beside_one_that_wakes_drives_like_one_that_is_alone() {
+    let drive = |with_neighbour: bool| {
+        let mut rig = car(false);
+        let away = Pose {
+            y: 5.0,
+            ..Pose::default()
+        };
+        crate::mecanum::add(
+            &mut rig,
+            "neighbour",
+            &MecanumSettings::default(),
+            false,
+            away,
+        );
+        let neighbour = PortId { device: 1, link: 0 };
+        rig.attach(neighbour, SimTime::ZERO).unwrap();
+        if with_neighbour {
+            let at = SimTime::from_micros(1_050_000);
+            rig.client_sends(neighbour, at, &motion(0, 10, 300))
+                .unwrap();
+        }
+        let at = SimTime::from_micros(1_050_500);
+        rig.client_sends(MAIN, at, &motion(0, 10, 300)).unwrap();
+        let mut course = Vec::new();
+        for _ in 0..40 {
+            run(&mut rig, MAIN, Duration::from_millis(50));
+            course.push(rig.motion(0).unwrap());
+        }
+        course
+    };
+    let alone = drive(false);
+    assert!(alone.last().unwrap().pose.x > 0.2);
+    assert_eq!(drive(true), alone);
+}
+
 /// 17 million pulses a second would take the simulator minutes for one.
 #[test]
 fn pulses_without_number_are_taken_together() {
