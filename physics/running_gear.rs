@@ -354,8 +354,8 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             dt,
         );
         self.wheel_speed = wheels.map(|wheel| wheel.speed);
-        for wheel in 0..WHEELS {
-            let (before, after) = (rolling[wheel], self.wheel_speed[wheel]);
+        for (wheel, before) in rolling.into_iter().enumerate() {
+            let after = self.wheel_speed[wheel];
             self.turned[wheel] += dt * (before + after) / 2.0;
             self.acceleration[wheel] = (after - before) / dt;
         }
