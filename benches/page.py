@@ -28,9 +28,9 @@ TEN = "schema = 1\n" + "".join(
 )
 INSTANT = ["--wire", "instant", "--set", "r150.over_rate=answer", "--set", "r150.reply_spread=0s"]
 # As long as they get, and all of it to be seen.
-LONG_WAYS = """sim.picture.ways.forEach((way) => {
-    const [x, y] = way[0];
-    for (let at = 3900 - way.length; at > 0; at -= 1) way.unshift([x + 3 * Math.cos(at / 40), y + 3 * Math.sin(at / 40)]);
+LONG_PATHS = """sim.picture.paths.forEach((path) => {
+    const [x, y] = path[0];
+    for (let at = 3900 - path.length; at > 0; at -= 1) path.unshift([x + 3 * Math.cos(at / 40), y + 3 * Math.sin(at / 40)]);
 }); sim.picture.still.forget(); sim.picture.fit()"""
 COUNT = """window.gaps = []; let last;
 requestAnimationFrame(function next(now) { if (last) gaps.push(now - last); last = now; requestAnimationFrame(next); })"""
@@ -41,8 +41,8 @@ def paints(browser, folder):
     simulator = Simulator(PROGRAM, folder / "ten", TEN)
     driver = Driver(*(simulator.folder / f"r150-{at}" for at in range(10)), back=False)
     page, _ = open_page(browser, simulator, **DESK)
-    wait("they have come a way", lambda: page.evaluate("sim.picture.ways.every((way) => way.length > 50)"))
-    for what, before in [("with short ways", ""), ("with ways of 4000 points", LONG_WAYS)]:
+    wait("they have driven", lambda: page.evaluate("sim.picture.paths.every((path) => path.length > 50)"))
+    for what, before in [("with short paths", ""), ("with paths of 4000 points", LONG_PATHS)]:
         page.evaluate(before + ";" + COUNT)
         counted = lambda: page.evaluate("[sim.picture.frames, performance.now()]")
         first = counted()

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use divan::Bencher;
 use divan::counter::BytesCount;
-use sim_core::SimTime;
-use sim_core::line::{SerialLine, Wire};
-use sim_core::mecanum_device::{ascii, codec as mecanum_codec, packet};
-use sim_core::r150_device::codec::{self, Decoder};
-use sim_core::r150_device::command::Request;
-use sim_core::r150_device::settings::Resync;
-use sim_physics::{
+use rigsim_core::SimTime;
+use rigsim_core::line::{SerialLine, Wire};
+use rigsim_core::mecanum_device::{ascii, codec as mecanum_codec, packet};
+use rigsim_core::r150_device::codec::{self, Decoder};
+use rigsim_core::r150_device::command::Request;
+use rigsim_core::r150_device::settings::Resync;
+use rigsim_physics::{
     MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
 };
@@ -82,7 +82,7 @@ fn mecanum_decode_request(bencher: Bencher) {
 #[divan::bench]
 fn ros_decode_order(bencher: Bencher) {
     let bytes = b"X10 \n";
-    let mut decoder = ascii::Decoder::new(ascii::Syntax::default());
+    let mut decoder = ascii::Decoder::default();
     bencher
         .counter(BytesCount::of_slice(bytes))
         .bench_local(|| {

@@ -8,13 +8,13 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use rapier2d::prelude as rapier;
-use sim_core::SimTime;
-use sim_core::line::Wire;
-use sim_core::r150::R150Settings;
-use sim_core::r150_device::command::Request;
-use sim_core::r150_device::vehicle::Start;
-use sim_core::rig::{PortId, Rig, RigSettings};
-use sim_physics::{Pose, WorldMap, WorldSettings};
+use rigsim_core::SimTime;
+use rigsim_core::line::Wire;
+use rigsim_core::r150::R150Settings;
+use rigsim_core::r150_device::command::Request;
+use rigsim_core::r150_device::vehicle::Start;
+use rigsim_core::rig::{PortId, Rig, RigSettings};
+use rigsim_physics::{Pose, WorldMap, WorldSettings};
 use support::{Aim, Figures, Options, Table, alternate, cpu_seconds, micros, times_real_time};
 
 /// A command every 50 ms, which is the fastest rate at which the module answers.
@@ -236,7 +236,7 @@ fn add_r150(rig: &mut Rig, lane: usize) {
         ..Pose::default()
     };
     let name = format!("r150-{lane}");
-    sim_core::r150::add(rig, &name, &R150Settings::default(), Start::Ready, pose);
+    rigsim_core::r150::add(rig, &name, &R150Settings::default(), Start::Ready, pose);
 }
 
 fn fraction(part: usize, whole: usize) -> f64 {

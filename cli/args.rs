@@ -8,20 +8,24 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{
     Arg, ArgAction, ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand,
-    ValueEnum, value_parser,
+    value_parser,
 };
-use sim_core::device::{DeviceSpec, Devices, LinkSpec};
-use sim_settings::Span;
+use rigsim_core::device::{DeviceSpec, Devices, LinkSpec};
+use rigsim_runner::renamed::{self, Kind, Renamed};
+use rigsim_settings::Span;
 
-use crate::control::ctl::CtlArgs;
+use crate::campaign::MergeArgs;
+use crate::control::ctl::{CtlArgs, speed};
 use crate::exit::Exit;
-use crate::lists::{FileKind, ListFormat};
+use crate::lists::{FileKind, ListFormat, SchemaFormat};
+use crate::log::LogFormat;
 
 use crate::visible;
 
-pub(crate) use run::{GivenArgs, RandomArg, RunArgs, TimeArg};
+pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;
 
 const EXAMPLES: &str = "\
@@ -30,24 +34,24 @@ Examples:
       Serve an R150 that is ready to drive. Open /tmp/r150 in your client as a serial port, at
       115200 baud.
   sim --pty /tmp/r150 -v
-      Print every request and reply, too, in words and hex.
+      Also print every request and reply, in words and hex.
   sim --device mecanum --pty /tmp/car --ros-pty /tmp/car-ros --world worlds/yard.toml
       Serve a mecanum car with both of its links, in a yard with walls.
   sim --pty /tmp/r150 --control 127.0.0.1:0
-      Print the URL of a page that shows the vehicle, where you can break it; also `sim ctl --help`.
+      Also print the URL of a page that shows the vehicle and lets you break it. See `sim ctl --help`.
   sim --pty /tmp/r150 --scenario scenarios/r150/faults/cable-pulled.toml
-      Play a scenario's faults against whatever client opens /tmp/r150, and judge.
+      Play the faults of a scenario with any client that opens /tmp/r150, and print the verdict.
   sim run scenarios/r150 -- python3 my_client.py
-      Play every scenario with your client, one after the other; also `sim run --help`.
+      Play every scenario with your client, one after the other. See `sim run --help`.
   sim --pty /tmp/r150 --set r150.battery.initial_soc=5% --set world.slope=10deg
-      A nearly empty battery on a slope. `sim config` lists every setting.
+      Serve an R150 with a nearly empty battery on a slope. `sim config` lists every setting.
   sim --pty /tmp/r150 --start locked
-      Start as the hardware does: locked, parked, in remote mode; motor commands do nothing.
+      Start as the hardware does: locked, parked, in remote mode. Motor commands then do nothing.
   sim --pty /tmp/r150 --wire instant --log-format json | tee run.jsonl
-      Bytes take no time on the line; one JSON object for each event.
+      Send bytes without the delay of a line, and print one JSON object for each event.
   sim --listen rfc2217://127.0.0.1:2217
-      Serve on the network: serial_for_url('rfc2217://127.0.0.1:2217') in pyserial. For containers,
-      other systems, and clients that need modem lines.
+      Serve on the network: serial_for_url('rfc2217://127.0.0.1:2217') in pyserial. Use it for
+      containers, other operating systems, and clients that need modem lines.
   sim --serial /dev/ttyUSB0
       Serve at a real serial port, with your client at the other end of the cable.
   sim --rig worlds/two-and-two.toml
@@ -56,24 +60,25 @@ Examples:
 const CHECK_EXAMPLES: &str = "\
 Examples:
   sim check my-scenario.toml
-      Say what is wrong with it, by line and column; exit code 2 if anything is.
+      Print every error with its line and column. The exit code is 2 if there is one.
   sim check scenarios my-scenarios
-      All files in two folders.
+      Check all files in two folders.
   sim check --job my-job.toml scenarios/r150/faults
-      Every fault, as it would be played within a job of your own.";
+      Check every fault file as it would be played within your own job.";
 
 const TRACE_EXAMPLES: &str = "\
 Examples:
   sim run --output traces --seed 1 scenarios/r150/faults/cable-pulled.toml
-      Write traces/scenarios-r150-faults-cable-pulled.trace.jsonl, a trace for the following.
+      Write traces/scenarios-r150-faults-cable-pulled.trace.jsonl, a trace.
   sim trace ice.trace.jsonl
-      All that was said and that happened, as `sim -v` prints it.
+      Print all traffic and events, as `sim -v` does.
   sim trace ice.trace.jsonl --from 2s --to 2.5s --device r150
-      Half a second of it, at one device.
+      Print half a second of it, for one device.
   sim trace ice.trace.jsonl --csv t,truth.x_m,reported.v48_a --every 10ms > ice.csv
-      The values of names, a line for each 10 ms. `sim names` lists the names.
+      Print values as CSV, one line every 10 ms. `sim names` lists the names.
   sim trace yesterday.trace.jsonl today.trace.jsonl --within 20ms
-      Where two runs part. Two runs of a client in real time are never the same to the nanosecond.";
+      Print the first difference of two runs. Times that differ by up to 20 ms count as equal: in
+      real time, two runs are never the same to the nanosecond.";
 
 const REPLAY_EXAMPLE: &str = "\
 Example:
@@ -84,9 +89,9 @@ Example:
 const FAULTS_EXAMPLES: &str = "\
 Examples:
   sim faults --device r150
-      Every fault that an R150 can have, with its parameters.
+      List every fault that an R150 can have, with its parameters.
   sim ctl fault bit-flips probability=0.01 --for 2s
-      One of them, in a simulator that runs with --control.
+      Start one of them in a simulator that runs with --control.
 
 In a scenario file:
   [[step]]
@@ -97,30 +102,32 @@ In a scenario file:
 const NAMES_EXAMPLES: &str = "\
 Examples:
   sim names
-      The names of an R150.
+      List the names of an R150.
   sim names --device mecanum | grep truth
-      What is really so about a mecanum car, whatever it reports.
+      List the names of the true state of a mecanum car, as opposed to what it reports.
 
 In a scenario file:
   always = [{ that = \"truth.speed_mps < 0.8\" }]";
 
 const CONFIG_EXAMPLES: &str = "\
 Examples:
+  sim config --device r150 | less
+      Show the settings of an R150, beginning with those to compare with your vehicle first.
   sim config > mine.toml
       Save every setting. Change what you like, delete the rest.
   sim --pty /tmp/r150 --config mine.toml
       Serve an R150 with these settings.
   sim config --config mine.toml --set r150.over_rate=silent | grep -B4 over_rate
-      See what comes of a file and a flag.";
+      Show the result of a file and a flag together.";
 
 const SCHEMA_EXAMPLES: &str = "\
 Example:
   sim schema scenario > scenario.schema.json
-      Put `#:schema scenario.schema.json` first in a scenario file. Editors that know Taplo or Even
-      Better TOML then complete and check it.";
+      Put `#:schema scenario.schema.json` first in a scenario file. Editors with Taplo or Even Better
+      TOML then complete and check the file.";
 
 /// A client that drives at 1 m/s and goes by its own clock is a quarter of a metre off after that.
-pub(crate) const MAX_HOLD_UP: &str = "250ms";
+pub(crate) const MAX_STALL: &str = "250ms";
 
 /// A virtual vehicle behind a serial port: test your client without the hardware.
 ///
@@ -153,6 +160,9 @@ impl Cli {
             Ok(cli)
         };
         parse(words).map_err(|error: clap::Error| {
+            if let Some(renamed) = former_name(&error) {
+                return clap::Error::raw(error.kind(), format!("{renamed}\n"));
+            }
             let shown: Vec<OsString> = words
                 .iter()
                 .map(|word| visible::name(word).into())
@@ -163,6 +173,20 @@ impl Cli {
             }
         })
     }
+}
+
+/// What a flag or subcommand is called now that there is no more.
+fn former_name(error: &clap::Error) -> Option<&'static Renamed> {
+    let context = match error.kind() {
+        ErrorKind::UnknownArgument => ContextKind::InvalidArg,
+        ErrorKind::InvalidSubcommand => ContextKind::InvalidSubcommand,
+        _ => return None,
+    };
+    let Some(ContextValue::String(word)) = error.get(context) else {
+        return None;
+    };
+    let word = word.split('=').next()?;
+    renamed::find(|kind| matches!(kind, Kind::Flag(_) | Kind::Ctl), word)
 }
 
 /// The command line with what the devices add to it.
@@ -184,6 +208,9 @@ fn command(devices: Devices) -> clap::Command {
     let mut command = Cli::command()
         .mut_arg("device", device)
         .mut_arg("start", |arg| arg.value_parser(starts))
+        .mut_subcommand("config", |sub| {
+            sub.mut_arg("device", |arg| arg.value_parser(kinds()))
+        })
         .mut_subcommand("faults", |sub| {
             sub.mut_arg("device", |arg| arg.value_parser(kinds()))
         })
@@ -225,11 +252,11 @@ fn link_ptys(devices: Devices, matches: &ArgMatches) -> Vec<(&'static str, PathB
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Play scenario files with your client, or with the script in the file, and say pass or fail.
+    /// Play scenario files with your client, or the client scripted in the file, and print verdicts.
     ///
-    /// Time is simulated, the client's too.
+    /// Time is simulated, also for your client.
     Run(Box<RunArgs>),
-    /// Say what is wrong with scenario files, without playing them.
+    /// Check scenario files for errors, without playing them.
     #[command(after_help = CHECK_EXAMPLES)]
     Check {
         /// Files, or folders of them.
@@ -238,30 +265,32 @@ pub(crate) enum Command {
         #[command(flatten)]
         given: GivenArgs,
     },
+    /// Merge the results of all shards of a campaign; refuse if a result is missing.
+    Merge(MergeArgs),
     /// Show what happened in a run, from its trace: as text, as CSV, or compared with another trace.
     Trace(TraceArgs),
-    /// Play a trace again; the devices must do the same to the last byte.
+    /// Play a trace again: the devices must send the same bytes.
     #[command(after_help = REPLAY_EXAMPLE)]
     Replay {
         /// A trace of `sim run --output` or `sim --trace`.
         trace: PathBuf,
     },
-    /// Look at a simulator that runs with --control, and change what happens in it.
+    /// Observe and control a simulator that runs with --control.
     Ctl(CtlArgs),
     /// List the faults: what can be broken, with parameters, and what the client sees of it.
     #[command(after_help = FAULTS_EXAMPLES)]
     Faults {
-        /// Only those that this device can have.
+        /// List only the faults of this device.
         #[arg(long)]
         device: Option<String>,
-        /// Form in which they are printed.
+        /// Output format.
         #[arg(long, value_enum, default_value_t = ListFormat::Text)]
         format: ListFormat,
     },
     /// List the names for conditions, such as `truth.speed_mps`, with unit and meaning.
     #[command(after_help = NAMES_EXAMPLES)]
     Names {
-        /// The device to list them of.
+        /// List the names of this device.
         #[arg(long)]
         device: String,
     },
@@ -270,20 +299,26 @@ pub(crate) enum Command {
     ///
     /// The output is a valid --config file.
     #[command(after_help = CONFIG_EXAMPLES)]
-    Config(SettingsArgs),
+    Config {
+        /// List only settings of this device, beginning with those to compare with yours first.
+        #[arg(long)]
+        device: Option<String>,
+        #[command(flatten)]
+        settings: SettingsArgs,
+    },
     /// Print the JSON Schema of world, rig or scenario files, for your editor.
     #[command(after_help = SCHEMA_EXAMPLES)]
     Schema {
         /// The kind of file.
         #[arg(value_enum)]
         of: FileKind,
+        /// `markdown` prints the reference of scenario files as a page.
+        #[arg(long, value_enum, default_value = "json")]
+        format: SchemaFormat,
     },
     /// Look after a client of `run`.
     #[command(hide = true)]
     Supervise {
-        /// The simulator's folder for the ports.
-        #[arg(long)]
-        folder: Option<PathBuf>,
         /// The client and its arguments.
         #[arg(last = true, required = true)]
         client: Vec<OsString>,
@@ -296,16 +331,16 @@ pub(crate) enum Command {
 pub(crate) struct TraceArgs {
     /// A trace of `sim run --output` or `sim --trace`.
     pub(crate) trace: PathBuf,
-    /// Another trace: print where the two part, and what came before.
+    /// Another trace: print the first difference, and what came before it.
     #[arg(conflicts_with_all = ["csv", "every", "log_format"])]
     pub(crate) other: Option<PathBuf>,
-    /// Leave out what comes before this simulated time, as in 2.5s.
+    /// Begin at this simulated time, as in 2.5s.
     #[arg(long, value_name = "TIME")]
     pub(crate) from: Option<Span>,
-    /// Leave out what comes after it.
+    /// End at this simulated time.
     #[arg(long, value_name = "TIME")]
     pub(crate) to: Option<Span>,
-    /// Only what happens at this device; may be repeated.
+    /// Show only this device; may be repeated.
     #[arg(long, value_name = "NAME", action = ArgAction::Append, conflicts_with = "csv")]
     pub(crate) device: Vec<String>,
     /// Print the values of these names as CSV instead, as in t,truth.x_m,reported.v48_a.
@@ -319,10 +354,10 @@ pub(crate) struct TraceArgs {
     /// Simulated time between two lines of CSV [default: 100ms].
     #[arg(long, value_name = "TIME", value_parser = some_time, requires = "csv")]
     pub(crate) every: Option<Span>,
-    /// Take times of the two traces for the same that differ by no more than this [default: 0].
+    /// Treat times of the two traces as equal if they differ by no more than this [default: 0].
     #[arg(long, value_name = "TIME", requires = "other")]
     pub(crate) within: Option<Span>,
-    /// Form in which events are printed.
+    /// Output format of events.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
 }
@@ -338,28 +373,9 @@ pub(crate) struct SettingsArgs {
     pub(crate) set: Vec<String>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LogFormat {
-    /// Lines for people.
-    Text,
-    /// One JSON object a line.
-    Json,
-}
-
 fn some_time(text: &str) -> Result<Span, String> {
     match text.parse::<Span>()? {
         Span(Duration::ZERO) => Err("allowed: some time, as in 90s".to_owned()),
         span => Ok(span),
-    }
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    let speed: f64 = text
-        .parse()
-        .map_err(|_| format!("`{text}` is not a number"))?;
-    if (0.01..=100.0).contains(&speed) {
-        Ok(speed)
-    } else {
-        Err("allowed: a number from 0.01 to 100".to_owned())
     }
 }

@@ -7,7 +7,6 @@ use std::fs::File;
 use std::io::{Read, Write as _};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::CommandExt as _;
-use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -62,15 +61,15 @@ impl Output {
     /// As text, with a first line that says what is left out.
     pub(crate) fn text(&self) -> String {
         let bytes: Vec<u8> = self.last.iter().copied().collect();
-        Self::ended(self.total.saturating_sub(bytes.len()) as u64, &bytes)
+        let left_out = self.total.saturating_sub(bytes.len()) as u64;
+        Self::left_out(left_out) + &visible::bytes(&bytes)
     }
 
-    /// The end of an output as text, before which so much is left out.
-    pub(crate) fn ended(left_out: u64, bytes: &[u8]) -> String {
-        let text = visible::bytes(bytes);
-        match left_out {
-            0 => text,
-            left_out => format!("({left_out} bytes before this are left out)\n{text}"),
+    /// The first line of an output of which so many bytes are left out.
+    pub(crate) fn left_out(bytes: u64) -> String {
+        match bytes {
+            0 => String::new(),
+            bytes => format!("({bytes} bytes before this are left out)\n"),
         }
     }
 }
@@ -90,20 +89,17 @@ impl fmt::Display for ClientEnd {
 
 impl Client {
     /// Starts `command` with these variables in its environment; what it writes goes into `file`,
-    /// too. `folder` is removed if the simulator is killed.
+    /// too.
     pub(crate) fn start(
         command: &[OsString],
         environment: &[(String, OsString)],
-        folder: &Path,
         file: Option<File>,
     ) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("cannot find the simulator's own program")?;
-        // Held until it is noted down, lest it be taken for an orphan.
+        // Held until it is noted down, so that it is not taken for an orphan.
         let mut known = supervisors();
         let mut supervisor = Command::new(program)
             .arg("supervise")
-            .arg("--folder")
-            .arg(folder)
             .arg("--")
             .args(command)
             .envs(environment.iter().map(|(name, value)| (name, value)))
@@ -177,7 +173,7 @@ impl Client {
     }
 
     /// Waits until all that the client wrote has been read, which takes no longer than a moment
-    /// once nobody is left who can write.
+    /// once no process is left that can write.
     fn end_of_output(&mut self) {
         let Some(reader) = self.reader.take() else {
             return;
@@ -204,13 +200,13 @@ impl Client {
 impl Drop for Client {
     fn drop(&mut self) {
         if self.reader.is_some() {
-            // On the way out because of another error, which is told.
+            // On the way out because of another error, which is reported.
             let _ = self.stop();
         }
     }
 }
 
-/// Takes what the client writes until nobody can write any more.
+/// Takes what the client writes until no process can write any more.
 fn collect(mut from: impl Read, output: &Mutex<Output>, mut file: Option<File>) {
     let mut buffer = [0; 8192];
     let mut filed = 0;

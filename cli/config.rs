@@ -4,9 +4,12 @@ use std::io::{self, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use sim_core::device::Devices;
-use sim_core::settings::SimSettings;
-use sim_settings::{Origin, Settings as _, load_toml, parse_assignment, set, show_toml};
+use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_core::settings::SimSettings;
+use rigsim_runner::renamed;
+use rigsim_settings::{
+    Entry, Origin, Settings as _, load_toml, parse_assignment, set, show_entry, show_toml,
+};
 
 use crate::args::SettingsArgs;
 use crate::exit::{Exit, Failure};
@@ -21,15 +24,7 @@ const MOST_BYTES: u64 = 1 << 20;
 pub(crate) fn load(devices: Devices, args: &SettingsArgs) -> Result<SimSettings, Failure> {
     let mut settings = load_file(devices, args)?;
     apply_flags(args, &mut settings)?;
-    check(&settings)?;
     Ok(settings)
-}
-
-/// Refuses settings that do not fit together.
-pub(crate) fn check(settings: &SimSettings) -> Result<(), Failure> {
-    settings
-        .check()
-        .map_err(|wrong| Failure::usage(anyhow!(wrong.join("\n"))))
 }
 
 /// Reads the settings file, if one is named.
@@ -38,7 +33,7 @@ pub(crate) fn load_file(devices: Devices, args: &SettingsArgs) -> Result<SimSett
     if let Some(path) = &args.config {
         let text = read(path, "settings file")?;
         load_toml(&text, &visible::name(path), &mut settings).map_err(|errors| {
-            let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            let lines: Vec<String> = errors.iter().map(renamed::in_words).collect();
             Failure::usage(anyhow!(lines.join("\n")))
         })?;
     }
@@ -55,7 +50,7 @@ pub(crate) fn apply_flags(args: &SettingsArgs, settings: &mut SimSettings) -> Re
             &value,
             Origin::Flag(format!("--set {text}")),
         )
-        .map_err(Failure::usage)?;
+        .map_err(|error| Failure::usage(anyhow!(renamed::in_words(&error))))?;
     }
     Ok(())
 }
@@ -91,12 +86,43 @@ pub(crate) fn changed(settings: &SimSettings) -> Vec<String> {
 }
 
 /// The `config` subcommand.
-pub(crate) fn list(devices: Devices, args: &SettingsArgs) -> Result<Exit, Failure> {
+pub(crate) fn list(
+    devices: Devices,
+    device: Option<&str>,
+    args: &SettingsArgs,
+) -> Result<Exit, Failure> {
     let settings = load(devices, args)?;
+    let device = device.and_then(|id| devices.iter().find(|device| device.id == id));
+    let text = match device {
+        Some(device) => of_device(&settings, device),
+        None => show_toml(&settings),
+    };
     print(&format!(
         "# Settings of sim. \"documented\" is what the device's manual says; \"assumed\" is our\n\
          # decision where the manual is silent: check it against your hardware before you rely\n\
          # on it.\n\n{}",
-        show_toml(&settings).trim_end()
+        text.trim_end()
     ))
+}
+
+/// The settings of a device, each by its whole key; those to compare first come first.
+fn of_device(settings: &SimSettings, device: &DeviceSpec) -> String {
+    let mut entries = settings.entries();
+    entries.retain(|entry| entry.key.split('.').next() == Some(device.id));
+    let place = |entry: &Entry| {
+        let key = entry.key.split_once('.').map_or("", |(_, key)| key);
+        let first = device.compare_first.iter().position(|first| *first == key);
+        first.unwrap_or(usize::MAX)
+    };
+    entries.sort_by_key(place);
+    let (first, others) = entries.split_at(device.compare_first.len().min(entries.len()));
+    let show = |entries: &[Entry]| -> String {
+        let each = entries.iter().map(|entry| show_entry(entry, &entry.key));
+        each.collect()
+    };
+    format!(
+        "# Compare these with your device first.\n{}\n# The others.\n{}",
+        show(first),
+        show(others)
+    )
 }

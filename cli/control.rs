@@ -1,9 +1,10 @@
 //! Requests of the control socket, done to a run.
 
+mod answers;
 mod ask;
 pub(crate) mod ctl;
 mod listening;
-mod told;
+mod session;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -11,30 +12,31 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use rigsim_control::{Answer, Ask, Control, Listener, Message, Refusal, Reply, Request};
+use rigsim_core::event::{Event, Level};
+use rigsim_embed::clock::Clock;
+use rigsim_embed::ports::ShownPort;
+use rigsim_pty::ListenAddress;
+use rigsim_pty::paths::Held;
+use rigsim_runner::run::Probe;
+use rigsim_runner::{Run, RunError};
 use serde_json::{Value, json};
-use sim_control::session::{Session, SessionFile};
-use sim_control::{Answer, Ask, Control, Listener, Message, Refusal, Reply, Request};
-use sim_core::event::{Event, Level};
-use sim_embed::clock::Clock;
-use sim_embed::ports::ShownPort;
-use sim_pty::ListenAddress;
-use sim_runner::condition::Probe;
-use sim_runner::{Run, RunError};
 
 use crate::exit::Failure;
 use crate::log::Words;
 use crate::visible;
 
 use listening::{Listening, Traffic, is_due, progress};
+use session::Session;
 
 /// Requests that are answered before clients of the ports have their turn again.
 const MOST_AT_ONCE: usize = 16;
-/// Time between two times at which the log is told, and which steps have begun or ended: a client that
+/// Time between two times at which the log is sent, and which steps have begun or ended: a client that
 /// asks without a pause is not to wait while others are woken for each of its requests.
 const TELL_EVERY: Duration = Duration::from_millis(20);
 /// Events of the log that wait until then.
-const MOST_UNTOLD: usize = 128;
-/// Time for which a client in the simulator's time may be kept waiting for what is asked and told
+const MOST_UNSENT: usize = 128;
+/// Time for which a client in the simulator's time may be kept waiting for what is asked and sent
 /// meanwhile. Each time that it was not enough halves it, until it is, so that a flood does not take this
 /// much real time at each of the client's waits.
 const SETTLE: Duration = Duration::from_secs(2);
@@ -44,11 +46,11 @@ const LEAST_SETTLE: Duration = Duration::from_millis(10);
 /// Answers requests between two steps of a run.
 ///
 /// Where a method takes a clock, there is none if time is the client's, as in lockstep.
-pub(crate) struct Desk {
+pub(crate) struct RequestQueue {
     words: Arc<Words>,
     ports: Vec<ShownPort>,
     listening: Vec<Listening>,
-    untold: Vec<Event>,
+    unsent: Vec<Event>,
     traffic: Traffic,
     tell_next: Option<Instant>,
     patience: Duration,
@@ -56,21 +58,23 @@ pub(crate) struct Desk {
     waiting: Vec<(usize, Answer)>,
     /// Answers to be given when time stands still again.
     stepping: Vec<Answer>,
-    /// Goes behind those that listen and wait, who are told that it is over.
+    /// Goes behind those that listen and wait, which then get its end.
     pub(crate) control: Control,
     /// Goes when this does.
-    _session: SessionFile,
+    _session: Held,
 }
 
-impl Desk {
-    /// Opens the socket and writes the file by which it is found. The ports are those of the run.
+impl RequestQueue {
+    /// Opens the socket and writes the file by which it is found. The ports are those of the run, and
+    /// `file` is the beginning of a scenario file to which steps can be added.
     pub(crate) fn open(
         listen: SocketAddr,
+        file: String,
         run: &Run,
         ports: Vec<ShownPort>,
     ) -> Result<Self, Failure> {
         let table = run.scenario().rig.settings.table();
-        let control = Control::open(listen, Box::new(|| told::schema(table)))
+        let control = Control::open(listen, Box::new(move || answers::schema(table, &file)))
             .with_context(|| format!("cannot listen on {listen} for --control"))
             .map_err(Failure::usage)?;
         let paths = ports
@@ -94,7 +98,7 @@ impl Desk {
             words: Arc::new(Words::new(&run.scenario().rig)),
             ports,
             listening: Vec::new(),
-            untold: Vec::new(),
+            unsent: Vec::new(),
             traffic: Traffic::default(),
             tell_next: None,
             patience: SETTLE,
@@ -103,7 +107,7 @@ impl Desk {
         })
     }
 
-    /// Tells whether somebody waits for something that comes only with time.
+    /// Returns whether a request waits for something that comes only with time.
     pub(crate) fn wants_time(&self) -> bool {
         !self.waiting.is_empty() || !self.stepping.is_empty()
     }
@@ -125,8 +129,8 @@ impl Desk {
                 return;
             }
         }
-        self.untold.push(event.clone());
-        if self.untold.len() == MOST_UNTOLD {
+        self.unsent.push(event.clone());
+        if self.unsent.len() == MOST_UNSENT {
             self.tell_log();
         }
     }
@@ -162,15 +166,15 @@ impl Desk {
     }
 
     /// Does what is asked, for a client that has nothing else to do until then. If it may have asked
-    /// something, or is told something, that is all that is on its way, until it waits for an answer
+    /// something, or is sent something, that is all that is on its way, until it waits for an answer
     /// that only time brings. Says whether its wait may be over.
     pub(crate) fn settle(&mut self, run: &mut Run, may_have_asked: bool) -> Result<bool, RunError> {
         let begun = Instant::now();
-        let mut any = self.answer_waiting(run, None) || !self.untold.is_empty();
+        let mut any = self.answer_waiting(run, None) || !self.unsent.is_empty();
         self.tell_log();
         self.tell_what_is_due(run);
         if !any && !may_have_asked {
-            // Whoever asks is somebody else.
+            // Another client asks.
             self.answer_next(run, None)?;
             return Ok(false);
         }
@@ -206,25 +210,28 @@ impl Desk {
                     self.waiting.push((index, answer.later()));
                     return Ok(());
                 }
-                Ok(index) => told::step(run, index),
+                Ok(index) => answers::step(run, index),
                 Err(ask::Trouble::Refused(refusal)) => Err(refusal),
                 Err(ask::Trouble::Broken(error)) => return Err(error),
             },
-            Ask::Steps(None) => Ok(json!({ "steps": told::steps(run) })),
+            Ask::Steps(None) => Ok(json!({ "steps": answers::steps(run) })),
             Ask::Steps(Some(name)) => {
-                ask::index(run, &name).and_then(|index| told::step(run, index))
+                ask::index(run, &name).and_then(|index| answers::step(run, index))
             }
-            Ask::Clear(None) => Ok(json!({ "cleared": clear_added(run)? })),
+            Ask::Clear(None) => {
+                let names = clear_added(run)?;
+                Ok(json!({ "cleared": names, "t": run.rig().now().as_secs_f64() }))
+            }
             Ask::Clear(Some(name)) => match ask::index(run, &name) {
                 Ok(index) => {
                     run.clear_step(index)?;
-                    told::step(run, index)
+                    answers::step(run, index)
                 }
                 Err(refusal) => Err(refusal),
             },
-            Ask::Names(names) if names.is_empty() => Ok(told::names(run)),
-            Ask::Names(names) => told::values_of(run, &names),
-            Ask::State => Ok(told::state(run, clock.as_deref(), &self.ports)),
+            Ask::Names(names) if names.is_empty() => Ok(answers::names(run)),
+            Ask::Names(names) => answers::values_of(run, &names),
+            Ask::State => Ok(answers::state(run, clock.as_deref(), &self.ports)),
             Ask::Time(change) => {
                 let mut clock = clock;
                 match ask::time(run, clock.as_deref_mut(), &change) {
@@ -233,12 +240,19 @@ impl Desk {
                         return Ok(());
                     }
                     Ok(false) => {
-                        let now = told::time(run, clock.as_deref());
+                        let now = answers::time(run, clock.as_deref());
                         self.tell_all(&message("time", now.clone()));
                         Ok(now)
                     }
                     Err(refusal) => Err(refusal),
                 }
+            }
+            Ask::Publish(values) => {
+                let now = run.rig().now();
+                let published = run.publish(now, &values.to_string())?;
+                published
+                    .map(|()| json!({ "published": values }))
+                    .map_err(|why| Refusal::new(422, why.to_string()))
             }
             Ask::Listen(listener) => self.listen(run, listener),
         };
@@ -253,8 +267,9 @@ impl Desk {
         let now = Instant::now();
         self.tell_log();
         let steps = run.steps().map(|step| progress(&step)).collect();
+        let known = (steps, run.failures().len());
         self.listening
-            .push(Listening::new(listener, probes, steps, now));
+            .push(Listening::new(listener, probes, known, now));
         self.tell_next.get_or_insert(now + TELL_EVERY);
         Ok(Value::Null)
     }
@@ -267,11 +282,11 @@ impl Desk {
         };
         let mut any = false;
         for (index, answer) in self.waiting.extract_if(.., over) {
-            answer.give(told::step(run, index));
+            answer.give(answers::step(run, index));
             any = true;
         }
         if clock.is_some_and(Clock::is_stopped) && !self.stepping.is_empty() {
-            let now = told::time(run, clock);
+            let now = answers::time(run, clock);
             for answer in std::mem::take(&mut self.stepping) {
                 answer.give(Ok(now.clone()));
             }
@@ -287,8 +302,8 @@ impl Desk {
         }
     }
 
-    /// Tells who listens what is due by now; says after what time more is. What has happened must be
-    /// known by then ([`Desk::event`]), so that a step is told behind the log of what came of it.
+    /// Sends to listeners what is due by now; returns the time after which more is. What has happened must be
+    /// known by then ([`RequestQueue::event`]), so that a step is sent behind the log of what came of it.
     pub(crate) fn tell_what_is_due(&mut self, run: &Run) -> Option<Duration> {
         self.listening.retain(|one| !one.gone);
         if self.listening.is_empty() {
@@ -301,19 +316,21 @@ impl Desk {
             if let Some(every) = one.listener.wants.picture_every
                 && is_due(&mut one.picture_next, every, now)
             {
-                let picture = picture.get_or_insert_with(|| message("picture", told::picture(run)));
+                let picture =
+                    picture.get_or_insert_with(|| message("picture", answers::picture(run)));
                 one.tell(picture);
             }
             if let Some(every) = one.listener.wants.values_every
                 && is_due(&mut one.values_next, every, now)
             {
-                let values = told::values(run, &one.probes);
+                let values = answers::values(run, &one.probes);
                 one.tell(&message("values", values));
             }
         }
         if is_due(&mut self.tell_next, TELL_EVERY, now) {
             self.tell_log();
             self.tell_steps(run);
+            self.report_failures(run);
         }
         let next = self
             .listening
@@ -325,9 +342,9 @@ impl Desk {
         next.map(|next| next.saturating_duration_since(now))
     }
 
-    /// Tells what has happened.
+    /// Sends what has happened.
     fn tell_log(&mut self) {
-        for event in self.untold.drain(..) {
+        for event in self.unsent.drain(..) {
             let is_traffic = event.kind.level() == Level::Traffic;
             let message = message_of(&self.words, event);
             for one in &mut self.listening {
@@ -338,21 +355,34 @@ impl Desk {
         }
     }
 
-    /// Tells each of who listens which steps have come further since that was last told.
+    /// Sends each listener the failures that it does not know yet.
+    fn report_failures(&mut self, run: &Run) {
+        let failures = run.failures();
+        for one in &mut self.listening {
+            for failure in failures.iter().skip(one.failures) {
+                one.tell(&message("failure", answers::failure(failure)));
+            }
+            one.failures = failures.len();
+        }
+    }
+
+    /// Sends to each listener which steps have come further since the last time.
     fn tell_steps(&mut self, run: &Run) {
         for (index, step) in run.steps().enumerate() {
             let now = progress(&step);
-            let mut told = None;
+            let mut shown = None;
             for one in &mut self.listening {
                 if one.takes(index, now) {
-                    one.tell(told.get_or_insert_with(|| message("step", told::step_json(&step))));
+                    one.tell(
+                        shown.get_or_insert_with(|| message("step", answers::step_json(&step))),
+                    );
                 }
             }
         }
     }
 }
 
-impl Drop for Desk {
+impl Drop for RequestQueue {
     fn drop(&mut self) {
         self.tell_log();
     }
@@ -370,18 +400,18 @@ fn clear_added(run: &mut Run) -> Result<Vec<String>, RunError> {
     Ok(names)
 }
 
-/// Something that is known now, as who listens is told it.
+/// Something that is known now, as listeners get it.
 fn message(kind: &'static str, data: Value) -> Message {
     Message::new(kind, move || data)
 }
 
-/// An event as who listens is told it: what the log has for programs, and its line for people.
+/// An event as listeners get it: what the log has for programs, and its line for people.
 fn message_of(words: &Arc<Words>, event: Event) -> Message {
     let words = Arc::clone(words);
     Message::new("log", move || {
-        let mut told = words.json(&event);
-        told["line"] = json!(visible::line(&words.plain(&event)));
-        told["role"] = json!(ask::role(&event));
-        told
+        let mut shown = words.json(&event);
+        shown["line"] = json!(visible::line(&words.plain(&event)));
+        shown["role"] = json!(ask::role(&event));
+        shown
     })
 }

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 /// End of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Exit {
     /// Stopped by the user, or finished.
     Clean = 0,
@@ -19,11 +19,12 @@ impl Exit {
     /// For `--help`.
     pub(crate) const HELP: &'static str = "\
 Exit codes:
-  0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP; all scenarios passed
-  1  a scenario or the client failed, or a trace played again differs
+  0  clean: stopped with Ctrl-C, SIGTERM or SIGHUP; all scenarios passed or were skipped
+  1  a scenario or the client failed, or a replayed trace differs
   2  usage or configuration: a flag, a file or a setting is wrong, or nothing is selected
-  3  simulator or system: a port could not be made or served, the simulator has failed,
-     scenarios were broken off by Ctrl-C, or the machine was too busy for a verdict";
+  3  simulator or system: a port could not be created or served, the simulator failed, a client
+     ended before it opened a port, Ctrl-C aborted scenarios, or the machine was too busy for a
+     verdict";
 }
 
 impl From<Exit> for ExitCode {

@@ -1,6 +1,7 @@
 //! The `sim` command line, for whatever devices a program hands in: flags, subcommands, exit codes.
 
 mod args;
+mod campaign;
 mod client;
 mod config;
 mod control;
@@ -11,9 +12,10 @@ mod looking;
 mod patient_file;
 mod plan;
 mod print;
+mod published;
 mod ready_file;
 mod recording;
-mod report;
+mod reference;
 mod run;
 mod scenario_files;
 mod start;
@@ -21,12 +23,11 @@ mod summary;
 mod supervise;
 mod trace;
 mod visible;
-mod whole_file;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
-use sim_core::device::{Devices, check_rows};
+use rigsim_core::device::Devices;
 
 use args::{Cli, Command};
 use exit::{Exit, Failure};
@@ -36,31 +37,31 @@ use exit::{Exit, Failure};
 /// ```no_run
 /// # use std::process::ExitCode;
 /// fn main() -> ExitCode {
-///     sim_cli::main(sim_core::SHIPPED)
+///     rigsim_cli::main(rigsim_core::SHIPPED)
 /// }
 /// ```
 #[must_use]
 pub fn main(devices: Devices) -> ExitCode {
     print::tell_panics();
     guarded(|| {
-        sim_pty::survive_full_files().map_err(Failure::system)?;
-        check_rows(devices).map_err(Failure::system)?;
+        rigsim_pty::survive_full_files().map_err(Failure::system)?;
         let cli = Cli::read(devices);
         match &cli.command {
-            Some(Command::Config(settings)) => config::list(devices, settings),
+            Some(Command::Config { device, settings }) => {
+                config::list(devices, device.as_deref(), settings)
+            }
             Some(Command::Run(args)) => run::run(devices, args),
             Some(Command::Check { files, given }) => run::check(devices, files, given),
+            Some(Command::Merge(args)) => campaign::merge(args),
             Some(Command::Replay { trace }) => recording::replay(devices, trace),
             Some(Command::Trace(args)) => trace::trace(devices, args),
-            Some(Command::Supervise { client, folder }) => {
-                supervise::supervise(client, folder.as_deref())
-            }
+            Some(Command::Supervise { client }) => supervise::supervise(client),
             Some(Command::Faults { device, format }) => {
                 lists::faults(devices, device.as_deref(), *format)
             }
             Some(Command::Names { device }) => lists::list_names(devices, device),
             Some(Command::Ctl(args)) => control::ctl::run(args),
-            Some(Command::Schema { of }) => lists::schema(devices, *of),
+            Some(Command::Schema { of, format }) => lists::schema(devices, *of, *format),
             None => start::serve(devices, &cli.serve),
         }
     })
@@ -68,7 +69,7 @@ pub fn main(devices: Devices) -> ExitCode {
 }
 
 /// Runs `program` and says how it ended. A panic ends it as a failure of the simulator, which it
-/// is; what was opened is closed on the way here, and the panic has been told by its hook.
+/// is; what was opened is closed on the way here, and the panic has been reported by its hook.
 fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
     // Nothing that the program has touched is used any more afterwards.
     match catch_unwind(AssertUnwindSafe(program)) {
@@ -84,14 +85,14 @@ fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_pty::Port;
+    use rigsim_pty::Port;
 
     #[test]
     fn a_panic_is_a_failure_of_the_simulator_and_leaves_no_link() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("r150");
         let exit = guarded(|| {
-            let _port = Port::open_at(&path, sim_pty::PtySetup::raw(115_200)).unwrap();
+            let _port = Port::open_at(&path, rigsim_pty::PtySetup::raw(115_200)).unwrap();
             assert!(path.exists());
             panic!("as a test of what is done about it");
         });

@@ -2,14 +2,16 @@
 
 use std::fmt::Write as _;
 
+use anyhow::anyhow;
 use clap::ValueEnum;
-use sim_core::device::{DeviceSpec, Devices};
-use sim_core::fault::{FaultInfo, ParameterInfo, catalogue};
-use sim_physics::WorldMap;
-use sim_runner::{RigPlan, Scenario};
+use rigsim_core::device::{DeviceSpec, Devices, EffectInfo, ParameterInfo};
+use rigsim_core::effect;
+use rigsim_physics::WorldMap;
+use rigsim_runner::{RigPlan, Scenario};
 
 use crate::exit::{Exit, Failure};
 use crate::print::print;
+use crate::reference;
 
 /// Form of a printed list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -17,6 +19,15 @@ pub(crate) enum ListFormat {
     /// Lines for people.
     Text,
     /// A document with tables, as docs/faults.md is.
+    Markdown,
+}
+
+/// Form of a printed schema.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SchemaFormat {
+    /// JSON Schema, for editors.
+    Json,
+    /// A page for readers, as docs/reference.md is; of scenario files only.
     Markdown,
 }
 
@@ -41,34 +52,41 @@ pub(crate) fn faults(
         .iter()
         .filter(|device| only.is_none_or(|only| device.id == only));
     let wanted: Vec<&DeviceSpec> = wanted.copied().collect();
-    let faults = catalogue().iter();
-    let faults: Vec<&FaultInfo> = faults
-        .filter(|fault| wanted.iter().any(|device| device.has_fault(fault)))
+    let kinds = effect::catalogue(devices).into_iter();
+    let kinds: Vec<&EffectInfo> = kinds
+        .filter(|info| wanted.iter().any(|device| effect::has(device, info)))
         .collect();
     let text: String = match format {
-        ListFormat::Text => faults
+        ListFormat::Text => kinds
             .into_iter()
-            .map(|fault| as_text(devices, fault))
+            .map(|info| as_text(devices, info))
             .collect(),
-        ListFormat::Markdown => markdown(devices, &faults),
+        ListFormat::Markdown => markdown(devices, &kinds),
     };
     print(text.trim_end())
 }
 
-fn able(devices: Devices, fault: &FaultInfo) -> String {
-    let able = devices.iter().filter(|device| device.has_fault(fault));
+fn able(devices: Devices, info: &EffectInfo) -> String {
+    let able = devices.iter().filter(|device| effect::has(device, info));
     able.map(|device| device.id).collect::<Vec<_>>().join(", ")
 }
 
-fn as_text(devices: Devices, fault: &FaultInfo) -> String {
+fn as_text(devices: Devices, info: &EffectInfo) -> String {
     let mut text = String::new();
-    let devices = able(devices, fault);
     // Writing to a string cannot fail.
-    let _ = writeln!(text, "{} [{:?}; {devices}]", fault.id, fault.level);
-    let _ = writeln!(text, "  {}", fault.summary);
-    let _ = writeln!(text, "  the client sees: {}", fault.client_sees);
-    let _ = writeln!(text, "  a hit is: {}", fault.counts);
-    for parameter in fault.parameters {
+    let _ = writeln!(
+        text,
+        "{} [{:?}; {}]",
+        info.id,
+        info.level,
+        able(devices, info)
+    );
+    let _ = writeln!(text, "  {}", info.summary);
+    if !info.client_sees.is_empty() {
+        let _ = writeln!(text, "  the client sees: {}", info.client_sees);
+    }
+    let _ = writeln!(text, "  a hit is: {}", info.counts);
+    for parameter in info.parameters {
         let must = if parameter.required {
             " (required)"
         } else {
@@ -84,31 +102,32 @@ fn as_text(devices: Devices, fault: &FaultInfo) -> String {
 }
 
 /// A table for each level, in the order of the catalogue.
-fn markdown(devices: Devices, faults: &[&FaultInfo]) -> String {
+fn markdown(devices: Devices, kinds: &[&EffectInfo]) -> String {
     let mut text = String::from(
-        "# Faults\n\nWhat a scenario can break, as `sim faults --format markdown` prints it; \
-         [scenarios.md](scenarios.md#faults) says how to use it. A fault that hits nothing while it \
-         is there fails its scenario; what counts as a hit is in the table.\n",
+        "# Faults and actions\n\nThis page lists what a scenario can break or do. `sim faults --format \
+         markdown` prints it; [scenarios.md](scenarios.md#faults) shows how to use it. A fault without \
+         a hit fails its scenario, or skips it with a real client. The table says what a hit is.\n",
     );
     let mut level = None;
-    for fault in faults {
-        if level.replace(fault.level) != Some(fault.level) {
+    for info in kinds {
+        if level.replace(info.level) != Some(info.level) {
             let _ = write!(
                 text,
-                "\n## {:?}\n\n| fault | devices | what breaks | what the client sees | what is a hit \
-                 | parameters |\n|---|---|---|---|---|---|\n",
-                fault.level
+                "\n## {:?}\n\n| {} | devices | what happens | what the client sees | what is a hit | \
+                 parameters |\n|---|---|---|---|---|---|\n",
+                info.level,
+                info.level.key()
             );
         }
-        let parameters: Vec<String> = fault.parameters.iter().map(parameter).collect();
+        let parameters: Vec<String> = info.parameters.iter().map(parameter).collect();
         let _ = writeln!(
             text,
             "| `{}` | {} | {} | {} | {} | {} |",
-            fault.id,
-            able(devices, fault),
-            fault.summary,
-            fault.client_sees,
-            fault.counts,
+            info.id,
+            able(devices, info),
+            info.summary,
+            info.client_sees,
+            info.counts,
             parameters.join("<br>")
         );
     }
@@ -133,11 +152,24 @@ pub(crate) fn list_names(devices: Devices, device: &str) -> Result<Exit, Failure
 }
 
 /// The `schema` subcommand: JSON Schemas of the files that users write, for their editors.
-pub(crate) fn schema(devices: Devices, kind: FileKind) -> Result<Exit, Failure> {
+pub(crate) fn schema(
+    devices: Devices,
+    kind: FileKind,
+    format: SchemaFormat,
+) -> Result<Exit, Failure> {
     let text = match kind {
         FileKind::World => WorldMap::json_schema(),
         FileKind::Rig => RigPlan::json_schema(devices),
         FileKind::Scenario => Scenario::json_schema(devices),
     };
-    print(text.trim_end())
+    match format {
+        SchemaFormat::Json => print(text.trim_end()),
+        SchemaFormat::Markdown if kind == FileKind::Scenario => {
+            let schema = serde_json::from_str(&text).map_err(Failure::system)?;
+            print(reference::page(&schema, devices).trim_end())
+        }
+        SchemaFormat::Markdown => Err(Failure::usage(anyhow!(
+            "only the reference of scenario files is printed as a page: `sim schema scenario --format markdown`"
+        ))),
+    }
 }

@@ -9,14 +9,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use clap::ValueEnum;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError};
+use rigsim_core::SimTime;
+use rigsim_core::event::{Event, Level};
 use serde_json::json;
-use sim_core::SimTime;
-use sim_core::event::{Event, Level};
 
 pub(crate) use words::Words;
 
-use crate::args::LogFormat;
 use crate::print::complain;
 use crate::visible;
 
@@ -32,6 +32,15 @@ const LAST_PATIENCE: Duration = Duration::from_secs(5);
 const GLANCE: Duration = Duration::from_millis(20);
 /// Simulated seconds during which a warning of the same kind is only counted.
 const REPEAT_SECONDS: f64 = 1.0;
+
+/// Format of what is printed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LogFormat {
+    /// Readable lines.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
 
 /// Things to print.
 #[derive(Debug, Clone, Copy)]
@@ -73,7 +82,7 @@ impl Log {
             options,
             words,
             dropped: Arc::clone(&dropped),
-            told_dropped: 0,
+            reported_dropped: 0,
             repeats: BTreeMap::new(),
             last: last_receiver,
             hurry: Arc::clone(&hurry),
@@ -121,7 +130,7 @@ impl Log {
 
 impl Log {
     /// Prints what waits and then `last`. Returns early if `interrupted`, which waits as long as
-    /// it is told, says so; what could not be printed is told on standard error.
+    /// asked, returns true; what could not be printed is reported on standard error.
     pub(crate) fn finish(
         &mut self,
         last: Option<String>,
@@ -134,7 +143,7 @@ impl Log {
         let printed = self.drain(|| interrupted(GLANCE));
         let why = match &self.refusal {
             Some(refusal) => refusal.to_string(),
-            None if !printed => "whoever reads it is too slow".to_owned(),
+            None if !printed => "its reader is too slow".to_owned(),
             None => return,
         };
         complain(&format!("some output was not printed: {why}"));
@@ -177,7 +186,7 @@ struct Printer {
     options: LogOptions,
     words: Words,
     dropped: Arc<AtomicU64>,
-    told_dropped: u64,
+    reported_dropped: u64,
     /// Time at which an event of a device and kind was last printed, and number that were not
     /// since.
     repeats: BTreeMap<(usize, &'static str), (SimTime, u64)>,
@@ -191,7 +200,7 @@ struct Printer {
 impl Printer {
     fn run(mut self, lines: &Receiver<Line>) {
         let mut out = anstream::stdout();
-        // When nobody reads, as after `| head`, the lines go nowhere and the device goes on.
+        // Without a reader, as after `| head`, the lines go nowhere and the device goes on.
         while let Ok(line) = lines.recv() {
             if self.hurry.load(Ordering::Relaxed) {
                 self.dropped.fetch_add(1, Ordering::Relaxed);
@@ -212,7 +221,7 @@ impl Printer {
         self.note(printed.and_then(|()| out.flush()));
     }
 
-    /// Keeps a refusal of the output to be told at the end. That nobody reads any more is none.
+    /// Keeps a refusal of the output to be reported at the end. The end of its reader is none.
     fn note(&self, printed: io::Result<()>) {
         if let Err(error) = printed
             && error.kind() != io::ErrorKind::BrokenPipe
@@ -261,11 +270,11 @@ impl Printer {
 
     fn tell_dropped(&mut self, out: &mut impl Write) -> io::Result<()> {
         let dropped = self.dropped.load(Ordering::Relaxed);
-        let new = dropped - self.told_dropped;
+        let new = dropped - self.reported_dropped;
         if new == 0 {
             return Ok(());
         }
-        self.told_dropped = dropped;
+        self.reported_dropped = dropped;
         match self.options.format {
             LogFormat::Text => writeln!(out, "({new} lines not printed: the terminal is too slow)"),
             LogFormat::Json => writeln!(out, "{}", json!({"code": "lines_dropped", "count": new})),

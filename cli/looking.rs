@@ -2,18 +2,22 @@
 
 use std::time::Duration;
 
-use sim_embed::clock::Clock;
-use sim_embed::serve::Attendant;
-use sim_runner::{Run, RunError};
+use rigsim_embed::clock::Clock;
+use rigsim_embed::serve::Attendant;
+use rigsim_runner::{Run, RunError};
+use rigsim_settings::SimTime;
 
-use crate::control::Desk;
+use crate::control::RequestQueue;
 use crate::log::Log;
+use crate::published::Published;
 use crate::recording::TraceFile;
 
-/// Tells what happens to all who want to know.
+/// Passes on what happens to log, listeners and trace.
 pub(crate) struct Looking<'a> {
     pub(crate) log: Option<&'a Log>,
-    pub(crate) desk: Option<&'a mut Desk>,
+    pub(crate) requests: Option<&'a mut RequestQueue>,
+    /// Where the client publishes numbers.
+    pub(crate) published: Option<&'a mut Published>,
     pub(crate) trace: &'a mut Option<TraceFile>,
 }
 
@@ -24,13 +28,18 @@ impl Attendant for Looking<'_> {
         clock: &mut Clock,
         woken: bool,
     ) -> Result<Option<Duration>, RunError> {
+        if let Some(published) = &mut self.published
+            && run.rig().now() > SimTime::ZERO
+        {
+            published.take(run, run.rig().now())?;
+        }
         let mut answered = true;
-        if let Some(desk) = &mut self.desk {
-            answered = desk.answer_some(run, clock, woken)?;
+        if let Some(requests) = &mut self.requests {
+            answered = requests.answer_some(run, clock, woken)?;
         }
         while let Some(event) = run.poll_event() {
-            if let Some(desk) = &mut self.desk {
-                desk.event(&event);
+            if let Some(requests) = &mut self.requests {
+                requests.event(&event);
             }
             if let Some(log) = self.log {
                 log.event(event);
@@ -39,14 +48,16 @@ impl Attendant for Looking<'_> {
         if let Some(trace) = self.trace {
             trace.take(run);
         }
-        match &mut self.desk {
+        match &mut self.requests {
             Some(_) if !answered => Ok(Some(Duration::ZERO)),
-            Some(desk) => Ok(desk.tell_what_is_due(run)),
+            Some(requests) => Ok(requests.tell_what_is_due(run)),
             None => Ok(None),
         }
     }
 
     fn wants_time(&self) -> bool {
-        self.desk.as_ref().is_some_and(|desk| desk.wants_time())
+        self.requests
+            .as_ref()
+            .is_some_and(|requests| requests.wants_time())
     }
 }

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    sim_cli::main(sim_core::SHIPPED)
+    rigsim_cli::main(rigsim_core::SHIPPED)
 }

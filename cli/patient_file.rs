@@ -1,4 +1,4 @@
-//! Reading what may be a pipe to which nobody writes.
+//! Reading what may be a pipe to which no program writes.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-/// Longest silence of whoever writes to a pipe that is read as a file.
+/// Longest silence of the program that writes to a pipe that is read as a file.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A file, or a pipe or terminal whose silence ends in an error.
@@ -18,9 +18,9 @@ pub(crate) struct PatientFile {
 }
 
 impl PatientFile {
-    /// Opens what is at `path`, and waits for nobody.
+    /// Opens what is at `path`, and does not wait.
     pub(crate) fn open(path: &Path) -> io::Result<Self> {
-        // A named pipe is opened only when somebody writes to it, unless one asks for no waiting.
+        // A named pipe is opened only when a program writes to it, unless one asks for no waiting.
         let nonblocking = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
         let mut options = OpenOptions::new();
         let file = options.read(true).custom_flags(nonblocking).open(path)?;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
-use sim_core::device::{DeviceSpec, Devices};
-use sim_physics::Pose;
-use sim_pty::ListenAddress;
-use sim_runner::{DevicePlan, RigPlan};
-use sim_settings::Source;
+use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_physics::Pose;
+use rigsim_pty::ListenAddress;
+use rigsim_runner::{DevicePlan, RigPlan};
+use rigsim_settings::Source;
 
 use crate::args::ServeArgs;
 use crate::config;
@@ -61,7 +61,7 @@ fn from_scenario(devices: Devices, file: &Path, args: &ServeArgs) -> Result<Load
     Ok(loaded)
 }
 
-/// Place of a port or a file, for whoever may be elsewhere: a URL, or a path from the root.
+/// Place of a port or a file, for a program that may be elsewhere: a URL, or a path from the root.
 pub(crate) fn absolute(path: &Path) -> Result<PathBuf, Failure> {
     if ListenAddress::is_url(path) {
         return Ok(path.to_owned());
@@ -84,7 +84,6 @@ fn from_file(devices: Devices, file: &Path, args: &ServeArgs) -> Result<RigPlan,
     config::apply_flags(&args.settings, &mut rig.settings)?;
     for device in &mut rig.devices {
         config::apply_flags(&args.settings, &mut device.settings)?;
-        config::check(&device.settings)?;
     }
     gather_ptys(&mut rig, args);
     Ok(rig)

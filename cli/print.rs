@@ -9,12 +9,12 @@ use anyhow::anyhow;
 use crate::exit::{Exit, Failure};
 use crate::visible;
 
-/// Prints a line, or several; nobody reading any more is no failure.
+/// Prints a line, or several; the end of the reader is no failure.
 pub(crate) fn print(text: &str) -> Result<Exit, Failure> {
     written(writeln!(anstream::stdout(), "{}", visible::lines(text)))
 }
 
-/// Exit code when something could not be printed; nobody reading any more is no failure.
+/// Exit code when something could not be printed; the end of the reader is no failure.
 pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
     match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
@@ -39,7 +39,7 @@ pub(crate) fn words_of_panic(panic: &(dyn Any + Send)) -> String {
     )
 }
 
-/// Has panics tell of themselves as everything else is told.
+/// Reports panics as everything else is reported.
 pub(crate) fn tell_panics() {
     std::panic::set_hook(Box::new(|panic| {
         let thread = std::thread::current();

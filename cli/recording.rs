@@ -1,19 +1,21 @@
 //! Recordings of runs: written, read and played again.
 
 use std::fs::File;
+use std::hash::Hasher as _;
 use std::io::{self, BufRead as _, BufReader, BufWriter, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
-use sim_core::device::Devices;
-use sim_runner::Run;
-use sim_runner::trace::{Onlooker, Replay, ReplayError};
+use rigsim_core::device::Devices;
+use rigsim_pty::paths::Results;
+use rigsim_runner::Run;
+use rigsim_runner::trace::{Onlooker, Replay, ReplayError};
+use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
 use crate::patient_file::PatientFile;
 use crate::print::print;
 use crate::visible;
-use crate::whole_file;
 
 /// Most bytes of a line of a trace; the first holds the scenario and its world.
 const MOST_LINE: u64 = 16 << 20;
@@ -43,23 +45,28 @@ pub(crate) struct TraceFile {
     path: PathBuf,
     out: BufWriter<File>,
     error: Option<io::Error>,
+    /// Of all lines.
+    digest: SipHasher13,
 }
 
 impl TraceFile {
-    /// Replaces what is there.
-    pub(crate) fn create(path: PathBuf) -> Result<Self, Failure> {
-        let file = whole_file::create(&path)
-            .with_context(|| format!("cannot write the trace {}", visible::name(&path)))
-            .map_err(Failure::system)?;
+    /// Replaces a trace that is there, and nothing else.
+    pub(crate) fn create(path: PathBuf) -> anyhow::Result<Self> {
+        let file = Results::at(&path, &["{\"kind\":\"header\""])
+            .and_then(Results::into_file)
+            .with_context(|| format!("cannot write the trace {}", visible::name(&path)))?;
         Ok(Self {
             path,
             out: BufWriter::with_capacity(1 << 16, file),
             error: None,
+            digest: SipHasher13::new(),
         })
     }
 
     /// Adds a line.
     fn line(&mut self, line: &str) {
+        self.digest.write(line.as_bytes());
+        self.digest.write_u8(b'\n');
         if self.error.is_none() {
             self.error = writeln!(self.out, "{line}").err();
         }
@@ -72,14 +79,15 @@ impl TraceFile {
         }
     }
 
-    /// Makes sure that all has been written.
-    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+    /// Makes sure that all has been written. Returns a digest of it, in hexadecimal digits.
+    pub(crate) fn finish(mut self) -> Result<String, Failure> {
         let flushed = self.out.flush();
         let shown = visible::name(&self.path);
         self.error
             .map_or(flushed, Err)
             .with_context(|| format!("cannot write the trace {shown}; it is not complete"))
-            .map_err(Failure::system)
+            .map_err(Failure::system)?;
+        Ok(format!("{:032x}", self.digest.finish128().as_u128()))
     }
 }
 
@@ -113,11 +121,11 @@ impl<'a> Lines<'a> {
         let mut some = self.file.by_ref().take(MOST_LINE + 1);
         let read = some.read_line(&mut self.line).map_err(|error| {
             let unfit = matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::TimedOut);
-            let told = anyhow!(error).context(format!("cannot read the trace {shown}"));
+            let why = anyhow!(error).context(format!("cannot read the trace {shown}"));
             if unfit {
-                Failure::usage(told)
+                Failure::usage(why)
             } else {
-                Failure::system(told)
+                Failure::system(why)
             }
         })?;
         if read as u64 > MOST_LINE {
@@ -144,7 +152,7 @@ pub(crate) fn compare(devices: Devices, path: &Path) -> Result<Played, Failure> 
     }
 }
 
-/// Plays a recording again for somebody who looks on, and who is made when it is known what it is
+/// Plays a recording again for an onlooker, which is made when it is known what it is
 /// a recording of.
 pub(crate) fn view<V: Onlooker>(
     devices: Devices,

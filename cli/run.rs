@@ -2,45 +2,57 @@
 
 mod case;
 mod folder;
+mod json;
 mod junit;
 mod live;
 mod lockstep;
+mod page;
 mod play;
 mod pool;
-mod report;
 mod tell;
 mod twice;
+mod view;
 
 use std::collections::BTreeMap;
+use std::collections::hash_map::RandomState;
 use std::fs;
+use std::hash::{BuildHasher as _, Hasher as _};
 use std::io::IsTerminal as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
-use sim_core::device::Devices;
-use sim_core::settings::SimSettings;
+use rigsim_core::device::Devices;
+use rigsim_core::settings::SimSettings;
+use rigsim_pty::ExitOnSignals;
+use rigsim_runner::Scenario;
 
-use crate::args::{GivenArgs, RunArgs, TimeArg};
+use crate::args::{ExitArg, GivenArgs, RunArgs, TimeArg};
+use crate::campaign::{Plan, Results, Shard};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::print::print;
-use crate::report::Report;
+use crate::print::{complain, print};
 use crate::scenario_files::{Given, Loaded, find, load_all};
-use crate::start::random_seed;
 use crate::supervise::adopt_orphans;
 use crate::visible;
 
 use junit::Junit;
+use page::Page;
+use view::View;
 
-pub(crate) use case::{Case, CaseResult, Played as PlayedCase, Verdict};
+pub(crate) use case::{Case, CaseResult, Played, Verdict};
+pub(crate) use json::verdict as verdict_json;
+pub(crate) use junit::without_skipped_total;
 pub(crate) use live::NO_PORT_OPENED;
-pub(crate) use tell::{client_report, verdict_json, verdict_text, worth};
+pub(crate) use page::{MARK as REPORT_MARK, STYLE as REPORT_STYLE};
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let settings = config::load_file(devices, &args.settings)?;
     let given = Given::new(settings, &args.given, &args.settings.set)?;
+    // Reading has nothing to end in order.
+    let exit_on_signals = ExitOnSignals::with(Exit::System as i32).map_err(Failure::system)?;
     let mut loaded = load_all(&given, &find(&args.files, args.filter.as_deref())?)?;
+    drop(exit_on_signals);
     if !args.tag.is_empty() {
         loaded.retain(|one| {
             // What could not be read may have the tag.
@@ -61,43 +73,113 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     if args.output.is_some() || args.report.is_some() {
         refuse_shared_files(&loaded)?;
     }
-    let base = random_seed();
-    let mut cases: Vec<Case> = loaded
-        .iter()
-        .flat_map(|one| (0..args.repeat).map(move |repeat| Case::new(args, one, repeat, base)))
-        .collect();
+    let (mut cases, shard) = cases(args, &loaded)?;
     if args.dry_run {
         let text: Vec<String> = cases.iter().map(tell::planned).collect();
         return print(&text.join("\n"));
     }
     prepare(args)?;
-    let report = args.report.as_deref();
-    let report = report
-        .map(|path| Report::begin(devices, path))
+    folder::sweep();
+    let page = args.report.as_deref();
+    let page = page
+        .map(|path| Page::begin(devices, path, args))
         .transpose()?;
+    let results = match &args.results {
+        Some(folder) => Some(begin_results(folder, shard, &mut cases, args, &loaded)?),
+        None => None,
+    };
+    let scratch = results.as_ref().map(|results| results.scratch().to_owned());
     for case in &mut cases {
-        case.report = report.as_ref();
+        case.scratch = scratch.as_deref().or(page.as_ref().map(Page::scratch));
     }
     let junit = args.junit.as_deref();
-    let mut audience = Told {
-        args,
+    let mut audience = Audience {
         cases: &cases,
         counts: Counts::default(),
         progress: progress(cases.len()),
         junit: junit.map(|path| Junit::begin(path, &cases)).transpose()?,
+        page: page.as_ref(),
+        results,
     };
     adopt_orphans().map_err(Failure::system)?;
     let wrong = pool::play_all(args, &cases, &mut audience);
     audience.progress.finish_and_clear();
     let wrong = wrong?;
     let exit = audience.counts.finish(cases.len());
-    // Also when the run was broken off.
+    // Also of an aborted run.
+    audience.results.as_mut().map_or(Ok(()), Results::flush)?;
     audience.junit.map_or(Ok(()), Junit::finish)?;
-    if let Some(report) = &report {
-        report.write(&cases)?;
+    if let Some(page) = &page {
+        page.write(&cases)?;
     }
-    let exit = exit?;
+    let exit = match exit? {
+        Exit::Failed if args.exit == ExitArg::Complete => Exit::Clean,
+        exit => exit,
+    };
     wrong.map_or(Ok(exit), Err)
+}
+
+/// The cases of this shard.
+fn cases<'a>(args: &'a RunArgs, loaded: &'a [Loaded]) -> Result<(Vec<Case<'a>>, Shard), Failure> {
+    let (shard, engine) = match args.shard {
+        Some(shard) => shard.find()?,
+        None => (Shard::WHOLE, None),
+    };
+    let is_campaign = args.shard.is_some() || args.results.is_some();
+    // Two shards know the same case by its seed.
+    let base = if is_campaign { 1 } else { random_seed() };
+    let mut cases = Vec::new();
+    for (number, one) in loaded.iter().enumerate() {
+        let file = visible::name(&one.path);
+        let case = |repeat| Case {
+            file_number: number,
+            ..Case::new(args, one, repeat, base)
+        };
+        let is_ours = |case: &Case<'_>| {
+            Shard::owner(
+                shard.of,
+                &file,
+                &one.parameters,
+                &args.settings.set,
+                case.seed,
+            ) == shard.index
+        };
+        cases.extend((0..args.repeat).map(case).filter(is_ours));
+    }
+    if args.shard.is_some() {
+        let all = loaded.len() * args.repeat as usize;
+        let by = engine.map_or(String::new(), |engine| format!(", as {engine} says"));
+        complain(&format!(
+            "shard {shard}{by}: {} of {all} cases",
+            cases.len()
+        ));
+    }
+    Ok((cases, shard))
+}
+
+/// Begins to keep results, and takes out the cases whose verdicts are known.
+fn begin_results<'a>(
+    folder: &Path,
+    shard: Shard,
+    cases: &mut Vec<Case<'a>>,
+    args: &'a RunArgs,
+    loaded: &'a [Loaded],
+) -> Result<Results, Failure> {
+    let first_two = |one| [0, 1].map(|repeat| Case::new(args, one, repeat, 1));
+    let plan = Plan::new(shard, &loaded.iter().map(first_two).collect::<Vec<_>>())?;
+    let (results, known) = Results::begin(folder, shard, &plan)?;
+    let before = cases.len();
+    cases.retain(|case| {
+        let place = plan.place(case.file_number, case.repeat.unwrap_or_default());
+        !place.is_some_and(|place| known[place])
+    });
+    if cases.len() < before {
+        complain(&format!(
+            "{} cases have a verdict already",
+            before - cases.len()
+        ));
+    }
+    Ok(results)
 }
 
 /// Refuses flags that the time of the run has no use for.
@@ -118,22 +200,26 @@ fn check_time(args: &RunArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints results, counts them, and keeps them for the JUnit file.
-struct Told<'a> {
-    args: &'a RunArgs,
+/// Prints results, counts them, and keeps them for the JUnit file and the page.
+struct Audience<'a> {
     cases: &'a [Case<'a>],
     counts: Counts,
     progress: indicatif::ProgressBar,
     junit: Option<Junit>,
+    page: Option<&'a Page>,
+    results: Option<Results>,
 }
 
-impl Told<'_> {
+impl Audience<'_> {
     /// A case has a result; they come as they come.
     fn known(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
         self.counts.add(result);
         let case = &self.cases[index];
-        if let Some(report) = case.report {
-            report.known(index, case, result);
+        if let Some(page) = self.page {
+            page.known(index, case, result);
+        }
+        if let Some(results) = &mut self.results {
+            results.known(case.file_number, case, result)?;
         }
         match &mut self.junit {
             Some(junit) => junit.known(index, case, result),
@@ -145,15 +231,50 @@ impl Told<'_> {
     fn idle(&mut self) -> Result<(), Failure> {
         // Without a thread of its own, which the system may refuse.
         self.progress.tick();
+        self.results.as_mut().map_or(Ok(()), Results::catch_up)?;
         self.junit.as_mut().map_or(Ok(()), Junit::catch_up)
     }
 
     /// A case has a result; they come in the order of the cases.
-    fn told(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
-        let text = tell::told(self.args, &self.cases[index], result);
+    fn in_order(&mut self, index: usize, result: &CaseResult) -> Result<(), Failure> {
+        let case = &self.cases[index];
         self.progress.inc(1);
+        if let Some(results) = &mut self.results {
+            results.keep_trace(case, result)?;
+            // A campaign has too many that passed.
+            if result.verdict == Verdict::Passed {
+                return Ok(());
+            }
+        }
+        let text = tell::result(case, result);
         self.progress.suspend(|| print(&text)).map(|_| ())
     }
+}
+
+impl Audience<'_> {
+    /// A signal came. With results the program ends at once, and what is known is written.
+    fn interrupted(&mut self) -> Result<(), Failure> {
+        let Some(mut results) = self.results.take() else {
+            return Ok(());
+        };
+        self.progress.finish_and_clear();
+        results.flush()?;
+        // Its folder for traces goes.
+        drop(results);
+        self.junit.take().map_or(Ok(()), Junit::finish)?;
+        self.counts.finish(self.cases.len())?;
+        std::process::exit(Exit::System as i32);
+    }
+}
+
+/// The verdict of a scenario that was served, in words.
+pub(crate) fn verdict_text(scenario: &Scenario, result: &CaseResult) -> String {
+    tell::verdict(&View::new(scenario, Some(result), true), result)
+}
+
+/// A seed short enough to type again.
+pub(crate) fn random_seed() -> u64 {
+    RandomState::new().build_hasher().finish() % 1_000_000_000
 }
 
 /// The `check` subcommand: reads the files and plays nothing.
@@ -229,32 +350,27 @@ struct Counts(BTreeMap<Verdict, usize>);
 
 impl Counts {
     fn add(&mut self, result: &CaseResult) {
-        *self.0.entry(result.verdict()).or_default() += 1;
+        *self.0.entry(result.verdict).or_default() += 1;
     }
 
     /// The last line, and the exit code; `all` were to be played.
     fn finish(&self, all: usize) -> Result<Exit, Failure> {
         let count = |verdict| self.0.get(&verdict).copied().unwrap_or_default();
+        let left = all - self.0.values().sum::<usize>();
         let (passed, failed) = (count(Verdict::Passed), count(Verdict::Failed));
-        let known: usize = self.0.values().sum();
-        let mut text = format!("{passed} passed, {failed} failed, {} skipped", all - known);
-        for (verdict, what) in [
-            (Verdict::Spoilt, "spoilt by the machine"),
-            (Verdict::Broken, "could not be played"),
-            (Verdict::BrokenOff, "broken off"),
-        ] {
-            if count(verdict) > 0 {
-                text += &format!(", {} {what}", count(verdict));
+        let skipped = count(Verdict::Skipped) + left;
+        let mut text = format!("{passed} passed, {failed} failed, {skipped} skipped");
+        for (verdict, words) in [(Verdict::Error, "error"), (Verdict::Aborted, "aborted")] {
+            match count(verdict) {
+                0 => {}
+                1 => text += &format!(", 1 {words}"),
+                several if verdict == Verdict::Error => text += &format!(", {several} errors"),
+                several => text += &format!(", {several} {words}"),
             }
         }
         print(&text)?;
-        Ok(if known > passed + failed {
-            Exit::System
-        } else if failed > 0 {
-            Exit::Failed
-        } else {
-            Exit::Clean
-        })
+        let worst = self.0.keys().map(|verdict| verdict.exit());
+        Ok(worst.max().unwrap_or(Exit::Clean))
     }
 }
 
@@ -264,8 +380,8 @@ mod tests {
     use crate::args::{Cli, Command};
     use std::ffi::OsString;
 
-    use sim_core::SHIPPED;
-    use sim_core::device::DeviceSpec;
+    use rigsim_core::SHIPPED;
+    use rigsim_core::device::DeviceSpec;
 
     /// Devices that break when they are built: one when it is to be played with seed 7, the other also
     /// when its file is read, which is tried with seed 0.
@@ -332,14 +448,14 @@ mod tests {
                 "{results}"
             );
         }
-        // Nothing is played here, and what is wrong is told all the same.
+        // Nothing is played here, and what is wrong is reported all the same.
         let checked = check(clumsy(), &[folder.to_owned()], &GivenArgs::default());
         let failure = checked.unwrap_err();
         assert_eq!(failure.exit, Exit::System);
-        let told = failure.error.to_string();
+        let said = failure.error.to_string();
         assert!(
-            told.contains("c.toml") && !told.contains("b.toml"),
-            "{told}"
+            said.contains("c.toml") && !said.contains("b.toml"),
+            "{said}"
         );
     }
 }

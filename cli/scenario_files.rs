@@ -9,10 +9,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use sim_core::settings::SimSettings;
-use sim_runner::scenario::{ScenarioFiles, is_scenario_file};
-use sim_runner::{RigPlan, Run, RunOptions, Scenario};
-use sim_settings::Source;
+use rigsim_core::settings::SimSettings;
+use rigsim_runner::scenario::{ScenarioFiles, is_scenario_file};
+use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
+use rigsim_settings::{Settings as _, Source};
 
 use crate::args::GivenArgs;
 use crate::config;
@@ -32,7 +32,7 @@ pub(crate) struct Loaded {
     world: Option<(String, String)>,
     /// The parameters that were given.
     pub(crate) parameters: Vec<(String, String)>,
-    /// Why there is nothing to play: reading it went wrong, for which it is not to blame.
+    /// Why there is nothing to play: reading it failed through no fault of the file.
     pub(crate) broken: Option<String>,
 }
 
@@ -76,11 +76,44 @@ impl Loaded {
         })
     }
 
+    /// Returns the beginning of a scenario file with the same devices, world and settings, to which
+    /// steps can be added. Its title and the like are missing where it is not based on a scenario.
+    pub(crate) fn beginning(&self) -> String {
+        let line = |key: &str, path: &Path| {
+            let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+            format!(
+                "{key} = {}\n",
+                toml::Value::from(path.display().to_string())
+            )
+        };
+        if !self.scenario.is_endless() {
+            return format!("schema = 1\n{}", line("base", &self.path));
+        }
+        let rig = &self.scenario.rig;
+        let world = self.world.as_ref();
+        let world = world.map(|(file, _)| line("world", Path::new(file)));
+        let settings = rig.settings.entries().into_iter();
+        let changed = settings.filter(|entry| entry.value != entry.default);
+        let changed: String = changed
+            .map(|entry| format!("settings.{} = {}\n", entry.key, entry.value))
+            .collect();
+        format!("{}{changed}{}", world.unwrap_or_default(), rig.to_toml())
+    }
+
     /// A run of it.
     pub(crate) fn run(&self, options: RunOptions) -> Result<Run, Failure> {
+        self.run_as(&self.scenario, options)
+    }
+
+    /// A run of a variant of it.
+    pub(crate) fn run_as(
+        &self,
+        scenario: &Arc<Scenario>,
+        options: RunOptions,
+    ) -> Result<Run, Failure> {
         let world = self.world.as_ref();
         let world = world.map(|(file, text)| Source { file, text });
-        Run::new(Arc::clone(&self.scenario), world, options).map_err(Failure::usage)
+        Run::new(Arc::clone(scenario), world, options).map_err(Failure::usage)
     }
 
     /// The folder that its paths are relative to.
@@ -359,9 +392,6 @@ fn compose(
 ) -> Result<Loaded, Failure> {
     let scenario = files.compose(parameters, given.set, &given.base);
     let scenario = scenario.map_err(Failure::usage)?;
-    for device in &scenario.rig.devices {
-        config::check(&device.settings)?;
-    }
     let world = |world: &Path| {
         let text = config::read(world, "world file");
         let text = match given.world {
@@ -370,12 +400,13 @@ fn compose(
         };
         Ok((visible::name(world), text))
     };
+    let own_world = files.world_of(&scenario);
     let loaded = Loaded {
         path: path.to_owned(),
         scenario: Arc::new(scenario),
         world: given
             .world
-            .or(files.world.as_deref())
+            .or(own_world.as_deref())
             .map(world)
             .transpose()?,
         parameters: parameters.to_vec(),

@@ -1,21 +1,20 @@
 //! From a plan to a running simulator, and the summary at its end.
 
-use std::collections::hash_map::RandomState;
-use std::hash::{BuildHasher as _, Hasher as _};
+use std::time::Duration;
 
 use anyhow::Context as _;
+use rigsim_core::device::Devices;
+use rigsim_core::rig::PortId;
+use rigsim_pty::{Counters, Waiter};
+use rigsim_runner::{DevicePlan, RigPlan, Run, RunOptions};
+use rigsim_settings::show_duration;
 use serde_json::{Value, json};
-use sim_core::device::Devices;
-use sim_core::rig::PortId;
-use sim_pty::{Counters, Waiter};
-use sim_runner::{DevicePlan, RigPlan, Run, RunOptions};
-use sim_settings::show_duration;
 
-use crate::args::{LogFormat, ServeArgs};
+use crate::args::ServeArgs;
 use crate::config;
-use crate::control::Desk;
+use crate::control::RequestQueue;
 use crate::exit::{Exit, Failure};
-use crate::log::{Log, LogOptions, Words};
+use crate::log::{Log, LogFormat, LogOptions, Words};
 use crate::looking::Looking;
 use crate::plan::plan;
 use crate::ready_file::ReadyFile;
@@ -24,15 +23,15 @@ use crate::run;
 use crate::scenario_files::Loaded;
 use crate::summary;
 use crate::visible;
-use sim_embed::ports::{Elsewhere, ShownPort, open_all};
-use sim_embed::serve::{Begin, Ended, Server};
+use rigsim_embed::ports::{Elsewhere, ShownPort, open_all};
+use rigsim_embed::serve::{Begin, Ended, Server};
 
 /// Serves until a signal ends it, or the scenario.
 pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure> {
     let loaded = plan(devices, args)?;
     let seed = args.seed.or(loaded.scenario.rig.seed);
     let run = loaded.run(RunOptions {
-        seed: seed.unwrap_or_else(random_seed),
+        seed: seed.unwrap_or_else(run::random_seed),
         wire: args.wire(),
         live: true,
         trace: args.trace.is_some(),
@@ -43,30 +42,32 @@ pub(crate) fn serve(devices: Devices, args: &ServeArgs) -> Result<Exit, Failure>
         session.finish(None)?;
         return Ok(Exit::Clean);
     }
-    let broken_off = ended == Ended::Signal;
-    let nobody_came = session.nobody_came();
+    let no_client_came = session.no_client_came();
     let run = session.server.run_mut();
-    if nobody_came {
+    if no_client_came {
         run.fail(run::NO_PORT_OPENED.to_owned());
     }
-    if broken_off {
+    if ended == Ended::Signal {
         run.fail("a signal ended it before the scenario's end".to_owned());
     }
-    let outcome = run.end().clone();
-    let held_up = session.server.held_up();
-    let is_spoilt = !outcome.passed && held_up.total > args.max_hold_up.0;
+    let played = run::Played {
+        outcome: run.end().clone(),
+        client: None,
+        took: Duration::ZERO,
+        trace: None,
+        stalled: Some(session.server.stalled()),
+    };
+    let why = no_client_came.then(|| run::NO_PORT_OPENED.to_owned());
+    let mut result = run::CaseResult::of(played, why, args.max_stall.0);
+    if ended == Ended::Signal {
+        result.verdict = run::Verdict::Aborted;
+    }
     let verdict = match args.log_format {
-        LogFormat::Text => run::verdict_text(&outcome, held_up, is_spoilt),
-        LogFormat::Json => visible::json(&run::verdict_json(&outcome, held_up, is_spoilt)),
+        LogFormat::Text => run::verdict_text(&loaded.scenario, &result),
+        LogFormat::Json => visible::json(&run::verdict_json(&loaded.scenario, &result)),
     };
     session.finish(Some(verdict))?;
-    Ok(if broken_off || is_spoilt {
-        Exit::System
-    } else if outcome.passed {
-        Exit::Clean
-    } else {
-        Exit::Failed
-    })
+    Ok(result.verdict.exit())
 }
 
 /// Devices that are served on ports, and the log of it.
@@ -75,7 +76,7 @@ struct Session {
     log: Log,
     counters: Vec<(PortId, Counters)>,
     ready_file: Option<ReadyFile>,
-    desk: Option<Desk>,
+    requests: Option<RequestQueue>,
     trace: Option<TraceFile>,
 }
 
@@ -113,24 +114,27 @@ impl Session {
             .context("cannot start the thread that prints")
             .map_err(Failure::system)?;
         let shown = ShownPort::all(&ports, plan);
-        let when = (begin, args.speed);
-        let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
+        let mut server =
+            Server::new(run, ports, waiter, begin, args.speed).map_err(Failure::system)?;
         announce(&log, args, loaded, &shown, seed);
         let ports: Vec<Value> = shown.iter().map(ShownPort::json).collect();
-        let desk = args
+        let requests = args
             .control
-            .map(|listen| Desk::open(listen, server.run(), shown))
+            .map(|listen| RequestQueue::open(listen, loaded.beginning(), server.run(), shown))
             .transpose()?;
-        if let Some(desk) = &desk {
-            server.wake_from(&desk.control).map_err(Failure::system)?;
+        if let Some(requests) = &requests {
+            server
+                .wake_from(&requests.control)
+                .map_err(Failure::system)?;
             announce_control(
                 &log,
-                desk,
+                requests,
                 args.control
                     .is_some_and(|listen| !listen.ip().is_loopback()),
             );
         }
-        let trace = args.trace.clone().map(TraceFile::create).transpose()?;
+        let trace = args.trace.clone().map(TraceFile::create).transpose();
+        let trace = trace.map_err(Failure::usage)?;
         let ready = json!({
             "code": "ready",
             "pid": std::process::id(),
@@ -140,7 +144,7 @@ impl Session {
         let ready_file = args
             .ready_file
             .as_ref()
-            .map(|path| ReadyFile::write(path, &format!("{ready}\n")))
+            .map(|path| ReadyFile::write(path, format!("{ready}\n")))
             .transpose()
             .map_err(Failure::usage)?;
         log.text(match log.options.format {
@@ -152,7 +156,7 @@ impl Session {
             log,
             counters: Vec::new(),
             ready_file,
-            desk,
+            requests,
             trace,
         })
     }
@@ -161,12 +165,13 @@ impl Session {
     fn serve(&mut self) -> Result<Ended, Failure> {
         let outcome = self.server.serve(&mut Looking {
             log: Some(&self.log),
-            desk: self.desk.as_mut(),
+            requests: self.requests.as_mut(),
+            published: None,
             trace: &mut self.trace,
         });
-        // Nobody is left to be answered.
-        self.desk = None;
-        // Whoever looks from here on finds nobody serving, however long the printing takes.
+        // No request is left to be answered.
+        self.requests = None;
+        // From here on there is no ready file, however long the printing takes.
         self.ready_file = None;
         self.counters = self.server.close_ports();
         outcome.map_err(|error| {
@@ -175,8 +180,8 @@ impl Session {
         })
     }
 
-    /// Tells whether there were ports and no client has opened any; they are closed by now.
-    fn nobody_came(&self) -> bool {
+    /// Returns whether there were ports and no client has opened any; they are closed by now.
+    fn no_client_came(&self) -> bool {
         let mut counters = self.counters.iter();
         !self.counters.is_empty() && counters.all(|(_, port)| port.attached == 0)
     }
@@ -190,7 +195,7 @@ impl Session {
         let run = self.server.run_mut();
         run.end();
         trace.take(run);
-        trace.finish()
+        trace.finish().map(|_| ())
     }
 
     fn print_summary(&mut self, verdict: Option<String>) {
@@ -208,18 +213,18 @@ impl Session {
 }
 
 /// Says where the simulator is controlled, and warns if others can reach that.
-fn announce_control(log: &Log, desk: &Desk, is_public: bool) {
+fn announce_control(log: &Log, requests: &RequestQueue, is_public: bool) {
     log.text(match log.options.format {
         LogFormat::Text => {
-            let mut text = format!("  control on {}", desk.control.url());
+            let mut text = format!("  control on {}", requests.control.url());
             if is_public {
-                text += "\n  warning: other machines can reach this address, and whoever has the token \
+                text += "\n  warning: other machines can reach this address, and a client that has the token \
                          controls the simulator; nothing is encrypted";
             }
             text
         }
         LogFormat::Json => {
-            visible::json(&json!({"code": "control", "url": desk.control.url(), "public": is_public}))
+            visible::json(&json!({"code": "control", "url": requests.control.url(), "public": is_public}))
         }
     });
 }
@@ -253,12 +258,11 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
                 let start = planned.start_word().map(|word| format!(", start {word}"));
                 for port in ports.iter().filter(|port| port.link.id.device == device) {
                     text += &format!(
-                        "\n  {} ({} link) on {} at {} baud 8N{}{}",
+                        "\n  {} ({} link) on {} at {} baud 8N1{}",
                         port.link.device,
                         port.link.name,
                         visible::name(&port.path),
                         port.link.baud,
-                        port.link.stop_bits,
                         start.as_deref().unwrap_or_default(),
                     );
                 }
@@ -302,9 +306,4 @@ fn announce(log: &Log, args: &ServeArgs, loaded: &Loaded, ports: &[ShownPort], s
 fn starts(plan: &RigPlan) -> serde_json::Value {
     let start = |planned: &DevicePlan| Some((planned.name.clone(), json!(planned.start_word()?)));
     serde_json::Value::Object(plan.devices.iter().filter_map(start).collect())
-}
-
-/// A seed short enough to type again.
-pub(crate) fn random_seed() -> u64 {
-    RandomState::new().build_hasher().finish() % 1_000_000_000
 }

@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
+use rigsim_core::event::Hex;
+use rigsim_core::report::{Report, Tally};
+use rigsim_core::rig::PortId;
+use rigsim_pty::Counters;
+use rigsim_runner::Run;
 use serde_json::{Value, json};
-use sim_core::event::Hex;
-use sim_core::report::{Report, Tally};
-use sim_core::rig::PortId;
-use sim_pty::Counters;
-use sim_runner::Run;
 
 /// For people; the counters are those of all ports.
 pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
@@ -30,8 +30,8 @@ pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
         );
         let other: Vec<String> = events
             .iter()
-            .filter(|(_, tally)| tally.count > tally.held_against_client)
-            .map(|(code, tally)| format!("{code} {}", tally.count - tally.held_against_client))
+            .filter(|(_, tally)| tally.count > tally.client_errors)
+            .map(|(code, tally)| format!("{code} {}", tally.count - tally.client_errors))
             .collect();
         if !other.is_empty() {
             let _ = write!(text, "\n    events: {}", other.join(", "));
@@ -50,8 +50,8 @@ pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
                 );
             }
         }
-        let mut blamed = report.held_against_client().peekable();
-        if blamed.peek().is_none() {
+        let mut errors = report.client_errors().peekable();
+        if errors.peek().is_none() {
             let _ = write!(
                 text,
                 "\n    the client did nothing that the protocol forbids"
@@ -62,9 +62,9 @@ pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
                 "\n    what the client did that is forbidden or risky:"
             );
         }
-        for (code, tally) in blamed {
-            let told = counted(code, tally.held_against_client, tally);
-            let _ = write!(text, "\n      {told}");
+        for (code, tally) in errors {
+            let line = counted(code, tally.client_errors, tally);
+            let _ = write!(text, "\n      {line}");
             if tally.count > 1 && tally.lost_bytes > 0 {
                 let _ = write!(text, "; {} bytes in all", tally.lost_bytes);
             }
@@ -73,7 +73,7 @@ pub(crate) fn text(run: &Run, counters: &[(PortId, Counters)]) -> String {
     if run.excused() > 0 {
         let _ = write!(
             text,
-            "\n  {} events are held against nobody: the machine was busy, and delivered at once \
+            "\n  {} events are attributed to no party: the machine was busy, and delivered at once \
              what clients may have sent in time",
             run.excused()
         );
@@ -149,7 +149,7 @@ pub(crate) fn events_json(report: &Report) -> Vec<Value> {
                 "first_s": tally.first_at.as_secs_f64(),
                 "first": tally.first,
                 "bytes": tally.bytes.as_ref().map(|bytes| Hex(bytes).to_string()),
-                "client_faults": tally.held_against_client,
+                "client_faults": tally.client_errors,
                 "lost_bytes": tally.lost_bytes,
             })
         })

@@ -4,17 +4,16 @@
 //! Its standard input is a pipe that the simulator holds open; a byte in it asks for the client's
 //! end, and the end of it does so, too, for then the simulator was killed. So do the signals that
 //! ask a program to end, as from `killall sim`. Standard error is where the client writes both of
-//! its streams. Standard output carries one line that says how the client ended, when nobody is
+//! its streams. Standard output carries one line that says how the client ended, when no process is
 //! left.
 //!
 //! It is a child subreaper: a process whose parent has ended becomes its child, also one that has
-//! gone into a session of its own. So when it has no child left, nobody is left.
+//! gone into a session of its own. So when it has no child left, no process is left.
 
 use std::ffi::OsString;
 use std::fs;
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::process::CommandExt as _;
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -31,7 +30,7 @@ use crate::exit::{Exit, Failure};
 
 /// Time that those who were asked to end may take before they are killed.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);
-/// Interval at which whoever has become a child meanwhile is killed.
+/// Interval at which a process that has become a child meanwhile is killed.
 const ROUND: Duration = Duration::from_millis(10);
 /// Rounds after which orphans are given up that even SIGKILL does not end.
 const MOST_ROUNDS: u32 = 200;
@@ -47,31 +46,25 @@ pub(crate) enum ClientEnd {
     NotStarted(String),
 }
 
-enum News {
-    /// The simulator asks for the end.
+enum Change {
+    /// The simulator asks for the end, or has been killed.
     Stop,
-    /// The simulator has been killed.
-    Abandoned,
     /// A child has ended.
     Reaped(Pid, WaitStatus),
     /// No child is left.
     Alone,
 }
 
-/// The subcommand. `folder` is the simulator's, who removes it unless it has been killed.
-pub(crate) fn supervise(command: &[OsString], folder: Option<&Path>) -> Result<Exit, Failure> {
-    let (end, abandoned) = run(command).map_err(Failure::system)?;
-    if let Some(folder) = folder.filter(|_| abandoned) {
-        // Nothing is left to do if it cannot be removed.
-        let _ = fs::remove_dir_all(folder);
-    }
+/// The subcommand.
+pub(crate) fn supervise(command: &[OsString]) -> Result<Exit, Failure> {
+    let end = run(command).map_err(Failure::system)?;
     // A simulator that has been killed reads no more.
     let _ = writeln!(io::stdout(), "{}", json!(end));
     Ok(Exit::Clean)
 }
 
-/// Runs the client: its end, and whether the simulator was killed before.
-fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
+/// Runs the client to its end.
+fn run(command: &[OsString]) -> anyhow::Result<ClientEnd> {
     let (program, args) = command.split_first().context("no client is named")?;
     adopt_orphans()?;
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("cannot catch signals")?;
@@ -84,75 +77,67 @@ fn run(command: &[OsString]) -> anyhow::Result<(ClientEnd, bool)> {
         .spawn();
     let client = match spawned {
         Ok(client) => client,
-        Err(error) => return Ok((ClientEnd::NotStarted(error.to_string()), false)),
+        Err(error) => return Ok(ClientEnd::NotStarted(error.to_string())),
     };
     let client = Pid::from_child(&client);
-    let (sender, news) = crossbeam_channel::unbounded();
+    let (sender, changes) = crossbeam_channel::unbounded();
     let stop = sender.clone();
     std::thread::spawn(move || {
-        // Nobody listens any more once the client has ended.
+        // There is no receiver once the client has ended.
         while matches!(io::stdin().read(&mut [0]), Ok(count) if count > 0) {
-            let _ = stop.send(News::Stop);
+            let _ = stop.send(Change::Stop);
         }
-        let _ = stop.send(News::Abandoned);
+        let _ = stop.send(Change::Stop);
     });
     let asked = sender.clone();
     std::thread::spawn(move || {
         for _ in signals.forever() {
-            let _ = asked.send(News::Stop);
+            let _ = asked.send(Change::Stop);
         }
     });
     std::thread::spawn(move || reap(&sender));
-    attend(client, &news)
+    attend(client, &changes)
 }
 
 /// Reaps every child, for ever or until none is left.
-fn reap(sender: &Sender<News>) {
+fn reap(sender: &Sender<Change>) {
     loop {
-        let news = match rustix::process::wait(WaitOptions::empty()) {
-            Ok(Some((pid, status))) => News::Reaped(pid, status),
+        let changes = match rustix::process::wait(WaitOptions::empty()) {
+            Ok(Some((pid, status))) => Change::Reaped(pid, status),
             Ok(None) | Err(Errno::INTR) => continue,
-            Err(_) => News::Alone,
+            Err(_) => Change::Alone,
         };
-        let alone = matches!(news, News::Alone);
-        if sender.send(news).is_err() || alone {
+        let alone = matches!(changes, Change::Alone);
+        if sender.send(changes).is_err() || alone {
             return;
         }
     }
 }
 
-/// Waits until nobody is left, and sees to it once the client has ended or is to end.
-fn attend(client: Pid, news: &Receiver<News>) -> anyhow::Result<(ClientEnd, bool)> {
+/// Waits until no process is left, and sees to it once the client has ended or is to end.
+fn attend(client: Pid, changes: &Receiver<Change>) -> anyhow::Result<ClientEnd> {
     let mut end = None;
-    let mut abandoned = false;
     // When to stop asking and to kill.
     let mut patience: Option<Instant> = None;
     loop {
         let heard = match patience {
-            None => news.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            None => changes.recv().map_err(|_| RecvTimeoutError::Disconnected),
             Some(until) => {
                 let left = until.saturating_duration_since(Instant::now());
-                news.recv_timeout(left.max(ROUND))
+                changes.recv_timeout(left.max(ROUND))
             }
         };
         match heard {
-            Ok(News::Reaped(pid, status)) if pid == client => {
+            Ok(Change::Reaped(pid, status)) if pid == client => {
                 end = end_of(status);
                 ask(client, &mut patience);
             }
-            Ok(News::Reaped(..)) => {}
-            Ok(News::Stop) => ask(client, &mut patience),
-            Ok(News::Abandoned) => {
-                abandoned = true;
-                ask(client, &mut patience);
-            }
-            Ok(News::Alone) => {
-                let end = end.ok_or_else(|| anyhow!("the client vanished"))?;
-                return Ok((end, abandoned));
-            }
+            Ok(Change::Reaped(..)) => {}
+            Ok(Change::Stop) => ask(client, &mut patience),
+            Ok(Change::Alone) => return end.ok_or_else(|| anyhow!("the client vanished")),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(anyhow!("nobody reaps the client any more"));
+                return Err(anyhow!("no thread reaps the client any more"));
             }
         }
         if patience.is_some_and(|until| until <= Instant::now()) {

@@ -4,12 +4,12 @@ mod compare;
 mod print;
 mod values;
 
-use sim_core::SimTime;
-use sim_runner::Run;
+use rigsim_core::SimTime;
+use rigsim_runner::Run;
 
 use anyhow::anyhow;
 
-use sim_core::device::Devices;
+use rigsim_core::device::Devices;
 
 use crate::args::TraceArgs;
 use crate::exit::{Exit, Failure};
@@ -30,10 +30,10 @@ pub(crate) fn trace(devices: Devices, args: &TraceArgs) -> Result<Exit, Failure>
         (values.finish(), played)
     };
     crate::print::written(written)?;
-    told(played)
+    exit(played)
 }
 
-fn told(played: Played) -> Result<Exit, Failure> {
+fn exit(played: Played) -> Result<Exit, Failure> {
     played.map_or_else(not_the_same, |()| Ok(Exit::Clean))
 }
 

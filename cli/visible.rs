@@ -111,7 +111,7 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
-/// Tells whether a terminal may obey it, XML forbids it, or it hides or turns around what is beside
+/// Returns whether a terminal may obey it, XML forbids it, or it hides or turns around what is beside
 /// it.
 fn is_unsafe(c: char) -> bool {
     c.is_control()

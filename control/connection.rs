@@ -307,13 +307,14 @@ fn route(head: &Head, body: &[u8]) -> Result<Asked, Refusal> {
         (["v1", "names"], "GET") => Ok((wanted_names(head)?, 200)),
         (["v1", "state"], "GET") => plain(head, Ask::State),
         (["v1", "time"], "POST") => plain(head, Ask::Time(read_json(body)?)),
+        (["v1", "published"], "POST") => plain(head, Ask::Publish(read_json(body)?)),
         (["v1", "steps"] | ["v1", "steps", _], _) => Err(wrong_method(STEP_METHODS)),
         (["v1", "names" | "state" | "schema" | "events"], _) => Err(wrong_method("GET")),
-        (["v1", "time"], _) => Err(wrong_method("POST")),
+        (["v1", "time" | "published"], _) => Err(wrong_method("POST")),
         _ => Err(Refusal::new(
             404,
-            "nothing is here; there are /v1/steps, /v1/names, /v1/state, /v1/events, /v1/time and \
-             /v1/schema",
+            "nothing is here; there are /v1/steps, /v1/names, /v1/state, /v1/events, /v1/time, \
+             /v1/published and /v1/schema",
         )),
     }
 }
@@ -357,7 +358,7 @@ fn wanted_names(head: &Head) -> Result<Ask, Refusal> {
 }
 
 fn read_json(body: &[u8]) -> Result<Value, Refusal> {
-    serde_json::from_slice(body)
+    crate::json::read(body)
         .map_err(|error| Refusal::new(400, format!("the body is no JSON: {error}")))
 }
 

@@ -67,7 +67,7 @@ impl Guard {
         Err(Refusal::new(401, why))
     }
 
-    /// Tells whether a `Host` means this address. Names other than `localhost` do not, since they
+    /// Returns whether a `Host` means this address. Names other than `localhost` do not, since they
     /// may come to lead here without anybody's consent.
     fn is_own(&self, host: &str) -> bool {
         let (name, port) = match host.rsplit_once(':') {

@@ -22,9 +22,9 @@ pub mod client;
 mod connection;
 mod guard;
 pub mod http;
+pub mod json;
 mod listener;
 mod page;
-pub mod session;
 mod watch;
 
 use std::io::{self, Read as _, Write as _};
@@ -70,6 +70,8 @@ pub enum Ask {
     State,
     /// Let time pass otherwise.
     Time(Value),
+    /// Take these numbers for what the client believes.
+    Publish(Value),
     /// Tell this one what happens.
     Listen(Listener),
 }
@@ -250,7 +252,7 @@ pub struct Settling {
 }
 
 impl Settling {
-    /// Tells whether all of them have been answered; whoever waits for the simulation to go on
+    /// Returns whether all of them have been answered; whoever waits for the simulation to go on
     /// ([`Answer::later`]) counts as that.
     #[must_use]
     pub fn is_over(&mut self) -> bool {

@@ -14,7 +14,7 @@ use crate::watch::Watch;
 /// Most messages that wait for a reader.
 const MOST_MESSAGES: usize = 256;
 /// Most names of one stream.
-const MOST_NAMES: usize = 64;
+const MOST_NAMES: usize = 256;
 /// Most messages a second of one kind that come at a rate.
 const MOST_RATE: f64 = 60.0;
 
@@ -205,7 +205,7 @@ mod tests {
         ] {
             assert_eq!(read(wrong).unwrap_err().status, 400, "{wrong}");
         }
-        let many = format!("names={}", vec!["a"; 65].join(","));
+        let many = format!("names={}", vec!["a"; MOST_NAMES + 1].join(","));
         assert!(read(&many).is_err());
     }
 

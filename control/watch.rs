@@ -105,7 +105,7 @@ impl Watch {
         self.written.fetch_add(count, Ordering::SeqCst);
     }
 
-    /// Tells whether it has waited for its client, or for the simulation to go on, at any time since
+    /// Returns whether it has waited for its client, or for the simulation to go on, at any time since
     /// somebody began to wait for that, which was so long ago.
     pub(crate) fn has_been_quiet(&self, waited: Duration) -> bool {
         self.quiet.was_there() || self.is_quiet(waited)
@@ -184,7 +184,7 @@ impl Watches {
         }
     }
 
-    /// Tells whether none is left.
+    /// Returns whether none is left.
     pub(crate) fn are_gone(&self) -> bool {
         self.lock().is_empty()
     }
@@ -206,7 +206,7 @@ impl Watches {
     }
 }
 
-/// Tells whether there is nothing to be read or accepted.
+/// Returns whether there is nothing to be read or accepted.
 pub(crate) fn is_quiet(socket: &impl AsFd) -> bool {
     matches!(wait_readable(socket, Some(Duration::ZERO)), Ok(false))
 }

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sim_core::device::{Devices, check_rows};
-use sim_core::line::Wire;
-use sim_core::settings::SimSettings;
-use sim_runner::scenario::ScenarioFiles;
-use sim_runner::{RigPlan, Run, RunOptions, Scenario};
-use sim_settings::Source;
+use rigsim_core::device::Devices;
+use rigsim_core::line::Wire;
+use rigsim_core::settings::SimSettings;
+use rigsim_runner::scenario::ScenarioFiles;
+use rigsim_runner::{RigPlan, Run, RunOptions, Scenario};
+use rigsim_settings::Source;
 use toml::{Table, Value};
 
 use crate::error::Error;
@@ -21,14 +21,14 @@ const SEED: u64 = 1;
 /// A device to be simulated.
 ///
 /// ```
-/// # use sim_embed::{NewDevice, Simulation};
+/// # use rigsim_embed::{NewDevice, Simulation};
 /// let car = NewDevice::new("mecanum")
 ///     .named("car")
 ///     .with("ros", true)
 ///     .at(1.0, 0.0, 90.0)
 ///     .set("link_timeout", "500 ms");
 /// let sim = Simulation::builder().device(car).build()?;
-/// # Ok::<(), sim_embed::Error>(())
+/// # Ok::<(), rigsim_embed::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct NewDevice {
@@ -47,13 +47,13 @@ impl NewDevice {
         }
     }
 
-    /// Gives it a name; its kind is its name otherwise.
+    /// Returns it a name; its kind is its name otherwise.
     #[must_use]
     pub fn named(self, name: &str) -> Self {
         self.with("name", name)
     }
 
-    /// Has it stand there at the start: m, m, degrees counter-clockwise from x.
+    /// Places it there at the start: m, m, degrees counter-clockwise from x.
     #[must_use]
     pub fn at(self, x: f64, y: f64, heading: f64) -> Self {
         let text = |number: f64, unit| Value::from(format!("{number} {unit}"));
@@ -134,7 +134,7 @@ pub struct Builder {
 impl Default for Builder {
     fn default() -> Self {
         Self {
-            table: sim_core::SHIPPED,
+            table: rigsim_core::SHIPPED,
             from: Origin::Devices(Vec::new()),
             job: None,
             parameters: Vec::new(),
@@ -144,6 +144,22 @@ impl Default for Builder {
             wire: Wire::Paced,
             speed: 1.0,
         }
+    }
+}
+
+impl Simulation {
+    /// One device of this kind with everything as it is by default.
+    ///
+    /// # Errors
+    /// When there is no such kind of device.
+    pub fn of(kind: &str) -> Result<Self, Error> {
+        Self::builder().device(kind).build()
+    }
+
+    /// Devices, settings, worlds and scenarios of your choice.
+    #[must_use]
+    pub fn builder() -> Builder {
+        Builder::default()
     }
 }
 
@@ -186,7 +202,7 @@ impl Builder {
         self
     }
 
-    /// Gives a parameter of the scenario file a value, as `pwm` `300`.
+    /// Returns a parameter of the scenario file a value, as `pwm` `300`.
     #[must_use]
     pub fn parameter(mut self, name: &str, value: impl ToString) -> Self {
         self.parameters.push((name.to_owned(), value.to_string()));
@@ -215,7 +231,7 @@ impl Builder {
         self
     }
 
-    /// Has bytes take no time on the line. They take ten bits at the baud rate each unless told.
+    /// Sends bytes in no time. By default each takes ten bits at the baud rate.
     #[must_use]
     pub fn instant_wire(mut self) -> Self {
         self.wire = Wire::Instant;
@@ -255,7 +271,6 @@ impl Builder {
     }
 
     fn run(&self) -> Result<Run, Error> {
-        check_rows(self.table)?;
         let (scenario, named) = self.scenario()?;
         let world = self.world.clone().or(named);
         let world = world.map(|path| Ok::<_, Error>((path.display().to_string(), read(&path)?)));
@@ -293,7 +308,8 @@ impl Builder {
                     |path: &Path| Ok::<_, Error>((path.display().to_string(), read(path)?));
                 let files = ScenarioFiles::read(path, self.job.as_deref(), &mut named)?;
                 let scenario = files.compose(&self.parameters, &[], &base)?;
-                return Ok((scenario, files.world));
+                let world = files.world_of(&scenario);
+                return Ok((scenario, world));
             }
         };
         let world = rig.world.as_ref().map(|path| self.folder().join(path));
@@ -303,8 +319,8 @@ impl Builder {
     fn base(&self) -> Result<SimSettings, Error> {
         let mut settings = SimSettings::new(self.table);
         let text = self.settings.to_string();
-        sim_settings::load_toml(&text, "settings", &mut settings)
-            .map_err(sim_runner::rig_file::RigFileError::from)?;
+        rigsim_settings::load_toml(&text, "settings", &mut settings)
+            .map_err(rigsim_runner::FileErrors::from)?;
         Ok(settings)
     }
 }

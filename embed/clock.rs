@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use sim_core::SimTime;
+use rigsim_core::SimTime;
 
 /// Runs `speed` times as fast as real time, but for the times when it was set back, and while it is
 /// not stopped.
@@ -14,6 +14,8 @@ pub struct Clock {
     speed: f64,
     /// Real time since `start` that did not count.
     lost: Duration,
+    /// Simulated time that did not pass since it was stopped or set, and was not asked for yet.
+    stood: Duration,
     /// It shows no later time than this, at which it stops.
     stop_at: Option<SimTime>,
     stopped: bool,
@@ -27,6 +29,7 @@ impl Clock {
             start: Instant::now(),
             speed,
             lost: Duration::ZERO,
+            stood: Duration::ZERO,
             stop_at: None,
             stopped: false,
         }
@@ -35,6 +38,7 @@ impl Clock {
     /// Simulated time begins only now.
     pub(crate) fn restart(&mut self) {
         self.set(SimTime::ZERO);
+        self.stood = Duration::ZERO;
     }
 
     /// Stops it at `now`, where the simulation is.
@@ -44,9 +48,9 @@ impl Clock {
         self.stopped = true;
     }
 
-    /// Has it run on from `now`, where the simulation is: without end, or for `span` of simulated
+    /// Starts it again at `now`, where the simulation is: without end, or for `span` of simulated
     /// time.
-    pub fn go_on(&mut self, now: SimTime, span: Option<Duration>) {
+    pub fn resume(&mut self, now: SimTime, span: Option<Duration>) {
         self.set(now);
         self.stop_at = span.map(|span| now + span);
         self.stopped = false;
@@ -64,7 +68,7 @@ impl Clock {
         self.speed
     }
 
-    /// Tells whether it stands still until it is told to go on.
+    /// Returns whether it stands still until it is started again.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.stopped
@@ -81,8 +85,7 @@ impl Clock {
         if self.stopped {
             return self.base;
         }
-        let real = self.start.elapsed().saturating_sub(self.lost);
-        let now = self.base + real.mul_f64(self.speed);
+        let now = self.unstopped();
         self.stop_at.map_or(now, |at| at.min(now))
     }
 
@@ -97,9 +100,20 @@ impl Clock {
         self.now().since(past).div_f64(self.speed)
     }
 
-    /// Goes on from `to`, as if the real time since then had not passed.
-    pub(crate) fn set_back(&mut self, to: SimTime) {
-        self.lost += self.since(to);
+    /// Goes on from `to`, as if the real time since then had not passed. Returns the simulated time
+    /// that would have passed.
+    pub(crate) fn set_back(&mut self, to: SimTime) -> Duration {
+        let lost = self.since(to);
+        self.lost += lost;
+        self.simulated(lost)
+    }
+
+    /// Returns the simulated time that did not pass while it was stopped, since the last call.
+    pub(crate) fn take_stood(&mut self) -> Duration {
+        if self.stopped {
+            self.set(self.base);
+        }
+        std::mem::take(&mut self.stood)
     }
 
     /// Simulated time in so much real time.
@@ -107,7 +121,14 @@ impl Clock {
         real.mul_f64(self.speed)
     }
 
+    /// The time that it would show if it were not stopped.
+    fn unstopped(&self) -> SimTime {
+        let real = self.start.elapsed().saturating_sub(self.lost);
+        self.base + real.mul_f64(self.speed)
+    }
+
     fn set(&mut self, now: SimTime) {
+        self.stood = self.stood.saturating_add(self.unstopped().since(now));
         self.base = now;
         self.start = Instant::now();
         self.lost = Duration::ZERO;
@@ -126,7 +147,7 @@ mod tests {
         let at = SimTime::ZERO + SECOND;
         clock.stop(at);
         assert_eq!((clock.now(), clock.until(at + SECOND)), (at, None));
-        clock.go_on(at, None);
+        clock.resume(at, None);
         assert!(!clock.is_stopped());
         assert!(clock.now() >= at && clock.until(at + SECOND) <= Some(SECOND));
     }
@@ -135,7 +156,7 @@ mod tests {
     fn it_stops_exactly_where_it_is_to() {
         let mut clock = Clock::start(1e9);
         let (at, end) = (SimTime::ZERO, SimTime::ZERO + SECOND);
-        clock.go_on(at, Some(SECOND));
+        clock.resume(at, Some(SECOND));
         while clock.now() < end {}
         assert_eq!(clock.now(), end);
         clock.arrive(at);

@@ -3,13 +3,12 @@
 use std::io;
 use std::path::PathBuf;
 
-use sim_core::SimTime;
-use sim_core::device::RowError;
-use sim_pty::PortError;
-use sim_runner::RunError;
-use sim_runner::condition::ExpressionError;
-use sim_runner::rig_file::RigFileError;
-use sim_runner::run::StepError;
+use rigsim_core::SimTime;
+use rigsim_pty::PortError;
+use rigsim_runner::FileErrors;
+use rigsim_runner::RunError;
+use rigsim_runner::condition::ExpressionError;
+use rigsim_runner::run::StepError;
 
 use crate::serve::ServeError;
 
@@ -19,13 +18,10 @@ use crate::serve::ServeError;
 pub enum Error {
     /// Devices, settings, a scenario or a step make no sense; each line says where and why.
     #[error(transparent)]
-    Text(#[from] RigFileError),
+    Text(#[from] FileErrors),
     /// An expression makes no sense, or has no value.
     #[error(transparent)]
     Expression(#[from] ExpressionError),
-    /// The table of devices is wrong.
-    #[error(transparent)]
-    Row(#[from] RowError),
     /// A file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     File {

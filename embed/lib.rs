@@ -9,7 +9,7 @@
 //! ```
 //! use std::io::Write;
 //! use std::time::Duration;
-//! use sim_embed::Simulation;
+//! use rigsim_embed::Simulation;
 //!
 //! let sim = Simulation::of("r150")?;
 //! let r150 = sim.device("r150")?;
@@ -20,8 +20,8 @@
 //! assert!(r150.number("truth.speed_mps")? > 0.1);
 //! // The motor watchdog stops it half a second after the last command.
 //! sim.wait_until("truth.at_rest", Duration::from_secs(10))?;
-//! // Which is held against the client.
-//! assert!(r150.report().held_against_client().any(|(code, _)| code == "watchdog_fired"));
+//! // Which is attributed to the client.
+//! assert!(r150.report().client_errors().any(|(code, _)| code == "watchdog_fired"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -42,6 +42,7 @@ mod builder;
 pub mod clock;
 mod error;
 mod port;
+mod port_state;
 pub mod ports;
 pub mod serve;
 pub mod served;
@@ -49,12 +50,12 @@ mod simulation;
 mod slowness;
 mod spawn;
 
-pub use sim_core;
+pub use rigsim_core;
 
 pub use builder::{Builder, NewDevice};
 pub use error::Error;
 pub use port::ClientPort;
-pub use sim_runner::condition::ExpressionError;
+pub use rigsim_runner::condition::ExpressionError;
 pub use simulation::{Device, Simulation, Step};
 pub use spawn::Spawned;
 

@@ -1,83 +1,22 @@
 //! The client's end of a port in simulated time.
 
-use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::Duration;
 
+use rigsim_core::line::{ClientLine, MOST_IN_FLIGHT};
+use rigsim_core::rig::PortId;
+use rigsim_runner::{Run, RunError};
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBits};
-use sim_core::line::{ClientLine, MOST_IN_FLIGHT};
-use sim_core::rig::PortId;
-use sim_runner::{Run, RunError};
 
 use crate::error::Error;
-use crate::simulation::{Simulation, State};
+use crate::port_state::PortState;
+use crate::simulation::{Device, Simulation, State};
 
-/// Most bytes kept for a client that does not read, as much as the kernel keeps for a
-/// pseudo-terminal; further ones are lost, and it is told of in an `overrun`.
-const MOST_UNREAD: usize = 20_480;
-/// Longest wait of a read unless told.
+/// Longest wait of a read by default.
 const TIMEOUT: Duration = Duration::from_secs(1);
 /// Time that a look takes that finds nothing and must not wait, so that time passes for a client
 /// that polls.
 const LOOK: Duration = Duration::from_micros(100);
-
-/// State that all handles of a port share.
-pub(crate) struct PortState {
-    id: PortId,
-    /// As the device's end is set.
-    device_line: ClientLine,
-    line: ClientLine,
-    flow_control: FlowControl,
-    /// Handles that are open, and how often the port has been opened: those of an earlier time stay
-    /// dead.
-    handles: usize,
-    opened: u64,
-    /// The cable has been pulled since it was opened.
-    hung_up: bool,
-    unread: VecDeque<u8>,
-}
-
-impl PortState {
-    pub(crate) fn new(id: PortId, run: &Run) -> Self {
-        let link = run.scenario().rig.links().find(|link| link.id == id);
-        let line = link.map_or(ClientLine::at(115_200), |link| ClientLine {
-            stop_bits: u8::try_from(link.stop_bits).unwrap_or(1),
-            ..ClientLine::at(link.baud)
-        });
-        Self {
-            id,
-            device_line: line,
-            line,
-            flow_control: FlowControl::None,
-            handles: 0,
-            opened: 0,
-            hung_up: false,
-            unread: VecDeque::new(),
-        }
-    }
-
-    /// Takes what has arrived, and notices that the cable is out.
-    pub(crate) fn follow(&mut self, run: &mut Run) -> Result<(), RunError> {
-        let mut bytes = Vec::new();
-        run.read(self.id, &mut bytes);
-        if self.handles == 0 || self.hung_up {
-            return Ok(());
-        }
-        let kept = bytes
-            .len()
-            .min(MOST_UNREAD.saturating_sub(self.unread.len()));
-        self.unread.extend(&bytes[..kept]);
-        if let Ok(lost @ 1..) = u64::try_from(bytes.len() - kept) {
-            run.client_lost(self.id, lost);
-            run.advance(run.rig().now())?;
-        }
-        if run.rig().cable_pulled(self.id) {
-            self.hung_up = true;
-            run.detach(self.id, run.rig().now())?;
-        }
-        Ok(())
-    }
-}
 
 /// The client's end of a port of a [`Simulation`], for code that takes a `Box<dyn SerialPort>`.
 /// Clones are the same port; it is closed when the last is dropped.
@@ -86,7 +25,7 @@ impl PortState {
 /// arrived or its timeout is over; it gives what has arrived by then, often a single byte, as a
 /// real port may. A write puts bytes on the line, where they take their time, and waits only when
 /// 4096 are on their way; a flush waits until all have arrived. A read or write when the cable is
-/// out fails with [`ErrorKind::BrokenPipe`], and the port has to be opened anew.
+/// out fails with [`ErrorKind::BrokenPipe`], and the port has to be opened again.
 ///
 /// Speed and stop bits are those of the client's end: with others than the device's, bytes are
 /// garbled as on a line. Other than 8 data bits without parity is refused. Modem lines are those of
@@ -104,8 +43,27 @@ pub struct ClientPort {
     timeout: Duration,
 }
 
+impl Device {
+    /// Opens its port, as a client does: set to the device's speed, with a timeout of a second.
+    ///
+    /// # Errors
+    /// When it is open already, or its cable is out.
+    pub fn open(&self) -> Result<ClientPort, Error> {
+        self.open_link(0)
+    }
+
+    /// The same of its link with this index: 1 is a mecanum car's ROS link.
+    ///
+    /// # Errors
+    /// When it has no such link, or as [`Device::open`].
+    pub fn open_link(&self, link: usize) -> Result<ClientPort, Error> {
+        let device = self.index;
+        ClientPort::open(&self.simulation, PortId { device, link }, &self.name)
+    }
+}
+
 impl ClientPort {
-    pub(crate) fn open(simulation: &Simulation, id: PortId, name: &str) -> Result<Self, Error> {
+    fn open(simulation: &Simulation, id: PortId, name: &str) -> Result<Self, Error> {
         let mut state = simulation.state();
         let State { run, ports } = &mut *state;
         let index = ports.iter().position(|port| port.id == id);
@@ -156,7 +114,7 @@ impl ClientPort {
         act(run, port).map_err(io::Error::other)
     }
 
-    /// Lets time pass until `look` gives something, and no longer than `most`.
+    /// Advances time until `look` returns something, by `most` at most.
     fn wait<T>(
         &self,
         most: Duration,
@@ -240,7 +198,7 @@ impl Drop for ClientPort {
         }
         port.handles -= 1;
         if port.handles == 0 && !port.hung_up {
-            // A simulation that cannot go on says so to whoever goes on with it.
+            // A simulation that cannot go on says so at the next call that advances it.
             let _ = run.detach(port.id, run.rig().now());
         }
     }

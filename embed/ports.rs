@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use rigsim_pty::{ListenAddress, Port, PtySetup};
+use rigsim_runner::{PlannedLink, RigPlan, Scenario};
 use serde_json::{Value, json};
-use sim_pty::{ListenAddress, Port, PtySetup};
-use sim_runner::{PlannedLink, RigPlan, Scenario};
 
 use crate::served::Served;
-use sim_pty::PortError;
+use rigsim_pty::PortError;
 
 /// Place of ports that have been given no path.
 #[non_exhaustive]
@@ -38,7 +38,7 @@ pub fn open_all(
     setup: PtySetup,
 ) -> Result<Vec<Served>, PortError> {
     let links = scenario.rig.links().count() as u64;
-    sim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links);
+    rigsim_pty::want_descriptors(OTHER_DESCRIPTORS + DESCRIPTORS_OF_A_PORT * links);
     let open = |link: PlannedLink| {
         let id = link.id;
         let setup = PtySetup {
@@ -47,8 +47,7 @@ pub fn open_all(
         };
         match (serial, &link.path, elsewhere) {
             (Some(serial), ..) if id.device == 0 && id.link == 0 => {
-                Port::open_serial(serial, link.baud, link.stop_bits)
-                    .map(|port| Served::new(id, port))
+                Port::open_serial(serial, link.baud, 1).map(|port| Served::new(id, port))
             }
             (_, Some(path), _) if ListenAddress::is_url(path) => Served::at(id, path, setup),
             (_, Some(path), _) => Served::at(id, &folder.join(path), setup),
@@ -61,7 +60,7 @@ pub fn open_all(
     scenario.client_links().map(open).collect()
 }
 
-/// A port as the user is told of it.
+/// A port as it is shown to the user.
 pub struct ShownPort {
     /// The link that is served there.
     pub link: PlannedLink,
@@ -93,7 +92,7 @@ impl ShownPort {
             "link": self.link.name,
             "path": self.path.to_string_lossy(),
             "baud": self.link.baud,
-            "stop_bits": self.link.stop_bits,
+            "stop_bits": 1,
         })
     }
 }

@@ -5,46 +5,41 @@
 //!
 //! The system may not run the simulator for a while, although something was due. If it then went
 //! on to the clock's present, deadlines such as a watchdog's would pass before the bytes that a
-//! client had sent in time, and the client would be blamed. No time stamp could mend that: what
+//! client had sent in time, and the client would seem to be late. No time stamp could mend that: what
 //! was sent in half a second of regular commands arrives as one burst, and then half a second is
 //! missing. So simulated time stands still from the last time the simulator ran; the clients'
 //! bytes come next, and are dated then. A client sees what it would see of a device that was slow
-//! to answer, every notice of it is a `simulator_late`, and what a client does in rhythm but
-//! arrives in a burst is not held against it.
+//! to answer, every notice of it is a `simulator_stalled`, and what a client does in rhythm but
+//! arrives in a burst is no error of it.
 //!
-//! When the simulator was late by less, what it reads is dated when it reads it, and what comes on
-//! time after it seems to come too soon. Commands are allowed to, by as much as the simulator was
-//! late.
+//! When the simulator was late by less, what it reads is dated when it reads it, although it may
+//! have been sent as much earlier.
 //!
-//! In the same way simulated time stands still when there is more to compute than there is time.
+//! In the same way simulated time stands still when there is more to compute than there is time,
+//! and in a pause. Devices are informed of all this ([`Run::late`]), and judge how fast a client
+//! sends by the client's own clock.
 
 use std::time::{Duration, Instant};
 
-use sim_core::SimTime;
-use sim_core::line::{ClientLine, UART_FIFO};
-use sim_core::rig::PortId;
-use sim_pty::{Counters, Event, PortError, Waiter, Wake};
-use sim_runner::{Run, RunError};
+use rigsim_core::SimTime;
+use rigsim_core::line::UART_FIFO;
+use rigsim_core::rig::PortId;
+use rigsim_pty::{Counters, Event, PortError, Waiter, Wake};
+use rigsim_runner::{Run, RunError};
 
 use crate::clock::Clock;
 use crate::served::Served;
-pub use crate::slowness::HeldUp;
+pub use crate::slowness::Stalls;
 use crate::slowness::{RunQueue, Slowness};
 
 /// Shortest sleep. A byte takes 87 µs at 115200 baud; waking for each one would cost more than it
 /// is worth, since a client cannot tell.
 const SHORTEST_SLEEP: Duration = Duration::from_micros(100);
-/// Time to look for the next request of a client that asks as soon as it is answered. A client
-/// in Python comes back after some 50 µs, and on a virtual machine waking a processor up can take
-/// 30 µs at either end (`cargo bench --bench served -- latency` compares). Looks that are too short
-/// are worse than none. Longer ones delay a client by as much when the system has it run on this
-/// processor, which it now and then does where there are few.
-const BUSY_POLL: Duration = Duration::from_micros(100);
 /// Lateness of the simulator from which on simulated time stands still. Schedulers of
 /// desktops are late by a few milliseconds now and then, and deadlines of half a second do not
 /// mind.
 const MOST_LATE: Duration = Duration::from_millis(20);
-/// Longest sleep after the machine has held the simulator up; from then on twice as long each time
+/// Longest sleep after the machine has stalled the simulator; from then on twice as long each time
 /// that it is woken when it asked to be. Simulated time stands still from the beginning of a sleep
 /// that did not end on time, so who is stopped again and again would sleep through the same span
 /// for ever.
@@ -89,14 +84,14 @@ pub trait Attendant {
         woken: bool,
     ) -> Result<Option<Duration>, RunError>;
 
-    /// Tells whether somebody waits for something that comes only with time, which begins then even
+    /// Returns whether a request waits for something that comes only with time, which begins then even
     /// if no client has opened a port.
     fn wants_time(&self) -> bool {
         false
     }
 }
 
-/// Nobody: what there is to be told is let go.
+/// No attendant: events are dropped.
 impl Attendant for () {
     fn attend(
         &mut self,
@@ -145,7 +140,7 @@ pub struct Server {
     /// Time to stop at in any case.
     until: Option<Instant>,
     slowness: Slowness,
-    held_up: HeldUp,
+    stalled: Stalls,
     outgoing: Vec<u8>,
 }
 
@@ -158,13 +153,11 @@ impl Server {
         run: Run,
         mut ports: Vec<Served>,
         mut waiter: Waiter,
-        (begin, speed): (Begin, f64),
+        begin: Begin,
+        speed: f64,
     ) -> Result<Self, ServeError> {
         // Without it Linux may wake us 50 µs late; with it refused, it does.
-        let _ = sim_pty::sharpen_timers();
-        if std::thread::available_parallelism().is_ok_and(|processors| processors.get() > 1) {
-            waiter.set_busy_poll(BUSY_POLL);
-        }
+        let _ = rigsim_pty::sharpen_timers();
         for (token, served) in ports.iter_mut().enumerate() {
             if let Some(port) = &mut served.port {
                 waiter.add(token, port)?;
@@ -178,7 +171,7 @@ impl Server {
             waiting: begin == Begin::WithClient,
             until: None,
             slowness: Slowness::default(),
-            held_up: HeldUp::default(),
+            stalled: Stalls::default(),
             outgoing: Vec::new(),
         })
     }
@@ -194,8 +187,8 @@ impl Server {
     }
 
     /// For how long simulated time stood still so far.
-    pub fn held_up(&self) -> HeldUp {
-        self.held_up
+    pub fn stalled(&self) -> Stalls {
+        self.stalled
     }
 
     /// Ends the loop when `source` can be read or has come to its end.
@@ -258,7 +251,7 @@ impl Server {
             longest_sleep = LONG_SLEEP.min(2 * longest_sleep);
             if asleep_at.elapsed().saturating_sub(sleep) > MOST_LATE {
                 longest_sleep = FIRST_SLEEP;
-                self.was_held_up(late);
+                self.was_stalled(late);
             } else if late > MOST_LATE {
                 // Not in its sleep but at its work, which may have been too much.
                 self.fell_behind(late);
@@ -313,13 +306,13 @@ impl Server {
         }
     }
 
-    /// Tells whether simulated time has begun.
+    /// Returns whether simulated time has begun.
     pub fn has_begun(&self) -> bool {
         !self.waiting
     }
 
     /// Takes what clients that have left had still sent, as far as the lines have room for it; says
-    /// whether all of them are found to have left. Nobody reads any replies.
+    /// whether all of them are found to have left. No client reads any replies.
     ///
     /// # Errors
     /// When a port or the simulation fails.
@@ -353,19 +346,26 @@ impl Server {
         Ok(())
     }
 
-    fn was_held_up(&mut self, by: Duration) {
+    fn was_stalled(&mut self, by: Duration) {
         if self.waiting {
             return;
         }
-        self.clock.set_back(self.now());
-        self.held_up.note(by);
-        self.run.held_up(by, self.clock.simulated(by));
+        let stood = self.clock.set_back(self.now());
+        self.stalled.note(by);
+        self.run.stalled(by, stood);
     }
 
-    /// Too little to hold time up for.
+    /// Too little to stop simulated time for.
     fn was_late(&mut self, by: Duration) {
         if !self.waiting {
-            self.run.late(self.clock.simulated(by));
+            self.run.late(self.clock.simulated(by), Duration::ZERO);
+        }
+    }
+
+    /// Simulated time stood still while the clients went on.
+    fn stood_still(&mut self, stood: Duration) {
+        if !self.waiting && !stood.is_zero() {
+            self.run.late(stood, stood);
         }
     }
 
@@ -374,6 +374,10 @@ impl Server {
     fn advance(&mut self) -> Result<(), ServeError> {
         if self.waiting {
             return Ok(());
+        }
+        if !self.clock.is_stopped() {
+            let stood = self.clock.take_stood();
+            self.stood_still(stood);
         }
         let to = self.clock.now();
         self.set_lines(to)?;
@@ -398,21 +402,21 @@ impl Server {
             self.run.too_slow();
         }
         if by > MOST_LATE && !self.slowness.is_slow() {
-            self.was_held_up(by);
+            self.was_stalled(by);
         } else {
-            self.clock.set_back(self.now());
-            self.held_up.note(by);
-            self.was_late(by);
+            let stood = self.clock.set_back(self.now());
+            self.stalled.note(by);
+            self.stood_still(stood);
         }
     }
 
-    /// Advances to the time of what has just been read: now, unless the simulator was held up so that it
+    /// Advances to the time of what has just been read: now, unless the simulator was stalled so that it
     /// may have come long before. A machine that is too slow has no time to advance for each read.
     fn catch_up(&mut self) -> Result<(), ServeError> {
         let behind = self.clock.since(self.now());
         if !self.waiting && !self.slowness.is_slow() {
             if behind > MOST_LATE {
-                self.was_held_up(behind);
+                self.was_stalled(behind);
             } else {
                 if behind > LITTLE_LATE {
                     self.was_late(behind);
@@ -472,6 +476,8 @@ impl Server {
                 }
                 Event::Data(count) => {
                     room -= count;
+                    let stood = self.clock.take_stood();
+                    self.stood_still(stood);
                     self.run.send(id, now, &buffer[..count])?;
                     // Before another look at the port, for which a client need not wait.
                     self.deliver(token)?;
@@ -497,7 +503,7 @@ impl Server {
         }
         let lost = port.counters().dropped_full_bytes;
         let _ = port.write(&self.outgoing)?;
-        // Who has left is not to blame for not reading.
+        // A client that has left cannot read.
         let lost = port.counters().dropped_full_bytes - lost;
         if lost > 0 {
             self.run.client_lost(id, lost);
@@ -521,8 +527,8 @@ impl Server {
         served.paused && self.run.rig().room(served.id) >= RESUME_ROOM
     }
 
-    /// Tells the simulation how clients have set their ends, of which something passes by `to`.
-    /// Nobody is told when they change them.
+    /// Passes on how clients have set their ends of lines on which bytes move until `to`.
+    /// The system reports no change of them.
     fn set_lines(&mut self, to: SimTime) -> Result<(), ServeError> {
         for token in 0..self.ports.len() {
             let served = &self.ports[token];
@@ -533,19 +539,12 @@ impl Server {
         Ok(())
     }
 
-    /// Tells the simulation how the client of a port has set its end.
+    /// Passes on how the client of a port has set its end.
     fn set_line(&mut self, token: usize) -> Result<(), ServeError> {
         let served = &self.ports[token];
         if let Some(port) = &served.port
             && let Some(line) = port.client_line()?
         {
-            let line = ClientLine {
-                baud: line.baud,
-                stop_bits: line.stop_bits,
-                raw: line.raw,
-                parity: line.parity,
-                rts_cts: line.rts_cts,
-            };
             self.run.set_line(served.id, line);
         }
         Ok(())

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use sim_core::rig::PortId;
-use sim_pty::{Counters, Port, PortError, PtySetup, Waiter};
+use rigsim_core::rig::PortId;
+use rigsim_pty::{Counters, Port, PortError, PtySetup, Waiter};
 
 /// A port and whose it is.
 pub struct Served {
@@ -66,7 +66,7 @@ impl Served {
         Ok(())
     }
 
-    /// Tells whether a client has it open.
+    /// Returns whether a client has it open.
     pub fn is_attached(&self) -> bool {
         self.port.as_ref().is_some_and(Port::is_attached)
     }

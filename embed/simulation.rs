@@ -3,28 +3,27 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::event::Event;
-use sim_core::report::Report;
-use sim_core::rig::{PortId, Rig};
-use sim_runner::condition::{ExpressionError, Reading};
-use sim_runner::{Outcome, Run, RunError};
+use rigsim_core::SimTime;
+use rigsim_core::event::Event;
+use rigsim_core::report::Report;
+use rigsim_core::rig::Rig;
+use rigsim_runner::condition::{ExpressionError, Reading};
+use rigsim_runner::{Outcome, Run, RunError};
 
-use crate::builder::Builder;
 use crate::error::Error;
-use crate::port::{ClientPort, PortState};
+use crate::port_state::PortState;
 
 /// Longest span that a condition is not looked at.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// Devices in their world, in simulated time: it passes when you say so, or when a
-/// [`ClientPort`] waits. Clones are the same simulation.
+/// [`ClientPort`](crate::ClientPort) waits. Clones are the same simulation.
 ///
 /// ```
 /// use std::io::{Read, Write};
 /// use std::time::Duration;
 ///
-/// let sim = sim_embed::Simulation::of("r150")?;
+/// let sim = rigsim_embed::Simulation::of("r150")?;
 /// let mut port = sim.device("r150")?.open()?;
 /// port.write_all(&[0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84])?;
 /// let mut reply = [0; 7];
@@ -43,20 +42,6 @@ pub(crate) struct State {
 }
 
 impl Simulation {
-    /// One device of this kind with everything as it is by default.
-    ///
-    /// # Errors
-    /// When there is no such kind of device.
-    pub fn of(kind: &str) -> Result<Self, Error> {
-        Self::builder().device(kind).build()
-    }
-
-    /// Devices, settings, worlds and scenarios of your choice.
-    #[must_use]
-    pub fn builder() -> Builder {
-        Builder::default()
-    }
-
     pub(crate) fn new(run: Run) -> Self {
         let ports = run.ports().iter().map(|id| PortState::new(*id, &run));
         let ports = ports.collect();
@@ -73,7 +58,7 @@ impl Simulation {
         self.state().run.rig().now()
     }
 
-    /// Lets time pass.
+    /// Advances time.
     ///
     /// # Errors
     /// When the simulation cannot go on.
@@ -83,7 +68,7 @@ impl Simulation {
         Ok(state.advance(to)?)
     }
 
-    /// Lets time pass until a condition over the names of `sim names` holds, as
+    /// Advances time until a condition over the names of `sim names` holds, as
     /// `truth.at_rest && count.bad_crc == 0`; looked at every 5 ms and at every event.
     ///
     /// # Errors
@@ -122,7 +107,7 @@ impl Simulation {
         }
     }
 
-    /// Tells whether a condition over the names of `sim names` holds now.
+    /// Returns whether a condition over the names of `sim names` holds now.
     ///
     /// # Errors
     /// When it makes no sense, or is a number.
@@ -139,11 +124,11 @@ impl Simulation {
         Ok(self.state().run.value(expression)?)
     }
 
-    /// Has something happen, written as a `[[step]]` of scenario files: at once, or when its `at`
+    /// Adds a step, written as a `[[step]]` of scenario files: at once, or when its `at`
     /// (counted from now), `when` or `after` says.
     ///
     /// ```
-    /// # let sim = sim_embed::Simulation::of("r150")?;
+    /// # let sim = rigsim_embed::Simulation::of("r150")?;
     /// sim.step(r#"world = { add = { circle = [{ at_m = [2, 0], radius = "0.2 m" }] } }"#)?;
     /// sim.step(
     ///     r#"
@@ -151,7 +136,7 @@ impl Simulation {
     ///     operator = { emergency_stop = true }
     ///     "#,
     /// )?;
-    /// # Ok::<(), sim_embed::Error>(())
+    /// # Ok::<(), rigsim_embed::Error>(())
     /// ```
     ///
     /// # Errors
@@ -226,9 +211,9 @@ impl State {
 /// A device of a [`Simulation`].
 #[derive(Clone)]
 pub struct Device {
-    simulation: Simulation,
-    index: usize,
-    name: String,
+    pub(crate) simulation: Simulation,
+    pub(crate) index: usize,
+    pub(crate) name: String,
 }
 
 impl Device {
@@ -236,23 +221,6 @@ impl Device {
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// Opens its port, as a client does: set to the device's speed, with a timeout of a second.
-    ///
-    /// # Errors
-    /// When it is open already, or its cable is out.
-    pub fn open(&self) -> Result<ClientPort, Error> {
-        self.open_link(0)
-    }
-
-    /// The same of its link with this index: 1 is a mecanum car's ROS link.
-    ///
-    /// # Errors
-    /// When it has no such link, or as [`Device::open`].
-    pub fn open_link(&self, link: usize) -> Result<ClientPort, Error> {
-        let device = self.index;
-        ClientPort::open(&self.simulation, PortId { device, link }, &self.name)
     }
 
     /// The value of a name of `sim names`, as `truth.speed_mps`.
@@ -263,7 +231,7 @@ impl Device {
         self.simulation.number(&self.qualified(name))
     }
 
-    /// Tells whether a name of `sim names` is true, as `truth.at_rest`.
+    /// Returns whether a name of `sim names` is true, as `truth.at_rest`.
     ///
     /// # Errors
     /// When there is no such name, or it is a number.
@@ -274,17 +242,17 @@ impl Device {
     /// Looks at the device itself, firmware and hardware, as one of its type.
     ///
     /// ```
-    /// use sim_embed::sim_core::r150::R150;
+    /// use rigsim_embed::rigsim_core::r150::R150;
     ///
-    /// # let sim = sim_embed::Simulation::of("r150")?;
+    /// # let sim = rigsim_embed::Simulation::of("r150")?;
     /// let truth = sim.device("r150")?.look(|r150: &R150| r150.truth())?;
     /// assert_eq!((truth.pose.x, truth.pose.heading), (0.0, 0.0));
-    /// # Ok::<(), sim_embed::Error>(())
+    /// # Ok::<(), rigsim_embed::Error>(())
     /// ```
     ///
     /// # Errors
     /// When it is of another type.
-    pub fn look<D: sim_core::device::Device, T>(
+    pub fn look<D: rigsim_core::device::Device, T>(
         &self,
         look: impl FnOnce(&D) -> T,
     ) -> Result<T, Error> {
@@ -305,14 +273,14 @@ impl Device {
     /// handle mends it, or as long as its `for` says.
     ///
     /// ```
-    /// # let sim = sim_embed::Simulation::of("r150")?;
+    /// # let sim = rigsim_embed::Simulation::of("r150")?;
     /// let noise = sim
     ///     .device("r150")?
     ///     .fault(r#"kind = "bit-flips", probability = 0.01, direction = "to-client""#)?;
     /// # sim.advance(std::time::Duration::from_secs(1))?;
     /// noise.clear()?;
-    /// assert_eq!(noise.hits(), 0); // Nobody asked anything.
-    /// # Ok::<(), sim_embed::Error>(())
+    /// assert_eq!(noise.hits(), 0); // No client asked anything.
+    /// # Ok::<(), rigsim_embed::Error>(())
     /// ```
     ///
     /// # Errors
@@ -321,11 +289,11 @@ impl Device {
         self.step(&format!("fault = {{ {fault} }}"))
     }
 
-    /// Has somebody do something to it, as `"lock"` or `{ emergency_stop = true }` in scenario
+    /// Does something to it as an operator, as `"lock"` or `{ emergency_stop = true }` in scenario
     /// files.
     ///
     /// # Errors
-    /// When nobody can do that to this device.
+    /// When this device has no such action.
     pub fn operator(&self, action: &str) -> Result<Step, Error> {
         if action.trim_start().starts_with('{') {
             self.step(&format!("operator = {action}"))
@@ -357,7 +325,7 @@ impl std::fmt::Display for Toml<'_> {
     }
 }
 
-/// Something that was to happen: a fault, or what somebody does.
+/// A step: a fault, or an action.
 #[derive(Clone)]
 pub struct Step {
     simulation: Simulation,

@@ -1,4 +1,4 @@
-//! Hold-ups of the machine.
+//! Stalls of the machine.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -12,7 +12,7 @@ const COUNTED: Duration = Duration::from_secs(1);
 /// Real time for which simulated time stood still since the machine did not let the simulator run,
 /// or was too slow for it. A client's own clock went on meanwhile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct HeldUp {
+pub struct Stalls {
     /// Number of times.
     pub times: u64,
     /// For how long in all.
@@ -21,7 +21,7 @@ pub struct HeldUp {
     pub longest: Duration,
 }
 
-impl HeldUp {
+impl Stalls {
     pub(crate) fn note(&mut self, by: Duration) {
         self.times += 1;
         self.total = self.total.saturating_add(by);
@@ -49,13 +49,13 @@ impl Slowness {
         count >= TOO_MANY_BUDGETS && self.slow_at.replace(now).is_none()
     }
 
-    /// Tells whether it is too slow now.
+    /// Returns whether it is too slow now.
     pub(crate) fn is_slow(&self) -> bool {
         self.slow_at.is_some_and(|at| at.elapsed() <= 2 * COUNTED)
     }
 }
 
-/// Time for which a thread was to run and others did, as Linux counts it. Whoever is woken by a client
+/// Time for which a thread was to run and others did, as Linux counts it. A thread that is woken by a client
 /// cannot tell by the clock how long ago that was to be.
 pub(crate) struct RunQueue(Option<File>);
 

@@ -4,9 +4,9 @@ use std::io::PipeWriter;
 use std::path::{Path, PathBuf};
 use std::thread::{Builder as ThreadBuilder, JoinHandle};
 
-use sim_core::rig::PortId;
-use sim_pty::{PtySetup, Waiter};
-use sim_runner::{Outcome, Run};
+use rigsim_core::rig::PortId;
+use rigsim_pty::{PtySetup, Waiter};
+use rigsim_runner::{Outcome, Run};
 
 use crate::error::Error;
 use crate::ports::{Elsewhere, open_all};
@@ -16,7 +16,7 @@ use crate::serve::{Begin, Server};
 /// ports are gone and the thread has ended.
 ///
 /// ```no_run
-/// let served = sim_embed::Simulation::builder().device("r150").spawn()?;
+/// let served = rigsim_embed::Simulation::builder().device("r150").spawn()?;
 /// let mut port = serialport::new(served.path().to_string_lossy(), 115_200).open()?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -51,7 +51,7 @@ impl Spawned {
         };
         let (stopped, stop) = std::io::pipe().map_err(Error::Thread)?;
         let serve = move || {
-            let mut server = Server::new(run, ports, waiter, (begin, speed))?;
+            let mut server = Server::new(run, ports, waiter, begin, speed)?;
             server.watch(&stopped)?;
             server.serve(&mut ())?;
             server.close_ports();
@@ -112,7 +112,7 @@ impl Spawned {
 
 impl Drop for Spawned {
     fn drop(&mut self) {
-        // Whoever wants to know how it ended has asked `stop`.
+        // A caller that wants to know how it ended has called `stop`.
         let _ = self.join();
     }
 }

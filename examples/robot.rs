@@ -13,20 +13,26 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
+use rigsim_core::SimTime;
+use rigsim_core::device::host::{Message, Reply, ReplyReader};
+use rigsim_core::device::names::COMMON;
+use rigsim_core::device::{
+    Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Framing, HostSpec,
+    LinkSpec, OnHardware, Setup, Sum, Tally, TextLines, Work, effects,
+};
+use rigsim_core::event::{Code, EventKind, PlainEvent, Role, code};
+use rigsim_core::mecanum::MECANUM_SPEC;
+use rigsim_core::message::{FieldInfo, MessageInfo, Sender};
+use rigsim_core::r150::R150_SPEC;
+use rigsim_physics::{Plant, World};
+use rigsim_settings::Voltage;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use sim_core::SimTime;
-use sim_core::device::host::{Field, Message, Reply, ReplyReader};
-use sim_core::device::names::MOTION;
-use sim_core::device::{
-    Breakable, Device, DeviceSettings, DeviceSpec, Devices, Framing, HostSpec, LineSettings,
-    LinkSpec, NameInfo, Setup, TextLines,
-};
-use sim_core::event::{Code, EventKind, Role, Told, code};
-use sim_core::mecanum::MECANUM_SPEC;
-use sim_core::r150::R150_SPEC;
-use sim_physics::differential::{Differential, DifferentialShape};
-use sim_physics::{Plant, World};
+
+#[path = "robot/differential.rs"]
+mod differential;
+
+use differential::{Differential, DifferentialShape};
 
 const MOST_LINE: usize = 64;
 
@@ -34,7 +40,7 @@ const MOST_LINE: usize = 64;
 pub const DEVICES: Devices = &[&ROBOT, &R150_SPEC, &MECANUM_SPEC];
 
 fn main() -> ExitCode {
-    sim_cli::main(DEVICES)
+    rigsim_cli::main(DEVICES)
 }
 
 static ROBOT: DeviceSpec = DeviceSpec {
@@ -44,24 +50,22 @@ static ROBOT: DeviceSpec = DeviceSpec {
     links: &[LinkSpec::always("main", "main")],
     starts: &[],
     settings: || Box::new(RobotSettings::default()),
+    compare_first: &["baud", "battery"],
     build: |setup, world| Box::new(Robot::new(setup, world)),
     codes: CODES,
-    names: &[MOTION, NAMES],
-    observer: || Box::new(()),
+    messages: &[&REPLIES],
+    names: &[COMMON],
     host: HostSpec {
-        read: |value, _| Ok(Command::deserialize(value)?.message()),
-        schema: Command::json_schema,
-        fields: |_, _| vec!["ok", "left", "right", "volts"],
+        read: |value, _| Ok(rigsim_settings::read::<Command>(value)?.message()),
+        schema: |generator| vec![Command::json_schema(generator)],
         reader: |_, _| Box::new(Replies(Vec::new())),
         chatters: false,
     },
-    operator: None,
-    surroundings: None,
-    faults: &[],
-    check_fault: |_| Ok(()),
+    effects: &[effects::<RobotFault>()],
+    check_scope: |_| Ok(()),
 };
 
-sim_settings::settings! {
+rigsim_settings::settings! {
     /// The robot.
     pub struct RobotSettings {
         /// Speed of its serial port.
@@ -75,30 +79,92 @@ sim_settings::settings! {
 }
 
 impl DeviceSettings for RobotSettings {
-    fn line(&self, _link: usize) -> LineSettings {
-        LineSettings::at(self.baud)
+    fn baud(&self, _link: usize) -> u32 {
+        self.baud
     }
 }
 
-sim_core::codes! {
+rigsim_core::codes! {
     /// A line that is no command.
     BAD_LINE = "bad_line", ClientUnlessDisturbed;
     /// The wheels were stopped since nothing came.
     WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbedOrLate;
 }
 
-static NAMES: &[NameInfo] = &[
-    NameInfo::flag("client.attached", "a client has the port open", |v| {
-        v.observed.attached > 0
-    }),
-    NameInfo::count("count.requests", "request", "valid lines"),
-    NameInfo::count("count.bad_line", "bad_line", "lines that are no command"),
-    NameInfo::count(
-        "count.watchdog_fired",
-        "watchdog_fired",
-        "times that the watchdog fired",
+rigsim_core::faults! {
+    /// What can break in a robot only.
+    pub enum RobotFault {
+        /// A cell of the battery is dead; it is well again at the end.
+        DeadCell = "dead-cell", Electrical,
+        sees "A lower voltage in `B`.",
+        counts "The battery was asked for.",
+        {
+            /// Voltage that is missing.
+            by: Voltage,
+        }
+    }
+}
+
+impl Effect for RobotFault {
+    fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
+        if let Some(robot) = at.device.get::<Robot>() {
+            at.tally.count_from(robot.asked);
+        }
+        Ok(Work::Hardware(Box::new(self.clone())))
+    }
+}
+
+impl OnHardware for RobotFault {
+    fn add(&self, sum: &mut Sum) {
+        let Self::DeadCell { by } = self;
+        if let Some(missing) = sum.own_mut::<Missing>() {
+            missing.0 += by.0;
+        }
+    }
+
+    fn watch(&mut self, device: &dyn Device, tally: &mut Tally) {
+        if let Some(robot) = device.get::<Robot>() {
+            tally.count_to(robot.asked, || "the battery was asked for".to_owned());
+        }
+    }
+}
+
+/// What dead cells together take from the battery, V.
+#[derive(Debug, Default)]
+struct Missing(f64);
+
+/// Replies, each behind its letter.
+static REPLIES: [MessageInfo; 3] = [
+    reply(
+        b'S',
+        "speeds",
+        const {
+            &[FieldInfo {
+                name: "ok",
+                ..FieldInfo::new::<bool>()
+            }]
+        },
+    ),
+    reply(
+        b'O',
+        "odometry",
+        const {
+            &[
+                FieldInfo::decimal("", "left", "Way of the left wheel.", "mm"),
+                FieldInfo::decimal("", "right", "Way of the right wheel.", "mm"),
+            ]
+        },
+    ),
+    reply(
+        b'B',
+        "battery",
+        const { &[FieldInfo::decimal("", "volts", "Voltage.", "mV")] },
     ),
 ];
+
+const fn reply(letter: u8, name: &'static str, fields: &'static [FieldInfo]) -> MessageInfo {
+    MessageInfo::new(Sender::Device, 0, fields).named(letter, name, "")
+}
 
 /// Commands of a scripted client.
 #[derive(Deserialize, JsonSchema)]
@@ -136,15 +202,14 @@ impl ReplyReader for Replies {
             self.0.truncate(MOST_LINE);
             return Vec::new();
         }
-        let line = String::from_utf8_lossy(&self.0).into_owned();
-        self.0.clear();
-        let number = |word: &str| word.parse().map_or(Field::Flag(false), Field::Number);
-        let (command, fields) = match line.split(' ').collect::<Vec<_>>()[..] {
-            ["O", left, right] => (b'O', vec![("left", number(left)), ("right", number(right))]),
-            ["B", volts] => (b'B', vec![("volts", number(volts))]),
-            _ => (b'S', vec![("ok", Field::Flag(line == "OK"))]),
+        let line = std::mem::take(&mut self.0);
+        let [done, odometry, battery] = &REPLIES;
+        let (info, fields) = match line.split_first() {
+            Some((b'O', numbers)) => (odometry, odometry.fields(numbers)),
+            Some((b'B', numbers)) => (battery, battery.fields(numbers)),
+            _ => (done, done.fields(&[u8::from(line == b"OK")])),
         };
-        let command = Some(command);
+        let command = Some(info.id);
         vec![Reply { command, fields }]
     }
 }
@@ -157,18 +222,24 @@ struct Robot {
     /// mm/s.
     speeds: [i32; 2],
     stop_due: Option<SimTime>,
+    /// V.
+    missing: f64,
+    /// Number of times that the battery was asked for while cells were dead.
+    asked: u64,
     output: VecDeque<Vec<u8>>,
-    events: VecDeque<(SimTime, Told)>,
+    events: VecDeque<(SimTime, PlainEvent)>,
 }
 
 impl Robot {
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         Self {
-            settings: setup.settings.get().cloned().unwrap_or_default(),
+            settings: setup.own::<RobotSettings>().clone(),
             body: Differential::new(setup.name, DifferentialShape::default(), world, setup.pose),
             line: Vec::new(),
             speeds: [0; 2],
             stop_due: None,
+            missing: 0.0,
+            asked: 0,
             output: VecDeque::new(),
             events: VecDeque::new(),
         }
@@ -188,17 +259,19 @@ impl Robot {
                 let [left, right] = self.body.travel().map(|m| (m * 1000.0).round());
                 Some(format!("O {left} {right}"))
             }
-            ["B"] => Some(format!("B {}", (self.settings.battery * 1000.0).round())),
+            ["B"] => {
+                self.asked += u64::from(self.missing > 0.0);
+                let volts = (self.settings.battery - self.missing).max(0.0);
+                Some(format!("B {}", (volts * 1000.0).round()))
+            }
             _ => None,
         }
     }
 
     fn tell(&mut self, at: SimTime, code: Code, role: Role, text: String) {
-        self.events.push_back((at, Told { code, role, text }));
+        self.events.push_back((at, PlainEvent { code, role, text }));
     }
 }
-
-impl Breakable for Robot {}
 
 impl Device for Robot {
     fn receive(&mut self, now: SimTime, _link: usize, bytes: &[u8]) {
@@ -235,7 +308,7 @@ impl Device for Robot {
         self.stop_due
     }
 
-    fn has_news(&self) -> bool {
+    fn has_output(&self) -> bool {
         !self.output.is_empty() || !self.events.is_empty()
     }
 
@@ -259,6 +332,14 @@ impl Device for Robot {
 
     fn plant_mut(&mut self) -> &mut dyn Plant {
         &mut self.body
+    }
+
+    fn no_faults(&self) -> Sum {
+        Sum::new(0.0, Missing::default())
+    }
+
+    fn set_faults(&mut self, _now: SimTime, sum: &Sum) {
+        self.missing = sum.own::<Missing>().map_or(0.0, |missing| missing.0);
     }
 
     fn framing(&self, _link: usize) -> &'static dyn Framing {

@@ -1,4 +1,4 @@
-//! Unmodified programs in a time that somebody else drives.
+//! Unmodified programs in a time that the caller drives.
 //!
 //! [`run`] starts a program and traces it with everything that it starts. Its clocks show simulated
 //! time, its sleeps, timeouts and timers end in simulated time. While it computes, simulated time
@@ -34,7 +34,8 @@ use std::io;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-pub use port::{LineSettings, Port, modem};
+pub use port::{Port, modem};
+pub use rigsim_settings::ClientLine;
 #[cfg(target_arch = "x86_64")]
 pub use traced::run;
 
@@ -54,8 +55,13 @@ pub struct Program<'a> {
 pub struct Options<'a> {
     /// Seed of what is random; `None` leaves it random.
     pub seed: Option<u64>,
+    /// Seed by which the thread that runs next is chosen at each syscall; with `None` it is the one that
+    /// began first, until it waits.
+    pub schedule: Option<u64>,
     /// Its date when it begins, since 1970.
     pub date: Duration,
+    /// Processor time that it and this thread may use. Waits for the world outside count in full.
+    pub allowed: Option<Duration>,
     /// Time at which it is ended in any case, by the real clock.
     pub until: Option<Instant>,
     /// Ends it when it becomes true.
@@ -64,10 +70,10 @@ pub struct Options<'a> {
 
 /// World at the other end of the ports.
 ///
-/// Times are nanoseconds since the program began. What happens to one port is told in the order in
+/// Times are nanoseconds since the program began. What happens to one port is reported in the order in
 /// which it happens. All of it fails when the world has broken down; that ends the run.
 pub trait World {
-    /// A client opened a port that nobody had open.
+    /// A client opened a port that no other had open.
     fn opened(&mut self, port: usize, now: u64) -> Result<(), Broken>;
 
     /// The last client closed a port.
@@ -78,7 +84,7 @@ pub trait World {
     fn sent(
         &mut self,
         port: usize,
-        line: LineSettings,
+        line: ClientLine,
         now: u64,
         bytes: &[u8],
     ) -> Result<usize, Broken>;
@@ -127,8 +133,13 @@ pub enum Reason {
     Itself,
     /// The world came to its end.
     Over,
-    /// The real time allowed was over; what it was doing.
-    OutOfTime(String),
+    /// The processor time allowed was used up, or the real time was over.
+    OutOfTime {
+        /// It was the real time.
+        real: bool,
+        /// What it was doing.
+        doing: String,
+    },
     /// Everything waited for nothing; for what.
     Deadlock(String),
     /// It was asked for.
@@ -146,10 +157,17 @@ pub struct Ending {
     pub outside: BTreeSet<String>,
     /// Calls that were refused, and may explain a failure.
     pub refused: BTreeSet<String>,
+    /// Names of syscalls that were answered with `ENOSYS`, as by a system that lacks them. Programs try
+    /// some of them and do without.
+    pub missing: BTreeSet<String>,
+    /// Names of processes that still ran when the program ended, and were ended with it.
+    pub left: BTreeSet<String>,
     /// Time at which it ended, in nanoseconds since it began.
     pub at: u64,
     /// Calls at which it was stopped.
     pub calls: u64,
+    /// The system refused to fix the addresses of the program's memory by the seed.
+    pub random_addresses: bool,
 }
 
 /// Reason for which a program could not be run.

@@ -1,22 +1,20 @@
 //! A pseudo-terminal in step with its client: whatever has been written to it is there to be read.
 
+use std::cell::OnceCell;
 use std::collections::VecDeque;
-use std::ffi::OsString;
 use std::io;
 use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
-use std::os::unix::ffi::OsStringExt as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rigsim_settings::ClientLine;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::fs::{CWD, Mode, OFlags};
 use rustix::io::Errno;
-use rustix::pty::OpenptFlags;
 use rustix::termios::{
-    ControlModes, LocalModes, OptionalActions, OutputModes, QueueSelector, SpecialCodeIndex,
-    Termios,
+    InputModes, LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
 };
 
 /// Most bytes in the kernel, whose own limit is 4095; more would be moved up when it pleases.
@@ -38,27 +36,11 @@ pub mod modem {
     pub const READ: u32 = 0x020 | 0x040 | 0x100;
 }
 
-/// Settings of a client's end of the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LineSettings {
-    /// Bits a second.
-    pub baud: u32,
-    /// 1 or 2.
-    pub stop_bits: u32,
-    /// Bytes go through unchanged.
-    pub raw: bool,
-    /// It asks for a parity bit; Linux leaves a trace only of odd parity.
-    pub parity: bool,
-    /// It waits for the line CTS before it sends.
-    pub rts_cts: bool,
-}
-
 /// Rule by which a read comes to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ReadRule {
     /// Bytes that it waits for, `VMIN`; `None` if it waits for a line.
     pub(crate) least: Option<usize>,
-    /// `VTIME`.
     pub(crate) patience: Option<Duration>,
 }
 
@@ -80,13 +62,8 @@ struct Pair {
     slave: OwnedFd,
     device: u64,
     watch: OwnedFd,
-}
-
-/// A client opened or closed a port.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Change {
-    Opened,
-    Closed,
+    /// Its settings, once they have been asked for, until the client changes them.
+    settings: OnceCell<(Termios, ClientLine)>,
 }
 
 impl Port {
@@ -114,13 +91,13 @@ impl Port {
         &self.link
     }
 
-    /// Tells whether a client has it open.
+    /// Returns whether a client has it open.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.opened > 0
     }
 
-    /// Tells whether the cable is in.
+    /// Returns whether the cable is in.
     #[must_use]
     pub fn is_plugged(&self) -> bool {
         self.pair.is_some()
@@ -145,11 +122,11 @@ impl Port {
         Ok(())
     }
 
-    /// Pulls the cable: a client that has it open is told that it is gone, and nobody finds it any
-    /// more. Says whether it was open.
+    /// Pulls the cable: a client that has it open finds its end, and no client finds it any more. Says
+    /// whether it was open.
     ///
     /// # Errors
-    /// When the client is not told in a minute.
+    /// When the client's end has not come in a minute.
     pub fn unplug(&mut self) -> io::Result<bool> {
         let Some(pair) = self.remove() else {
             return Ok(false);
@@ -160,10 +137,10 @@ impl Port {
         Ok(std::mem::take(&mut self.opened) > 0)
     }
 
-    /// Takes both ends away, so that nobody finds them any more.
+    /// Takes both ends away, so that no client finds them any more.
     fn remove(&mut self) -> Option<Pair> {
         let pair = self.pair.take()?;
-        // Nobody else has removed it; if so, it is gone as it should be.
+        // If another program has removed it, it is gone as it should be.
         let _ = std::fs::remove_file(&self.link);
         Some(pair)
     }
@@ -188,7 +165,9 @@ impl Port {
         let Some(pair) = &self.pair else {
             return Ok(());
         };
-        while !self.waiting.is_empty() {
+        let may_drop = pair.may_drop_bytes()?;
+        // Such bytes cannot be counted, but a poll of a terminal with nothing to read waits for them.
+        while !(self.waiting.is_empty() || may_drop && pair.is_readable()) {
             let unread = pair.unread()?;
             let room = usize::try_from(MOST_IN_KERNEL.saturating_sub(unread)).unwrap_or(0);
             if room == 0 {
@@ -203,7 +182,9 @@ impl Port {
                 Err(error) => return Err(error.into()),
             };
             self.waiting.drain(..count);
-            pair.wait_until_there(unread + count as u64)?;
+            if !may_drop {
+                pair.wait_until_there(unread + count as u64)?;
+            }
         }
         Ok(())
     }
@@ -212,29 +193,18 @@ impl Port {
     ///
     /// # Errors
     /// When the system cannot tell.
-    pub fn line(&self) -> io::Result<Option<LineSettings>> {
-        let Some(pair) = &self.pair else {
-            return Ok(None);
-        };
-        let termios = rustix::termios::tcgetattr(&pair.slave)?;
-        let two = termios.control_modes.contains(ControlModes::CSTOPB);
-        Ok(Some(LineSettings {
-            // As of any serial port; libraries set the other only now and then.
-            baud: termios.output_speed(),
-            stop_bits: if two { 2 } else { 1 },
-            raw: is_raw(&termios),
-            parity: termios.control_modes.contains(ControlModes::PARODD),
-            rts_cts: termios.control_modes.contains(ControlModes::CRTSCTS),
-        }))
+    pub fn line(&self) -> io::Result<Option<ClientLine>> {
+        let settings = self.pair.as_ref().map(Pair::settings).transpose()?;
+        Ok(settings.map(|(_, line)| *line))
     }
 
-    /// Tells whether it is the character device with this number.
+    /// Returns whether it is the character device with this number.
     pub(crate) fn is_device(&self, device: u64) -> bool {
         self.pair.as_ref().is_some_and(|pair| pair.device == device)
     }
 
-    /// Deeds of a client with it since the last time.
-    pub(crate) fn changes(&mut self) -> Vec<Change> {
+    /// Opens (`true`) and closes by clients since the last time.
+    pub(crate) fn changes(&mut self) -> Vec<bool> {
         let mut changes = Vec::new();
         let Some(pair) = &self.pair else {
             return changes;
@@ -244,9 +214,9 @@ impl Port {
         while let Ok(event) = reader.next() {
             let closed = ReadFlags::CLOSE_WRITE | ReadFlags::CLOSE_NOWRITE;
             if event.events().contains(ReadFlags::OPEN) {
-                changes.push(Change::Opened);
+                changes.push(true);
             } else if event.events().intersects(closed) {
-                changes.push(Change::Closed);
+                changes.push(false);
             }
         }
         changes
@@ -268,11 +238,18 @@ impl Port {
         self.waiting.clear();
     }
 
-    fn termios(&self) -> Option<Termios> {
-        rustix::termios::tcgetattr(&self.pair.as_ref()?.slave).ok()
+    /// The client changes the settings.
+    pub(crate) fn forget_settings(&mut self) {
+        if let Some(pair) = &mut self.pair {
+            pair.settings.take();
+        }
     }
 
-    /// Rule by which a read of the client ends.
+    fn termios(&self) -> Option<&Termios> {
+        let (termios, _) = self.pair.as_ref()?.settings().ok()?;
+        Some(termios)
+    }
+
     pub(crate) fn read_rule(&self) -> ReadRule {
         let Some(termios) = self.termios() else {
             return ReadRule {
@@ -299,7 +276,7 @@ impl Port {
         unread.and_then(|n| usize::try_from(n).ok()).unwrap_or(0)
     }
 
-    /// Tells whether a read of so many bytes ends at once.
+    /// Returns whether a read of so many bytes ends at once.
     pub(crate) fn can_be_read(&self, rule: ReadRule, count: usize) -> bool {
         match rule.least {
             None => self.is_readable(),
@@ -308,17 +285,14 @@ impl Port {
         }
     }
 
-    /// Tells whether a descriptor's path, as the system tells it, leads to it.
+    /// Returns whether a descriptor's path, as the system tells it, leads to it.
     pub(crate) fn leads_to(&self, path: &str) -> bool {
         std::fs::read_link(&self.link).is_ok_and(|node| node.as_os_str() == path)
     }
 
-    /// Tells whether the client would read something, by the terminal's own rules.
+    /// Returns whether the client would read something, by the terminal's own rules.
     pub(crate) fn is_readable(&self) -> bool {
-        self.pair.as_ref().is_none_or(|pair| {
-            let mut poll = [PollFd::new(&pair.slave, PollFlags::IN)];
-            rustix::event::poll(&mut poll, Some(&Timespec::default())).is_ok_and(|n| n > 0)
-        })
+        self.pair.as_ref().is_none_or(Pair::is_readable)
     }
 
     /// Takes what the client could read.
@@ -365,26 +339,12 @@ fn read(from: &OwnedFd, most: usize) -> Vec<u8> {
     bytes
 }
 
-fn is_raw(termios: &Termios) -> bool {
-    let cooking = LocalModes::ICANON | LocalModes::ECHO;
-    !termios.local_modes.intersects(cooking)
-}
-
 impl Pair {
     fn open(baud: u32) -> io::Result<(Self, PathBuf)> {
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-        let master = rustix::pty::openpt(flags)?;
-        rustix::pty::grantpt(&master)?;
-        rustix::pty::unlockpt(&master)?;
-        rustix::io::ioctl_fionbio(&master, true)?;
-        let node = rustix::pty::ptsname(&master, Vec::new())?.into_bytes();
-        let node = PathBuf::from(OsString::from_vec(node));
+        let setup = rigsim_pty::PtySetup::raw(baud);
+        let (master, node, _) = rigsim_pty::open_terminal(&setup).map_err(io::Error::other)?;
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let slave = rustix::fs::openat(CWD, &node, flags, Mode::empty())?;
-        let mut termios = rustix::termios::tcgetattr(&slave)?;
-        termios.make_raw();
-        termios.set_speed(baud)?;
-        rustix::termios::tcsetattr(&slave, OptionalActions::Now, &termios)?;
         let device = rustix::fs::fstat(&slave)?.st_rdev;
         let watch = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC)?;
         let events = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
@@ -394,16 +354,26 @@ impl Pair {
             slave,
             device,
             watch,
+            settings: OnceCell::new(),
         };
         Ok((pair, node))
+    }
+
+    fn settings(&self) -> io::Result<&(Termios, ClientLine)> {
+        if let Some(known) = self.settings.get() {
+            return Ok(known);
+        }
+        let line = rigsim_pty::line_of(&self.slave)?;
+        let termios = rustix::termios::tcgetattr(&self.slave)?;
+        Ok(self.settings.get_or_init(|| (termios, line)))
     }
 
     fn unread(&self) -> io::Result<u64> {
         Ok(rustix::io::ioctl_fionread(&self.slave)?)
     }
 
-    /// Closes the master and waits until the other end is hung up for whoever has it open: until
-    /// then a read there fails, and from then on it finds the end. A process that somebody else in
+    /// Closes the master and waits until the other end is hung up for the clients that have it open: until
+    /// then a read there fails, and from then on it finds the end. A process that another thread of
     /// this program starts has the master open as well, until it has become another program.
     fn hang_up(self) -> io::Result<()> {
         drop(self.master);
@@ -417,30 +387,34 @@ impl Pair {
             std::thread::yield_now();
         }
         Err(io::Error::other(
-            "the client is not told that its cable has been pulled: another process has the other \
+            "the client does not find that its cable has been pulled: another process has the other \
              end of its pseudo-terminal open",
         ))
     }
 
-    /// Bytes pass through the kernel at its leisure. A poll of an empty terminal waits for that;
-    /// one with something in it is looked at again.
+    /// Returns whether the terminal takes bytes for itself: those of a line until it is complete, and
+    /// characters that edit, send signals, or stop and start.
+    fn may_drop_bytes(&self) -> io::Result<bool> {
+        let (termios, _) = self.settings()?;
+        let local = LocalModes::ICANON | LocalModes::ISIG;
+        let input = InputModes::IGNCR | InputModes::IXON;
+        Ok(termios.local_modes.intersects(local) || termios.input_modes.intersects(input))
+    }
+
+    /// Returns whether a read would return something, by the terminal's own rules. If it would not,
+    /// all that has been written to the other end has been dealt with.
+    fn is_readable(&self) -> bool {
+        let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
+        rustix::event::poll(&mut poll, Some(&Timespec::default())).is_ok_and(|n| n > 0)
+    }
+
+    /// Waits for bytes to pass through the kernel, which it does when it pleases.
     fn wait_until_there(&self, unread: u64) -> io::Result<()> {
         let begun = Instant::now();
-        // What a terminal keeps until a line is complete cannot be counted.
-        let lines = rustix::termios::tcgetattr(&self.slave)
-            .is_ok_and(|termios| termios.local_modes.contains(LocalModes::ICANON));
-        let patience = if lines {
-            Duration::from_millis(5)
-        } else {
-            PATIENCE
-        };
         while self.unread()? < unread {
-            let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
-            let _ = rustix::event::poll(&mut poll, Some(&Timespec::default()));
-            if self.unread()? >= unread || (lines && begun.elapsed() > patience) {
-                break;
-            }
-            if begun.elapsed() > patience {
+            // With nothing in it, this waits for them; else it is asked again.
+            let _ = self.is_readable();
+            if self.unread()? < unread && begun.elapsed() > PATIENCE {
                 return Err(io::Error::other(
                     "bytes do not arrive in the pseudo-terminal",
                 ));

@@ -34,7 +34,7 @@ pub struct MotorFaults {
     pub brake_stuck_on: bool,
     /// The brake does not hold.
     pub brake_stuck_open: bool,
-    /// The motor turns the other way than it is told. Its encoder is not reversed.
+    /// The motor turns the other way than commanded. Its encoder is not reversed.
     pub reversed: bool,
     /// The encoder.
     pub encoder: EncoderState,

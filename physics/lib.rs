@@ -6,7 +6,7 @@
 //! sensors would read. The world and its plants advance together:
 //!
 //! ```
-//! use sim_physics::{Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
+//! use rigsim_physics::{Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings};
 //!
 //! let mut world = World::new(&WorldSettings::default());
 //! let mut plant = R150Plant::new(&R150PlantSettings::default(), &mut world, Pose::default());
@@ -20,7 +20,7 @@
 //!     plant.after_step(&mut world);
 //! }
 //! assert!(plant.truth().pose.x > 0.3);
-//! # Ok::<(), sim_physics::PhysicsError>(())
+//! # Ok::<(), rigsim_physics::PhysicsError>(())
 //! ```
 //!
 //! # Conventions
@@ -36,7 +36,6 @@
 
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
-pub mod differential;
 mod drawing;
 pub mod faults;
 pub mod mecanum;
@@ -59,5 +58,6 @@ pub use plant::{Motion, Plant};
 pub use pose::{BodyMotion, Pose};
 pub use r150::{R150Commands, R150Measurements, R150Plant, R150PlantSettings, R150Truth};
 pub use running_gear::Energy;
-pub use vehicle_body::{RestSettings, VehicleBody};
+pub use tolerance::Tolerances;
+pub use vehicle_body::VehicleBody;
 pub use world::{BodyId, BodyShape, Ground, PhysicsError, World, WorldMap, WorldSettings};

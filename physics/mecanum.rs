@@ -34,7 +34,7 @@ pub use faults::{MecanumFaults, Ultrasonic};
 pub use sensing::MecanumTruth;
 pub use settings::{
     BarSettings, BeamSettings, CarBodySettings, CarMotorSettings, EncoderSettings,
-    MecanumPlantSettings, MecanumWheelSettings, ReaderSettings, UltrasonicSettings, ZeroSpeed,
+    MecanumPlantSettings, MecanumWheelSettings, ReaderSettings, UltrasonicSettings,
 };
 pub use signals::{
     ECHOES, MecanumCommands, MecanumMeasurements, PORTS, PlugSwaps, Plugs, Port, PortCommand,
@@ -98,7 +98,7 @@ impl MecanumPlant {
         world: &mut World,
         pose: Pose,
     ) -> Self {
-        let drive = Drive::new(name, settings);
+        let drive = Drive::new(name, world, settings);
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
@@ -108,7 +108,7 @@ impl MecanumPlant {
         let body = world.add_body(name, shape, pose);
         let own = &settings.body;
         let carried = (own.length, own.payload);
-        let body = VehicleBody::new(world, body, carried, &settings.rest, BOUNDS);
+        let body = VehicleBody::new(world, body, carried, BOUNDS);
         let mut sensors = Sensors::new(settings);
         sensors.look(world, body.id(), body.motion());
         let wiring = settings.plugs.wiring(Wiring::default());
@@ -153,7 +153,7 @@ impl MecanumPlant {
         self.wiring
     }
 
-    /// Gives the motors encoders that tell which way they turn, whose counters count down when a
+    /// Returns the motors encoders that tell which way they turn, whose counters count down when a
     /// motor turns back; those of a new car do not. To be called before anything turns.
     pub fn set_directed_encoders(&mut self, directed: bool) {
         self.directed_encoders = directed;

@@ -1,4 +1,4 @@
-//! The hardware of a vehicle, as the world and whoever moves it see it.
+//! The hardware of a vehicle, as the world and the rig see it.
 
 use std::time::Duration;
 
@@ -47,11 +47,11 @@ pub trait Plant {
     /// Takes over what the step did. Call after every [`World::step`].
     fn after_step(&mut self, world: &mut World);
 
-    /// Lets time pass while it [rests](Self::at_rest) and the world is not stepped. Of no concern to
+    /// Advances time while it [rests](Self::at_rest) and the world is not stepped. Of no concern to
     /// hardware without slow states.
     fn rest(&mut self, _span: Duration) {}
 
-    /// Gives its body in the world the mass that it has with its payload.
+    /// Returns its body in the world the mass that it has with its payload.
     fn follow_payload(&mut self, world: &mut World);
 
     /// Lifts it and sets it down elsewhere, standing.
@@ -76,7 +76,7 @@ pub trait Plant {
         }
     }
 
-    /// Tells whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
+    /// Returns whether nothing moves and nothing drives, so that [`rest`](Self::rest) may stand in
     /// for steps of the world.
     fn at_rest(&self) -> bool {
         self.vehicle().is_resting()

@@ -66,13 +66,13 @@ impl BodyMotion {
         [forward, left, self.yaw_rate]
     }
 
-    /// Tells whether nothing at all moves.
+    /// Returns whether nothing at all moves.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.vx == 0.0 && self.vy == 0.0 && self.yaw_rate == 0.0
     }
 
-    /// Tells whether every number is finite.
+    /// Returns whether every number is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         [

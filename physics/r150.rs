@@ -1,7 +1,7 @@
 //! The hardware of the R150: chassis, drive, battery and the electrics of its IO module.
 //!
 //! The firmware sets [`R150Commands`] and reads [`R150Measurements`]; it decides about trips and
-//! timeouts, the plant only ever measures. Currents are solved anew on every change of a command or
+//! timeouts, the plant only ever measures. Currents are solved again on every change of a command or
 //! load, not once a step, so that the firmware's protection timers start at the exact instant.
 
 mod battery;
@@ -22,12 +22,11 @@ pub use faults::R150Faults;
 pub use fuse::FuseId;
 pub use settings::{
     AtZeroPwm, BatterySettings, BodySettings, FuseSettings, MotorSettings, MotorThermalSettings,
-    OutputDuty, PwmSettings, R150PlantSettings, RailSettings, SteadyLevel, ThermalSettings,
-    Unmeasured,
+    R150PlantSettings, RailSettings, ThermalSettings,
 };
 pub use signals::{
-    Load, PwmReading, PwmSource, R150Commands, R150Health, R150Measurements, R150Truth, RAILS,
-    Rail, Side, Sides,
+    Load, Pair, PwmReading, PwmSource, R150Commands, R150Health, R150Measurements, R150Truth,
+    RAILS, Rail, Side, Sides,
 };
 
 use crate::drawing::{Drawing, WheelDrawing};
@@ -90,7 +89,7 @@ impl R150Plant {
         world: &mut World,
         pose: Pose,
     ) -> Self {
-        let drive = Drive::new(name, settings);
+        let drive = Drive::new(name, world, settings);
         let shape = BodyShape {
             length: settings.body.length,
             width: settings.body.width,
@@ -100,7 +99,7 @@ impl R150Plant {
         let body = world.add_body(name, shape, pose);
         let own = &settings.body;
         let carried = (own.length, own.payload);
-        let body = VehicleBody::new(world, body, carried, &settings.rest, BOUNDS);
+        let body = VehicleBody::new(world, body, carried, BOUNDS);
         let mut plant = Self {
             settings: settings.clone(),
             body,
@@ -178,7 +177,7 @@ impl R150Plant {
         driver.port(on, duty, bus, motor)
     }
 
-    /// Lets the drivers' duties follow what the firmware wants up to so many seconds into the step
+    /// Moves the drivers' duties towards what the firmware wants, up to so many seconds into the step
     /// that comes.
     fn follow_duty(&mut self, passed: f64) {
         let seconds = passed - self.passed;
@@ -200,10 +199,12 @@ impl R150Plant {
 
     /// Duty that the firmware wants of the driver of a side.
     fn wanted_duty(&self, side: Side) -> f64 {
-        self.commands.motor_duty[self.port_of(side)]
+        let duty = self.commands.motor_duty[self.port_of(side)];
+        let is_heard = duty.abs() >= self.settings.motor.dead_band / 100.0;
+        if is_heard { duty } else { 0.0 }
     }
 
-    /// Lets the drivers answer to how hot they and their motors are.
+    /// Limits the drivers by how hot they and their motors are.
     fn warm_drivers(&mut self) {
         let stall = self.flow.bus / self.settings.motor.resistance;
         let drivers = self.drive.drivers.iter_mut();
@@ -249,7 +250,7 @@ impl R150Plant {
                 0.0
             },
         };
-        self.flow = network::solve(&demand, &self.settings.rails);
+        self.flow = network::solve(&demand);
     }
 }
 

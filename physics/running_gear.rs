@@ -24,7 +24,7 @@ pub(crate) const PATCHES: usize = 4;
 /// Balance of the energy of a vehicle's motion since the start, J.
 ///
 /// Motors, gravity, pushes and neighbours give it; it ends as heat or is in the motion:
-/// `motors + outside` is `held + tyres` and what body and wheels have by their speeds, as long as nobody
+/// `motors + outside` is `held + tyres` and what body and wheels have by their speeds, as long as nothing
 /// lifts the vehicle or changes its load as it drives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energy {
@@ -132,7 +132,8 @@ pub(crate) struct RunningGear<const WHEELS: usize, C = Straight> {
     pub(crate) mass: f64,
     /// kg·m²
     pub(crate) inertia: f64,
-    pub(crate) energy: Energy,
+    /// The balance of its energy, once a test asks for it.
+    pub(crate) energy: Option<Energy>,
     stance: Stance,
     /// Index of the wheel of each patch.
     wheel_of: [usize; PATCHES],
@@ -156,10 +157,10 @@ impl Span {
 }
 
 impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
-    /// Wheels that stand; half the wheelbase and half the track in m, the inertia of a wheel in
+    /// Wheels that stand, with tyres that damp below a speed in m/s; half the wheelbase and half the track in m, the inertia of a wheel in
     /// kg·m². `contacts` has the wheel of each patch, and how it touches the ground.
     pub(crate) fn new(
-        tyre: &TyreSettings,
+        (tyre, fade_speed): (&TyreSettings, f64),
         [half_wheelbase, half_track]: [f64; 2],
         wheel_inertia: f64,
         contacts: [(usize, C); PATCHES],
@@ -177,7 +178,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             (Patch { x, y, wheel }, contact)
         });
         Self {
-            traction: Traction::new(tyre, patches),
+            traction: Traction::new(tyre, fade_speed, patches),
             wheel_speed: [0.0; WHEELS],
             acceleration: [0.0; WHEELS],
             turned: [0.0; WHEELS],
@@ -185,7 +186,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             tipping: false,
             mass: 0.0,
             inertia: 0.0,
-            energy: Energy::default(),
+            energy: None,
             stance,
             wheel_of: contacts.map(|(wheel, _)| wheel),
             wheel_inertia,
@@ -204,20 +205,22 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         self.stance.centre = payload.place.map(|place| payload.mass * place / self.mass);
     }
 
-    /// Makes each patch so much stiffer across than the law says.
-    pub(crate) fn set_across(&mut self, factors: [f64; PATCHES]) {
-        self.traction.set_across(factors);
+    /// Sets the drag of rollers, as shares of the load.
+    pub(crate) fn set_drag(&mut self, drags: [f64; PATCHES]) {
+        self.traction.set_drag(drags);
     }
 
     /// Forces a wheel to a stand, as one that is blocked.
     pub(crate) fn stop(&mut self, wheel: usize) {
-        self.energy.held += self.wheel_inertia * square(self.wheel_speed[wheel]) / 2.0;
+        if let Some(energy) = &mut self.energy {
+            energy.held += self.wheel_inertia * square(self.wheel_speed[wheel]) / 2.0;
+        }
         self.wheel_speed[wheel] = 0.0;
         self.acceleration[wheel] = 0.0;
         self.turned[wheel] = 0.0;
     }
 
-    /// Tells whether body and wheels are slow enough to stand.
+    /// Returns whether body and wheels are slow enough to stand.
     pub(crate) fn is_slow(&self, body: &VehicleBody) -> bool {
         body.is_slow(self.wheel_speed.map(|speed| speed * self.wheel_radius))
     }
@@ -234,7 +237,10 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let velocity = body.motion().body_velocity();
         let stands = body.settle(world, seconds, could_stand);
         if stands {
-            self.energy.held += self.of_body(velocity);
+            let held = self.of_body(velocity);
+            if let Some(energy) = &mut self.energy {
+                energy.held += held;
+            }
             for wheel in 0..WHEELS {
                 self.stop(wheel);
             }
@@ -265,7 +271,7 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         changes: &Changes,
         mut drives: impl FnMut(Span, &[f64; WHEELS]) -> [WheelDrive; WHEELS],
     ) {
-        let push = body.total_push();
+        let push = body.push();
         let motion = world.motion(body.id());
         let ground = world.ground_at(motion.x, motion.y);
         let weight = self.mass * world.gravity();
@@ -333,16 +339,23 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         let pull = part.look_at(outside.pull);
         let [push_ahead, push_left, push_turn] = outside.push;
         let force = [pull[0] + push_ahead, pull[1] + push_left, push_turn];
-        let on_tyres = self.traction.force();
+        let on_tyres = if self.stance.carried.is_some() {
+            self.traction.force()
+        } else {
+            // It has stood here before the run began.
+            let (loads, _) = self.stance.loads(pull, outside.pressing);
+            self.traction.strain(pull, loads);
+            pull.map(|pull| -pull)
+        };
         let (loads, lifts) = self.stance.carry(pull, on_tyres, outside.pressing, dt);
         self.tipping |= lifts;
         let mut wheels = self.wheels(drives, &loads);
         let before = course.coasting(part);
-        let heft = [self.mass, self.mass, self.inertia];
+        let mass = [self.mass, self.mass, self.inertia];
         let mut chassis = Chassis {
             mass: self.mass,
             inertia: self.inertia,
-            velocity: std::array::from_fn(|axis| before[axis] + dt * force[axis] / heft[axis]),
+            velocity: std::array::from_fn(|axis| before[axis] + dt * force[axis] / mass[axis]),
         };
         let rolling = self.wheel_speed;
         self.traction.solve(
@@ -358,21 +371,25 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
             let after = self.wheel_speed[wheel];
             self.turned[wheel] += dt * (before + after) / 2.0;
             self.acceleration[wheel] = (after - before) / dt;
+            let drive = &drives[wheel];
+            self.motor_impulse[wheel] += drive.impulse - drive.opposed * after;
         }
-
-        let mean: [f64; 3] =
-            std::array::from_fn(|axis| (before[axis] + chassis.velocity[axis]) / 2.0);
-        let given = force.iter().zip(mean);
-        let given: f64 = given.map(|(force, speed)| force * speed).sum();
-        self.energy.outside += dt * given;
-        self.account(drives, mean, rolling);
+        self.account(
+            drives,
+            [before, chassis.velocity],
+            force.map(|force| dt * force),
+            rolling,
+        );
         course.go_on(part, chassis.velocity);
         chassis.velocity
     }
 
     /// Takes over the velocity that a step really ended with.
     pub(crate) fn follow(&mut self, velocity: [f64; 3]) {
-        self.energy.outside += self.of_body(velocity) - self.led_to;
+        let given = self.of_body(velocity) - self.led_to;
+        if let Some(energy) = &mut self.energy {
+            energy.outside += given;
+        }
         self.traction.follow(velocity, self.wheel_speed);
     }
 
@@ -382,20 +399,34 @@ impl<const WHEELS: usize, C: Contact> RunningGear<WHEELS, C> {
         (moving + self.inertia * square(yaw_rate)) / 2.0
     }
 
-    /// Counts the work of a step in which the body had this velocity in the mean.
-    fn account(&mut self, drives: &[WheelDrive; WHEELS], mean: [f64; 3], before: [f64; WHEELS]) {
+    /// Counts the work of a part of a step, if the balance is kept: the body and the wheels had these
+    /// velocities at its beginning, and the impulse on the body came from outside.
+    fn account(
+        &mut self,
+        drives: &[WheelDrive; WHEELS],
+        [before, after]: [[f64; 3]; 2],
+        impulse: [f64; 3],
+        rolling: [f64; WHEELS],
+    ) {
+        let Some(energy) = &mut self.energy else {
+            return;
+        };
+        let mean: [f64; 3] = std::array::from_fn(|axis| (before[axis] + after[axis]) / 2.0);
+        let given = impulse.iter().zip(mean);
+        energy.outside += given.map(|(impulse, speed)| impulse * speed).sum::<f64>();
         let turning: [f64; WHEELS] =
-            std::array::from_fn(|wheel| (before[wheel] + self.wheel_speed[wheel]) / 2.0);
+            std::array::from_fn(|wheel| (rolling[wheel] + self.wheel_speed[wheel]) / 2.0);
         let held = self.traction.held();
-        for (wheel, drive) in drives.iter().enumerate() {
+        for (wheel, drive) in drives
+            .iter()
+            .enumerate()
+            .filter(|(_, drive)| !drive.blocked)
+        {
             let motor = drive.impulse - drive.opposed * self.wheel_speed[wheel];
-            self.motor_impulse[wheel] += motor;
-            if !drive.blocked {
-                self.energy.motors += motor * turning[wheel];
-                self.energy.held -= held[wheel] * turning[wheel];
-            }
+            energy.motors += motor * turning[wheel];
+            energy.held -= held[wheel] * turning[wheel];
         }
-        self.energy.tyres += self.traction.lost(mean, turning);
+        energy.tyres += self.traction.lost(mean, turning);
     }
 
     /// The wheels over a step, without the ground.

@@ -2,9 +2,21 @@
 
 use crate::noise::Noise;
 
-sim_settings::settings! {
-    /// Spread of the parts of one vehicle. What each is off by is drawn from the
-    /// vehicle's name, so that it is the same in every run.
+rigsim_settings::choices! {
+    /// Source of the spread between the vehicles of one make.
+    pub enum Tolerances {
+        /// In the first run of a repetition by the name, in each further one by the seed.
+        FirstByName = "first-by-name",
+        /// By the name: the same vehicle in every run.
+        ByName = "by-name",
+        /// By the name and the seed: another vehicle of the same make for each seed.
+        BySeed = "by-seed",
+    }
+}
+
+rigsim_settings::settings! {
+    /// Spread of the parts of one vehicle. What each is off by is drawn from the vehicle's name,
+    /// and with `world.tolerances = "by-seed"` from the seed of the run too.
     pub struct ToleranceSettings {
         /// Most by which a motor is stronger or weaker than it should be.
         motor: f64 = 0.3, unit "%", range 0.0..=20.0,
@@ -19,8 +31,9 @@ sim_settings::settings! {
 pub(crate) struct Draw(Noise);
 
 impl Draw {
-    pub(crate) fn of(name: &str) -> Self {
-        Self(Noise::new(0, &format!("{name}.tolerance")))
+    /// The stream of the vehicle of this name; seed 0 is that of the name alone.
+    pub(crate) fn of(name: &str, seed: u64) -> Self {
+        Self(Noise::new(seed, &format!("{name}.tolerance")))
     }
 
     /// A factor of 1 ± so many percent.

@@ -29,17 +29,19 @@
 //! Nothing here knows which vehicle it is: a wheel turns several patches or one, and how the axes
 //! of a patch lie is up to its [`Contact`]: [`Straight`] for a tyre, [`Slanted`] for a mecanum
 //! wheel, whose first axis is that of the roller on the ground and whose second is the way in which
-//! the roller turns. There the tread that turns up by the roller's own spin sheds deflection as
-//! well:
+//! the roller turns. The tread of a roller is as stiff one way as the other, and the bearing of the
+//! roller gives way: across, the deflection does not grow beyond what `drag · load` takes, by the
+//! friction model of P. R. Dahl, *A Solid Friction Model*, 1968. Along, the tread that turns up by
+//! the roller's own spin is fresh as well:
 //!
 //! ```text
-//! rolling speed = wheel radius · |wheel speed| + |slip across|
+//! dz/dt = v − (|rolling speed| + |slip across|) / relaxation length · z                along
+//! dz/dt = v − (|rolling speed| / relaxation length + |slip across| · k / (drag · load)) z   across
 //! ```
 //!
-//! so that a roller which turns under a stopped wheel drags with `lateral stiffness · load` and no
-//! more: with the spring at standstill that is the friction model of P. R. Dahl, *A Solid Friction
-//! Model*, 1968. A strafe on straight rollers at 45° then moves the body by `(C − D) / (C + D)` of
-//! what the wheels turned, with `C` the longitudinal and `D` the lateral stiffness.
+//! The ground turns a roller only by friction. Where the limit is reached, a roller that turns takes
+//! its drag from what friction gives, and what is left acts along; a roller that friction cannot
+//! turn slides like a tyre. A strafe at 45° needs a friction of √2 · drag to go on.
 
 mod contact;
 mod loads;
@@ -116,22 +118,28 @@ pub struct Traction<const WHEELS: usize, const PATCHES: usize, C = Straight> {
 struct PatchState<C> {
     place: Patch,
     contact: C,
-    /// Factor by which it is stiffer than the law across.
-    across: f64,
+    /// Drag of the contact where it turns by itself, as a share of the load.
+    drag: f64,
     /// Speed at which the contact turns by itself, m/s.
     spin: f64,
+    /// Factor by which the force across would be more in this step if it did not turn.
+    stuck: f64,
     /// Along and across, m.
     deflection: [f64; 2],
     /// Of the last step, along and across, N·s; the next solution starts from it.
     impulse: [f64; 2],
     /// Spring stiffness of the last step, N/m.
     stiffness: [f64; 2],
-    /// Part of a deflection that is left after the step's rolling.
-    shed: f64,
+    /// Part of a deflection that is left after the step's rolling, along and across.
+    shed: [f64; 2],
     /// Load and friction limit of the last step, N.
     load: f64,
     limit: f64,
 }
+
+/// Time over which a standing tyre damps its own ringing, s: settles a parked vehicle in about one
+/// swing.
+const DAMPING_TIME: f64 = 0.03;
 
 /// [`TyreSettings`] in the form that the solver wants.
 #[derive(Debug, Clone, Copy)]
@@ -144,19 +152,21 @@ struct TyreLaw {
 }
 
 impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
-    /// Undeflected wheels of any kind. A wheel whose contact turns by itself has one patch only.
+    /// Undeflected wheels of any kind, whose tyres damp their ringing below `fade_speed`, m/s. A wheel
+    /// whose contact turns by itself has one patch only.
     #[must_use]
-    pub fn new(settings: &TyreSettings, patches: [(Patch, C); PATCHES]) -> Self {
+    pub fn new(settings: &TyreSettings, fade_speed: f64, patches: [(Patch, C); PATCHES]) -> Self {
         Self {
             patches: patches.map(|(place, contact)| PatchState {
                 place,
                 contact,
-                across: 1.0,
+                drag: 1.0,
                 spin: 0.0,
+                stuck: 1.0,
                 deflection: [0.0; 2],
                 impulse: [0.0; 2],
                 stiffness: [0.0; 2],
-                shed: 1.0,
+                shed: [1.0; 2],
                 load: 0.0,
                 limit: 0.0,
             }),
@@ -164,7 +174,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             hold_limit: [0.0; WHEELS],
             slides: false,
             dt: 0.0,
-            law: TyreLaw::new(settings),
+            law: TyreLaw::new(settings, fade_speed),
         }
     }
 
@@ -179,13 +189,30 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         }
     }
 
-    /// Tells whether a patch slid in the last step.
+    /// Strains the patches as those of a vehicle that has stood for long: against a `pull` on the
+    /// body, ahead and left, each as the share of the `loads` on it.
+    pub fn strain(&mut self, pull: [f64; 2], loads: [f64; PATCHES]) {
+        let weight: f64 = loads.iter().sum();
+        if weight <= 0.0 {
+            return;
+        }
+        for (patch, load) in self.patches.iter_mut().zip(loads) {
+            if load > 0.0 {
+                let pull = patch.contact.split(pull);
+                patch.deflection = std::array::from_fn(|axis| {
+                    pull[axis] / (self.law.stiffness_per_load[axis] * weight)
+                });
+            }
+        }
+    }
+
+    /// Returns whether a patch slid in the last step.
     #[must_use]
     pub fn slides(&self) -> bool {
         self.slides
     }
 
-    /// Tells whether a patch was pushed across by more than this share of what friction gives.
+    /// Returns whether a patch was pushed across by more than this share of what friction gives.
     #[must_use]
     pub fn is_strained_across(&self, share: f64) -> bool {
         let patches = &self.patches;
@@ -221,10 +248,10 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         lost.sum()
     }
 
-    /// Makes each patch so much stiffer across than the law says.
-    pub fn set_across(&mut self, factors: [f64; PATCHES]) {
-        for (patch, factor) in self.patches.iter_mut().zip(factors) {
-            patch.across = factor;
+    /// Sets the drag of contacts that turn by themselves, as shares of the load.
+    pub fn set_drag(&mut self, drags: [f64; PATCHES]) {
+        for (patch, drag) in self.patches.iter_mut().zip(drags) {
+            patch.drag = drag;
         }
     }
 
@@ -245,7 +272,7 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
         if self.dt > 0.0 { 1.0 / self.dt } else { 0.0 }
     }
 
-    /// Lets the deflections follow the velocities that the step really ended with.
+    /// Updates the deflections by the velocities that the step really ended with.
     ///
     /// These differ from the solver's where the body met an obstacle: a vehicle that pushes a wall
     /// keeps its tyres strained and stands still.
@@ -256,15 +283,13 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
             patch.spin = patch.contact.spin(slip);
             let mut force = [0.0; 2];
             for axis in 0..2 {
-                patch.deflection[axis] = patch.shed * (patch.deflection[axis] + dt * slip[axis]);
+                let deflection = patch.deflection[axis] + dt * slip[axis];
+                patch.deflection[axis] = patch.shed[axis] * deflection;
                 force[axis] = patch.stiffness[axis] * patch.deflection[axis];
             }
-            let size = (force[0] * force[0] + force[1] * force[1]).sqrt();
-            if size > patch.limit {
-                let kept = patch.limit / size;
-                patch.deflection[0] *= kept;
-                patch.deflection[1] *= kept;
-            }
+            let kept = solve::kept(force, patch.limit, patch.stuck);
+            patch.deflection[0] *= kept[0];
+            patch.deflection[1] *= kept[1];
         }
     }
 }
@@ -285,7 +310,7 @@ impl<C: Contact> PatchState<C> {
 }
 
 impl TyreLaw {
-    fn new(settings: &TyreSettings) -> Self {
+    fn new(settings: &TyreSettings, fade_speed: f64) -> Self {
         Self {
             radius: settings.wheel_radius,
             stiffness_per_load: [
@@ -293,8 +318,8 @@ impl TyreLaw {
                 settings.lateral_stiffness / settings.relaxation_length,
             ],
             relaxation_length: settings.relaxation_length,
-            damping_time: settings.damping_time.as_secs_f64(),
-            inverse_fade_speed: 1.0 / settings.damping_fade_speed,
+            damping_time: DAMPING_TIME,
+            inverse_fade_speed: 1.0 / fade_speed,
         }
     }
 }

@@ -1,29 +1,19 @@
 //! Body of every vehicle: place, payload, pushes, standing still.
 
-use std::time::Duration;
-
-use crate::faults::{BodyFaults, Bounds, number, within};
+use crate::faults::{BodyFaults, Bounds, number};
 use crate::pose::{BodyMotion, Pose};
 use crate::world::{BodyId, World};
 
-sim_settings::settings! {
-    /// Limits below which a vehicle counts as standing.
-    pub struct RestSettings {
-        /// Speed of body and tyres under which it may stand.
-        speed: f64 = 0.001, unit "m/s", range 0.0..=0.1, assumed "a millimetre a second";
-        /// Time for which it must stay under that speed.
-        settle_time: Duration = Duration::from_millis(250),
-            range Duration::from_millis(10)..=Duration::from_secs(60),
-            assumed "longer than half a swing on the tyres";
-    }
-}
+/// Speed of body and tyres under which it may stand, m/s.
+const STANDING: f64 = 0.001;
+/// Time for which it must stay under that speed, s: longer than half a swing on the tyres.
+const SETTLE_TIME: f64 = 0.25;
 
 /// The body of a vehicle, which stands still when it can.
 #[derive(Debug, Clone)]
 pub struct VehicleBody {
     id: BodyId,
     bounds: Bounds,
-    rest: RestSettings,
     /// From its middle to its front, m.
     half_length: f64,
     motion: BodyMotion,
@@ -31,8 +21,6 @@ pub struct VehicleBody {
     distance: f64,
     /// kg, without what faults add.
     payload: f64,
-    /// Ahead, left, counter-clockwise; N and N·m; without what faults add.
-    push: [f64; 3],
     faults: BodyFaults,
     /// For how long it has been slow enough to stand, s.
     settled: f64,
@@ -41,22 +29,14 @@ pub struct VehicleBody {
 
 impl VehicleBody {
     /// Of a body that stands; `length` in m, `payload` in kg.
-    pub fn new(
-        world: &World,
-        id: BodyId,
-        (length, payload): (f64, f64),
-        rest: &RestSettings,
-        bounds: Bounds,
-    ) -> Self {
+    pub fn new(world: &World, id: BodyId, (length, payload): (f64, f64), bounds: Bounds) -> Self {
         Self {
             id,
             bounds,
-            rest: rest.clone(),
             half_length: length / 2.0,
             motion: world.motion(id),
             distance: 0.0,
             payload,
-            push: [0.0; 3],
             faults: BodyFaults::default(),
             settled: 0.0,
             resting: false,
@@ -79,15 +59,10 @@ impl VehicleBody {
         self.distance
     }
 
-    /// Tells whether it stands.
+    /// Returns whether it stands.
     #[must_use]
     pub fn is_resting(&self) -> bool {
         self.resting
-    }
-
-    /// Mass that it carries, kg.
-    pub fn payload(&self) -> f64 {
-        self.payload
     }
 
     /// Puts a payload on the deck, kg. The plant changes the body's mass.
@@ -98,13 +73,15 @@ impl VehicleBody {
 
     /// Force and torque that push it, ahead, left, counter-clockwise; N and N·m.
     pub fn push(&self) -> [f64; 3] {
-        self.push
+        self.faults.push
     }
 
-    /// Pushes steadily until changed.
+    /// Pushes steadily until changed, as a fault does.
     pub fn set_push(&mut self, push: [f64; 3]) {
-        self.push = push.map(|part| within(part, self.bounds.push));
-        self.wake();
+        self.set_faults(&BodyFaults {
+            push,
+            ..self.faults
+        });
     }
 
     /// Returns what is wrong with it.
@@ -121,11 +98,6 @@ impl VehicleBody {
     /// Mass that it carries with what faults add, kg.
     pub fn total_payload(&self) -> f64 {
         self.payload + self.faults.payload
-    }
-
-    /// All that pushes it, ahead, left, counter-clockwise; N and N·m.
-    pub fn total_push(&self) -> [f64; 3] {
-        std::array::from_fn(|part| self.push[part] + self.faults.push[part])
     }
 
     /// Most friction that the ground gives it, if a fault bounds it.
@@ -146,7 +118,7 @@ impl VehicleBody {
         self.settled = 0.0;
     }
 
-    /// Tells whether it goes on resting in the step that comes; woken if something has moved it.
+    /// Returns whether it goes on resting in the step that comes; woken if something has moved it.
     pub fn rests_before(&mut self, world: &World) -> bool {
         if self.resting && !world.is_still(self.id) {
             self.wake();
@@ -154,12 +126,12 @@ impl VehicleBody {
         self.resting
     }
 
-    /// Tells whether it goes on resting after a step; woken if something ran into it.
+    /// Returns whether it goes on resting after a step; woken if something ran into it.
     pub fn rests_after(&mut self, world: &mut World) -> bool {
         if !self.resting {
             return false;
         }
-        if world.rests_on(self.id, self.rest.speed) {
+        if world.rests_on(self.id, STANDING) {
             self.motion = world.motion(self.id);
         } else {
             self.wake();
@@ -176,9 +148,9 @@ impl VehicleBody {
         self.motion.body_velocity()
     }
 
-    /// Tells whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
+    /// Returns whether body and tyres are slow enough to stand; the tyres' speeds in m/s.
     pub fn is_slow(&self, tyre_speeds: impl IntoIterator<Item = f64>) -> bool {
-        let limit = self.rest.speed;
+        let limit = STANDING;
         let [ahead, left, yaw_rate] = self.motion.body_velocity();
         ahead.abs() <= limit
             && left.abs() <= limit
@@ -194,7 +166,7 @@ impl VehicleBody {
             return false;
         }
         self.settled += seconds;
-        if self.settled < self.rest.settle_time.as_secs_f64() {
+        if self.settled < SETTLE_TIME {
             return false;
         }
         self.resting = true;

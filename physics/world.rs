@@ -26,19 +26,23 @@ pub use obstacle::{EDGE_M, MOST_PARTS, Obstacle, ObstacleError, ObstacleShape, O
 pub use scan::{Cone, Tag};
 
 use crate::pose::Pose;
+use crate::tolerance::Tolerances;
 use bodies::Lead;
 use obstacles::Standing;
 use terrain::Change;
 
-sim_settings::settings! {
+/// Acceleration of gravity near sea level, m/s².
+const GRAVITY: f64 = 9.81;
+/// Coefficient of friction between a vehicle's body and what it hits; assumed: painted metal on a wall.
+const WALL_FRICTION: f64 = 0.3;
+
+rigsim_settings::settings! {
     /// The plane that all vehicles share.
     pub struct WorldSettings {
         /// Length of one physics step.
         step: Duration = Duration::from_millis(5),
             range Duration::from_micros(500)..=Duration::from_millis(10),
             assumed "short against the motors' response, 200 steps a second";
-        /// Acceleration of gravity.
-        gravity: f64 = 9.81, unit "m/s^2", range 0.1..=30.0, assumed "standard value near sea level";
         /// Coefficient of friction between tyre and ground.
         friction: f64 = 0.8, range 0.0..=2.0,
             assumed "rubber on dry firm ground, 0.7 to 0.9 in textbooks";
@@ -46,9 +50,26 @@ sim_settings::settings! {
         slope: f64 = 0.0, unit "deg", range -45.0..=45.0, assumed "flat unless chosen";
         /// Direction in which the ground rises, counter-clockwise from the x axis.
         uphill: f64 = 0.0, unit "deg", range -360.0..=360.0, assumed "uphill is straight ahead";
-        /// Coefficient of friction between a vehicle's body and what it hits.
-        wall_friction: f64 = 0.3, range 0.0..=2.0, assumed "painted metal on a wall";
+        /// Source of the differences between the vehicles of one make. Runs of `--repeat` after the
+        /// first are by seed, unless this says otherwise.
+        tolerances: Tolerances = Tolerances::FirstByName,
+            assumed "a client has to work with every vehicle of the make, not with one";
     }
+}
+
+/// Distance from the edge of the plane to the wall around it: what is placed on the edge stands free.
+const ENCLOSURE_M: f64 = 10.0;
+/// Half of the thickness of that wall. No body is fast enough to pass it within a step.
+const HALF_THICKNESS_M: f64 = 500.0;
+
+/// The wall around the plane, which no sensor sees.
+fn enclosure() -> [rapier::ColliderBuilder; 4] {
+    let middle = EDGE_M + ENCLOSURE_M + HALF_THICKNESS_M;
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|[x, y]: [f64; 2]| {
+        let half = |across: f64| HALF_THICKNESS_M + across.abs() * middle;
+        rapier::ColliderBuilder::cuboid(half(y), half(x))
+            .translation(rapier_vector([x * middle, y * middle]))
+    })
 }
 
 /// A body of this world.
@@ -84,7 +105,6 @@ pub enum PhysicsError {
 pub struct World {
     rapier: rapier::PhysicsWorld,
     step: Duration,
-    gravity: f64,
     ground: Ground,
     areas: Vec<(Shape, Change)>,
     /// Things that stand around.
@@ -92,11 +112,12 @@ pub struct World {
     tags: Vec<Tag>,
     /// Pieces of magnetic strips.
     strips: Vec<Band>,
-    wall_friction: f64,
     bodies: Vec<Body>,
     steps: u64,
     /// Counts whatever sensors may notice.
     changes: u64,
+    tolerances: Tolerances,
+    seed: u64,
 }
 
 struct Body {
@@ -118,10 +139,12 @@ impl World {
         let mut world = rapier::PhysicsWorld::new();
         world.gravity = rapier::Vector::ZERO;
         world.integration_parameters.dt = settings.step.as_secs_f64();
+        for collider in enclosure() {
+            world.insert_collider(collider.friction(WALL_FRICTION), None);
+        }
         Self {
             rapier: world,
             step: settings.step,
-            gravity: settings.gravity,
             ground: Ground::new(
                 settings.friction,
                 settings.slope.to_radians(),
@@ -131,10 +154,24 @@ impl World {
             standing: Vec::new(),
             tags: Vec::new(),
             strips: Vec::new(),
-            wall_friction: settings.wall_friction,
             bodies: Vec::new(),
             steps: 0,
             changes: 0,
+            tolerances: settings.tolerances,
+            seed: 0,
+        }
+    }
+
+    /// Sets the seed of the run, for the vehicles that come after it.
+    pub fn set_seed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
+    /// The seed by which tolerances are drawn, beside names: 0 where names alone decide.
+    pub(crate) fn tolerance_seed(&self) -> u64 {
+        match self.tolerances {
+            Tolerances::BySeed => self.seed,
+            Tolerances::FirstByName | Tolerances::ByName => 0,
         }
     }
 
@@ -166,7 +203,7 @@ impl World {
     /// Acceleration of gravity, m/s².
     #[must_use]
     pub fn gravity(&self) -> f64 {
-        self.gravity
+        GRAVITY
     }
 
     /// A number that changes whenever something moves, comes or goes, so that a sensor at rest
@@ -214,7 +251,7 @@ const TOUCH: f64 = 1e-9;
 /// out of one another without one.
 const DEEP: f64 = 0.002;
 
-/// Tells whether two shapes really meet: rapier lists contacts a little before they do.
+/// Returns whether two shapes really meet: rapier lists contacts a little before they do.
 fn pair_touches(pair: &rapier::ContactPair) -> bool {
     pair.solver_manifolds()
         .iter()

@@ -11,7 +11,7 @@ use rustix::io::Errno;
 pub struct PortError {
     action: &'static str,
     path: PathBuf,
-    // Part of the message, hence not a source to be reported once more.
+    // Part of the message, so it is not a source that would be reported once more.
     kind: PortErrorKind,
 }
 
@@ -37,15 +37,9 @@ pub enum PortErrorKind {
     /// Something that is not ours is in the way.
     #[error("there is already {0}, which is left alone; remove it or choose another path")]
     Occupied(String),
-    /// A running simulator serves this very path.
-    #[error("{} is serving this path; stop it or choose another path", holder(.0))]
+    /// A running simulator uses this very path.
+    #[error("{} is using this path; stop it or choose another path", holder(.0))]
     InUse(Option<u32>),
-    /// The file system cannot replace a stale link without risk.
-    #[error(
-        "a stale link is in the way and this file system cannot swap links atomically; \
-         remove the link or choose another path"
-    )]
-    CannotReplace,
     /// The node may not be given to this group.
     #[error("this user may not give it to that group; it has to be a group of the user's own")]
     ForeignGroup,
@@ -122,10 +116,12 @@ impl PortError {
 impl PortErrorKind {
     /// Names the call that failed, for use with `map_err`.
     pub(crate) fn call(call: &'static str) -> impl FnOnce(Errno) -> Self {
-        move |errno| Self::System {
-            call,
-            source: errno.into(),
-        }
+        move |errno| Self::io(call)(errno.into())
+    }
+
+    /// The same for the standard library's errors.
+    pub(crate) fn io(call: &'static str) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::System { call, source }
     }
 }
 

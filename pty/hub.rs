@@ -57,7 +57,7 @@ struct Node {
     openers: u32,
     /// The count has come to nothing since our last visits.
     departed: bool,
-    /// Somebody has closed it, or has opened it during our last visits.
+    /// A client has closed it, or has opened it during our last visits.
     left: bool,
     /// Another may have opened it unreported: during our last visits, or together with one who has opened
     /// it since the last one closed it.
@@ -73,7 +73,7 @@ struct Node {
 pub(crate) enum Departures {
     #[default]
     None,
-    /// Somebody has closed it, and others seem to be there still.
+    /// A client has closed it, and others seem to be there still.
     OneOfSeveral,
     /// The last one has closed it, which is reported before the port is hung up. An opening of our own
     /// would hide that of the next now.
@@ -203,7 +203,7 @@ impl Registration {
         }
     }
 
-    /// Has the waiter report `what` happens at `fd`, and nothing else of it, until that is closed or
+    /// Makes the waiter report `what` happens at `fd`, and nothing else of it, until that is closed or
     /// [`forget`](Self::forget) is called.
     pub(crate) fn watch(
         &self,
@@ -225,11 +225,11 @@ impl Registration {
         let _ = epoll::delete(&self.hub.epoll, fd);
     }
 
-    /// Has the waiter report who opens and closes `node`, and no other from now on.
+    /// Makes the waiter report who opens and closes `node`, and no other from now on.
     pub(crate) fn watch_node(&mut self, node: &Path) -> Result<(), PortErrorKind> {
         self.unwatch_node();
         let flags = WatchFlags::OPEN | WatchFlags::CLOSE_WRITE | WatchFlags::CLOSE_NOWRITE;
-        // Nobody may take note of a report before its node is known.
+        // No thread may take note of a report before its node is known.
         let mut state = self.hub.lock();
         let wd =
             inotify::add_watch(&self.hub.inotify, node, flags).map_err(|errno| match errno {
@@ -250,7 +250,7 @@ impl Registration {
         Ok(())
     }
 
-    /// Has the waiter report the port once, whatever the system says.
+    /// Makes the waiter report the port once, whatever the system says.
     pub(crate) fn mark_ready(&self) {
         self.hub.lock().ready.push(self.token);
     }
@@ -277,32 +277,32 @@ impl Registration {
         self.with_node(|node| node.departures())
     }
 
-    /// The last one has not left after all: somebody is there whose opening was reported together with
+    /// The last one has not left after all: a client is there whose opening was reported together with
     /// another's.
     pub(crate) fn correct_last(&self) {
         self.with_node(|node| (node.openers, node.departed, node.left) = (1, false, true));
     }
 
-    /// We ourselves are about to open and close the node. Tells whether anybody has departed.
+    /// We ourselves are about to open and close the node. Returns whether anybody has departed.
     pub(crate) fn begin_visits(
         &self,
         is_hung_up: impl FnOnce() -> Result<bool, PortErrorKind>,
     ) -> Result<bool, PortErrorKind> {
         self.drain()?;
-        // Whoever comes from here on is yet to be reported.
-        let nobody = is_hung_up()?;
+        // A client that comes from here on is yet to be reported.
+        let hung_up = is_hung_up()?;
         Ok(self.with_node(|node| {
             (node.opened, node.closed) = (0, 0);
-            if nobody {
+            if hung_up {
                 node.openers = 0;
             }
             node.departed
         }))
     }
 
-    /// We have done so `visits` times, beside whom others may have come or left. Who had `departed` before
-    /// is not done with. Whoever is seen to be there may not be reported yet, so that the count is
-    /// corrected where nobody is, and never upwards.
+    /// We have done so `visits` times; others may have come or left meanwhile. Who had `departed` before
+    /// is not done with. A client that is there may not be reported yet, so that the count is
+    /// corrected where no client is, and never upwards.
     pub(crate) fn end_visits(
         &self,
         visits: u32,
@@ -321,7 +321,7 @@ impl Registration {
         Ok(())
     }
 
-    /// Somebody had the node open before it was watched.
+    /// A client had the node open before it was watched.
     pub(crate) fn add_opener(&self) {
         self.with_node(|node| node.openers = node.openers.max(1));
     }

@@ -4,13 +4,13 @@
 //! unmodified client opens like a serial port, a real serial
 //! port with the client at the other end of a cable, or one
 //! that clients reach over the network. The
-//! caller treats all the same: a [`Waiter`] says which ports have news, and
-//! [`Port::read`] returns that news one [`Event`] at a time.
+//! caller treats all the same: a [`Waiter`] says which ports have events, and
+//! [`Port::read`] returns them one [`Event`] at a time.
 //!
 //! ```no_run
-//! use sim_pty::{Event, Port, PtySetup, Waiter};
+//! use rigsim_pty::{Event, Port, PtySetup, Waiter};
 //!
-//! # fn main() -> Result<(), sim_pty::PortError> {
+//! # fn main() -> Result<(), rigsim_pty::PortError> {
 //! let mut port = Port::open_at("/tmp/r150", PtySetup::raw(115_200))?;
 //! let mut waiter = Waiter::new()?;
 //! waiter.catch_signals()?;
@@ -38,37 +38,37 @@
 //! - A client that does not read never stalls the caller. The kernel keeps
 //!   about 20 kB for it and a pseudo-terminal 64 KiB of what came last; the rest is
 //!   dropped and counted, as a UART without flow control would lose it.
-//! - It is as with a cable: bytes that a client has written are read in order, whoever wrote them, and
-//!   what is sent goes to whoever has the port open. What a client has written and was not read when
+//! - It is as with a cable: bytes that a client has written are read in order, whichever client wrote them, and
+//!   what is sent goes to the client that has the port open. What a client has written and was not read when
 //!   it left is thrown away, and so is what it has not read itself; where another came before
 //!   anybody looked, as far as it is certain whose it was. No byte of a client that is there is lost.
 //! - What a client leaves behind at a terminal is undone: settings, locks, exclusive use, suspended
 //!   output.
-//! - Nobody else's file is replaced or removed; [`Port::open_at`] says
+//! - No other program's file is replaced or removed; [`Port::open_at`] says
 //!   which link counts as our own.
-//! - Waiting costs nothing while nobody is attached, and unless [`Waiter::set_busy_poll`] asks for
-//!   it, nothing while nobody sends.
+//! - Waiting costs no processor time while no client sends.
 
-mod busy_poll;
 mod error;
 mod hub;
+mod kind;
 mod line;
-mod lock;
 mod net_decoder;
 mod net_port;
 mod pair;
+pub mod paths;
 mod port;
 mod pty_port;
 mod serial_port;
 mod signals;
-mod symlink;
 mod waiter;
 
 pub use error::{PortError, PortErrorKind};
-pub use line::{Defaults, LineSettings};
-pub use net_decoder::NetDecoder;
-pub use net_port::{ListenAddress, Protocol};
-pub use pair::PtySetup;
-pub use port::{Counters, Event, Port};
-pub use signals::survive_full_files;
+pub use kind::{Counters, Event};
+pub use line::{Defaults, line_of};
+pub use net_decoder::{NetDecoder, Protocol};
+pub use net_port::ListenAddress;
+pub use pair::{PtySetup, open_terminal};
+pub use port::Port;
+pub use rigsim_settings::ClientLine;
+pub use signals::{ExitOnSignals, survive_full_files};
 pub use waiter::{Waiter, Wake, sharpen_timers, want_descriptors};

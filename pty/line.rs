@@ -1,53 +1,45 @@
 //! Line settings: what the client asked of the line, and how ours is prepared.
 
+use rigsim_settings::ClientLine;
+use rustix::fd::AsFd;
 use rustix::io::Errno;
 use rustix::termios::{
-    ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios,
+    ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios, tcgetattr,
 };
 
-/// The settings that a client gave its end of a pseudo-terminal.
+/// Returns the settings of a client's end of a pseudo-terminal, which has this descriptor or is the other
+/// end of it.
 ///
-/// A pseudo-terminal carries bytes whatever the settings are, so it is the
-/// caller who compares them with the device's own and garbles the line where
-/// a real one would.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LineSettings {
-    /// Bits per second, any value, not only the standard ones.
-    pub baud: u32,
-    /// Set if the client asks for a parity bit. On a pseudo-terminal Linux strips even parity from the
-    /// settings without a trace, and leaves one of odd parity; it forces 8 data bits.
-    pub parity: bool,
-    /// Stop bits, 1 or 2.
-    pub stop_bits: u8,
-    /// Set if the client waits for CTS before it sends. A pseudo-terminal takes no notice.
-    pub rts_cts: bool,
-    /// Set if bytes pass untouched. A client that leaves this off has its
-    /// input echoed, edited by line or translated, and loses binary data.
-    pub raw: bool,
+/// A pseudo-terminal carries bytes whatever the settings are, so the caller compares them with the
+/// device's own.
+///
+/// # Errors
+/// When it is no terminal.
+pub fn line_of(terminal: impl AsFd) -> Result<ClientLine, Errno> {
+    tcgetattr(terminal).map(|termios| from_termios(&termios))
 }
 
-impl LineSettings {
-    pub(crate) fn from_termios(termios: &Termios) -> Self {
-        let control = termios.control_modes;
-        let translating = InputModes::ISTRIP
-            | InputModes::INLCR
-            | InputModes::IGNCR
-            | InputModes::ICRNL
-            | InputModes::IXON;
-        let interpreting = LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
-        Self {
-            baud: termios.output_speed(),
-            parity: control.intersects(ControlModes::PARENB | ControlModes::PARODD),
-            stop_bits: if control.contains(ControlModes::CSTOPB) {
-                2
-            } else {
-                1
-            },
-            rts_cts: control.contains(ControlModes::CRTSCTS),
-            raw: !termios.input_modes.intersects(translating)
-                && !termios.output_modes.contains(OutputModes::OPOST)
-                && !termios.local_modes.intersects(interpreting),
-        }
+pub(crate) fn from_termios(termios: &Termios) -> ClientLine {
+    let control = termios.control_modes;
+    let translating = InputModes::ISTRIP
+        | InputModes::INLCR
+        | InputModes::IGNCR
+        | InputModes::ICRNL
+        | InputModes::IUCLC
+        | InputModes::IXON;
+    let interpreting = LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
+    ClientLine {
+        baud: termios.output_speed(),
+        parity: control.intersects(ControlModes::PARENB | ControlModes::PARODD),
+        stop_bits: if control.contains(ControlModes::CSTOPB) {
+            2
+        } else {
+            1
+        },
+        rts_cts: control.contains(ControlModes::CRTSCTS),
+        raw: !termios.input_modes.intersects(translating)
+            && !termios.output_modes.contains(OutputModes::OPOST)
+            && !termios.local_modes.intersects(interpreting),
     }
 }
 
@@ -55,7 +47,7 @@ impl LineSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Defaults {
     /// Raw, 8N1, at the device's speed. A fresh pseudo-terminal echoes and edits lines, and so does
-    /// one that a client has left that way: whoever opened it next with plain `cat` would have its
+    /// one that a client has left that way: a client that opened it next with plain `cat` would have its
     /// replies echoed back into the device.
     #[default]
     Raw,
@@ -86,7 +78,7 @@ impl Defaults {
     }
 }
 
-/// Tells whether both are the same in all that a client can set.
+/// Returns whether both are the same in all that a client can set.
 pub(crate) fn is_same(one: &Termios, other: &Termios) -> bool {
     one.input_modes == other.input_modes
         && one.output_modes == other.output_modes

@@ -1,11 +1,18 @@
 //! Protocol with a client on the network, without any input or output.
 
+use rigsim_settings::ClientLine;
 use std::collections::VecDeque;
 
 use rfc2217::{FlowControl, ModemState, PortSettings, Progress, Purge, Server, ServerEvent};
 
-use crate::line::LineSettings;
-use crate::net_port::Protocol;
+/// Protocol of a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// As they are. The client cannot set the line.
+    Tcp,
+    /// With the settings and lines of a serial port, RFC 2217.
+    Rfc2217,
+}
 
 /// Bytes kept ahead of the line, as many as drivers of serial ports keep.
 pub(crate) const MOST_AHEAD: usize = 4096;
@@ -101,9 +108,9 @@ impl NetDecoder {
 
     /// Settings of the port by the client.
     #[must_use]
-    pub fn settings(&self) -> LineSettings {
+    pub fn settings(&self) -> ClientLine {
         let asked = &self.settings;
-        LineSettings {
+        ClientLine {
             baud: asked.baud_rate,
             parity: asked.parity != rfc2217::Parity::None,
             stop_bits: match asked.stop_bits {

@@ -5,6 +5,7 @@
 //! the line, as a bridge does, for what it says about them (purge) stands behind them in its
 //! stream; they are kept here, up to a bound, beyond which the network holds them back.
 
+use rigsim_settings::ClientLine;
 use std::collections::VecDeque;
 use std::fmt;
 use std::io::{ErrorKind, Read as _};
@@ -18,9 +19,8 @@ use rustix::net::sockopt;
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, IN, Registration};
-use crate::line::LineSettings;
-use crate::net_decoder::{MOST_AHEAD, NetDecoder};
-use crate::port::{Counters, Event, Kind};
+use crate::kind::{Counters, Event, Kind};
+use crate::net_decoder::{MOST_AHEAD, NetDecoder, Protocol};
 use crate::pty_port::write_some;
 
 /// Time that the end of one connection may take when the beginning of the next is known already:
@@ -28,15 +28,6 @@ use crate::pty_port::write_some;
 const LONGEST_FAREWELL: Duration = Duration::from_millis(100);
 /// After so long a silence a client is asked whether it is still there.
 const SILENCE: Duration = Duration::from_secs(10);
-
-/// Protocol of a connection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// As they are. The client cannot set the line.
-    Tcp,
-    /// With the settings and lines of a serial port, RFC 2217.
-    Rfc2217,
-}
 
 /// Address to listen at, written `tcp://HOST:PORT` or `rfc2217://HOST:PORT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -70,7 +61,7 @@ impl ListenAddress {
         })
     }
 
-    /// Tells whether `path` is a URL of these kinds.
+    /// Returns whether `path` is a URL of these kinds.
     #[must_use]
     pub fn is_url(path: &Path) -> bool {
         path.to_str().and_then(Self::parse).is_some()
@@ -105,7 +96,7 @@ pub(crate) struct NetPort {
     path: PathBuf,
     baud: u32,
     client: Option<Connection>,
-    /// Has come at this time while another is still there, as far as is known.
+    /// A client that came at this time while another is still there, as far as is known.
     next: Option<(TcpStream, Instant)>,
     counters: Counters,
 }
@@ -162,7 +153,7 @@ impl Kind for NetPort {
         self.counters
     }
 
-    fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+    fn client_line(&self) -> Result<Option<ClientLine>, PortError> {
         Ok(Some(match &self.client {
             Some(client) => client.decoder.settings(),
             None => NetDecoder::new(self.protocol, self.baud).settings(),
@@ -222,8 +213,8 @@ impl NetPort {
             self.client = None;
             return Ok(Some(Event::Detached));
         }
-        // One at a time: whoever comes meanwhile is told so by being let go, unless the other turns out
-        // to have left, of which the news may still be under way.
+        // One at a time: a client that comes meanwhile is closed, unless the other turns out
+        // to have left, which may not be reported yet.
         if self.next.is_none() {
             let next = self.listener.accept();
             self.next = next.ok().map(|(stream, _)| (stream, Instant::now()));
@@ -367,7 +358,7 @@ impl Connection {
     }
 }
 
-/// Tells whether the client has closed its side, be there something to read before or not.
+/// Returns whether the client has closed its side, be there something to read before or not.
 fn has_ended(stream: &TcpStream) -> bool {
     let mut fds = [PollFd::new(stream, PollFlags::RDHUP)];
     let _ = retry_on_intr(|| poll(&mut fds, Some(&Timespec::default())));

@@ -6,7 +6,7 @@
 //! - With no client the master reads `EIO` and polls as hung up. A fresh pair
 //!   does not, until its node has been opened and closed once.
 //! - In packet mode each read begins with a byte that says whether data follow or what happened; a
-//!   client's `TCOFLUSH` is told before whatever it wrote afterwards. That flush empties what is on
+//!   client's `TCOFLUSH` is reported before what it wrote afterwards. That flush empties what is on
 //!   its way to the master, but not the up to 4095 bytes that have arrived and wait to be read.
 //! - `TCOFLUSH` on the master empties what is on the way to the client but
 //!   not what has arrived and waits to be read.
@@ -42,7 +42,7 @@ const MOST_VISITS: u32 = 8;
 /// system keeps.
 const MOST_ROUNDS: usize = 64;
 
-/// Setup of the client's end when nobody has it open.
+/// Setup of the client's end when no client has it open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PtySetup {
     /// Bits per second of the device.
@@ -87,38 +87,49 @@ pub(crate) enum Read {
         input: bool,
         output: bool,
     },
-    /// Something else has happened that matters to nobody.
+    /// Something else has happened that does not matter here.
     Other,
     Nothing,
     HungUp,
 }
 
+/// A fresh pseudo-terminal whose client end is set up: the master, which does not block, the node that
+/// clients open, and the settings of that.
+///
+/// # Errors
+/// When the system has none, or refuses the settings.
+pub fn open_terminal(setup: &PtySetup) -> Result<(OwnedFd, PathBuf, Termios), PortErrorKind> {
+    if setup.baud == 0 {
+        return Err(PortErrorKind::ZeroBaud);
+    }
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).map_err(
+        |errno| match errno {
+            Errno::AGAIN | Errno::NOSPC => PortErrorKind::NoPtyLeft,
+            errno => PortErrorKind::call("posix_openpt")(errno),
+        },
+    )?;
+    let flags = rustix::fs::fcntl_getfl(&master).map_err(PortErrorKind::call("fcntl"))?;
+    rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK)
+        .map_err(PortErrorKind::call("fcntl"))?;
+    grantpt(&master).map_err(PortErrorKind::call("grantpt"))?;
+    // Settings come before the lock is taken off, so that no client can
+    // ever see another terminal.
+    let fresh = tcgetattr(&master).map_err(PortErrorKind::call("tcgetattr"))?;
+    let defaults = setup.defaults.at(&fresh, setup.baud);
+    let defaults = defaults.map_err(PortErrorKind::call("tcsetattr"))?;
+    retry_on_intr(|| tcsetattr(&master, OptionalActions::Flush, &defaults))
+        .map_err(PortErrorKind::call("tcsetattr"))?;
+    unlockpt(&master).map_err(PortErrorKind::call("unlockpt"))?;
+    let name = ptsname(&master, Vec::new()).map_err(PortErrorKind::call("ptsname"))?;
+    let node = PathBuf::from(OsString::from_vec(name.into_bytes()));
+    Ok((master, node, defaults))
+}
+
 impl Pair {
     /// Opens a fresh pair. It looks exactly like one whose client has left.
     pub(crate) fn open(setup: PtySetup) -> Result<Self, PortErrorKind> {
-        if setup.baud == 0 {
-            return Err(PortErrorKind::ZeroBaud);
-        }
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)
-            .map_err(|errno| match errno {
-                Errno::AGAIN | Errno::NOSPC => PortErrorKind::NoPtyLeft,
-                errno => PortErrorKind::call("posix_openpt")(errno),
-            })?;
-        let flags = rustix::fs::fcntl_getfl(&master).map_err(PortErrorKind::call("fcntl"))?;
-        rustix::fs::fcntl_setfl(&master, flags | OFlags::NONBLOCK)
-            .map_err(PortErrorKind::call("fcntl"))?;
-        grantpt(&master).map_err(PortErrorKind::call("grantpt"))?;
+        let (master, slave, defaults) = open_terminal(&setup)?;
         begin_packet_mode(&master).map_err(PortErrorKind::call("TIOCPKT"))?;
-        // Settings come before the lock is taken off, so that no client can
-        // ever see another terminal.
-        let fresh = tcgetattr(&master).map_err(PortErrorKind::call("tcgetattr"))?;
-        let defaults = setup.defaults.at(&fresh, setup.baud);
-        let defaults = defaults.map_err(PortErrorKind::call("tcsetattr"))?;
-        retry_on_intr(|| tcsetattr(&master, OptionalActions::Flush, &defaults))
-            .map_err(PortErrorKind::call("tcsetattr"))?;
-        unlockpt(&master).map_err(PortErrorKind::call("unlockpt"))?;
-        let name = ptsname(&master, Vec::new()).map_err(PortErrorKind::call("ptsname"))?;
-        let slave = PathBuf::from(OsString::from_vec(name.into_bytes()));
         let pair = Self {
             master,
             slave,
@@ -142,7 +153,7 @@ impl Pair {
         &self.slave
     }
 
-    /// Tells whether a client has the node open or has left bytes behind.
+    /// Returns whether a client has the node open or has left bytes behind.
     pub(crate) fn has_client(&self) -> Result<bool, PortErrorKind> {
         let flags = self.poll()?;
         if !flags.contains(PollFlags::HUP) {
@@ -152,7 +163,7 @@ impl Pair {
         Ok(flags.contains(PollFlags::IN) && self.count()? > 0)
     }
 
-    /// Tells whether nobody has the node open.
+    /// Returns whether no client has the node open.
     pub(crate) fn is_hung_up(&self) -> Result<bool, PortErrorKind> {
         Ok(self.poll()?.contains(PollFlags::HUP))
     }
@@ -191,7 +202,7 @@ impl Pair {
         Ok((!self.has_happened()?).then_some(count))
     }
 
-    /// Tells whether something has happened that was not read of.
+    /// Returns whether something has happened that was not read of.
     pub(crate) fn has_happened(&self) -> Result<bool, PortErrorKind> {
         Ok(self.poll()?.contains(PollFlags::PRI))
     }
@@ -223,7 +234,7 @@ impl Pair {
         Ok(())
     }
 
-    /// Throws away what clients have left behind, as long as nobody is there.
+    /// Throws away what clients have left behind, as long as no client is there.
     pub(crate) fn discard_left_behind(&self) -> Result<(), PortErrorKind> {
         let left = PollFlags::HUP | PollFlags::IN;
         for _ in 0..MOST_ROUNDS {
@@ -231,7 +242,7 @@ impl Pair {
                 break;
             }
             let count = self.count()?;
-            // Whoever has written what is counted has left, if there is nobody even now.
+            // The client that has written what is counted has left, if none is there even now.
             if !self.is_hung_up()? {
                 break;
             }
@@ -248,7 +259,7 @@ impl Pair {
     /// set.
     pub(crate) fn restore(&self) -> Result<(bool, u32), PortErrorKind> {
         self.flush_output()?;
-        // Somebody may come and go meanwhile, and leave something again.
+        // A client may come and go meanwhile, and leave something again.
         for visit in 0..MOST_VISITS {
             self.restore_settings()?;
             let Some(slave) = self.look_in()? else {
@@ -284,7 +295,7 @@ impl Pair {
         &self,
         mend: impl FnOnce(&OwnedFd) -> Result<(), PortErrorKind>,
     ) -> Result<u32, PortErrorKind> {
-        // Nobody who wants to talk sets this, so it is not the next one's.
+        // No client that wants to talk sets this, so it is not the next one's.
         if self.settings()?.output_speed() == 0 {
             self.write_defaults()?;
         }
@@ -300,7 +311,7 @@ impl Pair {
     }
 
     /// Settings can only be written all at once, so that writing them undoes what a client changes
-    /// at the same time. Hence they are not written without need, and whether somebody has come is
+    /// at the same time. So they are not written without need, and whether a client has come is
     /// asked at the last moment.
     fn restore_settings(&self) -> Result<(), PortErrorKind> {
         if is_same(&self.settings()?, &self.defaults) || self.is_taken()? {
@@ -338,7 +349,7 @@ impl Pair {
 
     /// A descriptor of the client's end, unless it is locked.
     ///
-    /// It only reads, so that its closing is told apart from that of most clients by whoever
+    /// It only reads, so that its closing differs from that of most clients for a program that
     /// watches the node.
     fn look_in(&self) -> Result<Option<OwnedFd>, PortErrorKind> {
         let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -364,7 +375,7 @@ impl AsFd for Pair {
     }
 }
 
-/// Has the client's output go on, and takes back what has arrived for it and was not read.
+/// Resumes the client's output, and takes back what has arrived for it and was not read.
 fn resume_and_empty(slave: &OwnedFd) -> Result<(), PortErrorKind> {
     resume(slave)?;
     unless_hung_up(tcflush(slave, QueueSelector::IFlush)).map_err(PortErrorKind::call("tcflush"))

@@ -1,11 +1,11 @@
 //! Port as the caller sees it, of whichever kind it is.
 
-use std::fmt::Debug;
+use rigsim_settings::ClientLine;
 use std::path::Path;
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::Registration;
-use crate::line::LineSettings;
+use crate::kind::{Counters, Event, Kind};
 use crate::net_port::{ListenAddress, NetPort};
 use crate::pair::PtySetup;
 use crate::pty_port::PtyPort;
@@ -16,69 +16,13 @@ use crate::serial_port::SerialPort;
 #[derive(Debug)]
 pub struct Port(Box<dyn Kind>);
 
-/// A port of one kind; see [`Port`].
-pub(crate) trait Kind: Debug + Send + Sync {
-    fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError>;
-    fn write(&mut self, bytes: &[u8]) -> Result<usize, PortError>;
-    fn client_line(&self) -> Result<Option<LineSettings>, PortError>;
-    fn is_attached(&self) -> bool;
-    fn path(&self) -> &Path;
-    fn counters(&self) -> Counters;
-    fn register(&mut self, registration: Registration) -> Result<(), PortError>;
-
-    fn node(&self) -> &Path {
-        self.path()
-    }
-
-    fn is_public(&self) -> bool {
-        false
-    }
-}
-
-/// One piece of news from a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[must_use]
-pub enum Event {
-    /// A client has opened the port. A serial port reports this once, at the
-    /// start, since a cable does not tell.
-    Attached,
-    /// So many bytes were received, never 0.
-    Data(usize),
-    /// The client is gone. What it had sent and was not read by then is thrown away, as far as it
-    /// is certain that it was its own.
-    Detached,
-    /// There is nothing to report.
-    Idle,
-}
-
-/// Totals of a port since it was opened.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Bytes received from clients.
-    pub received_bytes: u64,
-    /// Bytes accepted for sending. A client that leaves without reading them
-    /// never gets them.
-    pub sent_bytes: u64,
-    /// Bytes dropped because the client did not read and the buffer was full.
-    pub dropped_full_bytes: u64,
-    /// Bytes dropped because nobody was attached.
-    pub dropped_detached_bytes: u64,
-    /// Number of times that a client attached.
-    pub attached: u64,
-}
-
 impl Port {
     /// Opens a port where `place` says: on the network if it is a URL ([`ListenAddress`]), else a
     /// pseudo-terminal that is set up so, published at that path as a symbolic link, which is removed on
     /// drop.
     ///
-    /// The link appears whole and last. It replaces nothing but a stale link of our own kind, which is,
-    /// provided that no running simulator serves the path,
-    ///
-    /// - the very link that a simulator which was killed recorded in its lock file beside it
-    ///   (`.NAME.sim-lock`), wherever it points by now, or
-    /// - a link to a node under `/dev/pts` that does not exist or is the one just opened: nobody can use
-    ///   such a link.
+    /// The link appears whole and last. It replaces nothing but the very link that a simulator which was
+    /// killed recorded in its lock file beside it (`.NAME.sim-lock`), wherever that points by now.
     ///
     /// # Errors
     ///
@@ -122,7 +66,7 @@ impl Port {
         Self(Box::new(port))
     }
 
-    /// Reports the next piece of news, without blocking. Received bytes are
+    /// Returns the next event, without blocking. Received bytes are
     /// put at the start of `buf`.
     ///
     /// A port that a [`Waiter`](crate::Waiter) called ready must be read at
@@ -141,7 +85,7 @@ impl Port {
     }
 
     /// Sends without blocking, and says how many more bytes are then on their way to the client. What does
-    /// not fit is dropped and counted; a pseudo-terminal keeps some of it, and drops the oldest. With nobody
+    /// not fit is dropped and counted; a pseudo-terminal keeps some of it, and drops the oldest. With no client
     /// attached all is dropped.
     ///
     /// # Errors
@@ -151,7 +95,7 @@ impl Port {
         self.0.write(bytes)
     }
 
-    /// The line settings of whoever has the port open now, where they can be known: a client at the
+    /// The line settings of the client that has the port open now, where they can be known: a client at the
     /// end of a real cable keeps them to itself.
     ///
     /// One system call of well under a microsecond, meant to be made for
@@ -160,11 +104,11 @@ impl Port {
     /// # Errors
     ///
     /// When the system refuses.
-    pub fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+    pub fn client_line(&self) -> Result<Option<ClientLine>, PortError> {
         self.0.client_line()
     }
 
-    /// Tells whether a client is attached, as far as events were reported. One that has come in another's
+    /// Returns whether a client is attached, as far as events were reported. One that has come in another's
     /// place is so from when that one is said to have left.
     #[must_use]
     pub fn is_attached(&self) -> bool {
@@ -184,7 +128,7 @@ impl Port {
         self.0.node()
     }
 
-    /// Tells whether other machines can connect, too.
+    /// Returns whether other machines can connect, too.
     #[must_use]
     pub fn is_public(&self) -> bool {
         self.0.is_public()
@@ -198,18 +142,6 @@ impl Port {
 
     pub(crate) fn register(&mut self, registration: Registration) -> Result<(), PortError> {
         self.0.register(registration)
-    }
-}
-
-impl Counters {
-    pub(crate) fn received(&mut self, bytes: usize) {
-        self.received_bytes += bytes as u64;
-    }
-
-    /// So many of `bytes` were accepted while somebody was there.
-    pub(crate) fn sent(&mut self, accepted: usize, bytes: &[u8]) {
-        self.sent_bytes += accepted as u64;
-        self.dropped_full_bytes += (bytes.len() - accepted) as u64;
     }
 }
 

@@ -4,6 +4,7 @@
 //! So what a client does is seen through the master alone, and who is there follows from whether
 //! that is hung up.
 
+use rigsim_settings::ClientLine;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -12,10 +13,10 @@ use rustix::io::Errno;
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{BOTH, Departures, IN, Registration};
-use crate::line::LineSettings;
+use crate::kind::{Counters, Event, Kind};
+use crate::line::from_termios;
 use crate::pair::{Pair, PtySetup, Read};
-use crate::port::{Counters, Event, Kind};
-use crate::symlink::Symlink;
+use crate::paths::Link;
 
 /// Reads that a single look takes, of which all but the last are words of what has happened.
 const MOST_READS: usize = 8;
@@ -23,7 +24,7 @@ const MOST_READS: usize = 8;
 /// of what a serial port has received.
 const MOST_UNSENT: usize = 1 << 16;
 /// Longest time from the report that the last client has closed the port until it is hung up. If
-/// that takes longer, somebody is still there.
+/// that takes longer, a client is still there.
 const CLOSING: Duration = Duration::from_millis(20);
 
 /// A pseudo-terminal, with or without a link to it at a path of the user's
@@ -31,7 +32,7 @@ const CLOSING: Duration = Duration::from_millis(20);
 #[derive(Debug)]
 pub(crate) struct PtyPort {
     // Dropped first: the link goes before what it points to.
-    link: Option<Symlink>,
+    link: Option<Link>,
     registration: Option<Registration>,
     pair: Pair,
     client: Client,
@@ -50,16 +51,16 @@ pub(crate) struct PtyPort {
     counters: Counters,
 }
 
-/// State of the port's clients, and what is to be told of it.
+/// State of the port's clients, and what is to be reported of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Client {
-    Nobody,
+    None,
     /// It is known that it is there.
     Attached,
     /// Another has come in its place without the port having been hung up at any look: that it has left is
-    /// to be told.
+    /// to be reported.
     Replaced,
-    /// Of the other, that it is there is to be told.
+    /// That the other is there is to be reported.
     New,
 }
 
@@ -67,7 +68,7 @@ impl PtyPort {
     pub(crate) fn open_at(path: &Path, setup: PtySetup) -> Result<Self, PortError> {
         let open = || {
             let pair = Pair::open(setup)?;
-            let link = Symlink::publish(path, pair.slave())?;
+            let link = Link::publish(path, pair.slave())?;
             Ok(Self::new(pair, Some(link)))
         };
         open().map_err(|kind| PortError::new("serve", path, kind))
@@ -78,12 +79,12 @@ impl PtyPort {
         Ok(Self::new(pair, None))
     }
 
-    fn new(pair: Pair, link: Option<Symlink>) -> Self {
+    fn new(pair: Pair, link: Option<Link>) -> Self {
         Self {
             link,
             registration: None,
             pair,
-            client: Client::Nobody,
+            client: Client::None,
             closing: None,
             held: Vec::new(),
             seen: 0,
@@ -96,7 +97,7 @@ impl PtyPort {
 
 impl Kind for PtyPort {
     fn path(&self) -> &Path {
-        self.link.as_ref().map_or(self.pair.slave(), Symlink::path)
+        self.link.as_ref().map_or(self.pair.slave(), Link::path)
     }
 
     fn node(&self) -> &Path {
@@ -104,17 +105,17 @@ impl Kind for PtyPort {
     }
 
     fn is_attached(&self) -> bool {
-        self.client != Client::Nobody
+        self.client != Client::None
     }
 
     fn counters(&self) -> Counters {
         self.counters
     }
 
-    fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+    fn client_line(&self) -> Result<Option<ClientLine>, PortError> {
         let settings = self.pair.settings();
         let settings = settings.map_err(|kind| self.error("read the settings of", kind))?;
-        Ok(Some(LineSettings::from_termios(&settings)))
+        Ok(Some(from_termios(&settings)))
     }
 
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
@@ -175,7 +176,7 @@ impl Kind for PtyPort {
 impl PtyPort {
     /// `None` if the port has to be looked at again to know.
     fn next_event(&mut self, buf: &mut [u8]) -> Result<Option<Event>, PortErrorKind> {
-        if matches!(self.client, Client::Nobody | Client::New) {
+        if matches!(self.client, Client::None | Client::New) {
             return self.arrival().map(Some);
         }
         // In this order: what is counted was there before any departure that is not noted yet.
@@ -214,8 +215,8 @@ impl PtyPort {
                     let old = self.seen.min(n);
                     self.seen -= old;
                     self.counters.received(n);
-                    // Whoever wrote these has been reported by now. If that is somebody who came in
-                    // another's place, this is told first, so that what is answered is not lost with
+                    // The client that wrote these has been reported by now. If it came in
+                    // another's place, this is reported first, so that what is answered is not lost with
                     // what was on its way to the other. What was there before is the other's.
                     self.drain()?;
                     self.notice_handover()?;
@@ -251,10 +252,10 @@ impl PtyPort {
 
     /// Reports a client that has come.
     fn arrival(&mut self) -> Result<Event, PortErrorKind> {
-        // Somebody who came and left without a byte is reported too: it may
+        // A client that came and left without a byte is reported too: it may
         // have left settings or a lock behind.
-        let nobody = self.departures() == Departures::None;
-        if self.client == Client::Nobody && nobody && !self.pair.has_client()? {
+        let none_left = self.departures() == Departures::None;
+        if self.client == Client::None && none_left && !self.pair.has_client()? {
             return Ok(Event::Idle);
         }
         self.client = Client::Attached;
@@ -290,7 +291,7 @@ impl PtyPort {
                 self.discard_seen()?;
                 self.unsent.clear();
                 self.visit(false, Pair::restore_for_next)?;
-                // That a third has taken the place of one who was not told of is not to be told.
+                // That a third has taken the place of one that was not reported is not reported.
                 if self.client == Client::Attached {
                     self.client = Client::Replaced;
                 }
@@ -304,7 +305,7 @@ impl PtyPort {
         self.closing.is_some() && self.departures() == Departures::Unclear
     }
 
-    /// Tells that the one has left; that the other is there is told next.
+    /// Reports that the one has left; that the other is there is reported next.
     fn hand_over(&mut self) -> Event {
         self.client = Client::New;
         Event::Detached
@@ -322,7 +323,7 @@ impl PtyPort {
         Ok(())
     }
 
-    /// Has the waiter report room where something waits for it.
+    /// Makes the waiter report room where something waits for it.
     fn watch_room(&mut self) -> Result<(), PortError> {
         let wanted = !self.unsent.is_empty();
         if let Some(registration) = &self.registration
@@ -357,7 +358,7 @@ impl PtyPort {
         if !restored {
             self.recreate()?;
         }
-        self.client = Client::Nobody;
+        self.client = Client::None;
         Ok(Event::Detached)
     }
 
@@ -368,7 +369,7 @@ impl PtyPort {
         if let Some(link) = &mut self.link {
             link.turn_to(pair.slave())?;
             if !self.pair.is_hung_up()? {
-                // Somebody could open it after all, and is served.
+                // A client could open it after all, and is served.
                 return link.turn_to(self.pair.slave());
             }
         }
@@ -392,8 +393,8 @@ impl PtyPort {
         registration.map_or(Departures::None, Registration::departures)
     }
 
-    /// Has the node opened by ourselves, as often as `open` says, which is counted; `keeps` says that
-    /// whoever has departed is yet to be told of. While that is being found out, it is not opened.
+    /// Opens the node here, as often as `open` says, which is counted; `keeps` says that
+    /// the client that has departed is yet to be reported. While that is being found out, it is not opened.
     fn visit(
         &mut self,
         keeps: bool,

@@ -1,5 +1,6 @@
 //! The same device on a real serial port.
 
+use rigsim_settings::ClientLine;
 use std::os::fd::AsRawFd as _;
 use std::path::{Path, PathBuf};
 
@@ -10,8 +11,7 @@ use serialport::{DataBits, FlowControl, StopBits, TTYPort};
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{IN, Registration};
-use crate::line::LineSettings;
-use crate::port::{Counters, Event, Kind};
+use crate::kind::{Counters, Event, Kind};
 use crate::pty_port::write_some;
 
 /// A real serial port, held exclusively: 8 data bits, no parity, no flow control.
@@ -114,7 +114,7 @@ impl Kind for SerialPort {
         self.counters
     }
 
-    fn client_line(&self) -> Result<Option<LineSettings>, PortError> {
+    fn client_line(&self) -> Result<Option<ClientLine>, PortError> {
         Ok(None)
     }
 

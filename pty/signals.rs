@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use rustix::fd::{AsFd, BorrowedFd};
 use signal_hook::SigId;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXCPU, SIGXFSZ};
+use signal_hook::flag;
 use signal_hook::low_level::{pipe, unregister};
 
 /// Ctrl-C; what `kill` and service managers send; the terminal was closed; and the limit of processor
@@ -29,16 +30,14 @@ impl Signals {
             pipe,
             handlers: Vec::new(),
         };
-        for signal in ALL {
-            if signal != SIGHUP || !hangup_is_ignored() {
-                let handler = pipe::register(signal, sender.try_clone()?)?;
-                signals.handlers.push(handler);
-            }
+        for signal in caught() {
+            let handler = pipe::register(signal, sender.try_clone()?)?;
+            signals.handlers.push(handler);
         }
         Ok(signals)
     }
 
-    /// Tells whether one has arrived since the last call.
+    /// Returns whether one has arrived since the last call.
     pub(crate) fn take(&mut self) -> bool {
         let mut sink = [0; 64];
         let mut any = false;
@@ -66,7 +65,42 @@ impl Drop for Signals {
     }
 }
 
-/// Tells whether the program was started with `SIGHUP` ignored, as `nohup` does:
+/// Ends the process with an exit code at each of the signals, for as long as it lives: while nothing
+/// has been begun that would have to be ended in order.
+#[derive(Debug)]
+pub struct ExitOnSignals(Vec<SigId>);
+
+impl ExitOnSignals {
+    /// Begins with it.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn with(code: i32) -> io::Result<Self> {
+        let mut handlers = Self(Vec::new());
+        for signal in caught() {
+            let always = Arc::new(AtomicBool::new(true));
+            let handler = flag::register_conditional_shutdown(signal, code, always)?;
+            handlers.0.push(handler);
+        }
+        Ok(handlers)
+    }
+}
+
+impl Drop for ExitOnSignals {
+    fn drop(&mut self) {
+        for id in self.0.drain(..) {
+            unregister(id);
+        }
+    }
+}
+
+/// The signals that are caught.
+fn caught() -> impl Iterator<Item = i32> {
+    ALL.into_iter()
+        .filter(|signal| *signal != SIGHUP || !hangup_is_ignored())
+}
+
+/// Returns whether the program was started with `SIGHUP` ignored, as `nohup` does:
 /// then it is meant to outlive its terminal.
 fn hangup_is_ignored() -> bool {
     std::fs::read_to_string("/proc/self/status").is_ok_and(|status| is_ignored(&status, SIGHUP))
@@ -80,14 +114,14 @@ fn is_ignored(status: &str, signal: i32) -> bool {
         .is_some_and(|mask| mask & (1 << (signal - 1)) != 0)
 }
 
-/// Has a write beyond the limit of file sizes (`RLIMIT_FSIZE`) be an error, as on a full disk, instead of
+/// Makes a write beyond the limit of file sizes (`RLIMIT_FSIZE`) an error, as on a full disk, instead of
 /// ending the program. Programs that it starts are ended as ever.
 ///
 /// # Errors
 /// When the system refuses.
 pub fn survive_full_files() -> io::Result<()> {
     // A handler, and not to ignore it, since what is ignored stays so in programs that are started.
-    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map(drop)
+    flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map(drop)
 }
 
 #[cfg(test)]

@@ -11,7 +11,6 @@ use rustix::fd::AsFd;
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-use crate::busy_poll::BusyPoll;
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{Hub, INOTIFY, Registration, SIGNALS};
 use crate::port::Port;
@@ -23,13 +22,12 @@ const EVENTS: usize = 256;
 /// Descriptors that serving opens for a moment.
 const HEADROOM: usize = 4;
 
-/// Waits for news from ports and for signals.
+/// Waits for events of ports and for signals.
 #[derive(Debug)]
 pub struct Waiter {
     hub: Arc<Hub>,
     signals: Option<Signals>,
     wake: Wake,
-    busy_poll: BusyPoll,
 }
 
 /// Reason for which [`Waiter::wait`] returned. Neither a port nor a signal means that the
@@ -41,13 +39,13 @@ pub struct Wake {
 }
 
 impl Wake {
-    /// Tells whether a signal has arrived that asks the program to stop.
+    /// Returns whether a signal has arrived that asks the program to stop.
     #[must_use]
     pub fn is_signalled(&self) -> bool {
         self.signalled
     }
 
-    /// The tokens of the ports with news, each once, in ascending order.
+    /// The tokens of the ports with events, each once, in ascending order.
     #[must_use]
     pub fn ready(&self) -> &[usize] {
         &self.ready
@@ -65,18 +63,7 @@ impl Waiter {
             hub: Hub::new().map_err(waiting)?,
             signals: None,
             wake: Wake::default(),
-            busy_poll: BusyPoll::default(),
         })
-    }
-
-    /// Has a wait look for news busily for as long as this before it sleeps, if the wait before it
-    /// had news as soon. A client that asks again as soon as it is answered then need not wait
-    /// until this process has woken up; one that then takes its time has cost so much processor
-    /// time for nothing. With zero, which is the default, every wait sleeps.
-    ///
-    /// It is of use only where the client has another processor.
-    pub fn set_busy_poll(&mut self, longest: Duration) {
-        self.busy_poll = BusyPoll::new(longest);
     }
 
     /// Makes sure that the few descriptors can be opened that ports need for a moment when clients
@@ -93,7 +80,7 @@ impl Waiter {
             .map_err(|errno| waiting(PortErrorKind::call("fcntl")(errno)))
     }
 
-    /// Has `SIGINT`, `SIGTERM`, `SIGHUP` and `SIGXCPU` end a wait instead of the
+    /// Makes `SIGINT`, `SIGTERM`, `SIGHUP` and `SIGXCPU` end a wait instead of the
     /// program. Once the waiter is dropped they do nothing at all. A `SIGHUP`
     /// that was ignored from the start, as under `nohup`, stays ignored.
     ///
@@ -130,7 +117,7 @@ impl Waiter {
         port.register(registration)
     }
 
-    /// Has waits also end when this can be read or has come to its end, under
+    /// Makes waits also end when this can be read or has come to its end, under
     /// a token that no port has; until it is closed.
     ///
     /// # Errors
@@ -144,7 +131,7 @@ impl Waiter {
             .map_err(waiting)
     }
 
-    /// Waits until a port has news, a signal arrives or `timeout` has passed,
+    /// Waits until a port has events, a signal arrives or `timeout` has passed,
     /// for ever with `None`.
     ///
     /// A port that is called ready must be read at least once, or the next
@@ -156,36 +143,31 @@ impl Waiter {
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<&Wake, PortError> {
         self.wake.ready.clear();
         self.wake.signalled = false;
-        self.take_news(timeout)?;
+        self.wait_for_events(timeout)?;
         self.hub.take_ready(&mut self.wake.ready);
         self.wake.ready.sort_unstable();
         self.wake.ready.dedup();
         Ok(&self.wake)
     }
 
-    /// Takes what there is within `timeout`, looking or asleep.
-    fn take_news(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
+    /// Waits for at most `timeout` until a port is ready or a signal has arrived.
+    fn wait_for_events(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
         let begun = Instant::now();
-        let busy = self.busy_poll.span();
         loop {
-            let elapsed = begun.elapsed();
-            let left = timeout.map(|timeout| timeout.saturating_sub(elapsed));
-            let looks = elapsed < busy;
-            let sleeps = !looks && !self.hub.has_ready();
-            self.take_events(if sleeps { left } else { Some(Duration::ZERO) })?;
-            let news = self.has_news();
-            if news || left == Some(Duration::ZERO) {
-                self.busy_poll.note(news.then(|| begun.elapsed()));
+            let left = timeout.map(|timeout| timeout.saturating_sub(begun.elapsed()));
+            let pending = self.hub.has_ready();
+            self.take_events(if pending { Some(Duration::ZERO) } else { left })?;
+            let found = pending
+                || self.hub.has_ready()
+                || self.wake.signalled
+                || !self.wake.ready.is_empty();
+            if found || left == Some(Duration::ZERO) {
                 return Ok(());
             }
         }
     }
 
-    fn has_news(&self) -> bool {
-        !self.wake.ready.is_empty() || self.wake.signalled || self.hub.has_ready()
-    }
-
-    /// Takes what the system reports within `timeout`, which may be no news.
+    /// Takes what the system reports within `timeout`, which may concern no port.
     fn take_events(&mut self, timeout: Option<Duration>) -> Result<(), PortError> {
         // A wait too long for the system's clock is one without an end.
         let timeout = timeout.and_then(|timeout| Timespec::try_from(timeout).ok());
@@ -228,7 +210,7 @@ pub fn want_descriptors(count: u64) {
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     if current.is_some_and(|current| current < count) {
         let current = maximum;
-        // Refused, it is as it was, and whoever opens too many is told.
+        // Refused, it is as it was, and opening too many is an error.
         let _ = setrlimit(Resource::Nofile, Rlimit { current, maximum });
     }
 }

@@ -2,12 +2,11 @@
 
 use std::path::PathBuf;
 
-use sim_core::device::{DeviceSettings, LineSettings, LinkSpec, Setup};
-use sim_core::fault::Fault;
-use sim_core::line::Wire;
-use sim_core::rig::{PortId, Rig, RigSettings};
+use rigsim_core::device::{DeviceSettings, LinkSpec, Setup};
+use rigsim_core::line::Wire;
+use rigsim_core::rig::{PortId, Rig, RigSettings};
 
-use sim_physics::WorldMap;
+use rigsim_physics::WorldMap;
 
 use crate::rig_file::{DevicePlan, RigPlan};
 
@@ -22,8 +21,6 @@ pub struct PlannedLink {
     pub name: &'static str,
     /// Speed of the device's end.
     pub baud: u32,
-    /// Stop bits of the device's end; there are 8 data bits and no parity.
-    pub stop_bits: u32,
     /// Path of its port, if it has been given one.
     pub path: Option<PathBuf>,
 }
@@ -59,25 +56,6 @@ impl DevicePlan {
         self.settings.of_device(self.device)
     }
 
-    /// Tells whether it can have a fault as it is planned.
-    pub(crate) fn check_fault(&self, fault: &Fault) -> Result<(), String> {
-        self.device.check(fault)?;
-        let link = fault
-            .link()
-            .and_then(|link| self.device.link(link.as_str()));
-        match link.filter(|link| *link >= self.ports.len()) {
-            Some(link) => Err(self.lacks_link(link)),
-            None => Ok(()),
-        }
-    }
-
-    /// Says that a link is not there.
-    pub(crate) fn lacks_link(&self, link: usize) -> String {
-        let link = self.device.links.get(link);
-        let (id, name) = link.map_or(("?", "?"), |link| (link.id, link.name));
-        format!("this device has no {name} link; it has one with `{id} = true`")
-    }
-
     /// In which state it starts, if its kind has a choice.
     #[must_use]
     pub fn start_word(&self) -> Option<&'static str> {
@@ -91,13 +69,11 @@ impl RigPlan {
         let links = |(device, plan): (usize, &DevicePlan)| {
             let ports = plan.device.links.iter().zip(&plan.ports).enumerate();
             let planned = |(link, (spec, path)): (usize, (&LinkSpec, &Option<PathBuf>))| {
-                let LineSettings { baud, stop_bits } = plan.own_settings()?.line(link);
                 Some(PlannedLink {
                     id: PortId { device, link },
                     device: plan.name.clone(),
                     name: spec.name,
-                    baud,
-                    stop_bits: stop_bits.into(),
+                    baud: plan.own_settings()?.baud(link),
                     path: path.clone(),
                 })
             };

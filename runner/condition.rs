@@ -7,7 +7,8 @@
 //! `t` is the time since the start in seconds. Every other name is the name of a device, a dot, and
 //! a name of the device: `r150.truth.speed_mps`. With one device its name may be left out. A `-` in
 //! a device's name is written `_`. `saved.x0` is what a step has remembered under that name, and
-//! `param.pwm` a parameter.
+//! `param.pwm` a parameter. `client.x` is the number that the client publishes as `x`, where no
+//! device has such a name.
 //!
 //! All this is checked when the file is read: a condition that passed cannot fail for a name, a
 //! function or a type.
@@ -15,7 +16,6 @@
 mod check;
 mod error;
 mod nearness;
-mod probe;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -25,15 +25,14 @@ use cel::common::value::CowVal;
 use cel::context::VariableResolver;
 use cel::parser::{Expression, Parser};
 use cel::{Context, Env, ExecutionError};
-use sim_core::device::names::Getter;
-use sim_core::device::{DeviceSpec, Observed, View};
-use sim_core::rig::Rig;
+use rigsim_core::device::names::Getter;
+use rigsim_core::device::{Counters, DeviceSpec, View};
+use rigsim_core::rig::Rig;
 
-pub(crate) use check::Scope;
 pub use check::identifier;
+pub(crate) use check::{CLIENT, Scope};
 pub use error::ExpressionError;
-pub use probe::Probe;
-pub use sim_core::device::names::Reading;
+pub use rigsim_core::device::names::Reading;
 
 /// Longest text of a condition.
 const MOST_TEXT: usize = 2000;
@@ -53,13 +52,15 @@ pub struct Condition {
 
 /// Where the value of a name comes from.
 #[derive(Debug, Clone, Copy)]
-enum Origin {
+pub(crate) enum Origin {
     Time,
     Device(usize, Getter),
     /// Value that a step has remembered, by its index.
     Saved(usize),
     /// A parameter.
     Fixed(Reading),
+    /// Number that a client publishes by this name.
+    Published,
 }
 
 /// A value that a step remembers.
@@ -80,9 +81,11 @@ pub(crate) struct Situation<'a> {
     /// The devices and their world.
     pub rig: &'a Rig,
     /// Observations of each device, by its index.
-    pub observed: &'a [Observed],
+    pub counters: &'a [Counters],
     /// Values that steps have remembered so far.
     pub saved: &'a [Option<Reading>],
+    /// Numbers that clients have published so far, by their names in conditions.
+    pub published: &'a BTreeMap<String, f64>,
 }
 
 impl Condition {
@@ -138,13 +141,13 @@ impl Condition {
         Ok((condition, is_flag))
     }
 
-    /// Tells whether all that it speaks of has a value by now: what steps remember has none before.
+    /// Returns whether all that it speaks of has a value by now: what steps remember has none before.
     pub(crate) fn is_known(&self, situation: Situation<'_>) -> bool {
-        let mut origins = self.names.values();
-        origins.all(|origin| origin.read(situation).is_some())
+        let mut names = self.names.iter();
+        names.all(|(name, origin)| origin.read(name, situation).is_some())
     }
 
-    /// Tells whether it holds.
+    /// Returns whether it holds.
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
@@ -185,10 +188,10 @@ impl Condition {
             .ok_or_else(String::new)
     }
 
-    /// The values of the names in it, as in `truth.speed_mps = 1.2`, for whoever asks why.
+    /// The values of the names in it, as in `truth.speed_mps = 1.2`, which say why it holds or not.
     pub(crate) fn explain(&self, situation: Situation<'_>) -> String {
         let values = self.names.iter().map(|(name, origin)| {
-            let value = origin.read(situation).unwrap_or(NOTHING);
+            let value = origin.read(name, situation).unwrap_or(NOTHING);
             format!("{name} = {value}")
         });
         values.collect::<Vec<_>>().join(", ")
@@ -196,22 +199,24 @@ impl Condition {
 }
 
 impl Origin {
-    /// Its value now; `None` if no step has remembered it yet.
-    fn read(self, situation: Situation<'_>) -> Option<Reading> {
+    /// The value of a name now; `None` if no step has remembered it yet, or no client published it.
+    pub(crate) fn read(self, name: &str, situation: Situation<'_>) -> Option<Reading> {
         let Situation {
             rig,
-            observed,
+            counters,
             saved,
+            published,
         } = situation;
         match self {
             Self::Time => Some(Reading::Number(rig.now().as_secs_f64())),
             Self::Saved(index) => saved.get(index).copied().flatten(),
             Self::Fixed(value) => Some(value),
+            Self::Published => published.get(name).copied().map(Reading::Number),
             Self::Device(index, getter) => Some(getter.read(&View {
                 now: rig.now(),
                 world: rig.world(),
                 device: rig.any_device(index)?,
-                observed: observed.get(index)?,
+                counters: counters.get(index)?,
             })),
         }
     }
@@ -225,10 +230,12 @@ struct Resolver<'a> {
 impl VariableResolver for Resolver<'_> {
     fn resolve<'b>(&'b self, variable: &str) -> Option<CowVal<'b, 'b>> {
         let origin = self.names.get(variable)?;
-        Some(match origin.read(self.situation).unwrap_or(NOTHING) {
-            Reading::Number(number) => CowVal::owned(CelDouble::from(number)),
-            Reading::Flag(flag) => CowVal::owned(CelBool::from(flag)),
-        })
+        Some(
+            match origin.read(variable, self.situation).unwrap_or(NOTHING) {
+                Reading::Number(number) => CowVal::owned(CelDouble::from(number)),
+                Reading::Flag(flag) => CowVal::owned(CelBool::from(flag)),
+            },
+        )
     }
 }
 

@@ -3,25 +3,28 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use sim_settings::Origin;
+use rigsim_settings::{Origin, ReadError, SettingsError, Wrong};
 
-use crate::rig_file::RigFileError;
-use crate::sources::Sources;
-
-/// The most errors that are told of one file; further ones are counted.
-pub(crate) const MOST_ERRORS: usize = 20;
+use crate::error::{FileError, FileErrorKind, FileErrors};
+use crate::sources::{MOST_ERRORS, Sources};
 
 /// Problems found so far.
 pub(crate) struct Problems<'t> {
     sources: Sources<'t>,
     /// Each with the place by which they are sorted.
-    lines: Vec<(usize, String)>,
-    /// Where something that cannot be read has been told.
-    told: BTreeSet<usize>,
+    found: Vec<(usize, Found)>,
+    /// Where something wrong has been found.
+    places: BTreeSet<usize>,
     /// Values that were put in the place of others, by where they stand.
     put: BTreeMap<usize, Put>,
     /// The same of values of which they are only a part.
     put_into: BTreeMap<usize, Put>,
+}
+
+/// A problem, whose place is looked up only if it is reported.
+enum Found {
+    At(usize, FileErrorKind),
+    Known(FileError),
 }
 
 /// Where a value comes from that stands for a parameter.
@@ -37,8 +40,8 @@ impl<'t> Problems<'t> {
     pub(crate) fn new(sources: Sources<'t>) -> Self {
         Self {
             sources,
-            lines: Vec::new(),
-            told: BTreeSet::new(),
+            found: Vec::new(),
+            places: BTreeSet::new(),
             put: BTreeMap::new(),
             put_into: BTreeMap::new(),
         }
@@ -54,21 +57,40 @@ impl<'t> Problems<'t> {
         self.put_into.insert(at, origin);
     }
 
-    /// Something is wrong at a place of the files.
+    /// Something makes no sense at a place of the files.
     pub(crate) fn add(&mut self, at: Range<usize>, why: &str) {
-        self.refuse(at.start, |sources, at| sources.wrong(at, why));
+        self.refuse(at.start, FileErrorKind::Sense(why.to_owned()));
+    }
+
+    /// What stands at a place has a wrong form.
+    pub(crate) fn wrong(&mut self, at: usize, wrong: Wrong) {
+        // What is wrong there with what stands for something else cannot be read, either.
+        if at == 0 || !self.places.contains(&at) {
+            self.refuse(at, FileErrorKind::Form(wrong));
+        }
     }
 
     /// Something is wrong with a file as a whole.
     pub(crate) fn add_to_file(&mut self, why: &str) {
-        let line = format!("{}: {why}", self.sources.place(0));
-        self.lines.push((0, line));
+        let kind = FileErrorKind::Sense(why.to_owned());
+        let error = FileError::at(Some(self.sources.place(0)), kind);
+        self.found.push((0, Found::Known(error)));
     }
 
-    /// Lines that name their places by themselves.
-    pub(crate) fn add_all(&mut self, lines: impl IntoIterator<Item = (usize, String)>) {
-        for (at, line) in lines {
-            self.lines.push((self.order(at), line));
+    /// A flag is wrong.
+    pub(crate) fn add_to_flag(&mut self, flag: String, why: String) {
+        let error = FileError::at(Some(Origin::Flag(flag)), FileErrorKind::Sense(why));
+        self.found.push((0, Found::Known(error)));
+    }
+
+    /// Settings are refused that stand at places or, at 0, in flags.
+    pub(crate) fn add_settings(
+        &mut self,
+        errors: impl IntoIterator<Item = (usize, SettingsError)>,
+    ) {
+        for (at, error) in errors {
+            self.found
+                .push((self.order(at), Found::Known(error.into())));
         }
     }
 
@@ -99,73 +121,69 @@ impl<'t> Problems<'t> {
         result.map_err(|why| self.add(at, &why.to_string())).ok()
     }
 
-    /// The value, or `None` and one problem more, at the place that the reader's error names or
-    /// else here.
-    pub(crate) fn read<T>(
-        &mut self,
-        at: Range<usize>,
-        result: Result<T, toml::de::Error>,
-    ) -> Option<T> {
+    /// The value, or `None` and one problem more, at the place that the error names or else here.
+    pub(crate) fn read<T>(&mut self, at: Range<usize>, result: Result<T, ReadError>) -> Option<T> {
         result
-            .map_err(|error| {
-                let own = error.span().filter(|span| *span != (0..0));
-                self.syntax(own.map_or(at.start, |span| span.start), &error);
-            })
+            .map_err(|error| self.wrong(error.at.unwrap_or(at).start, error.why))
             .ok()
     }
 
-    /// An error of the TOML reader about what stands at a place.
-    pub(crate) fn syntax(&mut self, at: usize, error: &toml::de::Error) {
-        // What is wrong there with what stands for something else cannot be read, either.
-        if at == 0 || !self.told.contains(&at) {
-            self.refuse(at, |sources, at| sources.syntax(at, error));
+    fn refuse(&mut self, at: usize, kind: FileErrorKind) {
+        self.places.insert(at);
+        self.found.push((self.order(at), Found::At(at, kind)));
+    }
+
+    fn error(&self, at: usize, kind: FileErrorKind) -> FileError {
+        let (place, key_at, used) = match self.put.get(&at) {
+            None => {
+                let part = self.put_into.get(&at).map(|put| match put {
+                    Put::At(own) => format!("; a part of it is from {}", self.sources.place(*own)),
+                    Put::Flag(flag) => format!("; a part of it is from {flag}"),
+                });
+                (self.sources.place(at), at, part.unwrap_or_default())
+            }
+            Some(Put::At(own)) => {
+                let key = self.sources.key_at(at);
+                let key = key.map(|key| format!("`{key}` of ")).unwrap_or_default();
+                let used = format!("; it is {key}{}", self.sources.place(at));
+                (self.sources.place(*own), *own, used)
+            }
+            Some(Put::Flag(flag)) => {
+                let used = format!("; it is in {}", self.sources.place(at));
+                (Origin::Flag(flag.clone()), at, used)
+            }
+        };
+        FileError {
+            place: Some(place),
+            key: self.sources.key_at(key_at),
+            kind,
+            used,
         }
     }
 
-    fn refuse(&mut self, at: usize, line: impl FnOnce(Sources<'_>, usize) -> String) {
-        self.told.insert(at);
-        let sources = self.sources;
-        let stands = || {
-            let key = sources.key_at(at).map(|key| format!("`{key}` of "));
-            format!("{}{}", key.unwrap_or_default(), sources.place(at))
-        };
-        let text = match self.put.get(&at) {
-            None => {
-                let part = self.put_into.get(&at).map(|put| match put {
-                    Put::At(own) => format!("; a part of it is from {}", sources.place(*own)),
-                    Put::Flag(flag) => format!("; a part of it is from {flag}"),
-                });
-                line(sources, at) + &part.unwrap_or_default()
-            }
-            Some(Put::At(own)) => format!("{}; it is {}", line(sources, *own), stands()),
-            Some(Put::Flag(flag)) => {
-                let line = line(sources, at);
-                let why = line.strip_prefix(&format!("{}: ", sources.place(at)));
-                format!(
-                    "{flag}: {}; it is in {}",
-                    why.unwrap_or(&line),
-                    sources.place(at)
-                )
-            }
-        };
-        self.lines.push((self.order(at), text));
-    }
-
     /// The errors in the order of the files.
-    pub(crate) fn into_error(self) -> RigFileError {
-        let mut lines = self.lines;
-        lines.sort_by_key(|(at, _)| *at);
-        let more = lines.len().saturating_sub(MOST_ERRORS);
-        let shown = lines.into_iter().take(MOST_ERRORS).map(|(_, line)| line);
-        let more = (more > 0).then(|| format!("{}: and {more} more", self.sources.name()));
-        RigFileError(shown.chain(more).collect())
+    pub(crate) fn into_error(mut self) -> FileErrors {
+        let mut found = std::mem::take(&mut self.found);
+        found.sort_by_key(|(order, _)| *order);
+        let more = found.len().saturating_sub(MOST_ERRORS);
+        let shown = found.into_iter().take(MOST_ERRORS);
+        let mut errors: Vec<FileError> = shown
+            .map(|(_, found)| match found {
+                Found::At(at, kind) => self.error(at, kind),
+                Found::Known(error) => error,
+            })
+            .collect();
+        if more > 0 {
+            errors.push(self.sources.and_more(more));
+        }
+        FileErrors(errors)
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.lines.is_empty()
+        self.found.is_empty()
     }
 
-    pub(crate) fn into_result(self) -> Result<(), RigFileError> {
+    pub(crate) fn into_result(self) -> Result<(), FileErrors> {
         if self.is_empty() {
             Ok(())
         } else {

@@ -21,19 +21,19 @@ mod written;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::fmt;
 use std::path::PathBuf;
 
-use sim_core::device::{DeviceSpec, Devices};
-use sim_core::settings::SimSettings;
-use sim_physics::Pose;
-use sim_settings::{SettingsError, Source, apply_table};
+use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_core::settings::SimSettings;
+use rigsim_physics::Pose;
+use rigsim_settings::{Source, apply_table};
 use toml::de::DeTable;
 
 pub(crate) use form::{
     DeviceText, RigText, SettingsText, device_schema, link_schema, settings_schema,
 };
 
+use crate::error::{FileError, FileErrors};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::Problems;
 use crate::schema;
@@ -75,22 +75,6 @@ pub struct RigPlan {
     pub devices: Vec<DevicePlan>,
 }
 
-/// Errors of a rig file; each line names the file, the line, and what to do.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub struct RigFileError(pub Vec<String>);
-
-impl fmt::Display for RigFileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.join("\n"))
-    }
-}
-
-impl From<Vec<SettingsError>> for RigFileError {
-    fn from(errors: Vec<SettingsError>) -> Self {
-        Self(errors.iter().map(ToString::to_string).collect())
-    }
-}
-
 impl RigPlan {
     /// Names and kinds of its devices.
     pub(crate) fn kinds(&self) -> Vec<(&str, &'static DeviceSpec)> {
@@ -115,14 +99,14 @@ impl RigPlan {
     ///
     /// # Errors
     /// Names the file, the line, and what is allowed.
-    pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
+    pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, FileErrors> {
         let sources = Sources(&[source]);
         let mut problems = Problems::new(sources);
         let mut tables = Tables(sources.tables(0)?);
         let file = forgiving::read_table(&mut tables.0, &mut LeftOut::default(), &mut problems);
         let plan = file.and_then(|file| Self::check(&mut problems, &tables, base, file));
         problems.into_result()?;
-        plan.ok_or_else(|| RigFileError(vec![format!("{} is no rig file", source.file)]))
+        plan.ok_or_else(|| FileError::general(format!("{} is no rig file", source.file)).into())
     }
 
     /// Reads a file that has these tables, and perhaps others. There is no plan if the kind of a device
@@ -199,7 +183,7 @@ impl RigPlan {
     }
 }
 
-/// Applies a table of settings, and tells what is wrong with it.
+/// Applies a table of settings, and reports what is wrong with it.
 fn apply(
     problems: &mut Problems<'_>,
     table: &DeTable<'_>,
@@ -213,8 +197,8 @@ fn apply(
         problems.origin(at)
     };
     let errors = apply_table(&place, table, prefix, settings).err();
-    let errors = errors.iter().flatten().map(ToString::to_string);
-    problems.add_all(places.take().into_iter().zip(errors));
+    let errors = errors.into_iter().flatten();
+    problems.add_settings(places.take().into_iter().zip(errors));
 }
 
 /// The device's id, with a number if there are several of it.
@@ -236,14 +220,14 @@ fn is_name(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_core::r150::R150Settings;
+    use rigsim_core::r150::R150Settings;
 
     fn parse(text: &str) -> Result<RigPlan, String> {
         let source = Source {
             file: "my-rig.toml",
             text,
         };
-        RigPlan::parse(source, &SimSettings::new(sim_core::SHIPPED))
+        RigPlan::parse(source, &SimSettings::new(rigsim_core::SHIPPED))
             .map_err(|error| error.to_string())
     }
 
@@ -279,7 +263,7 @@ mod tests {
 
     #[test]
     fn the_schema_is_the_published_one() {
-        let schema = RigPlan::json_schema(sim_core::SHIPPED);
+        let schema = RigPlan::json_schema(rigsim_core::SHIPPED);
         assert!(
             schema == include_str!("../worlds/rig.schema.json"),
             "worlds/rig.schema.json is to read:\n{schema}"
@@ -297,13 +281,13 @@ mod tests {
             ("schema = 1\n", "1 to 1000 [[device]]"),
             (
                 "schema = 1\ndevices = 3\n",
-                "my-rig.toml:2:1: `devices`: unknown field",
+                "my-rig.toml:2:1: `devices`: unknown key",
             ),
             (
                 "schema = 1\n[[device]]\nkind = \"tank\"",
                 "my-rig.toml:3:8: `device.kind`: ",
             ),
-            (&format!("{one}color = \"red\""), "unknown field `color`"),
+            (&format!("{one}color = \"red\""), "unknown key `color`"),
             (
                 &format!("{one}pose = {{ x = \"1 V\" }}"),
                 "my-rig.toml:4:14: `device.pose.x`: ",

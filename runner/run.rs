@@ -11,7 +11,7 @@
 //! 2. Let time pass with [`Run::advance`], at the latest up to [`Run::next_deadline`] if what comes of it
 //!    is wanted at once. A time that has passed already does nothing.
 //! 3. Drain it: [`Run::read`] for each port, [`Run::poll_event`] and, if there is a trace,
-//!    [`Run::poll_trace`], until each gives nothing. What nobody takes is kept up to a bound: 1 MiB of
+//!    [`Run::poll_trace`], until each returns nothing. What is not taken is kept up to a bound: 1 MiB of
 //!    bytes for each port, 16384 events (the oldest go first and are counted), a million lines of the
 //!    trace.
 //! 4. Hang clients up whose cable is out ([`Rig::cable_pulled`]).
@@ -47,6 +47,10 @@ mod instant;
 mod judge;
 mod lateness;
 mod outcome;
+mod probe;
+mod published;
+pub(crate) mod record;
+mod recorder;
 mod responses;
 mod steps;
 mod verdict;
@@ -55,31 +59,35 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::device::Observed;
-use sim_core::event::Event;
-use sim_core::line::{ClientLine, Wire};
-use sim_core::report::Report;
-use sim_core::rig::{PortId, Rig, RigError};
-use sim_physics::WorldMap;
-use sim_settings::Source;
+use rigsim_core::SimTime;
+use rigsim_core::device::Counters;
+use rigsim_core::event::Event;
+use rigsim_core::line::{ClientLine, Wire};
+use rigsim_core::report::Report;
+use rigsim_core::rig::{PortId, Rig, RigError};
+use rigsim_physics::WorldMap;
+use rigsim_settings::Source;
 
 pub use direct::{StepError, StepReport};
-pub use outcome::{Context, DeviceReport, Failure, FaultRecord, Outcome};
+pub use outcome::{Context, DeviceReport, Failure, FailureKind, FaultRecord, Outcome};
+pub use probe::Probe;
+pub use published::{MOST_LINE, PublishError};
 
 use crate::condition::Reading;
 use crate::scenario::Scenario;
-use crate::trace::{Record, Recorder};
 use agenda::Agenda;
 use host::HostPort;
 use judge::{Expected, RuleState};
 use lateness::Lateness;
+use published::Published;
+use record::Record;
+use recorder::Recorder;
 use responses::ResponseState;
 use steps::StepState;
 
 /// Rounds at one instant after which a scenario is given up: its steps set one another off.
 const MOST_ROUNDS: u32 = 10_000;
-/// Most events kept for whoever takes them; the oldest go first.
+/// Most events that are kept until they are taken; the oldest go first.
 const MOST_EVENTS: usize = 1 << 14;
 /// How many of the last things that happened a failure shows.
 const MOST_RECENT: usize = 60;
@@ -141,13 +149,14 @@ pub struct Run {
     ports: Vec<PortId>,
     /// Index in `ports` of each device's first port, and behind them the number of ports.
     first_ports: Vec<usize>,
-    observed: Vec<Observed>,
+    counters: Vec<Counters>,
     agenda: Agenda,
     steps: Vec<StepState>,
     rules: Vec<RuleState>,
     responses: Vec<ResponseState>,
     /// Values that steps have remembered.
     saved: Vec<Option<Reading>>,
+    published: Published,
     expected: Vec<Expected>,
     hosts: BTreeMap<PortId, HostPort>,
     /// Up to when what a disturbed line looks like is not the client's fault, by device.
@@ -196,17 +205,18 @@ impl Run {
             .trace
             .then(|| Recorder::new(&scenario, world, options));
         let mut run = Self {
-            observed: scenario
+            counters: scenario
                 .rig
                 .devices
                 .iter()
-                .map(|plan| Observed::new(plan.device))
+                .map(|_| Counters::default())
                 .collect(),
             agenda: Agenda::default(),
             steps: StepState::all(&scenario, options.seed),
             rules: vec![RuleState::default(); scenario.rules.len()],
             responses: vec![ResponseState::default(); scenario.responses.len()],
             saved: vec![None; scenario.saved.len()],
+            published: Published::default(),
             expected: Vec::new(),
             hosts: BTreeMap::new(),
             excused_until: vec![SimTime::ZERO; scenario.rig.devices.len()],
@@ -260,8 +270,8 @@ impl Run {
     }
 
     /// Goes on by one instant, but not beyond `to`; says whether more happens until then. A file
-    /// may ask for a thousand million instants a second, so this is for whoever has to look at a
-    /// clock in between.
+    /// may ask for a thousand million instants a second, so this is for callers that read a clock in
+    /// between.
     ///
     /// # Errors
     /// When the simulation or the scenario cannot go on.
@@ -298,6 +308,12 @@ impl Run {
         &self.rig
     }
 
+    /// The same, for tests that install observers before the run begins.
+    #[doc(hidden)]
+    pub fn rig_mut(&mut self) -> &mut Rig {
+        &mut self.rig
+    }
+
     /// The ports of all devices.
     #[must_use]
     pub fn ports(&self) -> &[PortId] {
@@ -316,7 +332,7 @@ impl Run {
         self.options.seed
     }
 
-    /// Tells whether a real client stands in the place of the scripted one.
+    /// Returns whether a real client stands in the place of the scripted one.
     #[must_use]
     pub fn is_live(&self) -> bool {
         self.options.live
@@ -340,21 +356,21 @@ impl Run {
     /// the run does not pass.
     pub fn fail(&mut self, what: String) {
         let at = self.rig.now();
-        self.note_failure(at, None, what);
+        self.note_failure(FailureKind::Client, at, None, what);
     }
 
-    /// Counts of what happened at each device so far, and of what is held against its client.
+    /// Counts of what happened at each device so far, and of what is attributed to its client.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
-        self.observed.iter().map(|observed| &observed.report)
+        self.counters.iter().map(|counters| &counters.report)
     }
 
-    /// Number of events that were lost because nobody took them.
+    /// Number of events that were lost because they were not taken.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
         self.events_lost + self.rig.events_lost()
     }
 
-    /// Number of events that are held against nobody because the simulator was late.
+    /// Number of events that are attributed to no party because the simulator was late.
     #[must_use]
     pub fn excused(&self) -> u64 {
         self.lateness.excused()

@@ -33,18 +33,19 @@ mod host;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
-use schemars::{JsonSchema as _, Schema, SchemaGenerator};
-use sim_core::device::{self, DeviceSpec, Devices, HANDS};
-use sim_core::fault::Fault;
-use sim_core::noise::Noise;
-use sim_core::settings::SimSettings;
-use sim_physics::WorldMap;
-use sim_settings::{Source, shorten};
+use rigsim_core::device::parameters::{Motors, Scope};
+use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_core::effect::{self, Checked};
+use rigsim_core::noise::Noise;
+use rigsim_core::settings::SimSettings;
+use rigsim_physics::{Tolerances, WorldMap};
+use rigsim_settings::{Source, shorten};
+use schemars::JsonSchema as _;
+use serde_json::{Value, json};
 
-pub use document::{Only, Overlap};
+pub use document::Only;
 pub use files::{NamedText, ScenarioFiles};
 
 pub(crate) use check::{read, read_step};
@@ -53,14 +54,15 @@ pub(crate) use host::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields}
 
 use crate::assemble::PlannedLink;
 use crate::condition::{Condition, Reading, Saved};
-use crate::problems::MOST_ERRORS;
-use crate::rig_file::{RigFileError, RigPlan, device_schema, link_schema, settings_schema};
+use crate::error::FileErrors;
+use crate::rig_file::{RigPlan, device_schema, link_schema, settings_schema};
 use crate::schema;
+use crate::sources::MOST_ERRORS;
 
 /// Most steps, and most conditions over time, of a file.
 pub const MOST_STEPS: usize = 1000;
 
-/// Tells whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml`
+/// Returns whether a file that lies in a folder of scenarios is one, by its name: it ends in `.toml`
 /// and is not hidden. What is in it does not count, so that a scenario with a mistake in it is
 /// never passed over in silence.
 #[must_use]
@@ -70,6 +72,9 @@ pub fn is_scenario_file(path: &Path) -> bool {
         .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
     path.extension().is_some_and(|ending| ending == "toml") && !hidden
 }
+
+/// The setting by which a run has other vehicles of the same make.
+pub const OTHER_VEHICLES: &str = "world.tolerances=by-seed";
 
 /// A scenario that makes sense.
 #[derive(Debug, Clone)]
@@ -90,8 +95,6 @@ pub struct Scenario {
     pub rig: RigPlan,
     /// Time that it takes, in simulated time.
     pub limit: Duration,
-    /// Time that it may take in real time.
-    pub wall_limit: Option<Duration>,
     pub(crate) base: SimSettings,
     /// The files that it is based on, each with its name and text.
     pub(crate) bases: Vec<(String, String)>,
@@ -126,7 +129,6 @@ pub(crate) struct Step {
     /// From what the trigger says to the first time.
     pub delay: Times,
     pub every: Option<Times>,
-    pub overlap: Overlap,
     pub count: Option<u32>,
     /// Time for which each effect lasts; of what has no effect that lasts, how long it is repeated.
     /// `None` for what has no end or needs none.
@@ -136,7 +138,7 @@ pub(crate) struct Step {
     /// Values that it remembers: for each its index among all that is saved, and the condition.
     pub remember: Vec<(usize, Condition)>,
     pub probability: Option<f64>,
-    pub may_not_trigger: bool,
+    pub optional: bool,
     pub only: Option<Only>,
     pub mission: bool,
     pub device: usize,
@@ -145,24 +147,20 @@ pub(crate) struct Step {
 
 impl Step {
     /// The fault that it brings, if it brings one.
-    pub(crate) fn fault(&self) -> Option<&Fault> {
+    pub(crate) fn fault(&self) -> Option<&Checked> {
         match &self.action {
-            StepAction::Fault(fault) => Some(fault),
-            StepAction::Host(_)
-            | StepAction::Clear(_)
-            | StepAction::Deed(..)
-            | StepAction::Expect { .. }
-            | StepAction::Nothing => None,
+            StepAction::Effect(effect) => Some(effect).filter(|effect| effect.info().is_fault()),
+            StepAction::Host(_) | StepAction::Expect { .. } | StepAction::Nothing => None,
         }
     }
 
-    /// Tells whether what it does has an end only by `for` and `until` of the whole step, not of
+    /// Returns whether what it does has an end only by `for` and `until` of the whole step, not of
     /// each time.
     pub(crate) fn is_repeated_for(&self) -> bool {
         matches!(self.action, StepAction::Host(_) | StepAction::Expect { .. })
     }
 
-    /// Tells whether it is repeated without end.
+    /// Returns whether it is repeated without end.
     pub(crate) fn is_endless(&self) -> bool {
         let ends = self.count.is_some()
             || self.until.is_some()
@@ -201,12 +199,8 @@ pub(crate) enum Trigger {
 #[derive(Debug, Clone)]
 pub(crate) enum StepAction {
     Host(HostAction),
-    Fault(Fault),
-    /// Mends what the step with this index broke.
-    Clear(usize),
-    /// Somebody does something to the device, or something changes around it; with the words of the
-    /// file: `world add`.
-    Deed(String, Arc<dyn device::Action>),
+    /// Something breaks, an action is done, or something changes around the device.
+    Effect(Checked),
     Expect {
         that: Condition,
         within: Option<Duration>,
@@ -238,7 +232,7 @@ pub(crate) struct Response {
     pub to: Cause,
     pub then: Condition,
     /// Nothing is said if it is never due.
-    pub may_not_trigger: bool,
+    pub optional: bool,
     pub within: Duration,
     pub until: Option<Duration>,
     pub message: Option<String>,
@@ -268,7 +262,7 @@ impl Scenario {
     ///
     /// # Errors
     /// Up to 20 lines, each naming the file, the line, the column, the key, and what is allowed.
-    pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, RigFileError> {
+    pub fn parse(source: Source<'_>, base: &SimSettings) -> Result<Self, FileErrors> {
         let texts = Texts {
             files: &[source],
             parameters: &[],
@@ -277,7 +271,7 @@ impl Scenario {
         read(texts, base)
     }
 
-    /// Tells whether a device has the script for a client also where there is a real one.
+    /// Returns whether a device has the script for a client also where there is a real one.
     #[must_use]
     pub fn is_scripted(&self, device: usize) -> bool {
         self.scripted.get(device).copied().unwrap_or(false)
@@ -306,7 +300,6 @@ impl Scenario {
             good_client: String::new(),
             tags: Vec::new(),
             limit: Duration::MAX,
-            wall_limit: None,
             base: rig.settings.clone(),
             bases: Vec::new(),
             given: Vec::new(),
@@ -325,17 +318,30 @@ impl Scenario {
         }
     }
 
-    /// Tells whether it has no end of its own, as devices that are only served.
+    /// Returns the same scenario with other vehicles of the same make, which the seed of the run
+    /// chooses; `None` if its settings say by what they are chosen.
+    #[must_use]
+    pub fn with_other_vehicles(&self) -> Option<Self> {
+        let world = &self.rig.settings.world;
+        (world.tolerances == Tolerances::FirstByName).then(|| {
+            let mut other = self.clone();
+            other.rig.settings.world.tolerances = Tolerances::BySeed;
+            other.set.push(OTHER_VEHICLES.to_owned());
+            other
+        })
+    }
+
+    /// Returns whether it has no end of its own, as devices that are only served.
     #[must_use]
     pub fn is_endless(&self) -> bool {
         self.limit == Duration::MAX
     }
 
-    /// Tells whether the obstacles that steps move or remove are in this world, or are added by a
+    /// Returns whether the obstacles that steps move or remove are in this world, or are added by a
     /// step.
     ///
     /// # Errors
-    /// A line for each that nobody has put there, with its place in the file.
+    /// A line for each that is not there, with its place in the file.
     pub(crate) fn check_obstacles(&self, map: &WorldMap) -> Result<(), String> {
         let in_map = map.obstacles.iter().filter_map(|obstacle| obstacle.name());
         let brought = self.brought.iter().map(String::as_str);
@@ -362,27 +368,19 @@ impl Scenario {
     #[must_use]
     pub fn json_schema(devices: Devices) -> String {
         schema::compose::<document::Document>(devices, |devices, generator| {
-            let each = |part: fn(&DeviceSpec, &mut SchemaGenerator) -> Option<Schema>,
-                        generator: &mut SchemaGenerator| {
-                let parts = devices.iter().filter_map(|device| part(device, generator));
-                parts.collect::<Vec<Schema>>()
-            };
             let mut device = device_schema(devices, generator);
             let mut client = document::ClientText::json_schema(generator);
-            let about =
-                "Who its client is where there is a real one: that one, or the script also then.";
+            let about = "Client of the device in a run with a real client: the real one, or the scripted one.";
             client.insert("description".to_owned(), about.into());
             let client = [("client".to_owned(), client.to_value())];
             schema::add_properties(&mut device, client.into_iter().collect());
-            let commands = each(|d, g| Some((d.host.schema)(g)), generator);
-            let mut operator = each(|d, g| Some((d.operator.as_ref()?.schema)(g)), generator);
-            operator.push((HANDS.schema)(generator));
-            let mut world = vec![document::AnyWorldText::json_schema(generator)];
-            world.extend(each(
-                |d, g| Some((d.surroundings.as_ref()?.schema)(g)),
-                generator,
-            ));
-            vec![
+            let commands = devices.iter().flat_map(|d| (d.host.schema)(generator));
+            let commands = commands.collect();
+            let [fault, operator, world] = ["fault", "operator", "world"].map(|key| {
+                let own = effect::kinds(devices, key);
+                own.into_iter().map(|own| (own.schema)(generator)).collect()
+            });
+            let mut changed = vec![
                 ("DeviceText", device),
                 ("LinkName", link_schema(devices)),
                 ("SettingsText", settings_schema(devices)),
@@ -393,6 +391,7 @@ impl Scenario {
                         commands,
                     ),
                 ),
+                ("Fault", schema::one_of("Something that breaks.", fault)),
                 (
                     "OperatorText",
                     schema::one_of("What an operator, the app or a passer-by does.", operator),
@@ -401,33 +400,45 @@ impl Scenario {
                     "WorldText",
                     schema::one_of("A change around the vehicle.", world),
                 ),
-            ]
+            ];
+            changed.extend(motors_schema(devices).map(|motors| ("Motors", motors)));
+            changed
         })
     }
 
-    /// Deeds of people to such a device, by the keys of `operator`.
+    /// Actions of people to such a device, by the keys of `operator`.
     #[must_use]
-    pub fn operator_actions(device: &DeviceSpec) -> Vec<String> {
-        let mut generator = SchemaGenerator::default();
-        let own = device.operator.as_ref();
-        let own = own.map(|actions| (actions.schema)(&mut generator));
-        let any = (HANDS.schema)(&mut generator);
-        schema::names(own.into_iter().chain([any]).collect())
+    pub fn operator_actions(device: &DeviceSpec) -> Vec<&'static str> {
+        effect::names(device, "operator")
     }
 
     /// The faults of its steps, by their ids in the catalogue, in the order of the file.
     pub fn faults(&self) -> impl Iterator<Item = &'static str> {
         let faults = self.steps.iter().filter_map(Step::fault);
-        faults.map(Fault::id)
+        faults.map(|fault| fault.info().id)
     }
 
-    /// Tells whether the file has a scripted client.
+    /// Returns whether the file has a scripted client.
     #[must_use]
     pub fn has_script(&self) -> bool {
         self.steps
             .iter()
             .any(|step| matches!(step.action, StepAction::Host(_)))
     }
+}
+
+/// The motors that faults of these devices may name, where they may not name all.
+fn motors_schema(devices: Devices) -> Option<Value> {
+    let is_taken = |&motors: &Motors| {
+        let scope = Scope {
+            motors: Some(motors),
+            ..Scope::default()
+        };
+        devices.iter().any(|d| (d.check_scope)(&scope).is_ok())
+    };
+    let taken = Motors::ALL.into_iter().filter(is_taken);
+    let words: Vec<&str> = taken.map(Motors::as_str).collect();
+    (words.len() < Motors::ALL.len()).then(|| json!({ "type": "string", "enum": words }))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! JSON Schemas that are put together from what each device adds.
 
+use rigsim_core::device::Devices;
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Map, Value, json};
-use sim_core::device::Devices;
 
 /// The schema of `T`, in which `change` has replaced definitions.
 pub(crate) fn compose<T: JsonSchema>(
@@ -19,7 +19,7 @@ pub(crate) fn compose<T: JsonSchema>(
     format!("{schema:#}\n")
 }
 
-/// One of several, each a word or a table with one key.
+/// One of several, each a word, a table with one key, or one with a `kind`.
 pub(crate) fn one_of(about: &str, alternatives: Vec<Schema>) -> Value {
     let mut all: Vec<(String, Value)> = Vec::new();
     for (name, own) in alternatives.into_iter().flat_map(split) {
@@ -30,17 +30,6 @@ pub(crate) fn one_of(about: &str, alternatives: Vec<Schema>) -> Value {
     }
     let all: Vec<Value> = all.into_iter().map(|(_, own)| own).collect();
     json!({ "description": about, "oneOf": all })
-}
-
-/// The names of such alternatives.
-pub(crate) fn names(alternatives: Vec<Schema>) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for (name, _) in alternatives.into_iter().flat_map(split) {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    names
 }
 
 fn split(schema: Schema) -> Vec<(String, Value)> {
@@ -64,6 +53,9 @@ fn named(part: Value) -> Vec<(String, Value)> {
         return words.iter().filter_map(word).collect();
     }
     let properties = part["properties"].as_object();
+    if let Some(kind) = part["properties"]["kind"]["const"].as_str() {
+        return vec![(kind.to_owned(), part)];
+    }
     let name = properties.and_then(|all| all.keys().next().cloned());
     name.map(|name| (name, part)).into_iter().collect()
 }
@@ -75,7 +67,10 @@ fn join(known: &mut Value, name: &str, other: &Value) {
     {
         known["description"] = format!("{one} {two}").into();
     }
-    if let Some(properties) = known.get_mut("properties") {
+    if known["properties"]["kind"].is_object() {
+        let more = other["properties"].as_object().cloned();
+        add_properties(known, more.unwrap_or_default());
+    } else if let Some(properties) = known.get_mut("properties") {
         let both = [properties[name].take(), other["properties"][name].clone()];
         properties[name] = json!({ "anyOf": both });
     }

@@ -1,12 +1,13 @@
 //! Several files that are read as one, so that each value still knows where it stands.
 
-use sim_settings::{Origin, Source, shorten};
+use rigsim_settings::{Origin, Source};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::problems::MOST_ERRORS;
-use crate::rig_file::RigFileError;
-use crate::suggest::{improve, plain};
+use crate::error::{FileError, FileErrorKind, FileErrors};
+
+/// The most errors that are reported of one file; further ones are counted.
+pub(crate) const MOST_ERRORS: usize = 20;
 
 /// Where the number of a file is in a place; below it is the place in the file.
 const SHIFT: u32 = usize::BITS - 5;
@@ -37,33 +38,15 @@ impl<'t> Sources<'t> {
         source.key_at(at)
     }
 
-    /// A line about something that is wrong there.
-    pub(crate) fn wrong(&self, at: usize, why: &str) -> String {
-        let key = self.key_at(at);
-        // Who knows the end of the key by itself says it, too.
-        let own = why.strip_prefix('`').and_then(|why| why.split_once("`: "));
-        let own = own.filter(|(own, _)| key.as_ref().is_some_and(|key| key.ends_with(own)));
-        let why = shorten(own.map_or(why, |(_, why)| why).replace('\n', " "));
-        let key = key.map(|key| format!("`{}`: ", shorten(key)));
-        format!("{}: {}{why}", self.place(at), key.unwrap_or_default())
-    }
-
-    /// The same error of the TOML reader about what is there, with its place and key.
-    pub(crate) fn syntax(&self, at: usize, error: &toml::de::Error) -> String {
-        let message = plain(&error.message().replace('\n', " "));
-        let improved = improve(&message);
-        // What it may have meant must not be cut off with the rest of a long list.
-        let hint = improved.strip_prefix(&message).unwrap_or_default();
-        self.wrong(at, &message) + hint
-    }
-
-    /// Name of the first of the files.
-    pub(crate) fn name(&self) -> &'t str {
-        self.0.first().map_or("", |source| source.file)
+    /// The error that says how many more there are.
+    pub(crate) fn and_more(&self, count: usize) -> FileError {
+        let file = self.0.first().map_or("", |source| source.file).to_owned();
+        let kind = FileErrorKind::More(count);
+        FileError::at(Some(Origin::Name(file)), kind)
     }
 
     /// The tables of one of the files.
-    pub(crate) fn tables(&self, number: usize) -> Result<DeTable<'t>, RigFileError> {
+    pub(crate) fn tables(&self, number: usize) -> Result<DeTable<'t>, FileErrors> {
         let text = self.0.get(number).map_or("", |source| source.text);
         let (table, mut errors) = DeTable::parse_recoverable(text);
         if errors.is_empty() {
@@ -74,19 +57,28 @@ impl<'t> Sources<'t> {
             let rest = text.get(at..).unwrap_or_default();
             let in_key = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
             let key = &rest[..rest.find(|c| !in_key(c)).unwrap_or(rest.len())];
-            let twice = match text.contains(&format!("[[{key}]]")) {
-                true => format!(
-                    "duplicate key `{key}`; a list is written either `{key} = [{{ … }}, {{ … }}]` or \
-                     with `[[{key}]]`"
-                ),
-                false => format!("duplicate key `{key}`"),
-            };
-            let message = error.message().replace("duplicate key", &twice);
-            self.wrong(at | number << SHIFT, &message)
+            let mut why = error.message().to_owned();
+            if !key.is_empty() {
+                why += &format!(" `{key}`");
+            }
+            if text.contains(&format!("[[{key}]]")) {
+                why += &format!(
+                    "; a list is written either `{key} = [{{ … }}, {{ … }}]` or with `[[{key}]]`"
+                );
+            }
+            let at = at | number << SHIFT;
+            FileError {
+                key: self.key_at(at),
+                ..FileError::at(Some(self.place(at)), FileErrorKind::Syntax(why))
+            }
         };
         errors.sort_by_key(|error| error.span().map_or(0, |span| span.start));
-        let lines = errors.iter().take(MOST_ERRORS).map(wrong).collect();
-        Err(RigFileError(lines))
+        let mut found: Vec<FileError> = errors.iter().take(MOST_ERRORS).map(wrong).collect();
+        let more = errors.len() - found.len();
+        if more > 0 {
+            found.push(self.and_more(more));
+        }
+        Err(FileErrors(found))
     }
 }
 

@@ -1,8 +1,8 @@
 //! The tables of a file with the places of their keys, for what each device reads by itself.
 
-use serde::de::DeserializeOwned;
+use rigsim_settings::Part;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue, ValueDeserializer};
+use toml::de::{DeTable, DeValue};
 
 /// A file's tables.
 pub(crate) struct Tables<'t>(pub DeTable<'t>);
@@ -33,13 +33,6 @@ pub(crate) fn table<'d, 't>(parent: &'d DeTable<'t>, name: &str) -> Option<&'d D
     }
 }
 
-/// Reads a value as this type.
-pub(crate) fn read<T: DeserializeOwned>(
-    value: &Spanned<DeValue<'_>>,
-) -> Result<T, toml::de::Error> {
-    T::deserialize(ValueDeserializer::from(value.clone()))
-}
-
 /// Name of a word or a table with one key: `unlock`, or `press` of `{ press = "left" }`.
 pub(crate) fn name_of<'d>(value: &'d Spanned<DeValue<'_>>) -> Option<&'d str> {
     match value.get_ref() {
@@ -49,4 +42,23 @@ pub(crate) fn name_of<'d>(value: &'d Spanned<DeValue<'_>>) -> Option<&'d str> {
         }
         _ => None,
     }
+}
+
+/// Finds what is at the end of a way.
+pub(crate) fn find<'v, 't>(
+    value: &'v mut Spanned<DeValue<'t>>,
+    path: &[Part],
+) -> Option<&'v mut Spanned<DeValue<'t>>> {
+    let Some((part, rest)) = path.split_first() else {
+        return Some(value);
+    };
+    let inner = match (part, value.get_mut()) {
+        (Part::Key(key), DeValue::Table(table)) => table.get_mut(key.as_str())?,
+        (Part::Element(start), DeValue::Array(values)) => {
+            let mut values = values.iter_mut();
+            values.find(|value| value.span().start == *start)?
+        }
+        _ => return None,
+    };
+    find(inner, rest)
 }

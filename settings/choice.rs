@@ -17,7 +17,7 @@ macro_rules! words {
 
         impl $name {
             /// All, in order of declaration.
-            pub const ALL: &'static [Self] = &[$( Self::$variant ),+];
+            pub const ALL: [Self; [$( Self::$variant ),+].len()] = [$( Self::$variant ),+];
 
             /// The word that stands for it.
             #[must_use]
@@ -37,7 +37,7 @@ macro_rules! words {
 /// Declares [words](crate::words) that settings may have.
 ///
 /// ```
-/// sim_settings::choices! {
+/// rigsim_settings::choices! {
 ///     /// What happens to a request that comes too soon.
 ///     pub enum OverRate {
 ///         /// It gets no reply.
@@ -82,10 +82,6 @@ macro_rules! choices {
 
             fn show(&self, _unit: &str) -> String {
                 format!("\"{}\"", self.as_str())
-            }
-
-            fn within(&self, bounds: &$crate::Bounds<std::convert::Infallible>) -> bool {
-                match *bounds.start() {}
             }
 
             fn allowed(_unit: &str, _bounds: Option<&$crate::Bounds<Self::Bound>>) -> String {

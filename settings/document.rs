@@ -156,18 +156,7 @@ pub fn show_toml(settings: &dyn Settings) -> String {
                 tables.push((table.to_owned(), String::new()));
                 tables.len() - 1
             });
-        let text = &mut tables[at].1;
-        text.push('\n');
-        // Writing to a string cannot fail.
-        for line in entry.doc.trim().lines() {
-            let _ = writeln!(text, "# {}", line.trim());
-        }
-        let _ = writeln!(text, "# {}: {}", entry.basis.as_str(), entry.basis.source());
-        let _ = writeln!(text, "# allowed: {}", entry.allowed);
-        if entry.value != entry.default {
-            let _ = writeln!(text, "# default: {}", entry.default);
-        }
-        let _ = writeln!(text, "{name} = {}", entry.value);
+        tables[at].1.push_str(&show_entry(&entry, name));
     }
     // The root's own values have no table to name, and must come first.
     tables.sort_by_key(|(table, _)| !table.is_empty());
@@ -177,6 +166,23 @@ pub fn show_toml(settings: &dyn Settings) -> String {
     };
     let parts: Vec<String> = tables.into_iter().map(part).collect();
     parts.join("\n")
+}
+
+/// A setting under a name as TOML, with all that is known of it above, behind an empty line.
+#[must_use]
+pub fn show_entry(entry: &Entry, name: &str) -> String {
+    let mut text = String::from("\n");
+    // Writing to a string cannot fail.
+    for line in entry.doc.trim().lines() {
+        let _ = writeln!(text, "# {}", line.trim());
+    }
+    let _ = writeln!(text, "# {}: {}", entry.basis.as_str(), entry.basis.source());
+    let _ = writeln!(text, "# allowed: {}", entry.allowed);
+    if entry.value != entry.default {
+        let _ = writeln!(text, "# default: {}", entry.default);
+    }
+    let _ = writeln!(text, "{name} = {}", entry.value);
+    text
 }
 
 /// The JSON Schema of a table of these settings: each key with its meaning, its allowed values, its
@@ -229,18 +235,19 @@ fn walk<'t>(
 }
 
 fn plain(value: &DeValue<'_>) -> Value {
+    let other = |what: &'static str| Value::Other(what.into());
     match value {
         DeValue::String(text) => Value::Text(text.to_string()),
         DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
-            .map_or(Value::Other("a number too large"), Value::Integer),
+            .map_or_else(|_| other("a number too large"), Value::Integer),
         DeValue::Float(number) => number
             .as_str()
             .parse()
-            .map_or(Value::Other("a number too large"), Value::Float),
+            .map_or_else(|_| other("a number too large"), Value::Float),
         DeValue::Boolean(flag) => Value::Bool(*flag),
         DeValue::Array(values) => Value::List(values.iter().map(|v| plain(v.get_ref())).collect()),
-        DeValue::Datetime(_) => Value::Other("a date"),
-        DeValue::Table(_) => Value::Other("a table"),
+        DeValue::Datetime(_) => other("a date"),
+        DeValue::Table(_) => other("a table"),
     }
 }
 
@@ -262,24 +269,34 @@ fn explain(settings: &dyn Settings, key: &str, origin: Origin, problem: Problem)
                 key,
             }
         }
-        Problem::UnknownKey => {
-            let mut nearest: Option<(f64, String)> = None;
-            for entry in settings.entries() {
-                // A forgotten group in front is as common as a misspelling.
-                let likeness = if entry.key.ends_with(&format!(".{key}")) {
-                    1.0
-                } else {
-                    strsim::jaro_winkler(&entry.key, &key)
-                };
-                if likeness > 0.85 && nearest.as_ref().is_none_or(|(best, _)| likeness > *best) {
-                    nearest = Some((likeness, entry.key));
-                }
-            }
-            SettingsError::UnknownKey {
-                origin,
-                key,
-                nearest: nearest.map(|(_, key)| key),
-            }
+        Problem::UnknownKey => SettingsError::UnknownKey {
+            origin,
+            nearest: nearest(&key, settings.entries().into_iter().map(|entry| entry.key)),
+            key,
+        },
+    }
+}
+
+/// Likeness from which on a word may have been meant: one wrong letter of three is a little more.
+const LIKE_ENOUGH: f64 = 0.79;
+
+/// The one of the `known` words that is most like `word`, if any is like it at all.
+pub fn nearest<S: AsRef<str>>(word: &str, known: impl IntoIterator<Item = S>) -> Option<S> {
+    let group = format!(".{word}");
+    let likeness = |text: &str| {
+        // A forgotten group in front is as common as a misspelling.
+        if text.ends_with(&group) {
+            1.0
+        } else {
+            strsim::jaro_winkler(text, word)
+        }
+    };
+    let mut best: Option<(f64, S)> = None;
+    for candidate in known {
+        let likeness = likeness(candidate.as_ref());
+        if likeness > LIKE_ENOUGH && best.as_ref().is_none_or(|(found, _)| likeness > *found) {
+            best = Some((likeness, candidate));
         }
     }
+    best.map(|(_, candidate)| candidate)
 }

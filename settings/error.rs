@@ -15,6 +15,8 @@ pub enum Origin {
         /// Column in characters.
         column: usize,
     },
+    /// A file as a whole, by its name.
+    Name(String),
     /// A command-line flag, as the user wrote it.
     Flag(String),
 }
@@ -23,12 +25,13 @@ impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File { file, line, column } => write!(f, "{file}:{line}:{column}"),
+            Self::Name(file) => f.write_str(file),
             Self::Flag(flag) => f.write_str(&shorten(flag.clone())),
         }
     }
 }
 
-/// Most characters that an error repeats of what somebody wrote.
+/// Most characters that an error repeats of a file or a flag.
 const MOST_REPEATED: usize = 400;
 
 /// The beginning of `text`, if it is too long to be repeated in an error.

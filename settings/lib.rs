@@ -13,20 +13,27 @@ mod choice;
 mod document;
 mod error;
 mod key;
+mod line;
 mod macros;
 mod quantity;
+mod read;
 mod time;
 mod value;
 mod written;
 
-pub use document::{Source, apply_table, load_toml, parse_assignment, schema_of, set, show_toml};
+pub use document::{
+    Source, apply_table, load_toml, nearest, parse_assignment, schema_of, set, show_entry,
+    show_toml,
+};
 pub use error::{Origin, SettingsError, shorten};
+pub use line::ClientLine;
 pub use quantity::parse_quantity;
-pub use time::{SimTime, show_duration};
+pub use read::{Part, ReadError, Reader, Wrong, or_allowed, read};
+pub use time::{SimTime, show_duration, show_rounded};
 pub use value::{Bounds, SettingValue, Value, read_in};
 pub use written::{
-    Angle, Current, Force, Frequency, Length, Mass, Percent, Power, Resistance, Span, Speed,
-    Temperature, Torque, Voltage, private, read_written,
+    Angle, Current, Force, Frequency, Friction, Length, Mass, Percent, Power, Resistance, Span,
+    Speed, Temperature, Torque, Voltage, Written, private,
 };
 
 /// Basis of a default.
@@ -70,6 +77,8 @@ pub struct Entry {
     pub default: String,
     /// The allowed values in words.
     pub allowed: String,
+    /// The ends of its range as TOML literals, or of the range of each value of a list.
+    pub range: Option<[String; 2]>,
     /// The JSON Schema of its values.
     pub schema: schemars::Schema,
     /// Documented behaviour or our assumption.

@@ -4,7 +4,7 @@
 ///
 /// ```
 /// use std::time::Duration;
-/// use sim_settings::{Settings, settings};
+/// use rigsim_settings::{Settings, settings};
 ///
 /// settings! {
 ///     /// The pack.
@@ -78,6 +78,9 @@ macro_rules! settings {
                             $crate::settings!(@unit $($unit)?),
                             $crate::settings!(@range $($range)?),
                         ),
+                        range: $crate::settings!(@range $($range)?).and_then(|range| {
+                            <$ty as $crate::SettingValue>::ends($crate::settings!(@unit $($unit)?), range)
+                        }),
                         schema: <$ty as $crate::SettingValue>::schema(
                             $crate::settings!(@unit $($unit)?),
                             $crate::settings!(@range $($range)?),

@@ -49,10 +49,9 @@ const DIMENSIONS: &[Dimension] = &[
     &[("B", 1.0), ("bytes", 1.0)],
 ];
 
-/// Reads `text`, a number with or without a unit, as a number of `unit`.
+/// Reads `text`, a number with its unit, as a number of `unit`.
 ///
-/// A bare number is taken to be in `unit` already, except a time, where `5` could mean anything.
-/// An empty `unit` takes a bare number only.
+/// An empty `unit` takes a bare number only. Otherwise only 0 as a time may lack its unit.
 ///
 /// # Errors
 /// Says in words what is wrong; NaN and infinities are refused.
@@ -72,12 +71,9 @@ pub fn parse_quantity(text: &str, unit: &str) -> Result<f64, String> {
         return Err(format!("`{text}` is not a finite number"));
     }
     if suffix.is_empty() {
-        return if unit == "s" && number != 0.0 {
-            Err(format!(
-                "`{text}` lacks a unit, as in `{text}s` or `{text}ms`"
-            ))
-        } else {
-            Ok(number)
+        return match unit.is_empty() || unit == "s" && number == 0.0 {
+            true => Ok(number),
+            false => Err(lacks_unit(text, unit)),
         };
     }
     if suffix == unit {
@@ -98,6 +94,14 @@ pub fn parse_quantity(text: &str, unit: &str) -> Result<f64, String> {
         })
 }
 
+/// The error of a number without its unit.
+pub(crate) fn lacks_unit(number: impl std::fmt::Display, unit: &str) -> String {
+    match unit {
+        "s" => format!("{number} lacks a unit, as in \"{number}s\" or \"{number}ms\""),
+        _ => format!("{number} lacks a unit, as in \"{number} {unit}\""),
+    }
+}
+
 /// A regular expression for text that [`parse_quantity`] takes for `unit`.
 pub(crate) fn pattern(unit: &str) -> String {
     let units = DIMENSIONS
@@ -113,10 +117,8 @@ pub(crate) fn pattern(unit: &str) -> String {
         || vec![escape(unit)],
         |units| units.iter().map(|(name, _)| escape(name)).collect(),
     );
-    // Only a time needs its unit.
-    let may_lack = if unit == "s" { "" } else { "?" };
     format!(
-        "^[-+]?([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][-+]?[0-9]+)? *({}){may_lack}$",
+        "^[-+]?([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][-+]?[0-9]+)? *({})$",
         names.join("|")
     )
 }

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 /// A point in simulated time: whole nanoseconds since the start of the run.
 ///
-/// Spans of time are [`Duration`]s. Nothing in the pure crates ever reads a clock; whoever drives
-/// them passes the time in.
+/// Spans of time are [`Duration`]s. Nothing in the pure crates ever reads a clock; their
+/// caller passes the time in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct SimTime(u64);
 
@@ -127,4 +127,15 @@ pub fn show_duration(span: Duration) -> String {
             || format!("{total}ns"),
             |(size, unit)| format!("{}{unit}", total / size),
         )
+}
+
+/// A span for readers, in seconds or milliseconds with three decimals at most: `52.346ms`, `1.5s`.
+#[must_use]
+pub fn show_rounded(span: Duration) -> String {
+    let (number, unit) = match span.as_secs_f64() {
+        seconds if seconds >= 1.0 => (seconds, "s"),
+        seconds => (seconds * 1e3, "ms"),
+    };
+    let text = format!("{number:.3}");
+    format!("{}{unit}", text.trim_end_matches('0').trim_end_matches('.'))
 }

@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use schemars::{Schema, json_schema};
 
-use crate::quantity::{parse_quantity, pattern};
+use crate::quantity::{lacks_unit, parse_quantity, pattern};
 use crate::time::show_duration;
 
 /// A value as a file or a flag gives it, before its setting has judged it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Deserialize)]
+#[serde(untagged, expecting = "expected a text, a number or a list of these")]
 pub enum Value {
     /// A string, perhaps a quantity with its unit.
     Text(String),
@@ -22,7 +23,8 @@ pub enum Value {
     /// Several values in brackets.
     List(Vec<Value>),
     /// Something that no setting takes, such as a date; the text names it.
-    Other(&'static str),
+    #[serde(skip)]
+    Other(std::borrow::Cow<'static, str>),
 }
 
 impl std::fmt::Display for Value {
@@ -61,8 +63,16 @@ pub trait SettingValue: Sized + Clone {
     /// The value as a TOML literal that [`SettingValue::read`] takes back unchanged.
     fn show(&self, unit: &str) -> String;
 
-    /// Tells whether it lies in the range.
-    fn within(&self, bounds: &Bounds<Self::Bound>) -> bool;
+    /// Returns whether it lies in the range; `true` for a type that has none.
+    fn within(&self, _bounds: &Bounds<Self::Bound>) -> bool {
+        true
+    }
+
+    /// The ends of the range as TOML literals: those of each value of a list, and none of a type that
+    /// has no range.
+    fn ends(_unit: &str, _bounds: &Bounds<Self::Bound>) -> Option<[String; 2]> {
+        None
+    }
 
     /// The allowed values in words.
     fn allowed(unit: &str, bounds: Option<&Bounds<Self::Bound>>) -> String;
@@ -87,21 +97,25 @@ pub fn read_in<T: SettingValue>(
     }
 }
 
-/// A number, or text with one of the units of its dimension.
+fn shown<T: SettingValue>(unit: &str, bounds: &Bounds<T>) -> Option<[String; 2]> {
+    Some([bounds.start().show(unit), bounds.end().show(unit)])
+}
+
+/// A number, or a text with one of the units of its dimension.
 fn number_schema(
     kind: &str,
     unit: &str,
     bounds: Option<(impl Into<serde_json::Value>, impl Into<serde_json::Value>)>,
 ) -> Schema {
+    if !unit.is_empty() {
+        return json_schema!({"type": "string", "pattern": pattern(unit)});
+    }
     let mut number = json_schema!({"type": kind});
     if let Some((low, high)) = bounds {
         number.insert("minimum".to_owned(), low.into());
         number.insert("maximum".to_owned(), high.into());
     }
-    if unit.is_empty() {
-        return number;
-    }
-    json_schema!({"anyOf": [number, {"type": "string", "pattern": pattern(unit)}]})
+    number
 }
 
 fn in_words(what: &str, unit: &str, bounds: Option<(String, String)>) -> String {
@@ -122,6 +136,7 @@ impl SettingValue for f64 {
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         match value {
             Value::Text(text) => parse_quantity(text, unit),
+            Value::Integer(_) | Value::Float(_) if !unit.is_empty() => Err(lacks_unit(value, unit)),
             #[expect(
                 clippy::cast_precision_loss,
                 reason = "a setting beyond 2^53 is out of range"
@@ -144,6 +159,10 @@ impl SettingValue for f64 {
         bounds.contains(self)
     }
 
+    fn ends(unit: &str, bounds: &Bounds<f64>) -> Option<[String; 2]> {
+        shown(unit, bounds)
+    }
+
     fn allowed(unit: &str, bounds: Option<&Bounds<f64>>) -> String {
         in_words(
             "a number",
@@ -162,6 +181,7 @@ impl SettingValue for u32 {
 
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         let number = match value {
+            Value::Integer(_) if !unit.is_empty() => return Err(lacks_unit(value, unit)),
             Value::Integer(number) => u32::try_from(*number).ok(),
             Value::Text(text) => {
                 let number = parse_quantity(text, unit)?;
@@ -192,6 +212,10 @@ impl SettingValue for u32 {
         bounds.contains(self)
     }
 
+    fn ends(unit: &str, bounds: &Bounds<u32>) -> Option<[String; 2]> {
+        shown(unit, bounds)
+    }
+
     fn allowed(unit: &str, bounds: Option<&Bounds<u32>>) -> String {
         let bounds = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
         in_words("a whole number", unit, bounds)
@@ -218,10 +242,6 @@ impl SettingValue for bool {
         self.to_string()
     }
 
-    fn within(&self, bounds: &Bounds<std::convert::Infallible>) -> bool {
-        match *bounds.start() {}
-    }
-
     fn allowed(_unit: &str, _bounds: Option<&Bounds<Self::Bound>>) -> String {
         "true or false".to_owned()
     }
@@ -238,7 +258,7 @@ impl SettingValue for Duration {
         let seconds = match value {
             Value::Text(text) => parse_quantity(text, "s")?,
             Value::Integer(0) => 0.0,
-            other => return Err(format!("{other} lacks a unit, as in \"5s\" or \"250ms\"")),
+            other => return Err(lacks_unit(other, "s")),
         };
         if seconds < 0.0 {
             return Err(format!("{value} is negative"));
@@ -262,6 +282,10 @@ impl SettingValue for Duration {
 
     fn within(&self, bounds: &Bounds<Duration>) -> bool {
         bounds.contains(self)
+    }
+
+    fn ends(unit: &str, bounds: &Bounds<Duration>) -> Option<[String; 2]> {
+        shown(unit, bounds)
     }
 
     fn allowed(_unit: &str, bounds: Option<&Bounds<Duration>>) -> String {
@@ -300,6 +324,10 @@ impl<T: SettingValue, const N: usize> SettingValue for [T; N] {
         self.iter().all(|v| v.within(bounds))
     }
 
+    fn ends(unit: &str, bounds: &Bounds<T::Bound>) -> Option<[String; 2]> {
+        T::ends(unit, bounds)
+    }
+
     fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {
         format!("a list of {N}, each {}", T::allowed(unit, bounds))
     }
@@ -328,6 +356,10 @@ impl<T: SettingValue> SettingValue for Option<T> {
 
     fn within(&self, bounds: &Bounds<T::Bound>) -> bool {
         self.as_ref().is_none_or(|v| v.within(bounds))
+    }
+
+    fn ends(unit: &str, bounds: &Bounds<T::Bound>) -> Option<[String; 2]> {
+        T::ends(unit, bounds)
     }
 
     fn allowed(unit: &str, bounds: Option<&Bounds<T::Bound>>) -> String {

@@ -1,18 +1,71 @@
-//! Quantities as types, for files that are read by serde: a number with its unit, in a range.
+//! Quantities as types, for files that are read by serde: a setting's value with its unit and range.
 
-use std::fmt;
 use std::time::Duration;
 
-use crate::quantity::parse_quantity;
-use crate::time::show_duration;
-use crate::value::{SettingValue as _, Value};
+use schemars::{Schema, json_schema};
+
+use crate::quantity::pattern;
+use crate::value::{Bounds, SettingValue, Value, read_in};
+
+/// A quantity of files. One with a unit is written as text with its unit, never as a bare number.
+pub trait Written: Sized {
+    /// Type of its number.
+    type Value: SettingValue;
+    /// Unit of the number; empty where it has none.
+    const UNIT: &'static str;
+    /// How it is written, as in `1.2 m`.
+    const EXAMPLE: &'static str;
+
+    /// Its range, if it has one.
+    fn range() -> Option<Bounds<<Self::Value as SettingValue>::Bound>>;
+
+    /// The allowed values in words.
+    #[must_use]
+    fn allowed() -> String {
+        let values = Self::Value::allowed(Self::UNIT, Self::range().as_ref());
+        match Self::UNIT {
+            "" => format!("{values}, as in {}", Self::EXAMPLE),
+            _ => format!("{values}, with its unit, as in {:?}", Self::EXAMPLE),
+        }
+    }
+
+    /// Reads its number.
+    ///
+    /// # Errors
+    /// Says in words what is wrong and what is allowed.
+    fn number(value: &Value) -> Result<Self::Value, String> {
+        let read = read_in::<Self::Value>(value, Self::UNIT, Self::range().as_ref());
+        read.map_err(|why| format!("{why}; allowed: {}", Self::allowed()))
+    }
+
+    /// The JSON Schema of it in a file.
+    #[must_use]
+    fn schema() -> Schema {
+        let range = Self::range();
+        if Self::UNIT.is_empty() {
+            let mut schema = Self::Value::schema("", range.as_ref());
+            schema.insert("description".to_owned(), Self::allowed().into());
+            return schema;
+        }
+        let ends = range.and_then(|range| Self::Value::ends(Self::UNIT, &range));
+        let ends = ends.into_iter().flatten();
+        let mut examples = vec![Self::EXAMPLE.to_owned()];
+        examples.extend(ends.map(|end| end.trim_matches('"').to_owned()));
+        json_schema!({
+            "type": "string",
+            "description": Self::allowed(),
+            "pattern": pattern(Self::UNIT),
+            "examples": examples,
+        })
+    }
+}
 
 /// Declares quantities that are written with their unit.
 ///
 /// ```
-/// sim_settings::quantities! {
+/// rigsim_settings::quantities! {
 ///     /// A width, which is never nothing.
-///     pub Width in "m", 0.001..=1000.0, example "50 mm";
+///     pub Width: f64, unit "m", range 0.001..=1000.0, example "50 mm";
 /// }
 /// let parsed: Result<Width, _> = "50 mm".parse();
 /// assert_eq!(parsed, Ok(Width(0.05)));
@@ -23,22 +76,22 @@ use crate::value::{SettingValue as _, Value};
 macro_rules! quantities {
     ($(
         $(#[$meta:meta])*
-        $vis:vis $name:ident in $unit:literal, $range:expr, example $example:literal;
+        $vis:vis $name:ident: $type:ty $(, unit $unit:literal)? $(, range $range:expr)?, example $example:literal;
     )*) => { $(
         $(#[$meta])*
         #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
         $vis struct $name(
             /// The number in the type's unit.
-            pub f64,
+            pub $type,
         );
 
-        impl $name {
-            fn allowed() -> String {
-                let range: std::ops::RangeInclusive<f64> = $range;
-                format!(
-                    "a quantity with its unit, as in {:?}, from {} to {} {}",
-                    $example, range.start(), range.end(), $unit
-                )
+        impl $crate::Written for $name {
+            type Value = $type;
+            const UNIT: &'static str = $crate::settings!(@unit $($unit)?);
+            const EXAMPLE: &'static str = $example;
+
+            fn range() -> Option<$crate::Bounds<<$type as $crate::SettingValue>::Bound>> {
+                $crate::quantities!(@range $($range)?)
             }
         }
 
@@ -46,34 +99,26 @@ macro_rules! quantities {
             type Err = String;
 
             fn from_str(text: &str) -> Result<Self, String> {
-                $crate::read_written(text, $unit, &($range))
-                    .map(Self)
-                    .map_err(|why| format!("{why}; allowed: {}", Self::allowed()))
+                let value = $crate::Value::Text(text.to_owned());
+                <Self as $crate::Written>::number(&value).map(Self)
             }
         }
 
         impl std::fmt::Display for $name {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                write!(f, "{} {}", self.0, $unit)
+                f.write_str($crate::SettingValue::show(&self.0, <Self as $crate::Written>::UNIT).trim_matches('"'))
             }
         }
 
-        $crate::written!($name, "^[-+]?[0-9.]+([eE][-+]?[0-9]+)? *[^0-9. ]+$", $example);
-    )* };
-}
-
-/// Lets a type that reads and shows itself stand in files as a string.
-#[macro_export]
-#[doc(hidden)]
-macro_rules! written {
-    ($name:ident, $pattern:literal, $example:literal) => {
         impl<'de> $crate::private::serde::Deserialize<'de> for $name {
             fn deserialize<D>(deserializer: D) -> Result<Self, D::Error>
             where
                 D: $crate::private::serde::Deserializer<'de>,
             {
-                let text = $crate::private::text(deserializer, Self::allowed())?;
-                text.parse().map_err($crate::private::serde::de::Error::custom)
+                let value = $crate::private::serde::Deserialize::deserialize(deserializer)?;
+                <Self as $crate::Written>::number(&value)
+                    .map(Self)
+                    .map_err($crate::private::serde::de::Error::custom)
             }
         }
 
@@ -94,99 +139,46 @@ macro_rules! written {
             fn json_schema(
                 _: &mut $crate::private::schemars::SchemaGenerator,
             ) -> $crate::private::schemars::Schema {
-                $crate::private::schemars::json_schema!({
-                    "type": "string",
-                    "description": Self::allowed(),
-                    "pattern": $pattern,
-                    "examples": [$example],
-                })
+                <Self as $crate::Written>::schema()
             }
         }
-    };
+    )* };
+    (@range) => { None };
+    (@range $range:expr) => { Some($range) };
 }
 
 quantities! {
     /// Metres.
-    pub Length in "m", -10_000.0..=10_000.0, example "1.2 m";
+    pub Length: f64, unit "m", range -10_000.0..=10_000.0, example "1.2 m";
     /// Metres a second.
-    pub Speed in "m/s", -100.0..=100.0, example "1.4 m/s";
+    pub Speed: f64, unit "m/s", range -100.0..=100.0, example "1.4 m/s";
     /// Degrees, counter-clockwise.
-    pub Angle in "deg", -36_000.0..=36_000.0, example "90 deg";
+    pub Angle: f64, unit "deg", range -36_000.0..=36_000.0, example "90 deg";
     /// Kilograms.
-    pub Mass in "kg", 0.0..=10_000.0, example "150 kg";
+    pub Mass: f64, unit "kg", range 0.0..=10_000.0, example "150 kg";
     /// Newtons.
-    pub Force in "N", -100_000.0..=100_000.0, example "200 N";
+    pub Force: f64, unit "N", range -100_000.0..=100_000.0, example "200 N";
     /// Newton metres.
-    pub Torque in "N*m", -100_000.0..=100_000.0, example "20 N*m";
+    pub Torque: f64, unit "N*m", range -100_000.0..=100_000.0, example "20 N*m";
     /// Volts.
-    pub Voltage in "V", 0.0..=1000.0, example "48 V";
+    pub Voltage: f64, unit "V", range 0.0..=1000.0, example "48 V";
     /// Amperes.
-    pub Current in "A", 0.0..=100_000.0, example "30 A";
+    pub Current: f64, unit "A", range 0.0..=100_000.0, example "30 A";
     /// Watts.
-    pub Power in "W", 0.0..=1_000_000.0, example "300 W";
+    pub Power: f64, unit "W", range 0.0..=1_000_000.0, example "300 W";
     /// Ohms.
-    pub Resistance in "ohm", 0.0..=1_000_000_000.0, example "0.5 ohm";
+    pub Resistance: f64, unit "ohm", range 0.0..=1_000_000_000.0, example "0.5 ohm";
     /// Degrees Celsius.
-    pub Temperature in "degC", -100.0..=500.0, example "90 degC";
+    pub Temperature: f64, unit "degC", range -100.0..=500.0, example "90 degC";
     /// Hertz.
-    pub Frequency in "Hz", 0.0..=100_000_000.0, example "1 kHz";
+    pub Frequency: f64, unit "Hz", range 0.0..=100_000_000.0, example "1 kHz";
     /// Per cent, 0 to 100.
-    pub Percent in "%", 0.0..=100.0, example "50 %";
-}
-
-/// A span of simulated time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Hash)]
-pub struct Span(
-    /// The span.
-    pub Duration,
-);
-
-impl Span {
-    fn allowed() -> String {
-        "a time with its unit, as in \"250ms\" or \"3 s\"".to_owned()
-    }
-}
-
-impl std::str::FromStr for Span {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Duration::read(&Value::Text(text.to_owned()), "")
-            .map(Self)
-            .map_err(|why| format!("{why}; allowed: {}", Self::allowed()))
-    }
-}
-
-impl fmt::Display for Span {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&show_duration(self.0))
-    }
-}
-
-written!(
-    Span,
-    "^[0-9.]+([eE][-+]?[0-9]+)? *(ns|us|µs|ms|s|min|h)$",
-    "250ms"
-);
-
-/// Reads a quantity that must have its unit and lie in a range.
-///
-/// # Errors
-/// Says in words what is wrong.
-pub fn read_written(
-    text: &str,
-    unit: &str,
-    range: &std::ops::RangeInclusive<f64>,
-) -> Result<f64, String> {
-    if text.trim().parse::<f64>().is_ok() {
-        return Err(format!("`{text}` lacks a unit"));
-    }
-    let value = parse_quantity(text, unit)?;
-    if range.contains(&value) {
-        Ok(value)
-    } else {
-        Err(format!("`{text}` is out of range"))
-    }
+    pub Percent: f64, unit "%", range 0.0..=100.0, example "50 %";
+    /// A coefficient of friction between wheel and ground.
+    pub Friction: f64, range 0.0..=2.0, example "0.5";
+    /// A span of simulated time.
+    #[derive(Eq, Ord, Default, Hash)]
+    pub Span: Duration, unit "s", example "250ms";
 }
 
 /// Things that [`quantities!`] needs where it is used.
@@ -194,33 +186,6 @@ pub fn read_written(
 pub mod private {
     pub use schemars;
     pub use serde;
-
-    use serde::de::{Deserializer, Visitor};
-
-    /// Takes a string; `allowed` is what an error says is wanted.
-    ///
-    /// # Errors
-    /// When something else than a string is there.
-    pub fn text<'de, D: Deserializer<'de>>(
-        deserializer: D,
-        allowed: String,
-    ) -> Result<String, D::Error> {
-        struct Text(String);
-
-        impl Visitor<'_> for Text {
-            type Value = String;
-
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str(&self.0)
-            }
-
-            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<String, E> {
-                Ok(text.to_owned())
-            }
-        }
-
-        deserializer.deserialize_str(Text(allowed))
-    }
 }
 
 #[cfg(test)]

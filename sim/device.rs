@@ -6,11 +6,13 @@
 //! outside of a device's own folder knows which devices there are, but the table ([`Devices`]),
 //! which the program hands in.
 
-mod action;
+mod counters;
+mod declare;
+mod effect;
 mod framing;
 pub mod host;
 pub mod names;
-mod observed;
+pub mod parameters;
 mod settings;
 
 use std::any::Any;
@@ -18,25 +20,30 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::{Plant, Pose, World};
-use sim_settings::SimTime;
+use rigsim_physics::{Plant, Pose, World};
+use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
 use crate::event::{Code, EventKind, code};
-use crate::fault::{Fault, FaultInfo, OperatorFault, catalogue};
-use crate::noise::Noise;
+use crate::message::{MessageInfo, Sender};
+use parameters::Scope;
 
-pub use sim_physics::Motion;
+pub use rigsim_physics::Motion;
 
-pub use action::{
-    Action, Actions, Change, EffectHandle, HANDS, Hands, Performed, Place, Push, Restore, actions,
+pub use counters::Counters;
+#[doc(hidden)]
+pub use declare::kind_of;
+pub use effect::{
+    Begin, Change, Declared, Effect, EffectError, EffectHandle, EffectInfo, Effects, Kinds, Level,
+    MotorState, OnBytes, OnFrames, OnHardware, ParameterInfo, Restore, Sum, Tally, TimedByte,
+    TimedFrame, Way, Work, effects,
 };
-pub(crate) use framing::with_first;
+pub(crate) use effect::{MOST_ARMED, MOST_EVER};
 pub use framing::{Framing, TextLines};
+pub(crate) use framing::{resized, with_first};
 pub use host::HostSpec;
 pub use names::{NameInfo, View};
-pub use observed::{Observed, Observer};
-pub use settings::{DeviceSettings, LineSettings};
+pub use settings::DeviceSettings;
 
 /// The devices that there are.
 pub type Devices = &'static [&'static DeviceSpec];
@@ -55,58 +62,70 @@ pub struct DeviceSpec {
     pub starts: &'static [StartSpec],
     /// Its settings as they are by default.
     pub settings: fn() -> Box<dyn DeviceSettings>,
+    /// Keys of settings that an owner compares with the real device first, most telling ones first.
+    pub compare_first: &'static [&'static str],
     /// Puts one into a world.
     pub build: fn(&Setup<'_>, &mut World) -> Box<dyn Device>,
     /// The names of its own events.
     pub codes: &'static [Code],
-    /// Names of conditions about it.
+    /// Messages of its protocol, as they are declared.
+    pub messages: &'static [&'static [MessageInfo]],
+    /// Names of conditions about it, beside those that its messages and codes declare.
     pub names: &'static [&'static [NameInfo]],
-    /// Takes note of its events for those names.
-    pub observer: fn() -> Box<dyn Observer>,
     /// Language in which scripted clients speak with it.
     pub host: HostSpec,
-    /// Deeds of people that it alone knows, beside those that any vehicle knows.
-    pub operator: Option<Actions>,
-    /// Changes around it that it alone knows, beside those of any world.
-    pub surroundings: Option<Actions>,
-    /// The faults of its own that it can have, by their ids; those that every device can have are
-    /// not among them.
-    pub faults: &'static [&'static str],
-    /// Refuses a fault that it cannot have, or not with these parameters, in a sentence that says
-    /// why.
-    pub check_fault: fn(&Fault) -> Result<(), String>,
+    /// What can be done to it, beside what can be done to any device: faults, actions of people,
+    /// changes around it. What several devices have is in [`crate::effect`].
+    pub effects: &'static [Effects],
+    /// Refuses a target that it does not have, in a sentence that says why.
+    pub check_scope: fn(&Scope) -> Result<(), String>,
 }
 
 impl DeviceSpec {
-    /// Finds a name of conditions that stands in no list, such as one with a number in it.
-    pub fn find_name(&self, name: &str) -> Option<&'static NameInfo> {
+    /// Finds a name of conditions.
+    #[must_use]
+    pub fn find_name(&self, name: &str) -> Option<NameInfo> {
         self.all_names().find(|info| info.name == name)
     }
 
-    /// Everything that a condition can say of it.
-    pub fn all_names(&self) -> impl Iterator<Item = &'static NameInfo> + use<> {
-        self.names.iter().copied().flatten()
+    /// Everything that a condition can say of it, each name once.
+    pub fn all_names(&self) -> impl Iterator<Item = NameInfo> + use<> {
+        let mut all: Vec<NameInfo> = self.names.iter().copied().flatten().copied().collect();
+        for info in self.all_messages().flat_map(names::of_message) {
+            if all.iter().all(|known| known.name != info.name) {
+                all.push(info);
+            }
+        }
+        for code in [self.codes, code::CODES].concat() {
+            if !all.iter().any(|known| known.is_count_of(code)) {
+                all.push(names::of_code(code));
+            }
+        }
+        all.into_iter()
     }
 
-    /// Checks that it can have this fault, with these parameters.
-    ///
-    /// # Errors
-    /// Says in a sentence why not.
-    pub fn check(&self, fault: &Fault) -> Result<(), String> {
-        (self.check_fault)(fault)?;
-        let (id, title) = (fault.id(), self.title);
-        if !self.has_fault(fault.info()) {
-            return Err(format!(
-                "{title} cannot have `{id}`; `sim faults --device {}` lists what it can have",
-                self.id
-            ));
-        }
-        if let Some(link) = fault.link()
-            && self.link(link.as_str()).is_none()
-        {
-            return Err(format!("{title} has no {link} link"));
-        }
-        fault.check()
+    /// The messages of its protocol.
+    pub fn all_messages(&self) -> impl Iterator<Item = &'static MessageInfo> + use<> {
+        self.messages.iter().copied().flatten()
+    }
+
+    /// Names of the fields that a reply to this command on a link can have; to any command where
+    /// it is not known.
+    #[must_use]
+    pub fn reply_fields(&self, link: usize, command: Option<u8>) -> Vec<&'static str> {
+        let mut replies: Vec<&MessageInfo> = self.all_messages().collect();
+        replies.retain(|info| info.sender == Sender::Device && info.link == link);
+        replies.retain(|info| command.is_none_or(|command| info.id == command));
+        let fields = replies.iter().flat_map(|info| info.fields);
+        fields.map(|field| field.name).collect()
+    }
+
+    /// Says that one of its links is not there.
+    #[must_use]
+    pub fn lacks_link(&self, link: usize) -> String {
+        let link = self.links.get(link);
+        let (id, name) = link.map_or(("?", "?"), |link| (link.id, link.name));
+        format!("this device has no {name} link; it has one with `{id} = true`")
     }
 
     /// Index of the link with this id.
@@ -114,40 +133,6 @@ impl DeviceSpec {
     pub fn link(&self, id: &str) -> Option<usize> {
         self.links.iter().position(|link| link.id == id)
     }
-
-    /// Tells whether it can have this fault at all.
-    #[must_use]
-    pub fn has_fault(&self, info: &FaultInfo) -> bool {
-        info.everywhere || self.faults.contains(&info.id)
-    }
-}
-
-/// A row that lists a fault which is none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the row of {device} lists the fault `{fault}`, which is in no catalogue; docs/faults.md lists \
-     those that there are"
-)]
-pub struct RowError {
-    /// The device's id.
-    pub device: &'static str,
-    /// The fault's id, as the row has it.
-    pub fault: &'static str,
-}
-
-/// Checks of a table what the compiler cannot: its rows list faults of the catalogue.
-///
-/// # Errors
-/// Names the first fault that is none, and its row.
-pub fn check_rows(devices: Devices) -> Result<(), RowError> {
-    for device in devices {
-        let unknown = |id: &&&str| catalogue().iter().all(|info| info.id != **id);
-        if let Some(fault) = device.faults.iter().find(unknown) {
-            let device = device.id;
-            return Err(RowError { device, fault });
-        }
-    }
-    Ok(())
 }
 
 /// Every kind that a client report can have: what these devices and the line tell of that the
@@ -155,7 +140,7 @@ pub fn check_rows(devices: Devices) -> Result<(), RowError> {
 pub fn client_report_codes(devices: Devices) -> impl Iterator<Item = &'static str> {
     let own = devices.iter().map(|device| device.codes);
     let all = std::iter::once(code::CODES).chain(own).flatten();
-    all.filter(|code| code.may_blame_client())
+    all.filter(|code| code.may_be_client_error())
         .map(|code| code.as_str())
 }
 
@@ -222,11 +207,39 @@ pub struct Setup<'a> {
     pub seed: u64,
 }
 
+/// Settings as those of the type that a row has.
+///
+/// # Panics
+/// The row has settings of another type.
+#[must_use]
+pub fn typed<T: DeviceSettings>(settings: &dyn DeviceSettings) -> &T {
+    #[expect(
+        clippy::panic,
+        reason = "only a wrong row leads here, in its first test"
+    )]
+    settings.get().unwrap_or_else(|| {
+        let wanted = std::any::type_name::<T>();
+        panic!("a row builds its device from {wanted}, but has other settings: {settings:?}")
+    })
+}
+
+impl Setup<'_> {
+    /// Its settings as those of this type, which its row has.
+    ///
+    /// # Panics
+    /// The row builds a device from settings of another type than it has: an error of the row that
+    /// would otherwise give a default vehicle.
+    #[must_use]
+    pub fn own<T: DeviceSettings>(&self) -> &T {
+        typed(self.settings)
+    }
+}
+
 /// Firmware and hardware of one device, tied together.
 ///
-/// Time never goes back. After `advance`, and after a `receive` that has led to news, the rig calls
+/// Time never goes back. After `advance`, and after a `receive` that has led to output, the rig calls
 /// `settle`, and takes all output and events.
-pub trait Device: Breakable + Any + Send + Sync {
+pub trait Device: Any + Send + Sync {
     /// Takes bytes whose last has arrived on `link` at `now`.
     fn receive(&mut self, now: SimTime, link: usize, bytes: &[u8]);
 
@@ -236,9 +249,9 @@ pub trait Device: Breakable + Any + Send + Sync {
     /// Time at which the firmware next does something by itself.
     fn next_deadline(&self) -> Option<SimTime>;
 
-    /// Tells whether output or events wait to be taken. Whatever bytes do to a device is told by
+    /// Returns whether output or events wait to be taken. Whatever bytes do to a device is reported by
     /// one, but for the place within a frame that they bring it to.
-    fn has_news(&self) -> bool;
+    fn has_output(&self) -> bool;
 
     /// Passes pins and measurements between firmware and hardware until neither changes.
     fn settle(&mut self, now: SimTime);
@@ -249,9 +262,10 @@ pub trait Device: Breakable + Any + Send + Sync {
     /// The next event and when it happened.
     fn poll_event(&mut self) -> Option<(SimTime, Arc<dyn EventKind>)>;
 
-    /// The machine was late by `by`: until then what clients send may come up to `by` closer
-    /// together than they were sent. Of no concern to firmware without a rule against that.
-    fn expect_burst(&mut self, _by: Duration, _until: SimTime) {}
+    /// The machine was late: what waits for the line at `now` may have been sent up to `by` before,
+    /// and simulated time stood still for `stood`. Of no concern to firmware that does not judge
+    /// how fast clients send.
+    fn late(&mut self, _now: SimTime, _by: Duration, _stood: Duration) {}
 
     /// Returns its hardware.
     fn plant(&self) -> &dyn Plant;
@@ -259,13 +273,29 @@ pub trait Device: Breakable + Any + Send + Sync {
     /// The same, to change.
     fn plant_mut(&mut self) -> &mut dyn Plant;
 
-    /// Lets time pass for its slow states up to `now`, while nothing in the world moves. Of no
+    /// Advances its slow states up to `now`, while nothing in the world moves. Of no
     /// concern to a device without any.
     fn rest_until(&mut self, _now: SimTime) {}
 
     /// Takes over what the step, which ended at `now`, has done.
     fn after_step(&mut self, _now: SimTime, world: &mut World) {
         self.plant_mut().after_step(world);
+    }
+
+    /// Returns a sum of faults in which nothing is wrong. A device with faults of its own hardware
+    /// has a part of its own in it.
+    fn no_faults(&self) -> Sum {
+        Sum::new(0.0, ())
+    }
+
+    /// Brings motors and hardware into the state that all faults together make. Body and firmware
+    /// are not its concern.
+    fn set_faults(&mut self, _now: SimTime, _sum: &Sum) {}
+
+    /// Returns the state of the motors of the wheels: left front, right front, left rear, right
+    /// rear.
+    fn motors(&self) -> [MotorState; 4] {
+        Default::default()
     }
 
     /// Replaces all that is wrong with the firmware. This and what follows, but for the framing, is
@@ -277,7 +307,7 @@ pub trait Device: Breakable + Any + Send + Sync {
         DefectCounts::default()
     }
 
-    /// Tells whether the firmware has a watchdog that could fail; says in a sentence why not.
+    /// Returns whether the firmware has a watchdog that could fail; says in a sentence why not.
     fn check_watchdog(&self) -> Result<(), String> {
         Ok(())
     }
@@ -289,39 +319,6 @@ pub trait Device: Breakable + Any + Send + Sync {
 
     /// Returns the form of what a link carries, for faults that spoil it.
     fn framing(&self, link: usize) -> &'static dyn Framing;
-}
-
-/// Faults of a device's hardware, its sensors and its operators. What is here is only called if the
-/// row has such faults.
-pub trait Breakable {
-    /// A fault of the hardware or a sensor begins.
-    fn arm(&mut self, _handle: EffectHandle, _fault: &Fault, _noise: Noise) {}
-
-    /// That fault ends.
-    fn disarm(&mut self, _handle: EffectHandle) {}
-
-    /// Brings the hardware into the state that all such faults together make; those of it as a body
-    /// are none of its concern.
-    fn apply_faults(&mut self, _now: SimTime) {}
-
-    /// Somebody does this to it; gives what that changes, also where it was so before.
-    fn be_operated(&mut self, _now: SimTime, _fault: &OperatorFault) -> Vec<Change> {
-        Vec::new()
-    }
-
-    /// So many seconds have passed for the hardware: interference goes on. Tells what it has acted
-    /// on.
-    fn interfere(&mut self, _seconds: f64, _acted: &mut dyn FnMut(EffectHandle, String)) {}
-
-    /// Tells whether an armed fault has an effect now.
-    fn acts(&self, _handle: EffectHandle, _fault: &Fault) -> bool {
-        false
-    }
-
-    /// Says in words what it acts on now.
-    fn acted_on(&self, fault: &Fault) -> String {
-        fault.in_words()
-    }
 }
 
 impl dyn Device {
@@ -343,17 +340,18 @@ mod tests {
     use crate::r150::R150_SPEC;
 
     #[test]
-    fn a_row_with_a_fault_that_is_none_is_refused() {
-        static WRONG: DeviceSpec = DeviceSpec {
-            id: "own",
-            faults: &["can-failing", "can-fading"],
-            ..R150_SPEC
+    #[should_panic(expected = "a row builds its device from")]
+    fn a_row_whose_settings_have_another_type_builds_nothing() {
+        let mut world = World::new(&rigsim_physics::WorldSettings::default());
+        let settings = (crate::mecanum::MECANUM_SPEC.settings)();
+        let setup = Setup {
+            name: "r150",
+            settings: &*settings,
+            start: 0,
+            links: 1,
+            pose: Pose::default(),
+            seed: 1,
         };
-        static TABLE: Devices = &[&R150_SPEC, &WRONG];
-        assert_eq!(check_rows(crate::SHIPPED), Ok(()));
-        let (device, fault) = ("own", "can-fading");
-        let refused = check_rows(TABLE).unwrap_err();
-        assert_eq!(refused, RowError { device, fault });
-        assert!(refused.to_string().contains("`can-fading`"), "{refused}");
+        let _ = (R150_SPEC.build)(&setup, &mut world);
     }
 }

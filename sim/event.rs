@@ -1,4 +1,4 @@
-//! Events, told to the log, the client report and scenarios.
+//! Events for the log, the client report and scenarios.
 
 pub mod code;
 
@@ -7,12 +7,14 @@ use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
-pub use code::{Blame, Code};
+pub use code::{Attribution, Code};
 
-sim_settings::words! {
-    /// Importance of an event to somebody who writes a client.
+use crate::message::MessageInfo;
+
+rigsim_settings::words! {
+    /// Importance of an event to the developer of a client.
     pub enum Level {
         /// Ordinary requests and replies; shown when asked for.
         Traffic = "traffic",
@@ -55,11 +57,16 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
         None
     }
 
-    /// Returns what it is to whoever counts.
+    /// Returns its part in the counts.
     fn role(&self) -> Role;
 
     /// The bytes it is about, if it is about bytes.
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        None
+    }
+
+    /// The message that was understood or sent, with the bytes of its fields, if it is one.
+    fn message(&self) -> Option<(&'static MessageInfo, Cow<'_, [u8]>)> {
         None
     }
 
@@ -68,10 +75,10 @@ pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
         0
     }
 
-    /// Tells whether it is something that the client did and the protocol forbids, or that is
+    /// Returns whether it is something that the client did and the protocol forbids, or that is
     /// risky.
-    fn blames_client(&self) -> bool {
-        self.code().may_blame_client()
+    fn is_client_error(&self) -> bool {
+        self.code().may_be_client_error()
     }
 }
 
@@ -85,7 +92,7 @@ impl dyn EventKind {
 
 /// Comparison of events of any type; whatever can be compared with its own type has it.
 pub trait Same: Any {
-    /// Tells whether both are of the same type, and equal.
+    /// Returns whether both are of the same type, and equal.
     fn is_same(&self, other: &dyn Any) -> bool;
 }
 
@@ -117,7 +124,7 @@ pub enum Role {
 
 /// An event that needs no type of its own.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Told {
+pub struct PlainEvent {
     /// Code by which it is known.
     pub code: Code,
     /// Part in the counts.
@@ -126,7 +133,7 @@ pub struct Told {
     pub text: String,
 }
 
-impl Told {
+impl PlainEvent {
     /// A wheel would lift.
     pub(crate) fn tipping() -> Self {
         Self {
@@ -137,13 +144,13 @@ impl Told {
     }
 }
 
-impl EventKind for Told {
-    /// A warning if it may be held against the client, or tells of damage.
+impl EventKind for PlainEvent {
+    /// A warning if it may be attributed to the client, or tells of damage.
     fn level(&self) -> Level {
         match self.role {
             Role::Request | Role::Reply => Level::Traffic,
             Role::Damage => Level::Warning,
-            _ if self.code.may_blame_client() => Level::Warning,
+            _ if self.code.may_be_client_error() => Level::Warning,
             _ => Level::Notice,
         }
     }
@@ -157,7 +164,7 @@ impl EventKind for Told {
     }
 }
 
-impl fmt::Display for Told {
+impl fmt::Display for PlainEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }

@@ -1,6 +1,6 @@
 //! Firmware emulators, the serial line, and the rig that ties them to the world.
 //!
-//! Nothing here does input or output, reads a clock, or has a thread. Whoever drives a [`rig::Rig`]
+//! Nothing here does input or output, reads a clock, or has a thread. The driver of a [`rig::Rig`]
 //! passes time and the client's bytes in, and takes the device's bytes and the events out; the
 //! same calls give the same results on every run.
 //!
@@ -11,31 +11,37 @@
 //! | [`r150`] | that firmware with the hardware around it |
 //! | [`mecanum_device`] | firmware of the mecanum car's board: bytes on two links, and pins |
 //! | [`mecanum`] | that firmware with the hardware around it |
-//! | [`fault`], [`defects`] | what goes wrong on purpose, at every level |
+//! | [`firmware`] | what every firmware has around its program |
+//! | [`effect`], [`defects`] | what can be done to a device: faults at every level, actions |
 //! | [`mod@line`], [`uart`] | the serial line: pacing, baud mismatch |
 //! | [`rig`] | any number of devices in one world, advanced from event to event |
-//! | [`event`], [`report`] | what is told to whoever watches |
+//! | [`scanner`] | frames in a stream of bytes |
+//! | [`message`] | declarations of messages, and what follows from them |
+//! | [`event`], [`report`] | what is reported, and its counts |
 //! | [`settings`] | every setting of a run, in one tree |
 
 #![warn(clippy::disallowed_methods, clippy::disallowed_types)]
 
 pub mod defects;
 pub mod device;
+pub mod effect;
 pub mod event;
-pub mod fault;
+pub mod firmware;
 mod injection;
 pub mod line;
 pub mod mecanum;
 pub mod mecanum_device;
+pub mod message;
 pub mod r150;
 pub mod r150_device;
 pub mod report;
 pub mod rig;
+pub mod scanner;
 pub mod settings;
 pub mod uart;
 
-pub use sim_physics::noise;
-pub use sim_settings::SimTime;
+pub use rigsim_physics::noise;
+pub use rigsim_settings::SimTime;
 
 /// The devices that the program `sim` has.
 pub const SHIPPED: device::Devices = &[&r150::R150_SPEC, &mecanum::MECANUM_SPEC];

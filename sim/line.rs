@@ -6,12 +6,12 @@ mod event;
 use std::mem::{Discriminant, discriminant};
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
-use sim_settings::{SimTime, choices};
+use rigsim_settings::{SimTime, choices};
 
 use crate::uart;
 
 pub use event::{LineEvent, OnLine};
+pub use rigsim_settings::ClientLine;
 
 use direction::{Direction, Ends, matches};
 
@@ -46,48 +46,16 @@ pub const MOST_IN_FLIGHT: usize = 4096;
 /// when a client leaves.
 pub const UART_FIFO: usize = 16;
 
-/// Settings of a client's end of the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ClientLine {
-    /// Bits per second; with 0 the port has hung up, and nothing passes.
-    pub baud: u32,
-    /// Stop bits, 1 or 2.
-    pub stop_bits: u8,
-    /// Set if its port passes bytes on untouched, without echo, editing or translation.
-    pub raw: bool,
-    /// Set if it asks for a parity bit. It has no effect but to be told.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub parity: bool,
-    /// Set if it waits for the line CTS before it sends. Likewise.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub rts_cts: bool,
-}
-
-impl ClientLine {
-    /// As it should be for a device that runs at `baud` with one stop bit.
-    #[must_use]
-    pub fn at(baud: u32) -> Self {
-        Self {
-            baud,
-            stop_bits: 1,
-            raw: true,
-            parity: false,
-            rts_cts: false,
-        }
-    }
-}
-
 /// A serial line with a client at one end and a device at the other.
 ///
 /// Its driver passes the time in, and it never goes back. Bytes are taken off it one by one
 /// at their arrival times, so that a device sees each at the nanosecond at which its stop bit ends.
 ///
-/// It is a cable: bytes that a client has handed over reach the device whoever is there by then,
-/// and what the device says reaches whoever has the port open when it arrives.
+/// It is a cable: bytes that a client has handed over reach the device whichever client is there by then,
+/// and what the device says reaches the client that has the port open when it arrives.
 #[derive(Debug, Clone)]
 pub struct SerialLine {
     device_baud: u32,
-    device_stop_bits: u8,
     /// Speed at which the device's end runs by a fault.
     faulty_baud: Option<u32>,
     client: ClientLine,
@@ -95,33 +63,23 @@ pub struct SerialLine {
     to_device: Direction,
     to_client: Direction,
     attached: bool,
-    /// Settings of this client of which was told.
-    told: Vec<Discriminant<LineEvent>>,
+    /// Settings of this client that were reported.
+    reported: Vec<Discriminant<LineEvent>>,
 }
 
 impl SerialLine {
     /// A line with no client, whose device has one stop bit.
     #[must_use]
     pub fn new(baud: u32, wire: Wire) -> Self {
-        Self::with_stop_bits(baud, 1, wire)
-    }
-
-    /// The same with 1 or 2 stop bits.
-    #[must_use]
-    pub fn with_stop_bits(baud: u32, stop_bits: u8, wire: Wire) -> Self {
         Self {
             device_baud: baud,
-            device_stop_bits: stop_bits,
             faulty_baud: None,
-            client: ClientLine {
-                stop_bits,
-                ..ClientLine::at(baud)
-            },
+            client: ClientLine::at(baud),
             wire,
             to_device: Direction::default(),
             to_client: Direction::default(),
             attached: false,
-            told: Vec::new(),
+            reported: Vec::new(),
         }
     }
 
@@ -129,7 +87,7 @@ impl SerialLine {
     pub fn attach(&mut self, now: SimTime) {
         self.settle(now);
         self.attached = true;
-        self.told.retain(|told| *told == mismatch());
+        self.reported.retain(|reported| *reported == mismatch());
     }
 
     /// The client is gone. What its UART holds still goes out, the rest of what it has sent does
@@ -141,7 +99,7 @@ impl SerialLine {
         self.to_device.discard_beyond(UART_FIFO);
     }
 
-    /// Tells whether a client has the port open.
+    /// Returns whether a client has the port open.
     #[must_use]
     pub fn is_attached(&self) -> bool {
         self.attached
@@ -163,30 +121,29 @@ impl SerialLine {
         MOST_IN_FLIGHT.saturating_sub(self.to_device.kept())
     }
 
-    /// The client has set its end of the line. What is wrong with that is told when bytes pass,
-    /// since many a client opens its port first and sets it then; that it hangs up is told at once.
+    /// The client has set its end of the line. What is wrong with that is reported when bytes pass,
+    /// since many a client opens its port first and sets it then; that it hangs up is reported at once.
     pub fn set_client_line(&mut self, now: SimTime, line: ClientLine) -> Option<LineEvent> {
         if line == self.client {
             return None;
         }
-        self.settle(now);
         let baud = line.baud;
-        let old = std::mem::replace(&mut self.client, line);
+        let old = self.change(now, |own| std::mem::replace(&mut own.client, line));
         if baud == old.baud {
             return None;
         }
-        // Every new speed is a new story, so a further mismatch is told again.
-        let told = self.told.len();
-        self.told.retain(|told| *told != mismatch());
+        // Every new speed is a new story, so a further mismatch is reported again.
+        let reported = self.reported.len();
+        self.reported.retain(|reported| *reported != mismatch());
         if baud == 0 {
             self.to_device.discard_beyond(0);
             return Some(LineEvent::HungUp);
         }
-        let told = self.told.len() < told;
-        (told && matches(baud, self.device_baud)).then_some(LineEvent::BaudMatched { baud })
+        let reported = self.reported.len() < reported;
+        (reported && matches(baud, self.device_baud)).then_some(LineEvent::BaudMatched { baud })
     }
 
-    /// The client sends; gives what is to be told of it.
+    /// The client sends; returns what is to be reported of it.
     pub fn client_sends(&mut self, now: SimTime, bytes: &[u8]) -> Vec<LineEvent> {
         if self.client.baud == 0 {
             return Vec::new();
@@ -201,17 +158,16 @@ impl SerialLine {
                 device,
             }),
             (!client.raw).then_some(LineEvent::NotRaw),
-            (client.stop_bits != self.device_stop_bits).then_some(LineEvent::StopBits {
+            (client.stop_bits != 1).then_some(LineEvent::StopBits {
                 client: client.stop_bits,
-                device: self.device_stop_bits,
             }),
             client.parity.then_some(LineEvent::Parity),
             client.rts_cts.then_some(LineEvent::FlowControl),
         ];
         let mut events = Vec::new();
         for event in wrong.into_iter().flatten() {
-            if !self.told.contains(&discriminant(&event)) {
-                self.told.push(discriminant(&event));
+            if !self.reported.contains(&discriminant(&event)) {
+                self.reported.push(discriminant(&event));
                 events.push(event);
             }
         }
@@ -236,11 +192,21 @@ impl SerialLine {
     /// The device's end runs at a wrong speed by a fault, which is none of the client's making; or
     /// no longer does.
     pub fn set_faulty_baud(&mut self, now: SimTime, baud: Option<u32>) {
-        self.settle(now);
-        self.faulty_baud = baud;
+        self.change(now, |own| own.faulty_baud = baud);
     }
 
-    /// Tells whether bytes arrive wrong because the speeds of both ends differ.
+    /// Changes an end of the line, and what is under way with it.
+    fn change<T>(&mut self, now: SimTime, change: impl FnOnce(&mut Self) -> T) -> T {
+        self.settle(now);
+        let old = [self.to_device_ends(), self.to_client_ends()];
+        let changed = change(self);
+        let new = [self.to_device_ends(), self.to_client_ends()];
+        self.to_device.change(now, old[0], new[0]);
+        self.to_client.change(now, old[1], new[1]);
+        changed
+    }
+
+    /// Returns whether bytes arrive wrong because the speeds of both ends differ.
     #[must_use]
     pub fn is_garbled(&self) -> bool {
         !matches(self.client.baud, self.device_end())
@@ -262,7 +228,7 @@ impl SerialLine {
     fn to_client_ends(&self) -> Ends {
         Ends {
             from_baud: self.device_end(),
-            stop_bits: self.device_stop_bits,
+            stop_bits: 1,
             to_baud: self.client.baud,
             wire: self.wire,
         }
@@ -347,10 +313,10 @@ mod tests {
     }
 
     #[test]
-    fn a_baud_mismatch_is_told_once_for_each_speed_and_its_end_too() {
+    fn a_baud_mismatch_is_reported_once_for_each_speed_and_its_end_too() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         line.attach(SimTime::ZERO);
-        let told = LineEvent::BaudMismatch {
+        let reported = LineEvent::BaudMismatch {
             client: 9600,
             device: 115_200,
         };
@@ -359,7 +325,7 @@ mod tests {
             let set = line.set_client_line(SimTime::ZERO, ClientLine::at(baud));
             (set, line.client_sends(SimTime::ZERO, &[0xAA]))
         };
-        assert_eq!(set(9600), (None, vec![told]));
+        assert_eq!(set(9600), (None, vec![reported]));
         assert_eq!(set(9600), (None, vec![]));
         assert_eq!(set(115_200), (Some(matched), vec![]));
         assert_eq!(set(19_200).1.len(), 1);
@@ -367,14 +333,14 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_echoes_or_sends_two_stop_bits_is_told_once_for_each_client() {
+    fn a_port_that_echoes_or_sends_two_stop_bits_is_reported_once_for_each_client() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         for _ in 0..2 {
             line.attach(SimTime::ZERO);
             let good = ClientLine::at(115_200);
             line.set_client_line(SimTime::ZERO, ClientLine { raw: false, ..good });
-            let told = line.client_sends(SimTime::ZERO, &[0xAA]);
-            assert_eq!(told, [LineEvent::NotRaw]);
+            let reported = line.client_sends(SimTime::ZERO, &[0xAA]);
+            assert_eq!(reported, [LineEvent::NotRaw]);
             assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
             line.set_client_line(
                 SimTime::ZERO,
@@ -383,12 +349,9 @@ mod tests {
                     ..good
                 },
             );
-            let told = line.client_sends(SimTime::ZERO, &[0xAA]);
-            let two = LineEvent::StopBits {
-                client: 2,
-                device: 1,
-            };
-            assert_eq!(told, [two]);
+            let reported = line.client_sends(SimTime::ZERO, &[0xAA]);
+            let two = LineEvent::StopBits { client: 2 };
+            assert_eq!(reported, [two]);
             assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
             line.detach(SimTime::ZERO);
         }
@@ -396,38 +359,31 @@ mod tests {
 
     #[test]
     fn with_two_stop_bits_a_byte_takes_eleven() {
-        let mut line = SerialLine::with_stop_bits(10_000, 2, Wire::Paced);
+        let mut line = SerialLine::new(10_000, Wire::Paced);
         line.attach(SimTime::ZERO);
-        assert_eq!(line.client_sends(SimTime::ZERO, &[1, 2]), []);
+        let two = ClientLine {
+            stop_bits: 2,
+            ..ClientLine::at(10_000)
+        };
+        line.set_client_line(SimTime::ZERO, two);
+        let _ = line.client_sends(SimTime::ZERO, &[1, 2]);
         assert_eq!(line.device_sends(SimTime::ZERO, &[3]), None);
+        // The device's bytes take ten.
+        let ten = SimTime::ZERO + Duration::from_micros(1000);
+        assert_eq!(line.next_for_client(), Some(ten));
         let arrives = SimTime::ZERO + Duration::from_micros(1100);
         let before = SimTime::from_nanos(arrives.as_nanos() - 1);
         assert_eq!(line.take_for_device(before), None);
         assert_eq!(line.take_for_device(arrives), Some(1));
-        assert_eq!(line.next_for_client(), Some(arrives));
-        // A client with one stop bit is told of it, and its bytes take ten.
-        line.set_client_line(SimTime::ZERO, ClientLine::at(10_000));
-        let told = line.client_sends(arrives + Duration::from_micros(1100), &[4]);
-        assert_eq!(
-            told,
-            [LineEvent::StopBits {
-                client: 1,
-                device: 2
-            }]
-        );
         let after = arrives + Duration::from_micros(1100);
         assert_eq!(line.take_for_device(after), Some(2));
-        assert_eq!(
-            line.take_for_device(after + Duration::from_micros(1000)),
-            Some(4)
-        );
     }
 
     #[test]
-    fn what_does_not_fit_is_lost_and_told() {
+    fn what_does_not_fit_is_lost_and_reported() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
-        let told = line.client_sends(SimTime::ZERO, &[0; MOST_IN_FLIGHT + 3]);
-        assert_eq!(told, [LineEvent::SentTooMuch { bytes: 3 }]);
+        let reported = line.client_sends(SimTime::ZERO, &[0; MOST_IN_FLIGHT + 3]);
+        assert_eq!(reported, [LineEvent::SentTooMuch { bytes: 3 }]);
         assert_eq!(line.room(), 0);
         assert_eq!(arrivals(&mut line).len(), MOST_IN_FLIGHT);
     }
@@ -490,8 +446,8 @@ mod tests {
             assert_eq!(line.device_sends(SimTime::ZERO, &reply(number)), None);
         }
         let dropped = LineEvent::ReplyDropped { bytes: 82 };
-        let told = line.device_sends(SimTime::ZERO, &reply(fits));
-        assert_eq!(told, Some(dropped));
+        let reported = line.device_sends(SimTime::ZERO, &reply(fits));
+        assert_eq!(reported, Some(dropped));
         let mut read = Vec::new();
         line.take_for_client(SimTime::from_secs(10), &mut read);
         let carried = [0].into_iter().chain(2..=fits);
@@ -503,8 +459,8 @@ mod tests {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         line.attach(SimTime::ZERO);
         let bytes = MOST_IN_FLIGHT + 1;
-        let told = line.device_sends(SimTime::ZERO, &vec![0; bytes]);
-        assert_eq!(told, Some(LineEvent::ReplyDropped { bytes }));
+        let reported = line.device_sends(SimTime::ZERO, &vec![0; bytes]);
+        assert_eq!(reported, Some(LineEvent::ReplyDropped { bytes }));
         assert_eq!(line.device_sends(SimTime::ZERO, &[1]), None);
     }
 
@@ -530,7 +486,7 @@ mod tests {
                 match line.device_sends(now, &reply) {
                     None => {}
                     Some(LineEvent::ReplyDropped { bytes }) => lost += bytes,
-                    told => prop_assert!(false, "{told:?}"),
+                    reported => prop_assert!(false, "{reported:?}"),
                 }
             }
             line.take_for_client(now + Duration::from_secs(10), &mut read);
@@ -572,7 +528,7 @@ mod tests {
     }
 
     #[test]
-    fn what_arrives_is_whoever_s_who_is_there_by_then() {
+    fn what_arrives_is_for_the_client_that_is_there_by_then() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         let byte = uart::byte_time(115_200, 1);
         let at = |bytes: u32| SimTime::ZERO + byte * bytes;
@@ -581,7 +537,7 @@ mod tests {
         let mut read = Vec::new();
         line.take_for_client(at(1), &mut read);
         assert_eq!(read, [1]);
-        // The second has arrived and is not read, nobody is there for the third and the fourth.
+        // The second has arrived and is not read, no client is there for the third and the fourth.
         line.detach(at(2));
         assert_eq!(line.next_for_client(), None);
         line.attach(at(4));
@@ -600,10 +556,55 @@ mod tests {
         // In the middle of the first one.
         line.set_client_line(SimTime::ZERO + slow / 2, ClientLine::at(115_200));
         let arrived = arrivals(&mut line);
-        let last = SimTime::ZERO + slow + fast * 16;
-        assert_eq!(arrived.last(), Some(&(last.as_nanos(), 0)));
-        // The first came at both speeds.
+        // What was left of the first went at the new speed.
+        let last = SimTime::ZERO + slow / 2 + fast / 2 + fast * 16;
+        assert!(arrived.last().unwrap().0.abs_diff(last.as_nanos()) <= 1);
         assert!(arrived.len() >= 16, "{arrived:?}");
+    }
+
+    #[test]
+    fn a_byte_that_met_another_speed_on_its_way_is_spoilt_and_the_next_is_whole() {
+        let sent = [0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84];
+        for (slow, share) in [(50, 0.01), (110, 0.33), (9600, 0.5), (110, 0.99)] {
+            let byte = uart::byte_time(slow, 1);
+            let change = SimTime::ZERO + byte.mul_f64(share);
+            // From the client to the device, from the slow speed to the right one.
+            let mut line = SerialLine::new(115_200, Wire::Paced);
+            line.attach(SimTime::ZERO);
+            line.set_client_line(SimTime::ZERO, ClientLine::at(slow));
+            line.client_sends(SimTime::ZERO, &sent);
+            line.set_client_line(change, ClientLine::at(115_200));
+            let heard: Vec<u8> = arrivals(&mut line).iter().map(|(_, byte)| *byte).collect();
+            assert_ne!(heard, sent, "{slow} {share}");
+            assert!(heard.ends_with(&sent[1..]), "{slow} {share}: {heard:?}");
+            // To the client, which has the right speed only at the end of the first byte.
+            let mut line = SerialLine::new(slow, Wire::Paced);
+            line.attach(SimTime::ZERO);
+            line.set_client_line(SimTime::ZERO, ClientLine::at(115_200));
+            line.device_sends(SimTime::ZERO, &sent);
+            line.set_client_line(change, ClientLine::at(slow));
+            let mut heard = Vec::new();
+            line.take_for_client(SimTime::ZERO + byte * 7, &mut heard);
+            assert_ne!(heard, sent, "{slow} {share}");
+            assert!(heard.ends_with(&sent[1..]), "{slow} {share}: {heard:?}");
+        }
+    }
+
+    #[test]
+    fn what_a_slow_client_has_left_is_gone_soon_after_the_next_one_sets_its_speed() {
+        let mut line = SerialLine::new(115_200, Wire::Paced);
+        line.attach(SimTime::ZERO);
+        line.set_client_line(SimTime::ZERO, ClientLine::at(50));
+        line.client_sends(
+            SimTime::ZERO,
+            &[0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84].repeat(2),
+        );
+        let left = SimTime::from_millis(30);
+        line.detach(left);
+        line.attach(left);
+        line.set_client_line(left, ClientLine::at(115_200));
+        let last = arrivals(&mut line).last().unwrap().0;
+        assert!(last < SimTime::from_millis(32).as_nanos(), "{last}");
     }
 
     #[test]
@@ -649,7 +650,7 @@ mod tests {
     }
 
     #[test]
-    fn parity_and_flow_control_are_told_once_for_each_client() {
+    fn parity_and_flow_control_are_reported_once_for_each_client() {
         let mut line = SerialLine::new(115_200, Wire::Paced);
         for _ in 0..2 {
             line.attach(SimTime::ZERO);
@@ -659,8 +660,8 @@ mod tests {
                 ..ClientLine::at(115_200)
             };
             line.set_client_line(SimTime::ZERO, set);
-            let told = line.client_sends(SimTime::ZERO, &[0xAA]);
-            assert_eq!(told, [LineEvent::Parity, LineEvent::FlowControl]);
+            let reported = line.client_sends(SimTime::ZERO, &[0xAA]);
+            assert_eq!(reported, [LineEvent::Parity, LineEvent::FlowControl]);
             assert_eq!(line.client_sends(SimTime::ZERO, &[0xAA]), []);
         }
     }

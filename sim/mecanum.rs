@@ -1,5 +1,5 @@
 //! A mecanum car: the firmware of [`crate::mecanum_device`] with the hardware of
-//! [`sim_physics::mecanum`].
+//! [`rigsim_physics::mecanum`].
 
 mod actions;
 pub mod event;
@@ -12,16 +12,23 @@ mod settings;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::mecanum::{MecanumPlant, MecanumTruth};
-use sim_physics::{Plant, Pose, World};
-use sim_settings::SimTime;
+use rigsim_physics::mecanum::{MecanumPlant, MecanumTruth};
+use rigsim_physics::{Plant, Pose, World};
+use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
-use crate::device::names::MOTION;
-use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, TextLines};
-use crate::event::{EventKind, Told};
+use crate::device::names::COMMON;
+use crate::device::{
+    Device, DeviceSpec, Framing, LinkSpec, MotorState, Setup, Sum, TextLines, effects,
+};
+use crate::effect;
+use crate::event::{EventKind, PlainEvent};
+use crate::firmware::Firmware;
+use crate::mecanum_device::ascii::{COMMANDS, REPORTS};
+use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
+use crate::message::Message;
 use crate::noise::Noise;
 use crate::rig::Rig;
 pub use settings::MecanumSettings;
@@ -41,39 +48,40 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
     ],
     starts: &[],
     settings: || Box::new(MecanumSettings::default()),
+    compare_first: &[
+        "baud",
+        "ros_baud",
+        "byte_order",
+        "framing",
+        "status_period",
+        "link_timeout",
+        "wiring",
+        "positive_turn",
+        "positive_strafe",
+        "ascii_letters",
+        "full_speed",
+        "odometry.pulses_per_revolution",
+        "odometry.wheel_radius",
+        "body.mass",
+        "body.half_wheelbase",
+        "body.half_track",
+        "wheel.radius",
+        "motor.full_speed",
+        "encoder.pulses_per_revolution",
+        "ultrasonic.range",
+    ],
     build: |setup, world| Box::new(Mecanum::new(setup, world)),
     codes: event::CODES,
-    names: &[MOTION, names::NAMES],
-    observer: || Box::new(names::Noted::default()),
+    names: &[COMMON, names::NAMES],
+    messages: &[Request::INFOS, Status::INFOS, &COMMANDS, &REPORTS],
     host: host::HOST,
-    operator: Some(actions::OPERATOR),
-    surroundings: None,
-    faults: &[
-        "reset",
-        "hang",
-        "slow-replies",
-        "stuck-status",
-        "frozen-sensors",
-        "watchdog-off",
-        "supply-lost",
-        "blocked",
-        "dragging",
-        "free-wheeling",
-        "encoder-lost",
-        "encoder-stuck",
-        "encoder-noisy",
-        "wired-backwards",
-        "ports-swapped",
-        "brake-stuck-on",
-        "brake-stuck-open",
-        "ultrasonic-missing",
-        "ultrasonic-stuck",
-        "ultrasonic-ghost",
-        "tag-misread",
-        "strip-lost",
-        "infrared-stuck",
+    effects: &[
+        effect::FIRMWARE,
+        effect::MOTORS,
+        effects::<faults::MecanumFault>(),
+        effects::<actions::Operator>(),
     ],
-    check_fault: faults::check,
+    check_scope: faults::check_scope,
 };
 
 /// Puts a mecanum car into the world of a rig; gives its index. Its main link has index 0, its ROS
@@ -108,13 +116,13 @@ const BETWEEN_PULSES: Duration = Duration::from_micros(10);
 pub struct Mecanum {
     device: MecanumDevice,
     plant: MecanumPlant,
-    faults: faults::Faults,
+    faults: faults::Layer,
     /// Up to when the plant has advanced.
     plant_at: SimTime,
     /// Times at which the last pulse of a wheel was taken, and the next one is to be.
     pulse_taken: SimTime,
     pulse_due: Option<SimTime>,
-    /// A wheel would have lifted after the last step, and when that began if it is to be told.
+    /// A wheel would have lifted after the last step, and when that began if it is to be reported.
     tips: bool,
     tipped_at: Option<SimTime>,
 }
@@ -123,8 +131,7 @@ impl Mecanum {
     /// A car that has just been switched on; with two links its second UART is the ROS link
     /// instead of the magnetic sensor's.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
-        let settings = setup.settings.get::<MecanumSettings>();
-        let MecanumSettings { firmware, plant } = settings.cloned().unwrap_or_default();
+        let MecanumSettings { firmware, plant } = setup.own::<MecanumSettings>().clone();
         let plant = plant.expecting(firmware.wiring);
         let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
         let chance = format!("{}.ultrasonic", setup.name);
@@ -135,7 +142,7 @@ impl Mecanum {
         let mut car = Self {
             device,
             plant,
-            faults: faults::Faults::default(),
+            faults: faults::Layer::default(),
             plant_at: SimTime::ZERO,
             pulse_taken: SimTime::ZERO,
             pulse_due: None,
@@ -151,7 +158,7 @@ impl Mecanum {
         self.plant.pass_to(now.since(self.plant_at));
     }
 
-    /// Somebody works the remote control.
+    /// An operator works the remote control.
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.device.operate(now, action);
     }
@@ -198,8 +205,8 @@ impl Device for Mecanum {
             .min()
     }
 
-    fn has_news(&self) -> bool {
-        self.device.has_news() || self.tipped_at.is_some()
+    fn has_output(&self) -> bool {
+        self.device.has_output() || self.tipped_at.is_some()
     }
 
     fn settle(&mut self, now: SimTime) {
@@ -232,7 +239,7 @@ impl Device for Mecanum {
             return Some((at, Arc::new(event)));
         }
         let at = self.tipped_at.take()?;
-        Some((at, Arc::new(Told::tipping())))
+        Some((at, Arc::new(PlainEvent::tipping())))
     }
 
     fn plant(&self) -> &dyn Plant {
@@ -258,6 +265,18 @@ impl Device for Mecanum {
             self.tipped_at = Some(now);
         }
         self.tips = tips;
+    }
+
+    fn no_faults(&self) -> Sum {
+        faults::no_faults()
+    }
+
+    fn set_faults(&mut self, _now: SimTime, sum: &Sum) {
+        self.set_layer(sum);
+    }
+
+    fn motors(&self) -> [MotorState; 4] {
+        self.motor_states()
     }
 
     fn set_defects(&mut self, now: SimTime, defects: Defects) {

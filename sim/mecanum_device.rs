@@ -32,13 +32,13 @@ mod telemetry;
 #[cfg(test)]
 mod tests;
 
-use std::collections::VecDeque;
 use std::fmt;
+use std::time::Duration;
 
-use sim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
-use sim_settings::SimTime;
+use rigsim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
+use rigsim_settings::SimTime;
 
-use crate::defects::{DefectCounts, Defects};
+use crate::firmware::{Firmware, Shell};
 use codec::{Decoder, Rules};
 pub use event::{Discard, Field, Handling, MecanumEvent};
 use kinematics::Movement;
@@ -49,10 +49,8 @@ use settings::MecanumFirmwareSettings;
 
 /// Largest speed of a motion packet, 1/10 r/min.
 pub const MAX_SPEED: i16 = 500;
-/// Most packets and lines kept for whoever takes them; the oldest go first.
+/// Most packets and lines kept until they are taken; the oldest go first.
 const MOST_OUTPUTS: usize = 64;
-/// Most events kept for whoever takes them; the oldest go first.
-const MOST_EVENTS: usize = 1024;
 
 /// A serial link of the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -118,17 +116,7 @@ pub struct MecanumDevice {
     heard_seq: u8,
     /// The last tag that was under the reader.
     last_tag: u32,
-    output: VecDeque<(Link, Vec<u8>)>,
-    events: VecDeque<(SimTime, MecanumEvent)>,
-    defects: Defects,
-    defect_counts: DefectCounts,
-    /// The motor state that is reported in place of the present one.
-    stuck_status: Option<u8>,
-    /// Time at which the firmware is up, while it is not.
-    boot_due: Option<SimTime>,
-    /// The latest time that it was told of: what turns out to have been due before that, as when it
-    /// hung, is done then.
-    not_before: SimTime,
+    shell: Shell<(Link, Vec<u8>), MecanumEvent, u8>,
     /// A link timeout that is out of order has missed its time.
     missed_timeout: bool,
 }
@@ -153,7 +141,7 @@ impl MecanumDevice {
                 partial: settings.partial_packet,
                 order: settings.byte_order,
             }),
-            lines: ascii::Decoder::new(ascii::Syntax::of(&settings)),
+            lines: ascii::Decoder::default(),
             drive: Locomotion::new(&settings, &measured),
             measured,
             status_due: None,
@@ -162,13 +150,7 @@ impl MecanumDevice {
             heard: now,
             heard_seq: 0,
             last_tag: measured.tag,
-            output: VecDeque::new(),
-            events: VecDeque::new(),
-            defects: Defects::default(),
-            defect_counts: DefectCounts::default(),
-            stuck_status: None,
-            boot_due: None,
-            not_before: SimTime::ZERO,
+            shell: Shell::new(MOST_OUTPUTS),
             missed_timeout: false,
             settings,
         };
@@ -207,27 +189,19 @@ impl MecanumDevice {
         self.advance_before(now);
         let measured = &self.overlook(measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).board_powered;
-        match (was_powered, measured.board_powered) {
-            (true, false) => self.lose_power(now),
-            (false, true) => {
-                self.drive = Locomotion::new(&self.settings, measured);
-                self.schedule(now);
-                self.event(now, MecanumEvent::Started);
+        self.follow_supply(now, was_powered, Duration::ZERO);
+        if was_powered && self.works() {
+            let shell = &mut self.shell;
+            self.drive.sense(now, &measured.pulses, &mut |change| {
+                shell.report(now, MecanumEvent::Motion(change));
+            });
+            if measured.tag != 0 {
+                self.last_tag = measured.tag;
             }
-            (true, true) if self.works() => {
-                let events = &mut self.events;
-                self.drive.sense(now, &measured.pulses, &mut |change| {
-                    keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
-                });
-                if measured.tag != 0 {
-                    self.last_tag = measured.tag;
-                }
-            }
-            _ => {}
         }
     }
 
-    /// Somebody works the remote control at `now`.
+    /// An operator works the remote control at `now`.
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
         self.event(now, MecanumEvent::Operated(action));
@@ -242,63 +216,17 @@ impl MecanumDevice {
         }
     }
 
-    /// Does everything that is due by `now`.
-    pub fn advance(&mut self, now: SimTime) {
-        // Each round removes the deadline that it serves or moves it later.
-        while let Some(due) = self.next_deadline().filter(|due| *due <= now) {
-            self.serve(due);
-        }
-    }
-
-    /// Time at which something next happens by itself.
-    #[must_use]
-    pub fn next_deadline(&self) -> Option<SimTime> {
-        if self.boot_due.is_some() {
-            return self.boot_due.filter(|_| !self.defects.hung);
-        }
-        if self.defects.hung {
-            // Nothing is sent then, but it is counted.
-            return self.status_due.into_iter().chain(self.report_due).min();
-        }
-        [
-            self.decoder.deadline(),
-            self.link_deadline(),
-            self.drive.due(),
-            self.status_due,
-            self.report_due,
-        ]
-        .into_iter()
-        .flatten()
-        .min()
-    }
-
-    /// Tells whether output or events wait to be taken.
-    #[must_use]
-    pub fn has_news(&self) -> bool {
-        !self.output.is_empty() || !self.events.is_empty()
-    }
-
-    /// The next packet or line for the client of a link.
-    pub fn poll_output(&mut self) -> Option<(Link, Vec<u8>)> {
-        self.output.pop_front()
-    }
-
-    /// The next event and when it happened.
-    pub fn poll_event(&mut self) -> Option<(SimTime, MecanumEvent)> {
-        self.events.pop_front()
-    }
-
     /// The pins that the firmware drives.
     #[must_use]
     pub fn commands(&self) -> MecanumCommands {
-        if self.measured.board_powered && self.boot_due.is_none() {
+        if self.runs() {
             self.drive.commands()
         } else {
             MecanumCommands::default()
         }
     }
 
-    /// Tells whether the remote control drives.
+    /// Returns whether the remote control drives.
     #[must_use]
     pub fn is_remote(&self) -> bool {
         self.drive.remote
@@ -329,41 +257,6 @@ impl MecanumDevice {
         self.drive.rotations()
     }
 
-    /// Does what is due before `now`, so that what happens at `now` comes before its deadlines.
-    fn advance_before(&mut self, now: SimTime) {
-        if let Some(nanos) = now.as_nanos().checked_sub(1) {
-            self.advance(SimTime::from_nanos(nanos));
-        }
-        self.not_before = now;
-    }
-
-    /// Does what is due at `now` and not earlier.
-    fn serve(&mut self, due: SimTime) {
-        let now = due.max(self.not_before);
-        if self.boot_due.is_some() {
-            self.boot(now);
-            return;
-        }
-        if self.defects.hung {
-            self.miss_packets(now);
-            return;
-        }
-        let mut found = Vec::new();
-        self.decoder.expire(now, &mut |decoded| found.push(decoded));
-        self.handle(now, found);
-        let timed_out = self.link_deadline().is_some_and(|due| due <= now);
-        if timed_out && self.defects.watchdog_off {
-            self.missed_timeout = true;
-            self.defect_counts.watchdog_off += 1;
-        } else if timed_out {
-            self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
-        }
-        if self.drive.due().is_some_and(|due| due <= now) {
-            self.go_on(now);
-        }
-        self.send_due(now);
-    }
-
     /// When the motions are discarded unless the client sends something.
     fn link_deadline(&self) -> Option<SimTime> {
         let timeout = self
@@ -377,11 +270,77 @@ impl MecanumDevice {
         Some(self.heard + timeout)
     }
 
-    /// Without a supply the board forgets everything.
-    fn lose_power(&mut self, now: SimTime) {
-        self.forget();
-        self.boot_due = None;
-        self.event(now, MecanumEvent::PowerLost);
+    fn hear(&mut self, now: SimTime) {
+        self.heard = now;
+        self.missed_timeout = false;
+    }
+
+    fn event(&mut self, now: SimTime, event: MecanumEvent) {
+        self.shell.report(now, event);
+    }
+}
+
+impl Firmware for MecanumDevice {
+    type Output = (Link, Vec<u8>);
+    type Event = MecanumEvent;
+    type Status = u8;
+    const POWER_LOST: MecanumEvent = MecanumEvent::PowerLost;
+    const STARTED: MecanumEvent = MecanumEvent::Started;
+    const RESET: fn(Duration) -> MecanumEvent = |boot| MecanumEvent::Reset { boot };
+
+    fn shell(&self) -> &Shell<(Link, Vec<u8>), MecanumEvent, u8> {
+        &self.shell
+    }
+
+    fn shell_mut(&mut self) -> &mut Shell<(Link, Vec<u8>), MecanumEvent, u8> {
+        &mut self.shell
+    }
+
+    fn has_supply(&self) -> bool {
+        self.measured.board_powered
+    }
+
+    fn due(&self) -> Option<SimTime> {
+        if self.shell.defects.hung {
+            // Nothing is sent then, but it is counted.
+            return self.status_due.into_iter().chain(self.report_due).min();
+        }
+        [
+            self.decoder.deadline(),
+            self.link_deadline(),
+            self.drive.due(),
+            self.status_due,
+            self.report_due,
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    fn serve(&mut self, now: SimTime) {
+        if self.shell.defects.hung {
+            self.miss_packets(now);
+            return;
+        }
+        let mut found = Vec::new();
+        self.decoder.expire(now, &mut |decoded| found.push(decoded));
+        self.handle(now, found);
+        let timed_out = self.link_deadline().is_some_and(|due| due <= now);
+        if timed_out && self.shell.defects.watchdog_off {
+            self.missed_timeout = true;
+            self.shell.counts.watchdog_off += 1;
+        } else if timed_out {
+            self.discard(now, Discard::LinkTimeout(now.since(self.heard)));
+        }
+        if self.drive.due().is_some_and(|due| due <= now) {
+            self.go_on(now);
+        }
+        self.send_due(now);
+    }
+
+    fn start(&mut self, now: SimTime) {
+        self.drive = Locomotion::new(&self.settings, &self.measured);
+        self.schedule(now);
     }
 
     fn forget(&mut self) {
@@ -395,19 +354,11 @@ impl MecanumDevice {
         self.last_tag = 0;
     }
 
-    fn hear(&mut self, now: SimTime) {
-        self.heard = now;
+    fn status_to_keep(&self, now: SimTime) -> u8 {
+        self.motor_state(now)
+    }
+
+    fn mend_watchdog(&mut self, _now: SimTime) {
         self.missed_timeout = false;
     }
-
-    fn event(&mut self, now: SimTime, event: MecanumEvent) {
-        keep(&mut self.events, (now, event), MOST_EVENTS);
-    }
-}
-
-fn keep<T>(queue: &mut VecDeque<T>, item: T, most: usize) {
-    if queue.len() >= most {
-        queue.pop_front();
-    }
-    queue.push_back(item);
 }

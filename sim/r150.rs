@@ -1,4 +1,4 @@
-//! An R150: the firmware of [`crate::r150_device`] with the hardware of [`sim_physics::r150`].
+//! An R150: the firmware of [`crate::r150_device`] with the hardware of [`rigsim_physics::r150`].
 
 mod actions;
 pub mod event;
@@ -12,18 +12,23 @@ mod watch;
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_physics::r150::{R150Plant, R150Truth, Rail};
-use sim_physics::{Plant, Pose, World};
-use sim_settings::SimTime;
+use rigsim_physics::r150::{R150Plant, R150Truth, Rail};
+use rigsim_physics::{Plant, Pose, World};
+use rigsim_settings::SimTime;
 
 use crate::defects::{DefectCounts, Defects};
-use crate::device::names::MOTION;
-use crate::device::{Device, DeviceSpec, Framing, LinkSpec, Setup, StartSpec};
+use crate::device::names::COMMON;
+use crate::device::{
+    Device, DeviceSpec, Framing, LinkSpec, MotorState, Setup, StartSpec, Sum, effects,
+};
+use crate::effect;
 use crate::event::EventKind;
-use crate::fault::parameters::{Key, RailName};
+use crate::firmware::Firmware;
+use crate::message::Message;
 use crate::noise::Noise;
 use crate::r150_device::R150Device;
-use crate::r150_device::vehicle::{self, OperatorInput, Start};
+use crate::r150_device::command::{REPLIES, Request};
+use crate::r150_device::vehicle::{OperatorInput, Start};
 use crate::rig::Rig;
 pub use settings::R150Settings;
 use watch::Watch;
@@ -45,48 +50,41 @@ pub static R150_SPEC: DeviceSpec = DeviceSpec {
         },
     ],
     settings: || Box::new(R150Settings::default()),
+    compare_first: &[
+        "baud",
+        "reply_delay",
+        "boot_time",
+        "hardware_version",
+        "software_version",
+        "heartbeat_timeout",
+        "motor_watchdog",
+        "control_at_power_on",
+        "motors_answered",
+        "body.mass",
+        "body.length",
+        "body.width",
+        "body.wheelbase",
+        "body.track",
+        "tyre.wheel_radius",
+        "motor.current_limit",
+        "motor.ramp_up",
+        "motor.ramp_down",
+        "battery.capacity",
+        "battery.initial_soc",
+    ],
     build: |setup, world| Box::new(R150::new(setup, world)),
     codes: event::CODES,
-    names: &[MOTION, names::NAMES],
-    observer: || Box::new(names::Noted::default()),
+    names: &[COMMON, names::NAMES],
+    messages: &[Request::INFOS, REPLIES],
     host: host::HOST,
-    operator: Some(actions::OPERATOR),
-    surroundings: Some(actions::SURROUNDINGS),
-    faults: &[
-        "bad-crc",
-        "reset",
-        "hang",
-        "slow-replies",
-        "stuck-status",
-        "frozen-sensors",
-        "watchdog-off",
-        "rail-load",
-        "rail-short",
-        "rail-open",
-        "supply-sag",
-        "over-temperature",
-        "power-module-fault",
-        "battery-empty",
-        "charge-drop",
-        "fuse-blown",
-        "can-failing",
-        "blocked",
-        "dragging",
-        "free-wheeling",
-        "encoder-lost",
-        "encoder-stuck",
-        "encoder-noisy",
-        "wired-backwards",
-        "sides-swapped",
-        "brake-stuck-on",
-        "brake-stuck-open",
-        "emergency-stop",
-        "remote-control-takes-over",
-        "locked",
-        "parked",
-        "app-takes-control",
+    effects: &[
+        effect::FIRMWARE,
+        effect::MOTORS,
+        effects::<faults::R150Fault>(),
+        effects::<actions::Operator>(),
+        effects::<actions::Surroundings>(),
     ],
-    check_fault: faults::check,
+    check_scope: faults::check_scope,
 };
 
 /// Puts an R150 into the world of a rig; gives its index. Its one link has index 0.
@@ -103,22 +101,9 @@ pub fn add(rig: &mut Rig, name: &str, settings: &R150Settings, start: Start, pos
 }
 
 /// The bits of outputs.
-fn bits(rails: &[RailName]) -> u8 {
-    let bit = |name: &RailName| 1 << rail(*name).index();
+fn bits(rails: &[Rail]) -> u8 {
+    let bit = |rail: &Rail| 1 << rail.index();
     rails.iter().map(bit).fold(0, |bits, bit| bits | bit)
-}
-
-fn rail(name: RailName) -> Rail {
-    Rail::ALL[name as usize]
-}
-
-fn key(key: Key) -> vehicle::Key {
-    match key {
-        Key::Forward => vehicle::Key::Forward,
-        Key::Backward => vehicle::Key::Backward,
-        Key::Left => vehicle::Key::Left,
-        Key::Right => vehicle::Key::Right,
-    }
 }
 
 /// Rounds in which pins and measurements may chase one another at one instant; what is not settled
@@ -130,7 +115,7 @@ const MOST_ROUNDS: usize = 8;
 pub struct R150 {
     device: R150Device,
     plant: R150Plant,
-    faults: faults::Faults,
+    faults: faults::Layer,
     /// Up to when the plant's slow states have advanced.
     plant_at: SimTime,
     watch: Watch,
@@ -140,17 +125,13 @@ impl R150 {
     /// A vehicle that has just been switched on.
     fn new(setup: &Setup<'_>, world: &mut World) -> Self {
         let &Setup { name, seed, .. } = setup;
-        let settings = setup
-            .settings
-            .get::<R150Settings>()
-            .cloned()
-            .unwrap_or_default();
+        let settings = setup.own::<R150Settings>().clone();
         let start = match setup.start {
             0 => Start::Ready,
             _ => Start::Locked,
         };
         let plant = R150Plant::with_name(name, &settings.plant, world, setup.pose);
-        let noise = Noise::new(seed, &format!("{name}.measurement_noise"));
+        let noise = Noise::new(seed, &format!("{name}.noise"));
         let reply_time = Noise::new(seed, &format!("{name}.reply_time"));
         let device = R150Device::new(
             settings.firmware,
@@ -162,7 +143,7 @@ impl R150 {
         let mut vehicle = Self {
             device,
             plant,
-            faults: faults::Faults::default(),
+            faults: faults::Layer::default(),
             plant_at: SimTime::ZERO,
             watch: Watch::default(),
         };
@@ -170,7 +151,7 @@ impl R150 {
         vehicle
     }
 
-    /// Somebody works a button.
+    /// An operator works a button.
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.device.operate(now, action);
     }
@@ -212,12 +193,12 @@ impl Device for R150 {
         self.device.next_deadline()
     }
 
-    fn expect_burst(&mut self, by: Duration, until: SimTime) {
-        self.device.expect_burst(by, until);
+    fn late(&mut self, now: SimTime, by: Duration, stood: Duration) {
+        self.device.late(now, by, stood);
     }
 
-    fn has_news(&self) -> bool {
-        self.device.has_news() || self.watch.has_news()
+    fn has_output(&self) -> bool {
+        self.device.has_output() || self.watch.has_output()
     }
 
     fn settle(&mut self, now: SimTime) {
@@ -230,7 +211,7 @@ impl Device for R150 {
             self.plant.pass_to(now.since(self.plant_at));
             self.plant.set_commands(&commands);
             // What the module has drawn is gone with it, so that the supply may be back at once. It
-            // would come and go for ever; so it stays off until somebody looks again.
+            // would come and go for ever; so it stays off until it is asked again.
             if !self.device.has_supply() {
                 break;
             }
@@ -267,6 +248,18 @@ impl Device for R150 {
     fn after_step(&mut self, now: SimTime, world: &mut World) {
         self.plant.after_step(world);
         self.plant_at = now;
+    }
+
+    fn no_faults(&self) -> Sum {
+        faults::no_faults()
+    }
+
+    fn set_faults(&mut self, now: SimTime, sum: &Sum) {
+        self.set_layer(now, sum);
+    }
+
+    fn motors(&self) -> [MotorState; 4] {
+        self.motor_states()
     }
 
     fn set_defects(&mut self, now: SimTime, defects: Defects) {

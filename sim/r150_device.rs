@@ -13,8 +13,8 @@
 //!
 //! Bytes that arrive exactly at a deadline come before it.
 
-mod bursts;
 pub mod can;
+mod client_clock;
 pub mod codec;
 pub mod command;
 pub mod control;
@@ -26,7 +26,6 @@ pub mod protection;
 mod requests;
 pub mod settings;
 pub mod speed;
-pub mod system_info;
 mod telemetry;
 pub mod vehicle;
 
@@ -36,26 +35,25 @@ mod tests;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use sim_physics::r150::{R150Commands, R150Measurements, Sides};
-use sim_settings::SimTime;
+use rigsim_physics::r150::{R150Commands, R150Measurements, Sides};
+use rigsim_settings::SimTime;
 
-use crate::defects::{DefectCounts, Defects};
+use crate::firmware::{Firmware, Shell};
 use crate::noise::Noise;
 use crate::uart;
 use can::{Can, CanFailure};
 use codec::Decoder;
-use command::Reply;
+use command::{Reply, SystemInfo};
 use control::{Control, FULL_DUTY, Parts};
 pub use event::{R150Event, ValueError};
 use motors::{FULL, Motors};
 use protection::Protection;
 use settings::R150FirmwareSettings;
 use speed::Speedometer;
-use system_info::SystemInfo;
 use vehicle::{Bridges, OperatorInput, Start, Vehicle};
 
-/// Most events kept for whoever takes them; the oldest go first.
-const MOST_EVENTS: usize = 1024;
+/// Most frames kept until they are taken; the oldest go first.
+const MOST_OUTPUTS: usize = 4096;
 
 /// The IO module and the vehicle controller, without the hardware around them.
 #[derive(Debug, Clone)]
@@ -76,17 +74,7 @@ pub struct R150Device {
     reply_time: Noise,
     /// Replies with the time at which each begins its way.
     replies: VecDeque<(SimTime, Reply)>,
-    output: VecDeque<Vec<u8>>,
-    events: VecDeque<(SimTime, R150Event)>,
-    defects: Defects,
-    defect_counts: DefectCounts,
-    /// The status that is reported in place of the present one.
-    stuck_status: Option<SystemInfo>,
-    /// Time at which the firmware is up, while it is not.
-    boot_due: Option<SimTime>,
-    /// The latest time that it was told of: what turns out to have been due before that, as when it
-    /// hung, is done then.
-    not_before: SimTime,
+    shell: Shell<Vec<u8>, R150Event, SystemInfo>,
 }
 
 impl R150Device {
@@ -117,19 +105,13 @@ impl R150Device {
             noise,
             reply_time,
             replies: VecDeque::new(),
-            output: VecDeque::new(),
-            events: VecDeque::new(),
-            defects: Defects::default(),
-            defect_counts: DefectCounts::default(),
-            stuck_status: None,
-            boot_due: None,
-            not_before: SimTime::ZERO,
+            shell: Shell::new(MOST_OUTPUTS),
             settings,
         };
         if !measured.module_powered {
             device.event(SimTime::ZERO, R150Event::PowerLost);
         } else if !device.settings.boot_time.is_zero() {
-            device.boot_due = Some(SimTime::ZERO + device.settings.boot_time);
+            device.shell.boot_due = Some(SimTime::ZERO + device.settings.boot_time);
         }
         device
     }
@@ -148,11 +130,11 @@ impl R150Device {
         }
     }
 
-    /// The machine that runs the simulator was late by `by`, so that up to and including `until`
-    /// commands may come up to `by` closer together than they were sent. Those do not count as too
-    /// soon.
-    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
-        self.motors.expect_burst(by, until);
+    /// The machine that runs the simulator was late: what waits for the line at `now` may have been
+    /// sent up to `by` before, and simulated time stood still for `stood`. The rate of the client's
+    /// commands is judged by its own clock, which ran on.
+    pub fn late(&mut self, now: SimTime, by: Duration, stood: Duration) {
+        self.motors.late(now, by, stood, self.settings.baud);
     }
 
     /// Takes what the sensors read at `now`.
@@ -164,24 +146,18 @@ impl R150Device {
         }
         self.read_encoders(now, measured);
         let was_powered = std::mem::replace(&mut self.measured, *measured).module_powered;
-        match (was_powered, measured.module_powered) {
-            (true, false) => self.lose_power(now),
-            (false, true) => {
-                self.boot_due = Some(now + self.settings.boot_time);
-                self.boot(now);
-            }
-            _ => {}
-        }
+        self.follow_supply(now, was_powered, self.settings.boot_time);
         if self.runs() {
             let requested = self.control.outputs.power;
+            let shell = &mut self.shell;
             self.protection
                 .sense(now, measured, requested, &mut |event| {
-                    keep(&mut self.events, now, event);
+                    shell.report(now, event)
                 });
         }
     }
 
-    /// Somebody works a button at `now`.
+    /// An operator works a button at `now`.
     pub fn operate(&mut self, now: SimTime, action: OperatorInput) {
         self.advance_before(now);
         self.event(now, R150Event::Operated(action));
@@ -191,44 +167,6 @@ impl R150Device {
             _ => self.vehicle.operate(action),
         }
         self.power_requested(now);
-    }
-
-    /// Does everything that is due by `now`.
-    pub fn advance(&mut self, now: SimTime) {
-        // Each round removes the deadline that it serves or moves it later.
-        while let Some(due) = self.next_deadline().filter(|due| *due <= now) {
-            self.serve(due);
-        }
-    }
-
-    /// Time at which something next happens by itself.
-    #[must_use]
-    pub fn next_deadline(&self) -> Option<SimTime> {
-        if self.defects.hung || self.boot_due.is_some() {
-            return self.boot_due;
-        }
-        let next = earlier(self.decoder.deadline(), self.control.deadline());
-        let next = earlier(next, self.motors.watchdog_due);
-        let next = earlier(next, self.motors.answer_due);
-        let next = earlier(next, self.protection.deadline);
-        let next = earlier(next, self.can.deadline());
-        earlier(next, self.replies.front().map(|(due, _)| *due))
-    }
-
-    /// Tells whether output or events wait to be taken.
-    #[must_use]
-    pub fn has_news(&self) -> bool {
-        !self.output.is_empty() || !self.events.is_empty()
-    }
-
-    /// The next frame for the client.
-    pub fn poll_output(&mut self) -> Option<Vec<u8>> {
-        self.output.pop_front()
-    }
-
-    /// The next event and when it happened.
-    pub fn poll_event(&mut self) -> Option<(SimTime, R150Event)> {
-        self.events.pop_front()
     }
 
     /// The pins that the firmware drives.
@@ -287,12 +225,6 @@ impl R150Device {
         self.motors.set_point
     }
 
-    /// Tells whether the module had a supply when it was last measured.
-    #[must_use]
-    pub(crate) fn has_supply(&self) -> bool {
-        self.measured.module_powered
-    }
-
     /// The bits of `powerStatus`: rails that are on.
     #[must_use]
     pub fn power_status(&self) -> u8 {
@@ -321,22 +253,53 @@ impl R150Device {
         self.settings.empty_battery_stops && self.measured.soc <= 0.0
     }
 
-    /// Does what is due before `now`, so that what happens at `now` comes before its deadlines.
-    fn advance_before(&mut self, now: SimTime) {
-        if let Some(nanos) = now.as_nanos().checked_sub(1) {
-            self.advance(SimTime::from_nanos(nanos));
-        }
-        self.not_before = now;
+    /// The requested rails may have changed, which ends the latch of those that are off.
+    fn power_requested(&mut self, now: SimTime) {
+        let shell = &mut self.shell;
+        let requested = self.control.outputs.power;
+        self.protection
+            .requested(now, requested, &mut |event| shell.report(now, event));
     }
 
-    /// Does what is due at `now` and not earlier.
-    fn serve(&mut self, due: SimTime) {
-        let now = due.max(self.not_before);
-        self.can.follow(now, self.motors.set_point);
-        if self.boot_due.is_some() {
-            self.boot(now);
-            return;
+    fn event(&mut self, now: SimTime, event: R150Event) {
+        self.shell.report(now, event);
+    }
+}
+
+impl Firmware for R150Device {
+    type Output = Vec<u8>;
+    type Event = R150Event;
+    type Status = SystemInfo;
+    const POWER_LOST: R150Event = R150Event::PowerLost;
+    const STARTED: R150Event = R150Event::Started;
+    const RESET: fn(Duration) -> R150Event = |boot| R150Event::Reset { boot };
+
+    fn shell(&self) -> &Shell<Vec<u8>, R150Event, SystemInfo> {
+        &self.shell
+    }
+
+    fn shell_mut(&mut self) -> &mut Shell<Vec<u8>, R150Event, SystemInfo> {
+        &mut self.shell
+    }
+
+    fn has_supply(&self) -> bool {
+        self.measured.module_powered
+    }
+
+    fn due(&self) -> Option<SimTime> {
+        if self.shell.defects.hung {
+            return None;
         }
+        let next = earlier(self.decoder.deadline(), self.control.deadline());
+        let next = earlier(next, self.motors.watchdog_due);
+        let next = earlier(next, self.motors.answer_due);
+        let next = earlier(next, self.protection.deadline);
+        let next = earlier(next, self.can.deadline());
+        earlier(next, self.replies.front().map(|(due, _)| *due))
+    }
+
+    fn serve(&mut self, now: SimTime) {
+        self.can.follow(now, self.motors.set_point);
         let mut found = Vec::new();
         self.decoder.expire(now, &mut |decoded| found.push(decoded));
         self.handle(now, found);
@@ -344,9 +307,9 @@ impl R150Device {
             self.event(now, R150Event::HeartbeatLost);
             self.power_requested(now);
         }
-        if self.defects.watchdog_off {
+        if self.shell.defects.watchdog_off {
             let missed = self.motors.miss_watchdog(now);
-            self.defect_counts.watchdog_off += u64::from(missed);
+            self.shell.counts.watchdog_off += u64::from(missed);
         } else if let Some([right, left]) = self.motors.expire(now) {
             let driving = self.vehicle.obstacles(self.battery_empty()).is_empty();
             self.event(
@@ -359,32 +322,21 @@ impl R150Device {
             );
         }
         if self.motors.take_answer(now) {
-            let reply = self.motor_reply();
-            self.reply(now, reply);
+            self.send_held_reply(now);
         }
-        let events = &mut self.events;
+        let shell = &mut self.shell;
         self.protection
             .advance(now, self.control.outputs.power, &mut |event| {
-                keep(events, now, event)
+                shell.report(now, event);
             });
         self.send_due(now);
     }
 
-    /// The requested rails may have changed, which ends the latch of those that are off.
-    fn power_requested(&mut self, now: SimTime) {
-        let events = &mut self.events;
-        let requested = self.control.outputs.power;
-        self.protection
-            .requested(now, requested, &mut |event| keep(events, now, event));
+    fn start(&mut self, now: SimTime) {
+        self.can.follow(now, self.motors.set_point);
     }
 
-    /// Without a supply the module forgets everything; the vehicle's own state stays.
-    fn lose_power(&mut self, now: SimTime) {
-        self.forget();
-        self.boot_due = None;
-        self.event(now, R150Event::PowerLost);
-    }
-
+    /// The vehicle's own state stays.
     fn forget(&mut self) {
         self.decoder.clear();
         self.control.restart(&self.settings);
@@ -393,8 +345,12 @@ impl R150Device {
         self.replies.clear();
     }
 
-    fn event(&mut self, now: SimTime, event: R150Event) {
-        keep(&mut self.events, now, event);
+    fn status_to_keep(&self, _now: SimTime) -> SystemInfo {
+        self.system_status()
+    }
+
+    fn mend_watchdog(&mut self, now: SimTime) {
+        self.motors.mend_watchdog(now);
     }
 }
 
@@ -407,11 +363,4 @@ fn earlier(one: Option<SimTime>, other: Option<SimTime>) -> Option<SimTime> {
         (Some(one), Some(other)) => Some(one.min(other)),
         (one, other) => one.or(other),
     }
-}
-
-fn keep(events: &mut VecDeque<(SimTime, R150Event)>, now: SimTime, event: R150Event) {
-    if events.len() >= MOST_EVENTS {
-        events.pop_front();
-    }
-    events.push_back((now, event));
 }

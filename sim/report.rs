@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use crate::event::{Event, Role};
 
@@ -21,7 +21,7 @@ pub struct Tally {
     /// Bytes that were lost in all of them.
     pub lost_bytes: u64,
     /// Number of them that were the client's doing: forbidden by the protocol, or risky.
-    pub held_against_client: u64,
+    pub client_errors: u64,
     /// Set if they tell of [damage](Role::Damage).
     pub is_damage: bool,
 }
@@ -59,19 +59,19 @@ impl Report {
                 first: kind.to_string(),
                 bytes: kind.bytes().map(Cow::into_owned),
                 lost_bytes: 0,
-                held_against_client: 0,
+                client_errors: 0,
                 is_damage: kind.role() == Role::Damage,
             });
         tally.count += 1;
         tally.lost_bytes = tally.lost_bytes.saturating_add(kind.lost_bytes());
         // A heartbeat that ends because the client has left is as it should be.
         let left = kind.role() == Role::HeartbeatLost && self.attached == 0;
-        tally.held_against_client += u64::from(kind.blames_client() && !left);
+        tally.client_errors += u64::from(kind.is_client_error() && !left);
     }
 
     /// Lists what the client did that the protocol forbids or that is risky.
-    pub fn held_against_client(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
-        self.of(|tally| tally.held_against_client > 0)
+    pub fn client_errors(&self) -> impl Iterator<Item = (&'static str, &Tally)> {
+        self.of(|tally| tally.client_errors > 0)
     }
 
     /// Lists what broke, or came close to it.

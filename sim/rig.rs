@@ -1,6 +1,6 @@
 //! Any number of devices in one world, advanced from event to event.
 //!
-//! Simulated-time and real-time runs take the same path: whoever drives a [`Rig`] says up to when
+//! Simulated-time and real-time runs take the same path: the driver of a [`Rig`] says up to when
 //! it may go and what the clients send. At one instant things happen in a fixed order: bytes
 //! arrive, then deadlines of the firmware are served, device by device in the order in which they
 //! were added; then the physics takes the step that ends there.
@@ -15,10 +15,10 @@ mod service;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use sim_physics::{PhysicsError, World, WorldMap, WorldSettings};
-use sim_settings::SimTime;
+use rigsim_physics::{PhysicsError, World, WorldMap, WorldSettings};
+use rigsim_settings::SimTime;
 
-use crate::device::{Device, DeviceSpec, EffectHandle, LineSettings, Motion, Setup};
+use crate::device::{Device, DeviceSpec, EffectHandle, Motion, Setup};
 use crate::event::Event;
 use crate::injection::Injection;
 use crate::line::{SerialLine, Wire};
@@ -95,7 +95,8 @@ impl Rig {
     /// An empty world at time zero.
     #[must_use]
     pub fn new(settings: RigSettings) -> Self {
-        let world = World::with_map(&settings.world, &settings.map);
+        let mut world = World::with_map(&settings.world, &settings.map);
+        world.set_seed(settings.seed);
         let physics_due = SimTime::ZERO + world.step_length();
         Self {
             settings,
@@ -117,10 +118,7 @@ impl Rig {
     pub fn add(&mut self, spec: &'static DeviceSpec, setup: &Setup<'_>) -> usize {
         let seed = self.settings.seed;
         let own = (spec.build)(&Setup { seed, ..*setup }, &mut self.world);
-        let line = |link| {
-            let LineSettings { baud, stop_bits } = setup.settings.line(link);
-            SerialLine::with_stop_bits(baud, stop_bits, self.settings.wire)
-        };
+        let line = |link| SerialLine::new(setup.settings.baud(link), self.settings.wire);
         self.slots.push(Slot {
             spec,
             device: own,
@@ -146,7 +144,7 @@ impl Rig {
         &self.world
     }
 
-    /// Lets `change` put things into the world, and has every device look at it anew.
+    /// Applies `change` to the world, and has every device look at it again.
     pub fn with_world<T>(&mut self, change: impl FnOnce(&mut World) -> T) -> T {
         let outcome = change(&mut self.world);
         for device in 0..self.slots.len() {
@@ -167,6 +165,12 @@ impl Rig {
     #[must_use]
     pub fn spec(&self, device: usize) -> Option<&'static DeviceSpec> {
         self.slots.get(device).map(|slot| slot.spec)
+    }
+
+    /// Returns the number of a device's links; 0 if there is no such device.
+    #[must_use]
+    pub fn links(&self, device: usize) -> usize {
+        self.slots.get(device).map_or(0, |slot| slot.lines.len())
     }
 
     /// The device with this index; `None` if there is no such device.
@@ -194,7 +198,7 @@ impl Rig {
         self.motion(device).map_or(0.0, |motion| motion.distance)
     }
 
-    /// Lets `change` work on a device, in its world, at the present time, and follows up what it
+    /// Applies `change` to a device, in its world, at the present time, and follows up what it
     /// changed; `None` if there is no such device.
     pub fn with_any_device<T>(
         &mut self,
@@ -297,7 +301,7 @@ impl Rig {
         self.events.take()
     }
 
-    /// Number of events that were lost because nobody took them.
+    /// Number of events that were lost because they were not taken.
     #[must_use]
     pub fn events_lost(&self) -> u64 {
         self.events.lost()

@@ -1,7 +1,7 @@
 //! Every setting of a run, in one tree.
 
-use sim_physics::WorldSettings;
-use sim_settings::{Entry, Problem, Settings, Value, join};
+use rigsim_physics::WorldSettings;
+use rigsim_settings::{Entry, Problem, Settings, Value, join};
 
 use crate::device::{DeviceSettings, DeviceSpec, Devices};
 
@@ -50,25 +50,6 @@ impl SimSettings {
     pub fn of_mut<T: DeviceSettings>(&mut self) -> Option<&mut T> {
         self.devices.iter_mut().find_map(|own| own.get_mut())
     }
-
-    /// Checks what no setting can say alone.
-    ///
-    /// # Errors
-    /// A sentence for each pair of settings that do not fit together, naming both.
-    pub fn check(&self) -> Result<(), Vec<String>> {
-        let own = self.table.iter().zip(&self.devices);
-        let pairs = own.flat_map(|(device, own)| {
-            let pairs = own.ordered().into_iter();
-            pairs.map(move |pair| (device.id, pair))
-        });
-        let wrong: Vec<String> = pairs
-            .filter(|(_, [(_, low), (_, high)])| low > high)
-            .map(|(id, [(low_key, low), (high_key, high)])| {
-                format!("`{id}.{low_key}` ({low}) must not be above `{id}.{high_key}` ({high})")
-            })
-            .collect();
-        if wrong.is_empty() { Ok(()) } else { Err(wrong) }
-    }
 }
 
 impl Settings for SimSettings {
@@ -98,15 +79,14 @@ impl Settings for SimSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::r150::R150Settings;
     use std::collections::BTreeSet;
 
     #[test]
     fn every_default_is_allowed_and_every_key_is_there_once() {
         let mut seen = BTreeSet::new();
         let mut tree = SimSettings::new(crate::SHIPPED);
-        let text = sim_settings::show_toml(&tree);
-        sim_settings::load_toml(&text, "defaults", &mut tree).unwrap();
+        let text = rigsim_settings::show_toml(&tree);
+        rigsim_settings::load_toml(&text, "defaults", &mut tree).unwrap();
         assert_eq!(tree, SimSettings::new(crate::SHIPPED));
         for entry in tree.entries() {
             assert!(seen.insert(entry.key.clone()), "{} twice", entry.key);
@@ -114,7 +94,6 @@ mod tests {
         }
         assert!(seen.contains("r150.heartbeat_timeout"));
         assert!(seen.contains("r150.battery.initial_soc"));
-        assert_eq!(tree.check(), Ok(()));
     }
 
     /// The page that sets documented and assumed behaviour side by side names every setting of the
@@ -141,18 +120,15 @@ mod tests {
     }
 
     #[test]
-    fn thresholds_in_the_wrong_order_are_refused_by_name() {
-        let mut tree = SimSettings::new(crate::SHIPPED);
-        tree.of_mut::<R150Settings>()
-            .unwrap()
-            .firmware
-            .protection
-            .undervoltage_clear = 0.0;
-        let wrong = tree.check().unwrap_err();
-        assert_eq!(
-            wrong,
-            ["`r150.protection.undervoltage` (39) must not be above \
-              `r150.protection.undervoltage_clear` (0)"]
-        );
+    fn the_settings_to_compare_first_are_there_and_few_enough_to_read() {
+        let entries = SimSettings::new(crate::SHIPPED).entries();
+        let keys: BTreeSet<String> = entries.into_iter().map(|entry| entry.key).collect();
+        for device in crate::SHIPPED {
+            assert_eq!(device.compare_first.len(), 20, "{}", device.id);
+            for key in device.compare_first {
+                let key = format!("{}.{key}", device.id);
+                assert!(keys.contains(&key), "`{key}`");
+            }
+        }
     }
 }

@@ -122,7 +122,7 @@ impl Receiver {
         None
     }
 
-    /// Tells whether the line is high at a time that is not forgotten.
+    /// Returns whether the line is high at a time that is not forgotten.
     fn level(&self, time: u128) -> bool {
         let index = time / self.sent_bit;
         let at = (index / BITS).checked_sub(self.forgotten);

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use sim_pty::{NetDecoder, Protocol};
+use rigsim_pty::{NetDecoder, Protocol};
 
 /// Bytes that wait for the device, at most, and one of a break.
 const MOST_AHEAD: usize = 4097;
@@ -73,7 +73,7 @@ fn decode<'a>(protocol: Protocol, pieces: impl Iterator<Item = &'a [u8]>) -> Mad
     }
 }
 
-/// Nobody takes anything: neither the device nor the client.
+/// Nothing is taken: neither the device nor the client.
 fn queue(stream: &[u8]) {
     let mut decoder = NetDecoder::new(Protocol::Rfc2217, 115_200);
     let mut ahead = VecDeque::new();

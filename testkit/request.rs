@@ -1,6 +1,6 @@
 //! Input of a client of the control socket.
 
-use sim_control::http::{self, Head, MOST_BODY, MOST_HEAD};
+use rigsim_control::http::{self, Head, MOST_BODY, MOST_HEAD};
 
 /// Most bytes of a refusal's words.
 const MOST_WORDS: usize = 300;
@@ -8,7 +8,7 @@ const MOST_WORDS: usize = 300;
 /// Plays any bytes as the beginning of a connection.
 ///
 /// # Promises
-/// Any bytes are a request, the beginning of one, or refused with a status that blames the
+/// Any bytes are a request, the beginning of one, or refused with a status that names the
 /// client, in few words. However they are split, the same comes of them: what is a request as soon as its
 /// head is complete stays the same whatever follows, and what is refused is never a request later.
 /// Nothing waits for more than the longest head, and no body is longer than the longest.

@@ -4,10 +4,10 @@
 //!   at one instant.
 //! - Time never goes back, and what is due lies ahead of it.
 //! - Every number of the truth is finite, charge stays between empty and full, distances only grow.
-//! - Clients get no more than the line carries, and of the R150 no more than its replies.
+//! - Clients get no more than the line carries, and of a device that only answers no more than replies.
 //! - What a client gets while nothing disturbs its line is whole frames with the right CRC, whole
 //!   packets, whole lines.
-//! - Events are told in order, and have words.
+//! - Events are reported in order, and have words.
 
 mod promises;
 mod setup;
@@ -15,28 +15,25 @@ mod setup;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::device::EffectHandle;
-use sim_core::fault::FaultLevel;
-use sim_core::line::{ClientLine, LineEvent};
-use sim_core::mecanum::Mecanum;
-use sim_core::r150::R150;
-use sim_core::rig::Rig;
-use sim_physics::r150::{Load, Rail};
-use sim_physics::{Ground, Pose};
+use rigsim_core::SimTime;
+use rigsim_core::device::{Devices, EffectHandle, Level};
+use rigsim_core::effect::Checked;
+use rigsim_core::line::{ClientLine, LineEvent};
+use rigsim_core::rig::{PortId, Rig};
+use rigsim_core::settings::SimSettings;
 
-use crate::operation::{Hands, Message, Operation, Wait, car_key, r150_button};
+use crate::operation::{Message, Operation, Wait};
 use crate::setting::{self, SettingChoice};
 use promises::Client;
 pub use promises::truth;
-pub use setup::{Devices, Setup};
+pub use setup::Setup;
 
 /// Most operations of a session; further ones are left out.
 const MOST_OPERATIONS: usize = 200;
 /// Most simulated time of a session; what waits longer waits less.
 const MOST_TIME: Duration = Duration::from_secs(20);
-/// Most obstacles, since each makes every step dearer.
-const MOST_OBSTACLES: usize = 20;
+/// Most changes of the world, since each obstacle makes every step dearer.
+const MOST_CHANGES: usize = 20;
 
 /// A session.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,11 +67,11 @@ impl<'b> arbitrary::Arbitrary<'b> for Session {
     }
 }
 
-/// Plays a session; gives a digest of everything that could be seen of it, which is the same every
-/// time.
+/// Plays a session with these devices. Returns a digest of everything that could be seen of it, which is
+/// the same every time.
 #[must_use]
-pub fn play(session: &Session) -> u64 {
-    let mut player = Player::new(session);
+pub fn play(devices: Devices, session: &Session) -> u64 {
+    let mut player = Player::new(devices, session);
     for operation in session.operations.iter().take(MOST_OPERATIONS) {
         player.perform(operation);
         player.check();
@@ -84,36 +81,39 @@ pub fn play(session: &Session) -> u64 {
 
 struct Player {
     rig: Rig,
+    settings: SimSettings,
     clients: Vec<Client>,
-    faults: Vec<Injected>,
+    effects: Vec<Applied>,
     now: SimTime,
     end: SimTime,
-    obstacles: usize,
+    changes: usize,
     distance: Vec<f64>,
-    told: SimTime,
+    reported: SimTime,
     seen: DefaultHasher,
 }
 
-struct Injected {
+struct Applied {
     handle: EffectHandle,
     device: usize,
-    /// Set if it acts on what the client gets, and not only on what is told to it.
+    /// Set if it acts on what the client gets, and not only on what is sent to it.
     disturbs: bool,
-    armed: bool,
+    lasts: bool,
 }
 
 impl Player {
-    fn new(session: &Session) -> Self {
-        let (rig, clients) = session.setup.begin(&setting::settings(&session.settings));
+    fn new(devices: Devices, session: &Session) -> Self {
+        let settings = setting::settings(&session.settings);
+        let (rig, clients) = session.setup.begin(devices, &settings);
         let mut player = Self {
             distance: vec![0.0; rig.devices()],
             rig,
+            settings,
             clients,
-            faults: Vec::new(),
+            effects: Vec::new(),
             now: SimTime::ZERO,
             end: SimTime::ZERO + MOST_TIME,
-            obstacles: 0,
-            told: SimTime::ZERO,
+            changes: 0,
+            reported: SimTime::ZERO,
             seen: DefaultHasher::new(),
         };
         for port in 0..player.clients.len() {
@@ -166,58 +166,47 @@ impl Player {
                 client.undisturbed = false;
                 self.rig.set_client_line(client.port, client.line);
             }
-            Operation::Inject {
+            Operation::Apply {
                 device,
                 name,
-                fault,
+                effect,
             } => {
-                let device = self.device(*device);
-                let fault = fault.fault();
+                let device = usize::from(*device) % self.rig.devices();
+                let Some(spec) = self.rig.spec(device) else {
+                    return;
+                };
+                let effect = effect.effect(spec);
+                let effect = effect.and_then(|own| Checked::new(own, spec, self.rig.links(device)));
+                let effect = match effect {
+                    Ok(effect) => effect,
+                    Err(why) => return assert!(!why.is_empty()),
+                };
+                let level = effect.info().level;
+                self.changes += usize::from(level == Level::World);
+                if level == Level::World && self.changes > MOST_CHANGES {
+                    return;
+                }
                 let name = ["a", "b", "c"][usize::from(*name) % 3];
-                // Faults do not reach back to what has arrived.
+                // Effects do not reach back to what has arrived.
                 self.read_all();
-                match self.rig.inject(device, name, &fault) {
-                    Ok(handle) => self.injected(handle, device, fault.info().level),
+                match self.rig.apply(device, name, &effect) {
+                    Ok(Some(handle)) => self.applied(handle, device, level),
+                    Ok(None) => assert!(!effect.info().is_fault(), "a fault lasts"),
                     Err(error) => assert!(!error.to_string().is_empty()),
                 }
             }
             Operation::Clear { which } => {
-                if let Some(at) = usize::from(*which).checked_rem(self.faults.len()) {
+                if let Some(at) = usize::from(*which).checked_rem(self.effects.len()) {
                     self.read_all();
-                    let fault = &mut self.faults[at];
-                    fault.armed = false;
-                    self.rig.clear(fault.handle);
+                    let effect = &mut self.effects[at];
+                    effect.lasts = false;
+                    self.rig.clear(effect.handle);
                 }
             }
-            Operation::Operate { device, button } => {
-                let device = self.device(*device);
-                let action = r150_button(*button);
-                self.rig
-                    .with_device(device, |r150: &mut R150, _, now| r150.operate(now, action));
-                let action = car_key(*button);
-                self.rig
-                    .with_device(device, |car: &mut Mecanum, _, now| car.operate(now, action));
-            }
-            Operation::Handle { device, how } => {
-                let device = self.device(*device);
-                self.handle(device, *how);
-            }
-            Operation::Obstacle { at, size } => {
-                self.obstacles += 1;
-                if self.obstacles <= MOST_OBSTACLES {
-                    let [x, y] = at.map(|at| f64::from(at) / 10.0);
-                    let radius = f64::from(*size).max(1.0) / 100.0;
-                    self.rig.with_world(|world| world.add_disc(x, y, radius));
-                }
-            }
-            Operation::Ground(percent) => {
-                let ground = Ground::new(f64::from(percent % 201) / 100.0, 0.0, 0.0);
-                self.rig.with_world(|world| world.set_ground(ground));
-            }
-            Operation::Late { by, rest } => {
-                let [by, rest] = [by, rest].map(|span| Duration::from_millis((*span).into()));
-                self.rig.tell_all(LineEvent::SimulatorLate { by });
-                self.rig.expect_burst(by, self.now + rest);
+            Operation::Late { by, stood } => {
+                let [by, stood] = [by, stood].map(|span| Duration::from_millis((*span).into()));
+                self.rig.tell_all(LineEvent::SimulatorStalled { by });
+                self.rig.late(by, stood);
             }
         }
     }
@@ -226,28 +215,24 @@ impl Player {
         usize::from(port) % self.clients.len()
     }
 
-    fn device(&self, device: u8) -> usize {
-        usize::from(device) % self.rig.devices()
-    }
-
     fn attach(&mut self, port: usize) {
         let client = &mut self.clients[port];
         let came = self.rig.attach(client.port, self.now);
         came.unwrap_or_else(|error| panic!("{error}"));
         let disturbed =
-            |fault: &Injected| fault.armed && fault.disturbs && fault.device == client.port.device;
-        // What is under way to whoever is there began before this one came.
+            |own: &Applied| own.lasts && own.disturbs && own.device == client.port.device;
+        // What is under way to the client that is there began before this one came.
         let idle = self.rig.next_for_client(client.port).is_none();
-        client.comes(self.now, idle && !self.faults.iter().any(disturbed));
+        client.comes(self.now, idle && !self.effects.iter().any(disturbed));
     }
 
-    fn injected(&mut self, handle: EffectHandle, device: usize, level: FaultLevel) {
-        let disturbs = matches!(level, FaultLevel::Wire | FaultLevel::Protocol);
-        self.faults.push(Injected {
+    fn applied(&mut self, handle: EffectHandle, device: usize, level: Level) {
+        let disturbs = matches!(level, Level::Wire | Level::Protocol);
+        self.effects.push(Applied {
             handle,
             device,
             disturbs,
-            armed: true,
+            lasts: true,
         });
         for client in &mut self.clients {
             client.undisturbed &= !(disturbs && client.port.device == device);
@@ -260,9 +245,10 @@ impl Player {
         if !client.attached {
             return;
         }
-        let bytes = message.bytes();
+        let port = client.port;
+        let bytes = bytes(&self.rig, &self.settings, port, message);
         client.sent += bytes.len();
-        self.rig.client_puts(client.port, &bytes);
+        self.rig.client_puts(port, &bytes);
         let sent = self.rig.advance(self.now);
         sent.unwrap_or_else(|error| panic!("{error}"));
     }
@@ -326,30 +312,16 @@ impl Player {
         bytes.hash(&mut self.seen);
         client.gets(&bytes, self.now);
     }
+}
 
-    fn handle(&mut self, device: usize, how: Hands) {
-        let scale = |numbers: [i16; 3], unit: f64| numbers.map(|number| f64::from(number) * unit);
-        let place = |[x, y, heading]: [i16; 3]| Pose {
-            x: f64::from(x) / 10.0,
-            y: f64::from(y) / 10.0,
-            heading: f64::from(heading) / 100.0,
-        };
-        let rig = &mut self.rig;
-        // Some are for one kind of device only.
-        let _ = match how {
-            Hands::Push(push) => rig.with_any_device(device, |own, _, _| {
-                own.plant_mut().set_push(scale(push, 3.0))
-            }),
-            Hands::Payload(mass) => rig.with_any_device(device, |own, world, _| {
-                own.plant_mut().set_payload(world, mass.into())
-            }),
-            Hands::Place(pose) => rig.with_any_device(device, |own, world, _| {
-                own.plant_mut().place(world, place(pose))
-            }),
-            Hands::Load { rail, watts } => rig.with_device(device, |r150: &mut R150, _, _| {
-                let rail = Rail::ALL[usize::from(rail) % Rail::ALL.len()];
-                r150.plant_mut().set_load(rail, Load::Power(watts.into()));
-            }),
-        };
-    }
+/// A message on a port of a rig.
+pub(crate) fn bytes(rig: &Rig, settings: &SimSettings, port: PortId, message: &Message) -> Vec<u8> {
+    let PortId { device, link } = port;
+    let (Some(spec), Some(device)) = (rig.spec(device), rig.any_device(device)) else {
+        return Vec::new();
+    };
+    let Some(settings) = settings.of_device(spec) else {
+        return Vec::new();
+    };
+    message.bytes((spec, link), settings, device.framing(link))
 }

@@ -11,26 +11,27 @@ use std::fmt::Debug;
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::mecanum_device::ascii::Syntax;
-use sim_core::mecanum_device::codec::{Decoder as PacketDecoder, Packet, Rules};
-use sim_core::mecanum_device::packet::{Request, Status};
-use sim_core::mecanum_device::settings::{
-    AsciiNumbers, AsciiOutOfRange, AsciiSpaces, ByteOrder, Framing, MecanumFirmwareSettings,
-    PartialPacket,
+use rigsim_core::SimTime;
+use rigsim_core::firmware::Firmware as _;
+use rigsim_core::mecanum_device::codec::{Decoder as PacketDecoder, Rules};
+use rigsim_core::mecanum_device::packet::{Request, Status};
+use rigsim_core::mecanum_device::settings::{
+    ByteOrder, Framing, MecanumFirmwareSettings, PartialPacket,
 };
-use sim_core::mecanum_device::{Link, MecanumDevice, ascii};
-use sim_core::noise::Noise;
-use sim_core::r150_device::R150Device;
-use sim_core::r150_device::codec::Decoder;
-use sim_core::r150_device::settings::{R150FirmwareSettings, Resync};
-use sim_core::r150_device::vehicle::Start;
-use sim_physics::mecanum::MecanumPlant;
-use sim_physics::r150::R150Plant;
-use sim_physics::{MecanumPlantSettings, Pose, R150PlantSettings, World, WorldSettings};
+use rigsim_core::mecanum_device::{Link, MecanumDevice, ascii};
+use rigsim_core::message::Message;
+use rigsim_core::noise::Noise;
+use rigsim_core::r150_device::R150Device;
+use rigsim_core::r150_device::codec::Decoder;
+use rigsim_core::r150_device::settings::{R150FirmwareSettings, Resync};
+use rigsim_core::r150_device::vehicle::Start;
+use rigsim_physics::mecanum::MecanumPlant;
+use rigsim_physics::r150::R150Plant;
+use rigsim_physics::{MecanumPlantSettings, Pose, R150PlantSettings, World, WorldSettings};
 
-use decode::{Direction, TIMEOUT, decodes};
-pub use reading::{frames_cover, sends_well};
+use decode::{TIMEOUT, decodes, of_frame, of_packet};
+pub(crate) use reading::whole;
+use reading::{frames_cover, sends_well};
 
 /// A stream that is cut into pieces, with a pause after each.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -127,7 +128,9 @@ pub fn r150(stream: &Stream<'_>) {
     });
     let resync = stream.rule(0, Resync::SecondByte, Resync::NextFrame);
     let mut decoder = Decoder::new(TIMEOUT, resync);
-    decodes(stream, &mut decoder, |part| reading::frames(part, resync));
+    decodes(stream, &mut decoder, of_frame, |part| {
+        reading::frames(part, resync)
+    });
     if !stream.firmware {
         return;
     }
@@ -196,18 +199,15 @@ pub fn mecanum(stream: &Stream<'_>) {
     }
 }
 
-fn direction<P: Packet>(
+fn direction<P: Message>(
     stream: &Stream<'_>,
     rules: Rules,
     headers: &[[u8; 2]],
     encode: fn(&P) -> Vec<u8>,
 ) {
-    let mut direction = Direction {
-        decoder: PacketDecoder::by(rules),
-        encode,
-        order: rules.order,
-    };
-    decodes(stream, &mut direction, |part| {
+    let mut decoder = PacketDecoder::by(rules);
+    let of = |decoded| of_packet(encode, rules.order, decoded);
+    decodes(stream, &mut decoder, of, |part| {
         reading::packets(part, headers, rules)
     });
 }
@@ -245,19 +245,9 @@ fn split_mecanum(stream: &Stream<'_>, link: Link) {
     });
 }
 
-/// Plays a stream to the decoder of the ROS link's lines, and to the firmware. Rule 0: small
-/// letters are commands too; 1: numbers are read as `atoi` does; 2: spaces are skipped only at the
-/// end, and a blank line is bad; 3: what is beyond the range is cut to it.
+/// Plays a stream to the decoder of the ROS link's lines, and to the firmware.
 pub fn ascii(stream: &Stream<'_>) {
-    let syntax = Syntax {
-        lower_case: stream.rule(0, false, true),
-        numbers: stream.rule(1, AsciiNumbers::Strict, AsciiNumbers::Atoi),
-        spaces: stream.rule(2, AsciiSpaces::Anywhere, AsciiSpaces::Trailing),
-        blank_is_bad: stream.rule(2, false, true),
-        out_of_range: stream.rule(3, AsciiOutOfRange::Ignore, AsciiOutOfRange::Clamp),
-        longest: reading::LONGEST,
-    };
-    let mut decoder = ascii::Decoder::new(syntax);
+    let mut decoder = ascii::Decoder::default();
     let found: Vec<ascii::Line> = stream
         .bytes
         .iter()
@@ -265,16 +255,11 @@ pub fn ascii(stream: &Stream<'_>) {
         .collect();
     let found: Vec<reading::Line<'_>> = found
         .iter()
-        .map(|line| {
-            let meant = |command: &ascii::Command| (command.letter.byte(), command.tenths);
-            match line {
-                ascii::Line::Command(command) => (None, Some(meant(command))),
-                ascii::Line::Bad {
-                    bytes, taken_for, ..
-                } => (Some(bytes.as_slice()), taken_for.as_ref().map(meant)),
-            }
+        .map(|line| match line {
+            ascii::Line::Command(command) => Ok((command.letter.byte(), command.tenths)),
+            ascii::Line::Bad { bytes, .. } => Err(bytes.as_slice()),
         })
         .collect();
-    assert_eq!(found, reading::lines(stream.bytes, syntax));
+    assert_eq!(found, reading::lines(stream.bytes));
     split_mecanum(stream, Link::Ros);
 }

@@ -2,15 +2,16 @@
 
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::line::{ClientLine, Wire};
-use sim_core::settings::SimSettings;
-use sim_runner::trace::{Record, Replay, ReplayError};
-use sim_runner::{Run, RunOptions, Scenario};
-use sim_settings::Source;
+use rigsim_core::SimTime;
+use rigsim_core::line::{ClientLine, Wire};
+use rigsim_core::settings::SimSettings;
+use rigsim_runner::trace::{Record, Replay, ReplayError};
+use rigsim_runner::{Run, RunOptions, Scenario};
+use rigsim_settings::Source;
 
 use crate::operation::{Operation, Wait};
-use crate::text::{MOST_DRIVEN, goes_on, is_told};
+use crate::session;
+use crate::text::{MOST_DRIVEN, goes_on, is_reported};
 
 /// Most simulated time of a replay, ns; what comes later is left out.
 const MOST_TIME: u64 = 2_000_000_000;
@@ -24,7 +25,7 @@ good_client = "g"
 limit = "1500 ms"
 
 [settings]
-r150.measurement_noise = "1 %"
+r150.noise.voltage = "1 V"
 
 [[device]]
 kind = "r150"
@@ -67,7 +68,8 @@ impl Recording {
             file: "recorded.toml",
             text: SCENARIO,
         };
-        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED));
+        let settings = SimSettings::new(rigsim_core::SHIPPED);
+        let scenario = Scenario::parse(source, &settings);
         let scenario = scenario.unwrap_or_else(|error| panic!("{error}"));
         let options = RunOptions {
             seed: self.seed,
@@ -121,15 +123,16 @@ impl Recording {
                 Operation::Send { port, message } => {
                     let index = usize::from(*port) % ports.len();
                     if attached[index] {
-                        run.send(ports[index], now, &message.bytes())
+                        let bytes = session::bytes(run.rig(), &settings, ports[index], message);
+                        run.send(ports[index], now, &bytes)
                     } else {
                         attached[index] = true;
                         run.attach(ports[index], now)
                     }
                 }
-                Operation::Late { by, rest } => {
-                    let [by, rest] = [by, rest].map(|span| Duration::from_millis((*span).into()));
-                    run.expect_burst(by, run.rig().now() + rest);
+                Operation::Late { by, stood } => {
+                    let [by, stood] = [by, stood].map(|span| Duration::from_millis((*span).into()));
+                    run.late(by, stood);
                     Ok(())
                 }
                 _ => Ok(()),
@@ -193,7 +196,7 @@ const STRANGE: &[&str] = &[
     r#"{"kind":"in","t":5,"port":[18446744073709551615,1],"bytes":""}"#,
     r#"{"kind":"out","t":18446744073709551615,"dt":18446744073709551615,"port":[0,0],"bytes":"AAAA"}"#,
     r#"{"kind":"line","t":0,"port":[1,0],"baud":0,"stop_bits":255,"raw":false}"#,
-    r#"{"kind":"late","t":0,"by":18446744073709551615,"until":18446744073709551615}"#,
+    r#"{"kind":"late","t":0,"by":18446744073709551615,"stood":18446744073709551615}"#,
     r#"{"kind":"end","t":0,"passed":true,"dropped":0}"#,
     r#"{"kind":"end","t":3,"passed":true,"dropped":9}"#,
     r#"{"kind":"nothing that anybody knows"}"#,
@@ -267,7 +270,7 @@ impl Damage {
 /// A recording is the same again; with anything done to it, it is replayed or refused in words.
 pub fn recorded(recording: &Recording, damages: &[Damage]) {
     let lines = recording.record();
-    if let Err(error) = Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str)) {
+    if let Err(error) = Replay::all(rigsim_core::SHIPPED, lines.iter().map(String::as_str)) {
         panic!("a recording is not the same again: {error}");
     }
     let mut text: String = lines.iter().map(|line| format!("{line}\n")).collect();
@@ -284,24 +287,24 @@ pub fn play(text: &str) {
     if is_large(header) {
         return;
     }
-    let mut replay = match Replay::begin(sim_core::SHIPPED, header) {
+    let mut replay = match Replay::begin(rigsim_core::SHIPPED, header) {
         Ok(replay) => replay,
-        Err(error) => return told(&error),
+        Err(error) => return reported(&error),
     };
     for line in lines {
         if until(line) > MOST_TIME {
             return;
         }
         if let Err(error) = replay.line(line) {
-            return told(&error);
+            return reported(&error);
         }
     }
     if let Err(error) = replay.finish() {
-        told(&error);
+        reported(&error);
     }
 }
 
-/// Tells whether more vehicles are asked for than are driven here.
+/// Returns whether more vehicles are asked for than are driven here.
 fn is_large(header: &str) -> bool {
     let Ok(Record::Header(header)) = serde_json::from_str(header) else {
         return false;
@@ -310,7 +313,7 @@ fn is_large(header: &str) -> bool {
         file: "recorded.toml",
         text: &header.scenario,
     };
-    Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
+    Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED))
         .is_ok_and(|scenario| scenario.rig.devices.len() > MOST_DRIVEN)
 }
 
@@ -335,8 +338,8 @@ fn until(line: &str) -> u64 {
     }
 }
 
-fn told(error: &ReplayError) {
-    is_told(&error.to_string());
+fn reported(error: &ReplayError) {
+    is_reported(&error.to_string());
     if let ReplayError::Run(error) = error {
         goes_on(error);
     }

@@ -4,7 +4,7 @@ import base64
 import shutil
 
 VIEWS = {
-    "desk": {"viewport": {"width": 1280, "height": 800}},
+    "screen": {"viewport": {"width": 1280, "height": 800}},
     "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True},
 }
 SCHEMES = ["light", "dark"]
@@ -13,8 +13,9 @@ SCHEMES = ["light", "dark"]
 def launch(play):
     """The Chromium of the system, headless."""
     chromium = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome"])))
-    # On a busy machine it takes its time.
-    return play.chromium.launch(executable_path=chromium, args=["--no-sandbox"], timeout=120_000)
+    # A container may have a small /dev/shm. On a busy machine a start takes its time.
+    arguments = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-dev-shm-usage"]
+    return play.chromium.launch(executable_path=chromium, args=arguments, timeout=120_000)
 
 
 def overflow(page):
@@ -42,3 +43,12 @@ def colours(blank, screenshot):
         base64.b64encode(screenshot).decode(),
     )
     return {tuple(map(int, own.split(","))): count for own, count in counts.items()}
+
+
+if __name__ == "__main__":
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play, launch(play) as browser:
+        page = browser.new_page()
+        page.set_content("<p>It starts.</p>")
+        print(browser.version, page.inner_text("p"))

@@ -54,7 +54,7 @@ fn what_a_client_has_not_read_is_gone_with_it() {
         let (command, _) = client.receive();
         drop(client);
         sim.wait_events("client_detached", gone + 1);
-        let late = sim.printed().contains("simulator_late");
+        let late = sim.printed().contains("simulator_stalled");
         assert!(command == 0x07 || late, "{command} in round {round}");
     }
     sim.stop().expect_clean();
@@ -66,7 +66,7 @@ fn what_had_not_begun_its_way_when_a_client_left_is_not_sent() {
     for (round, baud) in [BAUD, 9_600].into_iter().enumerate() {
         let mut client = Client::open_at(sim.port(), baud);
         client.send(&frame(0x07, &[]).repeat(1000));
-        // Of bytes that nobody has looked at before the next one comes, it is unknown whose they are.
+        // It is unknown whose bytes those are that were not read before the next client comes.
         sim.wait_events("client_attached", 2 * round + 1);
         std::thread::sleep(Duration::from_millis(50));
         drop(client);
@@ -81,7 +81,7 @@ fn what_had_not_begun_its_way_when_a_client_left_is_not_sent() {
 }
 
 #[test]
-fn a_client_whose_port_is_not_as_it_should_be_is_told_what_to_do() {
+fn a_client_whose_port_is_set_wrongly_gets_advice() {
     use rustix::termios::{ControlModes, LocalModes, OptionalActions, tcgetattr, tcsetattr};
     let sim = Sim::start(&JSON);
     let flags = rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY;
@@ -91,12 +91,12 @@ fn a_client_whose_port_is_not_as_it_should_be_is_told_what_to_do() {
     termios.control_modes |= ControlModes::CSTOPB;
     tcsetattr(&client, OptionalActions::Now, &termios).unwrap();
     rustix::io::write(&client, &frame(0x07, &[])).unwrap();
-    let told = sim.wait_event("line_not_raw");
-    assert_eq!(told["level"], "warning");
-    let text = told["text"].as_str().unwrap();
+    let said = sim.wait_event("line_not_raw");
+    assert_eq!(said["level"], "warning");
+    let text = said["text"].as_str().unwrap();
     assert!(text.contains("stty") && text.contains("pyserial"), "{text}");
-    let told = sim.wait_event("stop_bits");
-    assert!(told["text"].as_str().unwrap().contains("with 1"), "{told}");
+    let said = sim.wait_event("stop_bits");
+    assert!(said["text"].as_str().unwrap().contains("with 1"), "{said}");
     drop(client);
     sim.wait_event("client_detached");
     let summary = sim.stop().expect_clean().summary();
@@ -111,7 +111,7 @@ fn a_client_whose_port_is_not_as_it_should_be_is_told_what_to_do() {
 }
 
 #[test]
-fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
+fn a_client_that_does_not_read_loses_bytes_and_stalls_no_other() {
     let sim = Sim::start(&JSON);
     let mut client = sim.client();
     let requests = frame(0x06, &[]).repeat(100);
@@ -136,13 +136,13 @@ fn a_client_that_does_not_read_loses_bytes_and_stalls_nobody() {
     let whole = finished.json().pop().unwrap();
     let summary = finished.summary();
     let find = |code: &str| harness::with_code(summary["events"].as_array().unwrap(), code);
-    // Unless all of it came while the machine held the simulator up, which is then not held against it.
+    // Unless all of it came while the machine stalled the simulator, which is then no error of it.
     let is_excused = whole["excused"].as_u64() > Some(0);
     let overrun = find("overrun");
     assert!(is_excused || !overrun.is_empty(), "{whole}");
-    for told in &overrun {
-        assert!(told["client_faults"].as_u64() > Some(0), "{told}");
-        assert!(told["first"].as_str().unwrap().contains("bytes lost"));
+    for said in &overrun {
+        assert!(said["client_faults"].as_u64() > Some(0), "{said}");
+        assert!(said["first"].as_str().unwrap().contains("bytes lost"));
     }
     assert!(is_excused || !find("line_full").is_empty(), "{whole}");
     assert!(find("bad_crc").is_empty() && find("noise").is_empty());

@@ -15,11 +15,13 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use harness::wire::motors;
 use harness::{Finished, Sim, command, tell_skipped, until};
 
 /// A simulator that is controlled, in a folder of its own where it is found and leaves its trace.
@@ -110,10 +112,10 @@ fn play(script: &str) {
         .env("SIM_CONTROL", controlled.url())
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&played.stderr);
+    let said = String::from_utf8_lossy(&played.stderr);
     assert!(
         played.status.success(),
-        "{told}{}",
+        "{said}{}",
         controlled.sim.printed()
     );
     controlled.finish();
@@ -130,7 +132,7 @@ fn who_must_not_ask_is_refused() {
 }
 
 #[test]
-fn floods_and_readers_that_do_not_read_keep_nobody_waiting() {
+fn floods_and_readers_that_do_not_read_keep_no_client_waiting() {
     play("floods.py");
 }
 
@@ -197,41 +199,111 @@ fn a_shell_does_the_same() {
     controlled.expect_ctl(&["--port", &port, "clear", "rail-short"], "\"done\"");
     controlled.expect_ctl(&["operator", "emergency_stop", "true"], "active");
     controlled.expect_ctl(&["clear"], "cleared");
-    controlled.expect_ctl(&["world", "friction", "0.2", "--for", "1s"], "active");
+    controlled.expect_ctl(
+        &[
+            "world",
+            "pwm_signal",
+            r#"{"input": "A", "from_output": "A"}"#,
+            "--for",
+            "1s",
+        ],
+        "active",
+    );
     controlled.expect_ctl(&["get", "truth.at_rest", "truth.speed_mps"], "0.0");
     controlled.expect_ctl(&["get"], "truth.speed_mps");
     controlled.expect_ctl(&["until", "truth.at_rest", "--within", "60s"], "done");
     controlled.expect_ctl(
         &[
             "step",
-            r#"{"name": "push", "operator": {"push": {"turn": "1 N*m"}}}"#,
+            r#"{"name": "push", "fault": {"kind": "push", "turn": "1 N*m"}}"#,
         ],
         "push: active",
     );
     controlled.expect_ctl(&["pause"], "paused at");
-    controlled.expect_ctl(&["step-by", "20ms"], "paused at");
+    controlled.expect_ctl(&["advance", "20ms"], "paused at");
     // What holds already is answered at once; else it is said why nothing comes, until time goes on.
     controlled.expect_ctl(&["until", "t > 0"], "done");
     let mut waiting = command();
     waiting.env("SIM_CONTROL", controlled.url());
     waiting.args(["ctl", "until", "truth.speed_mps > 9", "--within", "10ms"]);
     let waiting = Sim::spawn(&mut waiting, PathBuf::new(), None);
-    waiting.wait_error(&["time is paused at", "`sim ctl go-on`"]);
-    controlled.expect_ctl(&["step-by", "20ms"], "paused at");
+    waiting.wait_error(&["time is paused at", "`sim ctl resume`"]);
+    controlled.expect_ctl(&["advance", "20ms"], "paused at");
     assert_eq!(waiting.wait().code(), Some(1));
     controlled.expect_ctl(&["speed", "2"], "speed 2");
-    controlled.expect_ctl(&["go-on"], "running at");
+    controlled.expect_ctl(&["resume"], "running at");
     controlled.expect_ctl(&["state"], "\"devices\"");
 
     let late = controlled.ctl(&["until", "truth.speed_mps > 9", "--within", "10ms"]);
     late.expect_refusal(1, &["truth.speed_mps = 0"]);
     controlled
         .ctl(&["fault", "rail-shirt"])
-        .expect_refusal(2, &["fault.kind", "bit-flips"]);
+        .expect_refusal(2, &["fault.kind", "did you mean `rail-short`?"]);
+    for (args, parts) in [
+        (
+            &["operator", "place", "x=1", "y=2"][..],
+            &["`operator.place.x`: 1 lacks a unit", "place x=1m y=2m"][..],
+        ),
+        (
+            &["operator", "emergency_stop"],
+            &["goes in (true) or out", "operator emergency_stop true"],
+        ),
+        (
+            &["fault", "emergency_stop"],
+            &["operator = { emergency_stop = true }"],
+        ),
+        (&["fault", "lock"], &["operator = \"lock\""]),
+        (&["speed", "fast"], &["allowed: 0.01 to 100, as in 0.5"]),
+        (
+            &["fault", "mute", "count=1", "count=2"],
+            &["count is given twice"],
+        ),
+        (
+            &["step", r#"{"fault": {"kind": "mute", "kind": "delay"}}"#],
+            &["the key \"kind\" stands twice"],
+        ),
+    ] {
+        controlled.ctl(args).expect_refusal(2, parts);
+    }
+    controlled.expect_ctl(&["operator", "place", "x=1m", "y=2m"], "done");
     controlled
         .ctl(&["--port", "/nowhere", "pause"])
         .expect_refusal(2, &["no simulator runs that serves /nowhere"]);
     controlled.finish();
+}
+
+#[test]
+fn a_pause_does_not_make_a_steady_client_too_fast() {
+    const COMMANDS: u32 = 80;
+    let period = Duration::from_millis(50);
+    until("the client has its time", || {
+        let controlled = Controlled::start(&[]);
+        let mut client = controlled.sim.client();
+        let mut sent = Vec::new();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for pause in [100, 700] {
+                    std::thread::sleep(Duration::from_millis(800));
+                    controlled.expect_ctl(&["pause"], "paused at");
+                    std::thread::sleep(Duration::from_millis(pause));
+                    controlled.expect_ctl(&["resume"], "running at");
+                }
+            });
+            let start = Instant::now();
+            for turn in 0..COMMANDS {
+                std::thread::sleep((period * turn).saturating_sub(start.elapsed()));
+                let before = Instant::now();
+                client.send(&motors(300, 300));
+                sent.push((before, Instant::now()));
+            }
+        });
+        let windows = sent.windows(22).map(|sent| sent[21].0 - sent[0].1);
+        let is_steady = windows.min() > Some(Duration::from_secs(1));
+        let trace = controlled.finish();
+        assert!(trace.contains("\"kind\":\"in\""), "{trace}");
+        assert!(!is_steady || !trace.contains("over_rate"), "{trace}");
+        is_steady
+    });
 }
 
 #[test]
@@ -320,16 +392,21 @@ fn who_may_look_for_it_is_its_owner_alone() {
     let files: Vec<PathBuf> = fs::read_dir(&folder)
         .unwrap()
         .map(|file| file.unwrap().path())
+        .filter(|file| file.extension().is_some_and(|end| end == "json"))
         .collect();
-    assert_eq!(files.len(), 1);
+    assert_eq!(
+        files.len(),
+        1,
+        "beside its lock, in which nothing is secret"
+    );
     assert_eq!(mode(&files[0]), 0o600);
-    // Others are made anew, and each has another token.
+    // Others are made again, and each has another token.
     let other = Controlled::start(&[]);
     assert_ne!(
         controlled.url().split_once('#').unwrap().1,
         other.url().split_once('#').unwrap().1
     );
-    // What a killed one leaves behind is found to be nobody's.
+    // What a killed one leaves behind is found to have no owner.
     controlled.sim.signal(Signal::KILL);
     until("it is gone", || {
         controlled.ctl(&["state"]).code() == Some(2)
@@ -346,14 +423,14 @@ fn who_may_look_for_it_is_its_owner_alone() {
 #[test]
 fn an_address_that_others_can_reach_is_warned_of() {
     let sim = Sim::start(&["--control", "0.0.0.0:0"]);
-    sim.wait_line(&["warning", "whoever has the token"]);
+    sim.wait_line(&["warning", "a client that has the token"]);
     sim.stop();
-    let wrong = harness::run(&["--pty", "/tmp/nobody", "--control", "example.org:80"]);
+    let wrong = harness::run(&["--pty", "/tmp/none", "--control", "example.org:80"]);
     wrong.expect_refusal(2, &["127.0.0.1:0"]);
 }
 
 #[test]
-fn several_vehicles_and_simulators_are_told_apart() {
+fn several_vehicles_and_simulators_are_kept_apart() {
     let dir = tempfile::tempdir().unwrap();
     let rig = dir.path().join("rig.toml");
     fs::write(
@@ -383,8 +460,8 @@ fn what_was_done_is_in_the_trace() {
     client.send(&[0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84]);
     controlled.expect_ctl(&["fault", "bit-flips", "probability=0.02"], "active");
     controlled.expect_ctl(&["pause"], "");
-    controlled.expect_ctl(&["step-by", "100ms"], "");
-    controlled.expect_ctl(&["go-on"], "");
+    controlled.expect_ctl(&["advance", "100ms"], "");
+    controlled.expect_ctl(&["resume"], "");
     for _ in 0..20 {
         client.send(&[0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84]);
     }

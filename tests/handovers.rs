@@ -1,4 +1,4 @@
-//! One client after another on the same port, as fast as they can: whoever stays is answered.
+//! One client after another on the same port, as fast as they can: the one that stays is answered.
 //!
 //! `SIM_HANDOVERS=3000 cargo test --test handovers -- --nocapture` is the campaign; without the
 //! variable it is a short one.
@@ -104,7 +104,7 @@ fn handovers() -> u32 {
 }
 
 #[test]
-fn a_client_that_stays_is_answered_whoever_was_there_before() {
+fn a_client_that_stays_is_answered_whichever_was_there_before() {
     let _alone = alone();
     for wire in ["paced", "instant"] {
         let sim = Sim::start(&[&JSON[..], &["--quiet", "--wire", wire]].concat());
@@ -134,7 +134,7 @@ fn a_client_that_stays_is_answered_whoever_was_there_before() {
 }
 
 /// What waits for room on the line is read while simulated time catches up, and who comes and goes meanwhile
-/// is told of in order.
+/// is reported in order.
 #[test]
 fn a_client_is_answered_while_what_another_left_is_caught_up_with() {
     let _alone = alone();
@@ -156,12 +156,12 @@ fn a_client_is_answered_while_what_another_left_is_caught_up_with() {
     assert!(visits.windows(2).all(|two| two[0] != two[1]), "{visits:?}");
 }
 
-/// Nobody is served while several come and go: all that they left lies mixed when the simulator wakes.
+/// No client is served while several come and go: all that they left lies mixed when the simulator wakes.
 #[test]
 fn a_client_that_stays_is_answered_by_a_simulator_that_was_asleep() {
     let _alone = alone();
     let sim = Sim::start(&[&JSON[..], &["--quiet"]].concat());
-    // Who holds its output back does so until somebody wakes up.
+    // Who holds its output back does so until the simulator wakes up.
     let kinds = KINDS[..KINDS.len() - 1].iter();
     for round in 0..handovers() {
         sim.signal(Signal::STOP);
@@ -198,10 +198,10 @@ fn send_and_wake(sim: &Sim, client: &mut Client, request: &[u8]) {
     client.send(&request[sent..]);
 }
 
-/// What was left may be nobody's or the next client's as far as can be told: its replies are many times
+/// What was left may be no client's or the next one's as far as can be known: its replies are many times
 /// what the line holds, and more than the system keeps for a client.
 #[test]
-fn a_client_is_answered_however_much_another_has_left_that_nobody_has_seen() {
+fn a_client_is_answered_however_much_another_has_left_unread() {
     let _alone = alone();
     for wire in ["paced", "instant"] {
         let sim = Sim::start(&[&JSON[..], &["--quiet", "--wire", wire]].concat());
@@ -222,7 +222,7 @@ fn a_client_is_answered_however_much_another_has_left_that_nobody_has_seen() {
 }
 
 #[test]
-fn the_car_obeys_a_client_however_much_another_has_left_that_nobody_has_seen() {
+fn the_car_obeys_a_client_however_much_another_has_left_unread() {
     let _alone = alone();
     for wire in ["paced", "instant"] {
         let dir = tempfile::tempdir().unwrap();
@@ -281,7 +281,7 @@ fn a_client_that_stays_is_answered_whatever_signals_come_meanwhile() {
     sim.stop().expect_clean();
 }
 
-/// Tells a thread to end, also when the test fails.
+/// Makes a thread end, also when the test fails.
 struct Done<'a>(&'a AtomicBool);
 
 impl Drop for Done<'_> {

@@ -40,7 +40,7 @@ fn a_signal_ends_it_well_and_nothing_is_left() {
             );
             continue;
         }
-        // Once while nobody is there, and once in the middle of a session.
+        // Once while no client is there, and once in the middle of a session.
         for with_client in [false, true] {
             let dir = tempfile::tempdir().unwrap();
             let port = dir.path().join("r150");
@@ -84,7 +84,7 @@ fn what_is_in_the_way_is_left_alone() {
     assert!(path.is_dir());
     fs::remove_dir(&path).unwrap();
 
-    // Somebody's link, whether it leads anywhere or not.
+    // Another program's link, whether it leads anywhere or not.
     for target in ["/dev/null", "/no/such/file"] {
         symlink(target, &path).unwrap();
         serve(&path).expect_refusal(3, &["a symbolic link to", target, advice]);
@@ -161,7 +161,7 @@ fn the_ready_file_is_there_while_clients_can_connect() {
 }
 
 #[test]
-fn there_is_no_ready_file_when_nobody_can_connect() {
+fn there_is_no_ready_file_when_no_client_can_connect() {
     let dir = tempfile::tempdir().unwrap();
     let (port, ready) = (dir.path().join("r150"), dir.path().join("ready"));
     fs::write(&port, "").unwrap();
@@ -171,8 +171,8 @@ fn there_is_no_ready_file_when_nobody_can_connect() {
 
     // One that cannot be written is a mistake in the flags, and nothing is served.
     fs::remove_file(port).unwrap();
-    run(&["--pty", port, "--ready-file", "/no/such/dir/ready"])
-        .expect_refusal(2, &["ready file /no/such/dir/ready"]);
+    run(&["--pty", port, "--ready-file", "/sys/kernel/ready"])
+        .expect_refusal(2, &["ready file /sys/kernel/ready"]);
     assert!(names(dir.path()).is_empty(), "{:?}", names(dir.path()));
 }
 

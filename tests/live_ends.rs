@@ -1,4 +1,4 @@
-//! How clients of `sim run` end, and that nobody is left behind.
+//! How clients of `sim run` end, and that no process is left behind.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -31,8 +31,13 @@ fn folder() -> Folder {
 
 #[track_caller]
 fn fails(folder: &Folder, args: &[&str], script: &str, reason: &str) -> String {
+    ends_with(1, folder, args, script, reason)
+}
+
+#[track_caller]
+fn ends_with(code: i32, folder: &Folder, args: &[&str], script: &str, reason: &str) -> String {
     let ended = folder.with_script(args, script);
-    assert_eq!(ended.code(), Some(1), "{}{}", ended.out, ended.err);
+    assert_eq!(ended.code(), Some(code), "{}{}", ended.out, ended.err);
     assert!(ended.out.contains(reason), "{}", ended.out);
     assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
     ended.out
@@ -45,7 +50,7 @@ fn wait_for_pids(folder: &Folder, count: usize) {
 }
 
 #[track_caller]
-fn nobody_is_left(folder: &Folder) {
+fn no_process_is_left(folder: &Folder) {
     let pids = folder.pids("pids");
     assert!(!pids.is_empty());
     for pid in pids {
@@ -57,14 +62,14 @@ fn nobody_is_left(folder: &Folder) {
 fn an_exit_code_other_than_zero_fails_and_the_output_is_shown() {
     let script = format!("{OPEN} echo to stdout; echo to stderr >&2; exit 3");
     let args = ["run", "drive.toml"];
-    let told = fails(
+    let said = fails(
         &folder(),
         &args,
         &script,
         "the client ended with exit code 3",
     );
-    assert!(told.contains("to stdout\n    to stderr"), "{told}");
-    assert!(told.contains("again: sim run --seed "), "{told}");
+    assert!(said.contains("to stdout\n    to stderr"), "{said}");
+    assert!(said.contains("again: sim run --seed "), "{said}");
 }
 
 #[test]
@@ -80,9 +85,23 @@ fn a_crash_fails() {
 }
 
 #[test]
-fn a_client_that_never_opens_a_port_fails() {
-    let args = ["run", "drive.toml"];
-    fails(&folder(), &args, "exit 0", "without having opened a port");
+fn a_client_that_never_opens_a_port_could_not_be_played() {
+    for time in ["lockstep", "real"] {
+        for (script, end) in [("exit 0", 0), ("echo no such module; exit 7", 7)] {
+            let folder = folder();
+            let args = ["run", "--time", time, "--junit", "r.xml", "drive.toml"];
+            let ended = folder.with_script(&args, script);
+            assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
+            let said = ended.out;
+            let why = format!("it ended with exit code {end} without having opened a port");
+            assert!(said.contains(&why), "{said}");
+            assert!(said.starts_with("ERROR   drive.toml: "), "{said}");
+            assert_eq!(said.contains("no such module"), end == 7, "{said}");
+            assert!(!said.contains("never began"), "{said}");
+            let junit = Report::deserialize_from_str(&folder.read("r.xml")).unwrap();
+            assert_eq!((junit.failures, junit.errors), (0, 1));
+        }
+    }
 }
 
 #[test]
@@ -90,27 +109,27 @@ fn a_client_that_hangs_before_it_opens_a_port_is_ended() {
     let script = "echo $$ >>pids; sleep 600";
     let folder = folder();
     let args = ["run", "--timeout", "1s", "drive.toml"];
-    fails(&folder, &args, script, "still going on after the 1s");
-    nobody_is_left(&folder);
+    ends_with(3, &folder, &args, script, "still going on after the 1s");
+    no_process_is_left(&folder);
 }
 
 #[test]
-fn a_client_that_outlives_the_scenario_is_ended_and_not_blamed() {
+fn a_client_that_outlives_the_scenario_is_ended_without_an_error() {
     let folder = folder();
     let script = format!("{OPEN} echo $$ >>pids; sleep 600");
     let args = ["run", "--speed", "8", "drive.toml"];
     folder.with_script(&args, &script).expect_clean();
-    nobody_is_left(&folder);
+    no_process_is_left(&folder);
 }
 
 #[test]
-fn whoever_ignores_sigterm_or_hides_in_a_session_of_its_own_is_ended() {
+fn a_process_that_ignores_sigterm_or_has_its_own_session_is_ended() {
     let folder = folder();
     let script = format!("trap '' TERM; {OPEN} {DAEMONS} echo $$ >>pids; sleep 600; sleep 600");
     let args = ["run", "--speed", "8", "drive.toml"];
     folder.with_script(&args, &script).expect_clean();
     assert_eq!(folder.pids("pids").len(), 3);
-    nobody_is_left(&folder);
+    no_process_is_left(&folder);
 }
 
 #[test]
@@ -122,7 +141,7 @@ fn what_a_client_leaves_running_is_ended_with_it() {
     folder
         .with_script(&["run", "drive.toml"], &script)
         .expect_clean();
-    nobody_is_left(&folder);
+    no_process_is_left(&folder);
 }
 
 fn two_running(folder: &Folder) -> Sim {
@@ -151,25 +170,20 @@ fn ctrl_c_breaks_off_and_still_writes_the_results() {
     let folder = folder();
     let ended = two_running(&folder).stop();
     assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
-    assert!(
-        ended.out.contains("1 skipped, 2 broken off"),
-        "{}",
-        ended.out
-    );
-    nobody_is_left(&folder);
+    assert!(ended.out.contains("1 skipped, 2 aborted"), "{}", ended.out);
+    no_process_is_left(&folder);
     assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
     let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
     assert_eq!((junit.tests, junit.errors), (3, 2));
 }
 
 #[test]
-fn a_killed_simulator_leaves_nobody_behind() {
+fn a_killed_simulator_leaves_no_process_behind() {
     let folder = folder();
     let sim = two_running(&folder);
     sim.signal(Signal::KILL);
     sim.wait();
-    nobody_is_left(&folder);
-    until("the ports are gone", || folder.leftovers().is_empty());
+    no_process_is_left(&folder);
 }
 
 #[test]
@@ -180,7 +194,7 @@ fn a_second_signal_loses_nothing() {
     sim.signal(Signal::TERM);
     let ended = sim.wait();
     assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
-    nobody_is_left(&folder);
+    no_process_is_left(&folder);
     assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
     let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
     assert_eq!((junit.tests, junit.errors), (3, 2));
@@ -198,7 +212,7 @@ fn signal_supervisor(folder: &Folder, signal: Signal) {
 }
 
 #[test]
-fn nobody_is_left_when_whoever_looks_after_the_client_is_killed() {
+fn no_process_is_left_when_the_supervisor_of_the_client_is_killed() {
     let wait = "while [ \"$(wc -l <pids)\" != 2 ]; do sleep 0.02; done 2>/dev/null; ";
     let script = format!("trap '' TERM; {OPEN} {DAEMONS} {wait} echo $$ >>pids; sleep 600");
     let args = ["run", "drive.toml", "--", "sh", "-c", &script];
@@ -208,7 +222,7 @@ fn nobody_is_left_when_whoever_looks_after_the_client_is_killed() {
         signal_supervisor(&folder, signal);
         let ended = sim.wait();
         assert_eq!(ended.code(), Some(code), "{}{}", ended.out, ended.err);
-        nobody_is_left(&folder);
+        no_process_is_left(&folder);
         assert_eq!(folder.leftovers(), Vec::<PathBuf>::new());
     }
 }
@@ -233,10 +247,10 @@ fn what_is_broken_off_after_the_client_has_left_has_not_passed() {
         &script,
     ]);
     wait_for_pids(&folder, 1);
-    nobody_is_left(&folder);
+    no_process_is_left(&folder);
     let ended = sim.stop();
     assert_eq!(ended.code(), Some(3), "{}{}", ended.out, ended.err);
-    assert!(ended.out.contains("1 broken off"), "{}", ended.out);
+    assert!(ended.out.contains("1 aborted"), "{}", ended.out);
 }
 
 #[test]
@@ -259,10 +273,10 @@ fn a_client_that_does_not_exist_is_a_mistake_of_the_caller() {
         "junit.xml",
         "drive.toml",
         "--",
-        "./nobody",
+        "./missing",
     ];
     let ended = folder.sim(&args);
-    ended.expect_refusal(2, &["cannot start the client ./nobody", "No such file"]);
+    ended.expect_refusal(2, &["cannot start the client ./missing", "No such file"]);
     let junit = Report::deserialize_from_str(&folder.read("junit.xml")).unwrap();
     assert_eq!((junit.tests, junit.errors), (1, 1));
 }
@@ -285,6 +299,6 @@ fn devices_that_a_client_could_not_tell_apart_are_refused() {
 fn a_client_that_floods_its_output_is_shown_by_its_end() {
     let script = format!("{OPEN} seq 1 200000; echo the end; exit 1");
     let args = ["run", "drive.toml"];
-    let told = fails(&folder(), &args, &script, "    the end\n");
-    assert!(told.len() < 10_000, "{} bytes", told.len());
+    let said = fails(&folder(), &args, &script, " the end\n");
+    assert!(said.len() < 10_000, "{} bytes", said.len());
 }

@@ -8,6 +8,8 @@
               skipped is named"
 )]
 
+#[path = "lockstep/containers.rs"]
+mod containers;
 mod harness;
 #[path = "lockstep/languages.rs"]
 mod languages;
@@ -54,6 +56,89 @@ fn script(args: &[&str], script: &str, code: i32, wanted: &str) -> (Folder, Fini
 /// Holds the port open, so that the scenario begins.
 const OPEN: &str = "exec 3<>\"$SIM_R150_PORT\"; ";
 
+/// Opens the port, stands for two seconds, and publishes where it believes to be ten times a second; once,
+/// after a second, so far off.
+const BELIEVES: &str = r#"
+import os, sys, time
+port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY)
+with open(os.environ["SIM_PUBLISH"], "a", buffering=1) as published:
+    for turn in range(20):
+        time.sleep(0.1)
+        x = float(sys.argv[1]) if turn == 9 else 0.25
+        print(f"x={x} heading=1.5 doubt={turn}", file=published)
+        if turn == 3:
+            print("what?", file=published)
+"#;
+
+const KNOWS: &str = r#"
+schema = 1
+title = "A client knows where it is"
+good_client = "Believes to be within half a metre of where it is."
+limit = "3 s"
+
+[[device]]
+kind = "r150"
+
+[[always]]
+that = "abs(client.x - truth.x_m) < 0.5"
+"#;
+
+#[test]
+fn what_a_client_believes_is_judged_by_the_truth_in_both_kinds_of_time() {
+    if python().is_none() {
+        return;
+    }
+    for time in ["lockstep", "real"] {
+        for (x, code) in [("-0.4", 0), ("0.75", 1)] {
+            let folder = Folder::with(&[("knows.toml", KNOWS), ("client.py", BELIEVES)]);
+            let args = [
+                "--seed",
+                "1",
+                "--timeout",
+                "1h",
+                "--output",
+                "out",
+                "--report",
+                "report.html",
+            ];
+            let client = ["knows.toml", "--", "python3", "-B", "client.py", x];
+            let ended = folder.sim(&[&["run", "--time", time], &args[..], &client].concat());
+            assert_eq!(
+                ended.code(),
+                Some(code),
+                "{time} {x}: {}{}",
+                ended.out,
+                ended.err
+            );
+            let report = folder.read("out/knows.report.json");
+            let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+            if code == 1 {
+                assert!(ended.out.contains("client.x = 0.75"), "{}", ended.out);
+                let at = report["failures"][0]["time_s"].as_f64().unwrap();
+                match time {
+                    "lockstep" => assert!((at - 1.0).abs() < 0.01, "{at}"),
+                    _ => assert!(at >= 0.9, "{at}"),
+                }
+                // What passed has no plots.
+                let page = folder.read("report.html");
+                assert!(page.contains("client.doubt"), "{time}");
+            }
+            let trace = "out/knows.trace.jsonl";
+            assert!(folder.read(trace).contains("bad_publication"), "{time}");
+            assert_eq!(folder.sim(&["replay", trace]).code(), Some(0));
+            let table = folder.sim(&[
+                "trace",
+                trace,
+                "--csv",
+                "t,client.heading",
+                "--every",
+                "500ms",
+            ]);
+            assert!(table.out.contains(",1.5\n"), "{}{}", table.out, table.err);
+        }
+    }
+}
+
 #[test]
 fn a_run_says_whose_time_it_had() {
     let (_, ended) = script(&[], &format!("{OPEN} sleep 1"), 0, "lockstep time");
@@ -69,7 +154,7 @@ fn a_day_is_over_in_no_time_and_has_its_date() {
     let client = format!("{OPEN} date -u +%FT%T; sleep 7200; date -u +%FT%T; exit 1");
     let args = ["--date", "2031-05-06 07:08:09", "drive.toml"];
     let ended = run(&folder, &args, &["sh", "-c", &client]);
-    let dates = "    2031-05-06T07:08:09\n    2031-05-06T09:08:09\n";
+    let dates = "     0.000000 2031-05-06T07:08:09\n     7200.000050 2031-05-06T09:08:09\n";
     assert!(ended.out.contains(dates), "{}{}", ended.out, ended.err);
     assert!(begun.elapsed().as_secs() < 60);
 }
@@ -82,7 +167,7 @@ fn the_scenario_begins_when_the_client_opens_its_port() {
     script(
         &[],
         &client,
-        1,
+        3,
         "has opened no port within 38s of its own time",
     );
 }
@@ -107,11 +192,41 @@ fn a_client_has_its_bytes_when_they_arrive_whether_they_are_recorded_or_not() {
 }
 
 #[test]
-fn a_client_at_a_wrong_speed_is_told_of_it() {
+fn a_client_at_a_wrong_speed_is_reported() {
     let client = format!(
         "{OPEN} stty raw -echo 9600 <&3; printf '\\252\\125\\000\\360' >&3; sleep 1; exit 1"
     );
     script(&[], &client, 1, "the client has set 9600 baud");
+}
+
+/// Each of these settings is a reason by itself, in either time.
+#[test]
+fn a_port_that_is_not_raw_is_an_event_in_both_times() {
+    let Some(python) = python() else { return };
+    let code = "import os, termios, time\n\
+        flags = ((0, 'ICRNL'), (0, 'INLCR'), (0, 'IGNCR'), (0, 'IXON'), (0, 'ISTRIP'), (1, 'OPOST'), \
+            (3, 'ICANON'), (3, 'ECHO'), (3, 'ISIG'))\n\
+        for index, flag in ((0, None), *flags):\n  \
+            fd = os.open(os.environ['SIM_R150_PORT'], os.O_RDWR | os.O_NOCTTY)\n  \
+            raw = termios.tcgetattr(fd)\n  \
+            if flag: raw[index] |= getattr(termios, flag)\n  \
+            termios.tcsetattr(fd, termios.TCSANOW, raw)\n  \
+            os.write(fd, bytes.fromhex('aa550008f00755')); time.sleep(0.1)\n  \
+            os.close(fd); time.sleep(0.2)";
+    for time in ["lockstep", "real"] {
+        let folder = folder();
+        let args = [
+            &["run", "--time", time][..],
+            &["--output", "out", "drive.toml", "--"],
+        ];
+        folder.sim(&[&args.concat()[..], &[python, "-c", code]].concat());
+        let trace = folder.read("out/drive.trace.jsonl");
+        assert_eq!(
+            trace.matches("\"line_not_raw\"").count(),
+            9,
+            "{time}: {trace}"
+        );
+    }
 }
 
 #[test]
@@ -128,16 +243,30 @@ fn how_a_client_ends_is_judged() {
         1,
         "the client was killed by SIGSEGV",
     );
-    script(&[], "exit 0", 1, "without having opened a port");
-    script(&[], "read nothing <&1", 1, "the client ");
+    script(&[], "exit 0", 3, "without having opened a port");
+    script(&[], "read nothing <&1", 3, "the client ");
     // Who waits for ever is over at once, at the limit; that alone is no failure.
     script(&[], &format!("{OPEN} cat <&3"), 0, "4.0 s simulated");
     let endless = format!("{OPEN} while :; do :; done");
     script(&["--timeout", "2s"], &endless, 1, "was computing, in ");
 }
 
+/// A failure names what may explain it, and how it comes again.
 #[test]
-fn nobody_outlives_a_run() {
+fn a_failure_names_what_was_missing_and_what_was_left_behind() {
+    let client = format!("{OPEN} sleep 100 & sleep 1; exit 3");
+    let (_, ended) = script(&["--schedule", "random"], &client, 1, "exit code 3");
+    for wanted in [
+        "missing: rseq (ENOSYS)",
+        "left behind: sleep still ran",
+        " --schedule random ",
+    ] {
+        assert!(ended.out.contains(wanted), "{wanted}: {}", ended.out);
+    }
+}
+
+#[test]
+fn no_process_outlives_a_run() {
     let daemon = "setsid sh -c 'trap \"\" TERM HUP INT; echo $$ >>pids; sleep 600; sleep 600' & ";
     let client = format!("{OPEN} {daemon} sleep 2; echo $$ >>pids; exit 0");
     let (folder, _) = script(&[], &client, 0, "1 passed");
@@ -145,11 +274,11 @@ fn nobody_outlives_a_run() {
     for pid in folder.pids("pids") {
         assert!(!is_running(pid), "{pid:?}");
     }
-    assert_eq!(folder.ports_left(), 0);
+    assert!(folder.leftovers().is_empty());
 }
 
 #[test]
-fn nobody_outlives_a_simulator_that_is_killed() {
+fn no_process_outlives_a_simulator_that_is_killed() {
     let daemon = "setsid sh -c 'trap \"\" TERM HUP INT; echo $$ >>pids; sleep 3000' & sleep 0.1; ";
     let client = format!("{OPEN} {daemon} {daemon} {daemon} echo $$ >>pids; while :; do :; done");
     // While it is being started, between its processes, and while it computes.
@@ -167,7 +296,7 @@ fn nobody_outlives_a_simulator_that_is_killed() {
             true => Vec::new(),
             false => folder.pids("pids"),
         };
-        until("nobody is left", || {
+        until("no process is left", || {
             !pids.iter().any(|pid| is_running(*pid))
         });
     }
@@ -295,36 +424,12 @@ int main(int argc, char **argv) {
 "#;
 
 #[test]
-fn where_tracing_is_forbidden_real_time_is_named() {
-    if !has("cc", &["--version"]) {
-        return;
-    }
-    let folder = Folder::with(&[("drive.toml", DRIVE), ("forbidding.c", FORBIDDING)]);
-    let source = folder.file("forbidding.c");
-    let forbidding = built(&folder, "cc", &[source.to_str().unwrap()]);
-    let sim = env!("CARGO_BIN_EXE_sim");
-    // ptrace, seccomp, personality.
-    for call in ["101", "317", "135"] {
-        let ended = Command::new(&forbidding)
-            .args([call, sim, "run", "drive.toml", "--", "true"])
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
-        let told = String::from_utf8_lossy(&ended.stdout);
-        assert_eq!(ended.status.code(), Some(3), "{call}: {told}");
-        let wanted = "(Operation not permitted (os error 1)), so the client cannot run in the \
-                      simulator's time; --time real runs it in real time";
-        assert!(told.contains(wanted), "{call}: {told}");
-    }
-}
-
-#[test]
 fn flags_that_make_no_sense_are_refused() {
     let folder = folder();
     let speed = run(&folder, &["--speed", "2", "drive.toml"], &["true"]);
     speed.expect_refusal(2, &["--speed is for a client with --time real"]);
-    let nobody = run(&folder, &["drive.toml"], &["./nobody"]);
-    nobody.expect_refusal(2, &["cannot start the client ./nobody", "No such file"]);
+    let missing = run(&folder, &["drive.toml"], &["./missing"]);
+    missing.expect_refusal(2, &["cannot start the client ./missing", "No such file"]);
     let twice = folder.sim(&["run", "--twice", "drive.toml"]);
     twice.expect_refusal(2, &["--twice is for a client with --time lockstep"]);
 }

@@ -153,7 +153,7 @@ fn the_magnetic_sensor_is_off_while_the_ros_link_has_its_uart() {
 }
 
 #[test]
-fn what_is_no_packet_and_no_line_is_told_and_skipped() {
+fn what_is_no_packet_and_no_line_is_reported_and_skipped() {
     let (sim, ros_path) = car(true, &["--log-format", "json"]);
     let mut main = MainClient::open(sim.port());
     let mut ros = RosClient::open(&ros_path);
@@ -201,12 +201,12 @@ fn wrong_worlds_and_flags_are_refused_by_name() {
         (
             "schema = 1\n[[wall]]\npoints_m = [[0, 0], [1, 0]]\nthickness = \"5 V\"\n",
             "4:13",
-            ["`wall.thickness`", "from 0.001 to 10000 m"],
+            ["`wall.thickness`", "in m from 0.001 to 10000"],
         ),
         (
             "schema = 1\n[[tag]]\nat_m = [1, 2]\nnumbr = 4\n",
             "4:1",
-            ["`tag.numbr`", "unknown field"],
+            ["`tag.numbr`", "unknown key"],
         ),
         ("schema = 1\n[[tag\n", "2:6", ["", ""]),
     ] {
@@ -226,10 +226,7 @@ fn schemas_of_the_files_are_printed_as_shipped() {
     for kind in ["world", "rig"] {
         let printed = run(&["schema", kind]).expect_clean().out;
         let shipped = std::fs::read_to_string(world(&format!("{kind}.schema.json"))).unwrap();
-        assert!(
-            printed == shipped,
-            "sim schema {kind} > worlds/{kind}.schema.json"
-        );
+        assert!(printed == shipped, "{kind}: ./regenerate");
     }
     run(&["schema", "house"]).expect_refusal(2, &["house", "world, rig"]);
 }

@@ -255,7 +255,7 @@ fn complaints(process: &mut Process) -> String {
     complaints
 }
 
-/// Has so many lines printed that nobody reads them: two for each heartbeat.
+/// Makes it print more lines than are read: two for each heartbeat.
 fn chatter(port: &Path, heartbeats: usize) {
     let mut client = Client::open(port);
     for _ in 0..heartbeats / 50 {

@@ -159,7 +159,7 @@ fn a_client_that_forgets_to_set_the_port_up_fails_as_on_a_serial_port() {
 }
 
 #[test]
-fn what_the_cable_would_spoil_is_told() {
+fn what_the_cable_would_spoil_is_reported() {
     let sim = Sim::start(&JSON);
     let flags = OFlags::RDWR | OFlags::NOCTTY;
     let client = rustix::fs::open(sim.port(), flags, Mode::empty()).unwrap();
@@ -168,8 +168,8 @@ fn what_the_cable_would_spoil_is_told() {
     tcsetattr(&client, OptionalActions::Now, &termios).unwrap();
     rustix::io::write(&client, &frame(0x07, &[])).unwrap();
     for (code, word) in [("parity", "8N1"), ("flow_control", "CRTSCTS")] {
-        let told = sim.wait_event(code);
-        assert!(told["text"].as_str().unwrap().contains(word), "{told}");
+        let said = sim.wait_event(code);
+        assert!(said["text"].as_str().unwrap().contains(word), "{said}");
     }
     drop(client);
     let summary = sim.stop().expect_clean().summary();

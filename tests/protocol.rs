@@ -1,4 +1,4 @@
-//! Requests good and bad over the real line: what is answered, what is not, and what is told.
+//! Requests good and bad over the real line: what is answered, what is not, and what is reported.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -60,7 +60,7 @@ fn every_command_is_answered() {
 }
 
 #[test]
-fn frames_that_are_no_requests_are_told_and_not_answered() {
+fn frames_that_are_no_requests_are_reported_and_not_answered() {
     let sim = sim_with(&[]);
     let mut client = sim.client();
 
@@ -158,7 +158,7 @@ fn a_frame_may_come_byte_by_byte_but_not_pause_for_too_long() {
 }
 
 #[test]
-fn a_wrong_baud_rate_garbles_and_is_told_once() {
+fn a_wrong_baud_rate_garbles_and_is_reported_once() {
     let sim = sim_with(&[]);
     for (round, baud) in [9600, 57_600].into_iter().enumerate() {
         let mut client = harness::client::Client::open_at(sim.port(), baud);
@@ -174,15 +174,33 @@ fn a_wrong_baud_rate_garbles_and_is_told_once() {
         assert_eq!(client.ask(0xF0, &[]).len(), 8, "after {baud} baud");
         drop(client);
 
-        // The end of the mismatch is told after every word about it.
+        // The end of the mismatch comes after every event about it.
         sim.wait_events("baud_matched", round + 1);
-        let told = sim.wait_events("baud_mismatch", round + 1);
-        assert_eq!(told.len(), round + 1, "one event for each speed");
-        let text = text_of(&told[round]);
+        let said = sim.wait_events("baud_mismatch", round + 1);
+        assert_eq!(said.len(), round + 1, "one event for each speed");
+        let text = text_of(&said[round]);
         assert!(text.contains(&baud.to_string()), "{text}");
         assert!(text.contains("open the port at 115200 baud"), "{text}");
     }
     let summary = sim.stop().expect_clean().summary();
-    let told = with_code(summary["events"].as_array().unwrap(), "baud_mismatch");
-    assert_eq!(told[0]["client_faults"], 2);
+    let said = with_code(summary["events"].as_array().unwrap(), "baud_mismatch");
+    assert_eq!(said[0]["client_faults"], 2);
+}
+
+#[test]
+fn a_request_whose_byte_meets_another_speed_on_its_way_is_not_answered() {
+    use std::io::Write as _;
+
+    use serialport::SerialPort as _;
+
+    let sim = Sim::start(&["--log-format", "json"]);
+    let mut port = harness::client::Client::try_open(sim.port(), 110).unwrap();
+    // Its first byte takes 91 ms.
+    port.write_all(&frame(0x07, &[])).unwrap();
+    std::thread::sleep(Duration::from_millis(30));
+    port.set_baud_rate(115_200).unwrap();
+    let mut client = harness::client::Client::over(port);
+    // What is answered first is the next request.
+    assert_eq!(client.ask(0xF0, &[]).len(), 8);
+    sim.stop().expect_clean();
 }

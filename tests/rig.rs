@@ -36,7 +36,7 @@ fn serve(dir: TempDir, rig: &str, args: &[&str]) -> Sim {
     sim
 }
 
-/// Drives until the wheels turn as fast as they are told to, for a second and a half at least;
+/// Drives until the wheels turn as fast as they are to, for a second and a half at least;
 /// says what speed that was.
 fn drive_r150(path: &Path, duty: i16, started: &Barrier) -> i16 {
     let mut client = Client::open(path);
@@ -79,7 +79,7 @@ fn two_of_each_kind_serve_six_clients_at_once() {
     assert!(paths.iter().all(|path| path.exists()));
 
     let [r150_1, r150_2, car_1, car_1_ros, car_2, car_2_ros] = &paths;
-    // Nobody moves before everybody is there.
+    // None moves before all are there.
     let started = &Barrier::new(6);
     thread::scope(|scope| {
         let first = scope.spawn(move || drive_r150(r150_1, 500, started));
@@ -229,7 +229,7 @@ fn wrong_rigs_are_refused_by_name() {
     refusal().expect_refusal(2, &["cannot read the world file", world.to_str().unwrap()]);
     std::fs::write(&world, "schema = 1\n[[box]]\nat_m = [1]\n").unwrap();
     let place = format!("{}:3:8: `box.at_m`", world.display());
-    refusal().expect_refusal(2, &[&place, "x and y"]);
+    refusal().expect_refusal(2, &[&place, "2 values are wanted, 1 given"]);
 
     run(&["--rig", "/nowhere/rig.toml"]).expect_refusal(2, &["the rig file /nowhere/rig.toml"]);
     run(&["--rig", shown, "--pty", "/tmp/never-made"]).expect_refusal(2, &["cannot be used with"]);

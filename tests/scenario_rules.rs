@@ -70,7 +70,7 @@ fn fails(more: &str, reasons: &[&str]) -> String {
     printed
 }
 
-/// Patches of ice that come by themselves, on which nobody brakes.
+/// Patches of ice that come by themselves, on which no client brakes.
 const ICE: &str = r#"
 [[step]]
 name = "ice"
@@ -79,7 +79,7 @@ every = "700 ms"
 count = 2
 for = "200 ms"
 fault = { kind = "ice", friction = 0.01 }
-may_not_trigger = true
+optional = true
 "#;
 
 #[test]
@@ -145,7 +145,7 @@ fn a_rule_may_be_broken_for_a_while() {
         "[[never]]\nthat = \"truth.speed_mps > 0.1\"\nlonger_than = \"1 s\"\n",
         &["never `truth.speed_mps > 0.1` for longer than 1s, but truth.speed_mps"],
     );
-    // What comes and goes begins anew each time.
+    // What comes and goes begins again each time.
     let blinks = "abs(t - 1) < 0.2 || abs(t - 2) < 0.2";
     passes(&format!(
         "[[never]]\nthat = \"{blinks}\"\nlonger_than = \"500 ms\"\n"
@@ -188,7 +188,7 @@ fn times_are_drawn_from_the_stream_of_the_step() {
     let pulled = "[[step]]\nname = \"loose\"\nat = { min = \"500 ms\", max = \"1500 ms\" }\n\
                   every = { min = \"600 ms\", max = \"1200 ms\" }\ncount = 3\n\
                   for = { min = \"50 ms\", max = \"400 ms\" }\nfault = { kind = \"missing-reply\" }\n\
-                  may_not_trigger = true\n";
+                  optional = true\n";
     let first = steps_of(pulled, "1");
     assert_eq!(first.len(), 6, "{first:?}");
     assert_eq!(first, steps_of(pulled, "1"));
@@ -199,18 +199,10 @@ fn times_are_drawn_from_the_stream_of_the_step() {
 }
 
 #[test]
-fn a_repetition_in_the_last_one_s_time_waits_or_is_dropped() {
-    let fault = |overlap: &str| {
-        format!(
-            "[[step]]\nname = \"f\"\nat = \"1 s\"\nevery = \"500 ms\"\ncount = 2\nfor = \"700 ms\"\n\
-             {overlap}fault = {{ kind = \"missing-reply\" }}\nmay_not_trigger = true\n"
-        )
-    };
-    let waits = ["1.0", "1.7", "1.7", "2.4"];
-    assert_eq!(steps_of(&fault(""), "1"), waits);
-    assert_eq!(steps_of(&fault("overlap = \"wait\"\n"), "1"), waits);
-    let dropped = ["1.0", "1.7", "2.0", "2.7"];
-    assert_eq!(steps_of(&fault("overlap = \"drop\"\n"), "1"), dropped);
+fn a_repetition_in_the_last_one_s_time_waits() {
+    let fault = "[[step]]\nname = \"f\"\nat = \"1 s\"\nevery = \"500 ms\"\ncount = 2\nfor = \"700 ms\"\n\
+                 fault = { kind = \"missing-reply\" }\noptional = true\n";
+    assert_eq!(steps_of(fault, "1"), ["1.0", "1.7", "1.7", "2.4"]);
 }
 
 #[test]
@@ -270,7 +262,7 @@ fn a_rule_of_which_nothing_is_asked_is_named() {
                  [[response]]\nstep = \"maybe\"\nthen = \"truth.at_rest\"\n\
                  [[always]]\nthat = \"truth.at_rest\"\nfrom = \"20 s\"\n\
                  [[always]]\nthat = \"truth.at_rest\"\nafter = \"stop\"\nfrom = \"2 s\"\n\
-                 [[step]]\nname = \"maybe\"\nwhen = \"t > 100\"\nmay_not_trigger = true\noperator = \"lock\"\n";
+                 [[step]]\nname = \"maybe\"\nwhen = \"t > 100\"\noptional = true\noperator = \"lock\"\n";
     let printed = passes(rules);
     let named = [
         "  not judged: always `truth.at_rest`: the run ended before\n",
@@ -279,7 +271,7 @@ fn a_rule_of_which_nothing_is_asked_is_named() {
     ];
     assert!(named.iter().all(|line| printed.contains(line)), "{printed}");
     assert_eq!(printed.matches("not judged").count(), 3, "{printed}");
-    let may = rules.replace("[[response]]\n", "[[response]]\nmay_not_trigger = true\n");
+    let may = rules.replace("[[response]]\n", "[[response]]\noptional = true\n");
     assert_eq!(passes(&may).matches("not judged").count(), 1);
 }
 
@@ -288,7 +280,7 @@ fn each_failure_tells_what_came_before_it_and_what_was_in_effect() {
     let printed = fails(
         "[[step]]\nname = \"box\"\nat = \"1 s\"\nfor = \"2 s\"\n\
          world = { add = { box = [{ name = \"b\", at_m = [30, 0], length = \"1 m\", width = \"1 m\" }] } }\n\
-         [[step]]\nname = \"push\"\nat = \"3500 ms\"\noperator = { push = { ahead = \"1 N\" } }\n\
+         [[step]]\nname = \"push\"\nat = \"3500 ms\"\noperator = \"lock\"\n\
          [[never]]\nthat = \"t > 1.2\"\n[[never]]\nthat = \"t > 3.8\"\n",
         &[],
     );
@@ -300,9 +292,9 @@ fn each_failure_tells_what_came_before_it_and_what_was_in_effect() {
             "1.000000 r150  . step \"box\": world add\n",
         ],
         [
-            "in effect then: \"push\" (operator push), from 3.500000 s on",
+            "in effect then: \"push\" (operator lock), from 3.500000 s on",
             "3.000000 r150  . step \"box\": world add, undone\n",
-            "3.500000 r150  . step \"push\": operator push\n",
+            "3.500000 r150  . step \"push\": operator lock\n",
         ],
     );
     assert!(

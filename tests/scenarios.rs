@@ -74,10 +74,10 @@ fn exit_codes_tell_passed_failed_and_wrong_apart() {
 
     let failed = sim(folder, &["run", "."]);
     assert_eq!(failed.status.code(), Some(1), "{failed:?}");
-    let told = text(&failed.stdout);
-    assert!(told.contains("1 passed, 1 failed, 0 skipped"), "{told}");
-    assert!(told.contains("truth.speed_mps < 0.5"), "{told}");
-    assert!(told.contains("again: sim run --seed 5 "), "{told}");
+    let said = text(&failed.stdout);
+    assert!(said.contains("1 passed, 1 failed, 0 skipped"), "{said}");
+    assert!(said.contains("truth.speed_mps < 0.5"), "{said}");
+    assert!(said.contains("again: sim run --seed 5 "), "{said}");
 
     assert_eq!(sim(folder, &["run", "missing.toml"]).status.code(), Some(2));
     assert_eq!(
@@ -100,9 +100,9 @@ fn a_misspelt_name_is_an_error_with_its_place_before_anything_is_played() {
         let output = sim(folder.path(), &[command, "."]);
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         assert_eq!(text(&output.stdout), "");
-        let told = text(&output.stderr);
-        assert!(told.contains("c.toml:20:19"), "{told}");
-        assert!(told.contains("did you mean `truth.at_rest`?"), "{told}");
+        let said = text(&output.stderr);
+        assert!(said.contains("c.toml:20:19"), "{said}");
+        assert!(said.contains("did you mean `truth.at_rest`?"), "{said}");
     }
     let output = sim(folder.path(), &["check", "a-passes.toml"]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
@@ -142,6 +142,46 @@ fn a_trace_replays_to_the_last_byte_and_a_changed_one_does_not() {
 }
 
 #[test]
+fn each_repeat_after_the_first_plays_another_vehicle_of_the_make() {
+    const RUNS: usize = 20;
+    let folder = folder();
+    let folder = folder.path();
+    let report = |number: usize| -> serde_json::Value {
+        let path = folder.join(format!("out/a-passes-{number}.report.json"));
+        serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+    };
+    // Nothing but the vehicle decides how far this drive goes: no step has a chance.
+    let distances = |more: &[&str]| -> Vec<String> {
+        let repeat = ["run", "--repeat", "20", "--output", "out", "a-passes.toml"];
+        let played = sim(folder, &[&repeat, more].concat());
+        assert_eq!(played.status.code(), Some(0), "{played:?}");
+        let distance = |number| report(number)["devices"][0]["distance_m"].to_string();
+        (1..=RUNS).map(distance).collect()
+    };
+    let named = distances(&["--set", "world.tolerances=by-name"]);
+    assert!(named.iter().all(|one| *one == named[0]), "{named:?}");
+    let seeds = distances(&["--set", "world.tolerances=by-seed"]);
+    assert_ne!(seeds[0], named[0]);
+    let usual = distances(&[]);
+    assert_eq!(usual[0], named[0], "the first run has the named vehicle");
+    assert_eq!(usual[1..], seeds[1..]);
+    let different: std::collections::BTreeSet<_> = usual.iter().collect();
+    assert_eq!(different.len(), RUNS, "{usual:?}");
+
+    // What a run prints brings the same vehicle back, and so does its trace.
+    let replayed = sim(folder, &["replay", "out/a-passes-7.trace.jsonl"]);
+    assert_eq!(replayed.status.code(), Some(0), "{replayed:?}");
+    let again = report(7)["command"].as_str().unwrap().to_owned();
+    let words = again.split(' ').skip(1);
+    let words: Vec<&str> = words.map(|word| word.trim_matches('\'')).collect();
+    let once = sim(folder, &[&words[..], &["--output", "once"]].concat());
+    assert_eq!(once.status.code(), Some(0), "{again}: {once:?}");
+    let once = fs::read_to_string(folder.join("once/a-passes.report.json")).unwrap();
+    let once: serde_json::Value = serde_json::from_str(&once).unwrap();
+    assert_eq!(once["devices"][0]["distance_m"].to_string(), usual[6]);
+}
+
+#[test]
 fn faults_and_names_are_listed_for_each_device() {
     let here = Path::new(".");
     let faults = text(&sim(here, &["faults", "--device", "r150"]).stdout);
@@ -164,8 +204,8 @@ fn the_printed_command_shows_the_same_failure() {
     fs::write(folder.path().join(name), chancy).unwrap();
     let first = sim(folder.path(), &["run", name]);
     assert_eq!(first.status.code(), Some(1), "{first:?}");
-    let told = text(&first.stdout);
-    let again = told
+    let said = text(&first.stdout);
+    let again = said
         .lines()
         .find_map(|line| line.trim().strip_prefix("again: "))
         .unwrap();
@@ -177,7 +217,7 @@ fn the_printed_command_shows_the_same_failure() {
         .current_dir(folder.path())
         .output()
         .unwrap();
-    assert_eq!(text(&second.stdout), told);
+    assert_eq!(text(&second.stdout), said);
 }
 
 #[test]
@@ -213,9 +253,9 @@ fn the_whole_library_passes_and_is_the_same_to_the_last_byte_twice() {
         traces.sort();
         (text(&played.stdout), traces)
     };
-    let (told, traces) = play();
-    let (told_again, traces_again) = play();
-    assert_eq!(told, told_again);
+    let (said, traces) = play();
+    let (said_again, traces_again) = play();
+    assert_eq!(said, said_again);
     assert!(traces.len() >= 10);
     for ((name, trace), (name_again, again)) in traces.iter().zip(&traces_again) {
         assert_eq!(name, name_again);
@@ -239,25 +279,26 @@ fn a_failure_tells_what_came_before_it_and_what_was_armed_then() {
     fs::write(folder.path().join("far.toml"), scenario).unwrap();
     let failed = sim(folder.path(), &["run", "--output", ".", "far.toml"]);
     assert_eq!(failed.status.code(), Some(1), "{failed:?}");
-    let told = text(&failed.stdout);
+    let said = text(&failed.stdout);
     assert!(
-        told.contains("armed then: \"trouble\" (reply-twice), from 0.400000 s on"),
-        "{told}"
+        said.contains("armed then: \"trouble\" (reply-twice), from 0.400000 s on"),
+        "{said}"
     );
     let report = fs::read_to_string(folder.path().join("far.report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["armed"].as_array().unwrap().len(), 1);
     let failed_at = report["failures"][0]["time_s"].as_f64().unwrap();
-    let (_, after) = told.split_once("the last that happened before:").unwrap();
+    let (_, after) = said.split_once("the last that happened before:").unwrap();
+    let (after, _) = after.split_once("\n  client report: ").unwrap();
     let times: Vec<f64> = after
         .lines()
         .filter_map(|line| line.split_whitespace().next()?.parse().ok())
         .collect();
     assert!(
         !times.is_empty() && times.iter().all(|at| *at <= failed_at),
-        "{told}"
+        "{said}"
     );
-    assert!(!after.contains("watchdog fired"), "that came later: {told}");
+    assert!(!after.contains("watchdog fired"), "that came later: {said}");
 }
 
 #[test]
@@ -281,12 +322,12 @@ fn a_pass_tells_what_it_was_worth() {
         &["run", "--output", ".", "campaign.toml", "plain.toml"],
     );
     assert_eq!(passed.status.code(), Some(0), "{passed:?}");
-    let told = text(&passed.stdout);
+    let said = text(&passed.stdout);
     assert!(
-        told.contains("(4.0 s simulated), 3 of 6 faults hit, 25 requests, "),
-        "{told}"
+        said.contains("(4.0 s simulated), 3 of 6 faults hit, 25 requests, "),
+        "{said}"
     );
-    assert!(told.contains("(4.0 s simulated), 25 requests, "), "{told}");
+    assert!(said.contains("(4.0 s simulated), 25 requests, "), "{said}");
     let report = fs::read_to_string(folder.path().join("campaign.report.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     let fault = &report["faults"][0];

@@ -108,7 +108,7 @@ fn abuse(port: &Path, cycle: u64) {
             let mut client = open(port);
             client.send_some(&frame(0x07, &[]).repeat(400)[..2395]);
         }
-        // A good client for a change, which is answered whoever was there before.
+        // A good client for a change, which is answered whichever was there before.
         _ => {
             let mut client = open(port);
             client.send(&frame(0x07, &[]));
@@ -144,7 +144,7 @@ fn shell(port: &Path, script: &str) {
     child.wait().unwrap();
 }
 
-/// Tells the others to end, also when a test fails.
+/// Makes the others end, also when a test fails.
 struct Stop<'a>(&'a AtomicBool);
 
 impl Drop for Stop<'_> {
@@ -165,7 +165,7 @@ fn behave(port: &Path, stop: &AtomicBool, answered: &AtomicU64) {
 }
 
 #[test]
-fn bad_clients_leave_nothing_behind_and_disturb_nobody() {
+fn bad_clients_leave_nothing_behind_and_disturb_no_other() {
     let cycles = cycles();
     let dir = tempfile::tempdir().unwrap();
     let names = ["good", "bad", "worse"];
@@ -221,16 +221,16 @@ fn bad_clients_leave_nothing_behind_and_disturb_nobody() {
         (before, after)
     });
     let growth = after.resident_kib.saturating_sub(before.resident_kib);
-    let told = format!(
+    let said = format!(
         "{} bad clients in {:.0} s, {} requests of the good one answered; before {before:?}, after \
          {after:?}",
         2 * (cycles + WARM_UP),
         begun.elapsed().as_secs_f64(),
         answered.load(Ordering::Relaxed)
     );
-    let _ = writeln!(std::io::stdout(), "{told}");
-    assert!(growth <= MOST_GROWTH_KIB, "{told}");
-    assert!(answered.load(Ordering::Relaxed) > 0, "{told}");
+    let _ = writeln!(std::io::stdout(), "{said}");
+    assert!(growth <= MOST_GROWTH_KIB, "{said}");
+    assert!(answered.load(Ordering::Relaxed) > 0, "{said}");
     let ended = sim.stop();
     assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
 }

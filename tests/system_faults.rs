@@ -73,7 +73,7 @@ fn run_with_trace(folder: &Path) -> Finished {
 }
 
 /// Fails unless it ended as a system error, with these words beside the scenario's name.
-fn expect_told(finished: &Finished, parts: &[&str]) {
+fn expect_said(finished: &Finished, parts: &[&str]) {
     assert_eq!(finished.code(), Some(3), "{}{}", finished.out, finished.err);
     for part in parts {
         assert!(
@@ -92,14 +92,14 @@ fn a_trace_that_does_not_fit_on_the_disk_is_an_error() {
     fs::remove_file(&trace).unwrap();
     symlink("/dev/full", &trace).unwrap();
     let name = "idle.trace.jsonl; it is not complete";
-    expect_told(&run_with_trace(folder.path()), &[name, "No space left"]);
+    expect_said(&run_with_trace(folder.path()), &[name, "No space left"]);
 }
 
 #[test]
 fn a_place_where_no_trace_can_be_written_is_an_error() {
     let (folder, trace) = scenario();
     fs::create_dir(&trace).unwrap();
-    expect_told(
+    expect_said(
         &run_with_trace(folder.path()),
         &["cannot write the trace", "idle.trace.jsonl"],
     );
@@ -107,7 +107,7 @@ fn a_place_where_no_trace_can_be_written_is_an_error() {
     let idle = folder.path().join("idle.toml");
     let args = ["run", idle.to_str().unwrap(), "--output", "/proc/traces"];
     run(&args).expect_refusal(2, &["cannot make the folder /proc/traces"]);
-    // A folder that is there, and in which nobody can make a file.
+    // A folder that is there, and in which no user can make a file.
     let args = ["run", idle.to_str().unwrap(), "--output", "/sys/kernel"];
     run(&args).expect_refusal(2, &["cannot write into the folder /sys/kernel"]);
     let report = [
@@ -138,7 +138,7 @@ fn a_link_that_is_removed_stays_removed_and_its_client_is_served() {
 }
 
 #[test]
-fn a_folder_that_is_removed_with_its_link_harms_nobody() {
+fn a_folder_that_is_removed_with_its_link_harms_no_client() {
     let above = tempfile::tempdir().unwrap();
     let folder = above.path().join("ports");
     fs::create_dir(&folder).unwrap();
@@ -153,7 +153,7 @@ fn a_folder_that_is_removed_with_its_link_harms_nobody() {
 }
 
 #[test]
-fn whoever_makes_something_in_the_place_of_the_link_keeps_it() {
+fn what_is_made_in_the_place_of_the_link_stays() {
     let folder = tempfile::tempdir().unwrap();
     let port = folder.path().join("r150");
     let sim = Sim::start_at(&port, &[]);
@@ -315,9 +315,9 @@ fn a_limit_of_file_sizes_is_a_full_disk() {
     let how = format!("ulimit -f 4 && {QUIETLY}");
     let ended = ended(shell(&how, &args).current_dir(folder.path()));
     ended.expect_refusal(3, &[]);
-    let told = fs::read_to_string(folder.path().join("out.txt")).unwrap();
-    assert!(told.contains("cannot write the trace"), "{told}");
-    assert!(told.contains("File too large"), "{told}");
+    let said = fs::read_to_string(folder.path().join("out.txt")).unwrap();
+    assert!(said.contains("cannot write the trace"), "{said}");
+    assert!(said.contains("File too large"), "{said}");
     // The client has the limit, too, and the usual end of it.
     let client = [
         "--",

@@ -10,7 +10,7 @@ mod harness;
 
 use harness::live::{DRIVE, Folder};
 
-/// A second vehicle, which nobody drives, and noise on the line of the first.
+/// A second vehicle, which no client drives, and noise on the line of the first.
 const TWO: &str = r#"
 [[device]]
 kind = "r150"
@@ -48,22 +48,22 @@ fn times(text: &str) -> Vec<f64> {
 fn a_recording_reads_like_the_log() {
     let folder = Folder::with(&[("drive.toml", &two())]);
     record(&folder, ".", &["--seed", "1"]);
-    let told = folder
+    let said = folder
         .sim(&["trace", "drive.trace.jsonl"])
         .expect_clean()
         .out;
     for part in [
         "A client drives\n  drive.toml, seed 1, the scripted client\n",
         "first -> 0x12 set_motors right 500 left 500  | AA 55 04 12 F4 01 F4 01 ",
-        "first <- 0x12 set_motors right ",
+        "first <- 0x12 set_motors right_rpm ",
         "first  . client attached [client_attached]",
         "== step \"noise\" begun",
         "[fault_armed]",
         "4.000000 == the end: passed",
     ] {
-        assert!(told.contains(part), "no {part} in {told}");
+        assert!(said.contains(part), "no {part} in {said}");
     }
-    assert!(times(&told).is_sorted(), "{told}");
+    assert!(times(&said).is_sorted(), "{said}");
 
     let part = [
         "trace",
@@ -73,11 +73,11 @@ fn a_recording_reads_like_the_log() {
         "--to",
         "0.9s",
     ];
-    let told = folder.sim(&part).expect_clean().out;
-    let times = times(&told);
+    let said = folder.sim(&part).expect_clean().out;
+    let times = times(&said);
     assert!(
         !times.is_empty() && times.iter().all(|t| (0.6..=0.9).contains(t)),
-        "{told}"
+        "{said}"
     );
     let idle = [
         "trace",
@@ -93,12 +93,12 @@ fn a_recording_reads_like_the_log() {
         "{idle:?}"
     );
     assert!(idle.iter().any(|line| line["code"] == "end"), "{idle:?}");
-    let nobody = folder.sim(&["trace", "drive.trace.jsonl", "--device", "car"]);
-    nobody.expect_refusal(2, &["`car`", "first, idle"]);
+    let refused = folder.sim(&["trace", "drive.trace.jsonl", "--device", "car"]);
+    refused.expect_refusal(2, &["`car`", "first, idle"]);
 }
 
 #[test]
-fn any_name_is_computed_anew_though_the_recording_does_not_hold_it() {
+fn any_name_is_computed_again_though_the_recording_does_not_hold_it() {
     let folder = Folder::with(&[("drive.toml", &two())]);
     record(&folder, ".", &["--seed", "1"]);
     let names =
@@ -182,21 +182,21 @@ fn two_recordings_part_where_they_first_differ() {
     record(&folder, "a", &["--seed", "1"]);
     record(&folder, "b", &["--seed", "1"]);
     let same = ["trace", "a/drive.trace.jsonl", "b/drive.trace.jsonl"];
-    let told = folder.sim(&same).expect_clean().out;
-    assert_eq!(told, "the same happens from the beginning to the end\n");
+    let said = folder.sim(&same).expect_clean().out;
+    assert_eq!(said, "the same happens from the beginning to the end\n");
 
     // The same client with one more step at a second and a half.
     let more = "\n[[step]]\nat = \"1.5 s\"\nhost = { send = { heartbeat = {} } }\n";
     std::fs::write(folder.file("drive.toml"), DRIVE.to_owned() + more).unwrap();
     record(&folder, "c", &["--seed", "1"]);
     let other = ["trace", "a/drive.trace.jsonl", "c/drive.trace.jsonl"];
-    let told = folder.sim(&other);
-    assert_eq!(told.code(), Some(1), "{}", told.err);
-    let told = told.out;
-    let (before, rest) = told.split_once("then in a/drive.trace.jsonl:\n").unwrap();
+    let said = folder.sim(&other);
+    assert_eq!(said.code(), Some(1), "{}", said.err);
+    let said = said.out;
+    let (before, rest) = said.split_once("then in a/drive.trace.jsonl:\n").unwrap();
     assert!(
         before.contains("the text of the scenario differs"),
-        "{told}"
+        "{said}"
     );
     assert_eq!(
         before
@@ -204,13 +204,13 @@ fn two_recordings_part_where_they_first_differ() {
             .filter(|line| line.contains("set_motors"))
             .count(),
         8,
-        "{told}"
+        "{said}"
     );
     let (a, c) = rest.split_once("then in c/drive.trace.jsonl:\n").unwrap();
-    assert!(!a.contains("heartbeat"), "{told}");
+    assert!(!a.contains("heartbeat"), "{said}");
     assert!(
         c.trim_start().starts_with("1.50") && c.contains("-> 0x07 heartbeat"),
-        "{told}"
+        "{said}"
     );
 
     // The same again a little later: that is let pass, and nothing else.
@@ -230,7 +230,7 @@ fn what_a_real_client_did_can_be_read_too() {
         r#"exec 3> "$SIM_R150_PORT"; printf '\252\125\000\007\307\204' >&3; sleep 0.5; exit 3"#;
     let run = ["run", "--output", ".", "drive.toml"];
     assert_eq!(folder.with_script(&run, heartbeat).code(), Some(1));
-    let told = folder
+    let said = folder
         .sim(&["trace", "drive.trace.jsonl"])
         .expect_clean()
         .out;
@@ -240,7 +240,7 @@ fn what_a_real_client_did_can_be_read_too() {
         "== FAILED: ",
         "== the end: ",
     ] {
-        assert!(told.contains(part), "no {part} in {told}");
+        assert!(said.contains(part), "no {part} in {said}");
     }
     let cut: Vec<String> = folder
         .read("drive.trace.jsonl")
@@ -248,11 +248,11 @@ fn what_a_real_client_did_can_be_read_too() {
         .map(str::to_owned)
         .collect();
     std::fs::write(folder.file("cut.jsonl"), cut[..cut.len() - 4].join("\n")).unwrap();
-    let told = folder.sim(&["trace", "cut.jsonl"]);
-    told.expect_refusal(2, &["no end"]);
+    let said = folder.sim(&["trace", "cut.jsonl"]);
+    said.expect_refusal(2, &["no end"]);
     assert!(
-        told.out.contains("client attached"),
+        said.out.contains("client attached"),
         "what there is, is printed: {}",
-        told.out
+        said.out
     );
 }

@@ -53,6 +53,69 @@ fn wrong_flags_are_refused_with_advice() {
 }
 
 #[test]
+fn a_number_without_its_unit_is_refused_wherever_it_stands() {
+    let why = "3 lacks a unit, as in \"3 deg\"";
+    run(&["config", "--set", "world.slope=3"]).expect_refusal(2, &["--set world.slope=3", why]);
+    let (_dir, path) = file("world.slope = 3");
+    run(&["config", "--config", path.to_str().unwrap()])
+        .expect_refusal(2, &["r150.toml:1:15", why]);
+    let (_dir, path) = file(
+        "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"1 s\"\nparameters = { slope = \"1 deg\" }\n\
+         settings = { world.slope = \"${slope}\" }\ndevice = [{ kind = \"r150\" }]\n",
+    );
+    let path = path.to_str().unwrap();
+    run(&["check", "--param", "slope=2deg", path]).expect_clean();
+    run(&["check", "--param", "slope=3", path]).expect_refusal(2, &["--param slope=3", why]);
+}
+
+#[test]
+fn a_signal_while_files_are_read_is_no_verdict() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("never-written.toml");
+    rustix::fs::mknodat(
+        rustix::fs::CWD,
+        &path,
+        rustix::fs::FileType::Fifo,
+        rustix::fs::Mode::RWXU,
+        0,
+    )
+    .unwrap();
+    let mut command = harness::command();
+    let sim = Sim::spawn(command.arg("run").arg(&path), PathBuf::new(), None);
+    harness::until("the signal would be caught", || {
+        let status = fs::read_to_string(format!("/proc/{}/status", sim.pid())).unwrap();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        let caught = u64::from_str_radix(caught.unwrap().trim(), 16).unwrap();
+        caught & 1 << 1 != 0
+    });
+    sim.signal(rustix::process::Signal::INT);
+    assert_eq!(sim.wait().code(), Some(3));
+}
+
+#[test]
+fn a_former_flag_or_subcommand_is_an_error_that_says_the_new_one() {
+    use rigsim_runner::renamed::{Kind, RENAMED};
+    let mut tried = 0;
+    for renamed in RENAMED {
+        let words = match renamed.kind {
+            Kind::Flag(command) => [command, renamed.old],
+            Kind::Ctl => ["ctl", renamed.old],
+            Kind::Setting => {
+                let set = format!("{}=1", renamed.old);
+                let set = ["config", "--set", &set];
+                run(&set).expect_refusal(2, &["--set", &renamed.to_string()]);
+                continue;
+            }
+            _ => continue,
+        };
+        run(&words).expect_refusal(2, &[&renamed.to_string()]);
+        tried += 1;
+    }
+    assert!(tried > 0);
+    run(&["run", "--max-hold-up=3s", "x.toml"]).expect_refusal(2, &["is now `--max-stall`"]);
+}
+
+#[test]
 fn help_teaches() {
     let help = run(&["--help"]).expect_clean().out;
     for part in [
@@ -117,7 +180,7 @@ fn a_wrong_settings_file_is_named_with_line_and_column() {
     let shown = path.to_str().unwrap();
     let unknown = format!("{shown}:3:3: no setting is named `r150.hartbeat`");
     let range = format!("{shown}:4:8: `r150.baud`");
-    // Every mistake is told at once.
+    // Every mistake is reported at once.
     let says = [&unknown[..], &range, "allowed:", "300"];
     run(&["config", "--config", shown]).expect_refusal(2, &says);
     run(&["--pty", "/tmp/never-made", "--config", shown]).expect_refusal(2, &says);

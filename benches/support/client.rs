@@ -1,4 +1,4 @@
-//! The same client for every peer: a raw tty, one request after another.
+//! The same client for every server: a raw tty, one request after another.
 
 use std::collections::VecDeque;
 use std::fs::{File, OpenOptions};

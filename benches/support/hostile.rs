@@ -6,11 +6,11 @@
 use std::hint::black_box;
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::mecanum_device::settings::{ByteOrder, Framing, PartialPacket};
-use sim_core::mecanum_device::{ascii, codec as packets, packet};
-use sim_core::r150_device::codec as frames;
-use sim_core::r150_device::settings::Resync;
+use rigsim_core::SimTime;
+use rigsim_core::mecanum_device::settings::{ByteOrder, Framing, PartialPacket};
+use rigsim_core::mecanum_device::{ascii, codec as packets, packet};
+use rigsim_core::r150_device::codec as frames;
+use rigsim_core::r150_device::settings::Resync;
 
 use super::{Aim, Options, Table, alternate, cpu_seconds, nanos};
 
@@ -173,7 +173,7 @@ pub fn rows(options: &Options, table: &Table) {
         Stream::new("empty lines", b"\n"),
         Stream::new("numbers far beyond their range", &beyond),
     ];
-    let decoder = || ascii::Decoder::new(ascii::Syntax::default());
+    let decoder = || ascii::Decoder::default();
     beside(options, table, "car's lines", decoder, b"X10 \n", &streams);
 }
 

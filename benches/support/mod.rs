@@ -150,14 +150,14 @@ impl Table {
         if options.quick {
             println!("quick mode: the figures mean nothing\n");
         }
-        println!("| what | sim | floor or peer | ratio (lowest to highest round) | aim | |");
+        println!("| what | sim | floor | ratio (lowest to highest round) | aim | |");
         println!("|---|---|---|---|---|---|");
         Self {
             quick: options.quick,
         }
     }
 
-    /// A figure beside that of a floor or peer; `show` prints either.
+    /// A figure beside that of a floor; `show` prints either.
     pub fn ratio(
         &self,
         what: &str,
@@ -182,7 +182,7 @@ impl Table {
         );
     }
 
-    /// A figure without a peer; the aim is about its median.
+    /// A figure without a floor; the aim is about its median.
     pub fn figure(&self, what: &str, own: &Figures, show: fn(f64) -> String, aim: Aim) {
         let range = format!("({} to {})", show(own.best()), show(own.worst()));
         self.row(

@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use sim_core::r150_device::codec::OVERHEAD;
-use sim_core::r150_device::command::Request;
-use sim_core::r150_device::system_info::SystemInfo;
+use rigsim_core::message::Message;
+use rigsim_core::r150_device::codec::OVERHEAD;
+use rigsim_core::r150_device::command::Request;
+use rigsim_core::r150_device::command::SystemInfo;
 
 use super::client::{Client, Exchange, Poller};
 use super::process::Server;
@@ -113,7 +114,7 @@ pub fn heartbeat() -> Exchange {
 }
 
 pub fn system_info() -> Exchange {
-    exchange(Request::SystemInfo, SystemInfo::LENGTH)
+    exchange(Request::SystemInfo, SystemInfo::INFOS[0].length)
 }
 
 pub fn motors() -> Exchange {

@@ -6,32 +6,35 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{ArgAction, Args, ValueEnum, value_parser};
-use sim_settings::Span;
+use rigsim_settings::Span;
 
-use super::{MAX_HOLD_UP, SettingsArgs, some_time, speed};
+use super::{MAX_STALL, SettingsArgs, some_time, speed};
+use crate::campaign::ShardArg;
 use crate::exit::Exit;
 
 const EXAMPLES: &str = "\
 Examples:
   sim run scenarios
-      Every scenario with the client that is scripted in its file.
+      Play every scenario with the client scripted in its file.
   sim run --tag drive scenarios/r150 -- python3 my_client.py
-      Your client instead. It opens the port that $SIM_R150_PORT names. Time is simulated, its own
-      too: 20 seconds take a few tenths of one.
+      Play them with your client, which opens the port named by $SIM_R150_PORT. Time is simulated:
+      20 seconds take a few tenths of a second.
   sim run --time real scenarios/r150 -- python3 my_client.py
-      The same in real time: 20 seconds take 20 seconds.
+      Do the same in real time: 20 seconds take 20 seconds.
   sim run scenarios/r150 -- sh -c 'my_client --port \"$SIM_R150_PORT\"'
-      A client that takes the port as an argument.
+      Start a client that takes the port as an argument.
   sim run --junit results.xml --output traces -j 4 scenarios/r150 -- ./client
       For CI: JUnit XML, traces and reports for `sim replay`, four at a time.
   sim run --report report.html scenarios
-      A page with all verdicts, and pictures of what happened.
+      Write a page with all verdicts, and pictures of each run.
   sim run --job my-job.toml scenarios/r150/faults -- ./client
-      Every fault within a job of your own.
+      Play every fault within your own job.
   sim run --set r150.heartbeat_timeout=2s --param pwm=300,600 my.toml -- ./client
-      Your vehicle's settings, and each value of a parameter of the file as a case of its own.
+      Use the settings of your vehicle, and play one case for each value of a parameter.
+  sim run --repeat 1000 --shard auto --results out scenarios -- python3 my_client.py
+      Play the shard of this machine, and keep results in a folder for `sim merge`.
   sim run --repeat 20 --fail-fast --filter crc scenarios -- ./client
-      Twenty seeds of each scenario whose path contains `crc`, to the first that fails.";
+      Play twenty seeds of each scenario whose path contains `crc`, until one fails.";
 
 /// Choice of what to play, and how.
 #[derive(Debug, Args)]
@@ -41,7 +44,8 @@ pub(crate) struct RunArgs {
     #[arg(required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// The client to test, with its arguments. Its environment has the path of each port, in
-    /// SIM_R150_PORT for the device `r150`, and the seed in SIM_SEED.
+    /// SIM_R150_PORT for the device `r150`, the seed in SIM_SEED, and in SIM_PUBLISH the path of a file
+    /// that takes what it believes.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
     /// Number of scenarios to play at a time [default: one for each core, but 1 with a client in real time].
@@ -51,16 +55,16 @@ pub(crate) struct RunArgs {
     pub(crate) given: GivenArgs,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
-    /// Seed of everything random, instead of the file's or a random one.
+    /// Seed of all random numbers [default: the seed of the file, or a random one].
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Play each scenario N times, each time with the next seed.
-    #[arg(long, value_name = "N", default_value = "1", value_parser = value_parser!(u32).range(1..=100_000))]
+    /// Play each scenario N times, each time with the next seed and another vehicle of the same make.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = value_parser!(u32).range(1..=1_000_000))]
     pub(crate) repeat: u32,
-    /// Only files whose path contains TEXT.
+    /// Play only files whose path contains TEXT.
     #[arg(long, value_name = "TEXT")]
     pub(crate) filter: Option<String>,
-    /// Only scenarios with this tag in their file; may be repeated, and one of them is enough.
+    /// Play only scenarios with this tag in their file; may be repeated, and one of the tags is enough.
     #[arg(long, value_name = "TAG", action = ArgAction::Append)]
     pub(crate) tag: Vec<String>,
     /// Stop after the first scenario that fails.
@@ -72,36 +76,50 @@ pub(crate) struct RunArgs {
     /// Write an HTML page with all verdicts, the world from above, and plots and traffic of what failed.
     #[arg(long, value_name = "PATH")]
     pub(crate) report: Option<PathBuf>,
-    /// Write into this folder, for each scenario, a trace, a report as JSON, and the client's output.
+    /// Write a trace, a JSON report and the client's output of each scenario into this folder.
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
-    /// The time that a client has.
+    /// Play only shard K of N. With `auto`, the variables of a CI server or a batch system choose it.
+    #[arg(long, value_name = "K/N|auto")]
+    pub(crate) shard: Option<ShardArg>,
+    /// Add results to this folder, for `sim merge`. Cases that have a verdict there are not played
+    /// again. Files without a seed begin with seed 1, as with --shard.
+    #[arg(long, value_name = "DIR", conflicts_with = "fail_fast")]
+    pub(crate) results: Option<PathBuf>,
+    /// Meaning of the exit code.
+    #[arg(long, value_enum, default_value_t = ExitArg::Verdict)]
+    pub(crate) exit: ExitArg,
+    /// The kind of time that the client sees.
     #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
     pub(crate) time: TimeArg,
-    /// With --time lockstep: where a client's random numbers come from.
+    /// With --time lockstep: the source of the client's random numbers.
     #[arg(long, value_enum, default_value_t = RandomArg::Seed)]
     pub(crate) random: RandomArg,
-    /// With --time lockstep: the date at which a client begins, in UTC.
+    /// With --time lockstep: which thread of the client runs when several can.
+    #[arg(long, value_enum, default_value_t = ScheduleArg::First)]
+    pub(crate) schedule: ScheduleArg,
+    /// With --time lockstep: the date and time at which the client starts, in UTC.
     #[arg(long, value_name = "DATE", default_value = "2025-01-01 00:00:00", value_parser = date)]
     pub(crate) date: Duration,
-    /// With --time lockstep: play each scenario two times and show the first difference.
+    /// With --time lockstep: play each scenario twice and show the first difference.
     #[arg(long)]
     pub(crate) twice: bool,
     /// With --time real: simulated seconds for each second of real time, 0.01 to 100 [default: 1].
     #[arg(long, value_name = "X", value_parser = speed)]
     pub(crate) speed: Option<f64>,
-    /// Real time allowed for each, as in 90s or "2 min" [default: the file's `wall_limit`, else
-    /// twice its `limit` and 30 s].
+    /// Time limit for each scenario, as in 90s or "2 min" [default: twice the file's `limit` and
+    /// 30 s]. With --time lockstep it limits the processor time of client and simulator, and real time to
+    /// ten times as much. Otherwise it limits real time.
     #[arg(long, value_name = "TIME", value_parser = some_time)]
     pub(crate) timeout: Option<Span>,
-    /// With --time real: how long a busy machine may hold the simulator up in all. A scenario that fails
-    /// after more than that is played once more; if that goes the same way, it is an error of the machine
-    /// and no failure of the client.
-    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
-    pub(crate) max_hold_up: Span,
-    /// Let programs and a page look on and change what happens, as `sim --control` does. Each scenario
-    /// has an address of its own, which the client finds in SIM_CONTROL.
-    #[arg(long, value_name = "ADDRESS", value_parser = sim_control::listen, requires = "client")]
+    /// With --time real: how long a busy machine may stall the simulator in all. A scenario that fails
+    /// after more than that is played once more. If that has the same result, it is an error of the
+    /// machine and not a failure of the client.
+    #[arg(long, value_name = "TIME", default_value = MAX_STALL, value_parser = some_time)]
+    pub(crate) max_stall: Span,
+    /// Let programs and a page observe and control each run, as `sim --control` does. Each scenario has
+    /// its own URL, which the client finds in SIM_CONTROL.
+    #[arg(long, value_name = "ADDRESS", value_parser = rigsim_control::listen, requires = "client")]
     pub(crate) control: Option<SocketAddr>,
     /// List the files with their titles and tags, and play nothing.
     #[arg(long)]
@@ -114,23 +132,23 @@ pub(crate) struct RunArgs {
 /// Additions to scenario files.
 #[derive(Debug, Default, Args)]
 pub(crate) struct GivenArgs {
-    /// Play fault files within this job: a scenario file that says what your client is to do, on which
-    /// devices. It takes the place of the job that they name.
+    /// Play fault files within this job: a scenario file that says what your client does, and on which
+    /// devices. It replaces the job that they name.
     #[arg(long, value_name = "FILE")]
     pub(crate) job: Option<PathBuf>,
     /// Set a parameter of the files, as in --param pwm=300; once for each. With several values, as in
     /// --param pwm=300,600, each is played, in each combination with those of other parameters.
     #[arg(long, value_name = "NAME=VALUE", action = ArgAction::Append)]
     pub(crate) param: Vec<String>,
-    /// Take this world instead of those that the files name.
+    /// Use this world instead of those that the files name.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TimeArg {
-    /// The simulator's: it stands still while the client computes and jumps while it waits. Nothing is
-    /// ever late, and the same seed gives the same bytes.
+    /// Simulated time: it stops while the client computes, and jumps while it waits. Nothing is late, and
+    /// the same seed gives the same bytes.
     Lockstep,
     /// Real time, by the system's clocks.
     Real,
@@ -147,11 +165,28 @@ impl TimeArg {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ExitArg {
+    /// 0 if no case failed, 1 if one did.
+    Verdict,
+    /// 0 if all cases were played, even if some failed. Use it with engines that repeat a failed process.
+    Complete,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RandomArg {
     /// The run's seed.
     Seed,
     /// The system.
     Real,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ScheduleArg {
+    /// The thread that started first, until it waits.
+    First,
+    /// At each syscall the seed chooses a thread. Use --repeat to try many orders and find races; --seed
+    /// repeats one of them.
+    Random,
 }
 
 /// A date, as the time since 1970.

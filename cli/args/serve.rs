@@ -4,31 +4,31 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use sim_core::line::Wire;
-use sim_pty::{Defaults, ListenAddress, PtySetup};
-use sim_settings::Span;
+use rigsim_core::line::Wire;
+use rigsim_pty::{Defaults, ListenAddress, PtySetup};
+use rigsim_settings::Span;
 
-use super::{LogFormat, MAX_HOLD_UP, SettingsArgs, some_time, speed};
+use super::{LogFormat, MAX_STALL, SettingsArgs, some_time, speed};
 
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
-    /// Serve at PATH, which your client opens as a serial port: a link to a pseudo-terminal, there
-    /// while `sim` runs.
+    /// Serve at PATH, which your client opens as a serial port. It is a link to a pseudo-terminal, and
+    /// exists while `sim` runs.
     #[arg(long, value_name = "PATH", conflicts_with = "serial")]
     pub(crate) pty: Option<PathBuf>,
     /// Serve on a real serial port.
     #[arg(long, value_name = "DEVICE")]
     pub(crate) serial: Option<PathBuf>,
-    /// Serve on the network: rfc2217://HOST:PORT with the settings and lines of a serial port, or
-    /// tcp://HOST:PORT with bytes alone. For containers, for clients on Windows and macOS, and for
-    /// those that need modem lines. One client at a time; port 0 is any that is free.
+    /// Serve on the network: rfc2217://HOST:PORT with the settings and modem lines of a serial port, or
+    /// tcp://HOST:PORT with bytes only. Use it for containers, for clients on Windows and macOS, and for
+    /// clients that need modem lines. It accepts one client at a time. Port 0 means any free port.
     #[arg(long, value_name = "URL", conflicts_with_all = ["pty", "serial"], value_parser = listen)]
     pub(crate) listen: Option<PathBuf>,
     /// Serve all devices of a rig file, in one world.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["pty", "listen", "serial", "device", "start"])]
     pub(crate) rig: Option<PathBuf>,
-    /// With --rig or --scenario: serve every pseudo-terminal in FOLDER, under the name of its device,
-    /// wherever the file wants it; so one file can be served several times at once.
+    /// With --rig or --scenario: put every pseudo-terminal into FOLDER, under the name of its device,
+    /// instead of the paths in the file. So one file can be served several times at once.
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["pty", "listen", "serial", "device"])]
     pub(crate) pty_folder: Option<PathBuf>,
     /// The vehicle to simulate.
@@ -49,24 +49,24 @@ pub(crate) struct ServeArgs {
     /// Build the world from a file; `worlds/` has some.
     #[arg(long, value_name = "FILE")]
     pub(crate) world: Option<PathBuf>,
-    /// Play the steps and faults of a scenario file against whatever client opens the port, and
-    /// judge the outcome. The file names the devices; --pty is where the first is served.
+    /// Play the steps and faults of a scenario file with any client that opens the port, and print the
+    /// verdict. The file names the devices; --pty is the path of the first one.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rig", "serial", "world", "device", "start"])]
     pub(crate) scenario: Option<PathBuf>,
-    /// With --scenario: how long a busy machine may hold the simulator up in all. A failure after more
-    /// than that is an error of the machine, exit code 3, and none of the client.
-    #[arg(long, value_name = "TIME", default_value = MAX_HOLD_UP, value_parser = some_time)]
-    pub(crate) max_hold_up: Span,
-    /// State in which the device begins, if it has several [default: the first].
+    /// With --scenario: how long a busy machine may stall the simulator in all. A failure after more
+    /// than that is an error of the machine (exit code 3) and not of the client.
+    #[arg(long, value_name = "TIME", default_value = MAX_STALL, value_parser = some_time)]
+    pub(crate) max_stall: Span,
+    /// State in which the device starts, if it has several [default: the first].
     #[arg(long)]
     pub(crate) start: Option<String>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
-    /// Pace of bytes on the line [default: paced; instant with --serial, whose cable takes its
-    /// own time].
+    /// Speed of bytes on the line [default: paced; instant with --serial, where the cable itself takes
+    /// time].
     #[arg(long, value_enum)]
     pub(crate) wire: Option<WireArg>,
-    /// Seed of everything random; a random one is chosen and printed if not given.
+    /// Seed of all random numbers [default: a random one, which is printed].
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
     /// Simulated seconds for each second of real time, 0.01 to 100.
@@ -75,12 +75,12 @@ pub(crate) struct ServeArgs {
     /// Write this file when clients can connect, and remove it on exit.
     #[arg(long, value_name = "PATH")]
     pub(crate) ready_file: Option<PathBuf>,
-    /// Write a trace, which `sim replay` plays again and `sim trace` shows.
+    /// Write a trace, for `sim replay` and `sim trace`.
     #[arg(long, value_name = "PATH")]
     pub(crate) trace: Option<PathBuf>,
-    /// Let `sim ctl`, programs and a page look on and change what happens, over HTTP at ADDRESS;
-    /// 127.0.0.1:0 is any free port of this machine. Prints the URL, with a new token each time.
-    #[arg(long, value_name = "ADDRESS", value_parser = sim_control::listen)]
+    /// Let `sim ctl`, programs and a page observe and control the simulator, over HTTP at ADDRESS.
+    /// 127.0.0.1:0 means any free port of this machine. Prints the URL, with a new token each time.
+    #[arg(long, value_name = "ADDRESS", value_parser = rigsim_control::listen)]
     pub(crate) control: Option<SocketAddr>,
     /// Print every request and reply, in words and hex.
     #[arg(short, long, conflicts_with = "quiet")]
@@ -88,7 +88,7 @@ pub(crate) struct ServeArgs {
     /// Print nothing but `ready` and errors.
     #[arg(short, long)]
     pub(crate) quiet: bool,
-    /// Form in which events are printed.
+    /// Output format of events.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
 }
@@ -113,10 +113,10 @@ impl From<WireArg> for Wire {
 /// Settings of pseudo-terminals at first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TtyDefaults {
-    /// Raw and at the device's speed, so that `cat` and `printf` will do.
+    /// Raw and at the device's speed, so that `cat` and `printf` work.
     Raw,
-    /// As Linux sets a serial port: 9600 baud, with echo and editing, so that a client that forgets
-    /// to set it up fails here as it would there.
+    /// As Linux sets a serial port: 9600 baud, with echo and line editing. A client that forgets to set
+    /// up the port then fails, as on real hardware.
     Kernel,
 }
 

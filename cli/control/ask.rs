@@ -1,14 +1,14 @@
 //! Requests in the words of files.
 
+use rigsim_control::Refusal;
+use rigsim_core::event::{Event, Level, Role};
+use rigsim_embed::clock::Clock;
+use rigsim_runner::run::StepError;
+use rigsim_runner::{Run, RunError};
+use rigsim_settings::Span;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::Value;
-use sim_control::Refusal;
-use sim_core::event::{Event, Level, Role};
-use sim_embed::clock::Clock;
-use sim_runner::run::StepError;
-use sim_runner::{Run, RunError};
-use sim_settings::Span;
 
 /// Slowest and fastest.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
@@ -28,7 +28,7 @@ pub(super) enum TimeChange {
     /// It stands still. Bytes of clients arrive at the instant at which it does.
     Pause,
     /// It goes on.
-    GoOn,
+    Resume,
     /// It goes on for so long and then stands still; the answer comes then.
     Step(Span),
     /// Simulated seconds for each second of real time, 0.01 to 100.
@@ -58,7 +58,7 @@ pub(super) fn add(run: &mut Run, step: &Value) -> Result<usize, Trouble> {
     })
 }
 
-/// Errors without the lines and columns of a text that nobody has written.
+/// Errors without the lines and columns of a text that no user has written.
 fn without_places(errors: &str) -> String {
     let lines = errors.lines().map(|line| {
         let mut parts = line.splitn(4, ':');
@@ -85,7 +85,7 @@ pub(super) fn time(
 ) -> Result<bool, Refusal> {
     let read = TimeChange::deserialize(change).map_err(|error| {
         let why = format!(
-            "{error}; allowed: \"pause\", \"go_on\", {{\"step\": \"5 ms\"}}, {{\"speed\": 2}}"
+            "{error}; allowed: \"pause\", \"resume\", {{\"step\": \"5 ms\"}}, {{\"speed\": 2}}"
         );
         Refusal::new(422, why)
     })?;
@@ -96,8 +96,8 @@ pub(super) fn time(
     let now = run.rig().now();
     match read {
         TimeChange::Pause => clock.stop(now),
-        TimeChange::GoOn => clock.go_on(now, None),
-        TimeChange::Step(span) => clock.go_on(now, Some(span.0)),
+        TimeChange::Resume => clock.resume(now, None),
+        TimeChange::Step(span) => clock.resume(now, Some(span.0)),
         TimeChange::Speed(speed) if SPEEDS.contains(&speed) => clock.set_speed(now, speed),
         TimeChange::Speed(speed) => {
             let why = format!("speed {speed} is out of range; allowed: 0.01 to 100");

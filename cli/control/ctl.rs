@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
+use rigsim_control::client::{CallError, Client, escape};
+use rigsim_control::json;
+use rigsim_settings::Span;
 use serde_json::{Map, Value, json};
-use sim_control::client::{CallError, Client, escape};
-use sim_control::session::Session;
-use sim_settings::Span;
 
+use super::session::Session;
 use crate::exit::{Exit, Failure};
 use crate::print::{complain, print, written};
 use crate::visible;
@@ -22,23 +23,23 @@ Examples:
   sim --pty /tmp/r150 --control 127.0.0.1:0
       Start a simulator that can be controlled, in another terminal.
   sim ctl fault cable-pulled --for 2s
-      Break something for a time. `sim faults` lists what can be broken.
+      Break something for 2 s. `sim faults` lists all faults.
   sim ctl fault bit-flips probability=0.01 direction=to-client
       Break something until it is cleared.
   sim ctl clear
-      Mend all that was broken from here.
+      Revert everything that was started with `sim ctl` or on the page.
   sim ctl get truth.speed_mps truth.at_rest
       Print values. `sim names` lists the names.
   sim ctl until truth.at_rest --within 2s
-      Wait in simulated time; exit code 1 if it does not come.
+      Wait in simulated time; exit code 1 if the condition does not hold in time.
   sim ctl operator emergency_stop true
       Push the emergency stop.
-  sim ctl world friction 0.1 --for 5s
-      Make the ground slippery for a time.
-  sim ctl pause; sim ctl step-by 50ms; sim ctl go-on; sim ctl speed 0.5
-      Stop time, let 50 ms pass, let it go on, at half speed.
+  sim ctl world remove crate --for 5s
+      Remove the obstacle `crate` for 5 s.
+  sim ctl pause; sim ctl advance 50ms; sim ctl resume; sim ctl speed 0.5
+      Pause, advance time by 50 ms, resume, and continue at half speed.
   sim ctl --port /tmp/r150 state
-      Of several simulators, ask the one that serves this port.";
+      Select the simulator that serves this port, if there are several.";
 
 /// Time between two looks whether what is waited for cannot come.
 const LOOK: Duration = Duration::from_millis(500);
@@ -47,10 +48,11 @@ const LOOK: Duration = Duration::from_millis(500);
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CtlArgs {
-    /// The simulator that serves this port; not needed if only one runs, or in a client of `sim run`.
+    /// Select the simulator that serves this port; not needed if only one runs, or in a client of
+    /// `sim run`.
     #[arg(long, value_name = "PATH", global = true)]
     port: Option<PathBuf>,
-    /// The simulator at this URL, which it has printed.
+    /// Select the simulator by the URL that it printed.
     #[arg(
         long,
         env = "SIM_CONTROL",
@@ -72,7 +74,7 @@ enum Does {
     #[command(after_help = "\
 Example:
   sim ctl fault bit-flips probability=0.01 --for 2s
-      Prints the name of the step, which `sim ctl clear NAME` ends.")]
+      Print the name of the new step, which `sim ctl clear NAME` ends.")]
     Fault {
         /// The fault, as `sim faults` lists it.
         kind: String,
@@ -82,52 +84,53 @@ Example:
         #[command(flatten)]
         lasts: Lasts,
     },
-    /// Do something to the vehicle by hand, as in `emergency_stop true`.
+    /// Do what an operator can do to the vehicle, as in `emergency_stop true`.
     #[command(after_help = "\
 Examples:
   sim ctl operator lock
   sim ctl operator emergency_stop true --for 3s
-  sim ctl operator push '{\"ahead\": \"400 N\"}' --for 500ms")]
+  sim ctl operator press forward --for 500ms
+  sim ctl operator place x=1m y=2m")]
     Operator {
         /// The action, as in the `operator` steps of scenario files.
         action: String,
-        /// Its value, as a word or JSON.
+        /// Its value, as a word or JSON; or its parts, as in x=1m y=2m.
         #[arg(allow_negative_numbers = true)]
-        value: Option<String>,
+        value: Vec<String>,
         #[command(flatten)]
         lasts: Lasts,
     },
-    /// Change something around the vehicle, as in `friction 0.1`.
+    /// Change something around the vehicle, as in `remove crate`.
     #[command(after_help = "\
 Examples:
-  sim ctl world friction 0.1 --for 5s
+  sim ctl world remove crate --for 5s
   sim ctl world add '{\"box\": [{\"at_m\": [3, 0], \"length\": \"0.3 m\", \"width\": \"1 m\"}]}'")]
     World {
         /// The change, as in the `world` steps of scenario files.
         change: String,
-        /// Its value, as a word or JSON.
-        #[arg(allow_negative_numbers = true)]
-        value: String,
+        /// Its value, as a word or JSON; or its parts, as in obstacle=gate x=1m y=2m.
+        #[arg(allow_negative_numbers = true, required = true)]
+        value: Vec<String>,
         #[command(flatten)]
         lasts: Lasts,
     },
-    /// Do a step of a scenario file, given as JSON.
+    /// Add a step as in a scenario file, given as JSON.
     #[command(after_help = "\
 Example:
   sim ctl step '{\"when\": \"truth.x_m > 1\", \"for\": \"2 s\", \"fault\": {\"kind\": \"cable-pulled\"}}'")]
     Step {
         /// The step.
         step: String,
-        /// Wait until it is over.
+        /// Wait until the step has ended.
         #[arg(long)]
         wait: bool,
     },
-    /// End steps before their time and mend what they broke: all that were asked for, or one.
+    /// Cancel one step, or all steps added here: active faults are reverted, pending ones never start.
     Clear {
         /// Name of the step, as `sim ctl steps` lists it.
         name: Option<String>,
     },
-    /// List the steps and how far they are.
+    /// List the steps with their states.
     Steps,
     /// Print values of names, or list the names.
     Get {
@@ -136,7 +139,7 @@ Example:
     },
     /// Wait until a condition holds; exit code 1 if it does not in time.
     ///
-    /// While time is paused, it goes on waiting.
+    /// While time is paused, it continues to wait.
     #[command(after_help = "\
 Example:
   sim ctl until 'truth.at_rest && truth.x_m > 2' --within 10s")]
@@ -147,34 +150,45 @@ Example:
         #[arg(long, value_name = "TIME", default_value = "5s")]
         within: Span,
     },
-    /// Stop simulated time.
+    /// Publish numbers, as a client that says what it believes.
+    #[command(after_help = "\
+Example:
+  sim ctl publish x=1.23 y=0.4
+      Conditions and reports know them as client.x and client.y.")]
+    Publish {
+        /// The numbers by name.
+        #[arg(value_name = "NAME=NUMBER", required = true)]
+        values: Vec<String>,
+    },
+    /// Pause simulated time.
     Pause,
-    /// Let simulated time go on.
-    GoOn,
-    /// Let some simulated time pass, as in `50ms`, and stop it then.
-    StepBy {
-        /// Simulated time to pass.
+    /// Resume simulated time.
+    Resume,
+    /// Advance simulated time by a step, as in `50ms`, and pause.
+    Advance {
+        /// Simulated time by which to advance.
         time: Span,
     },
-    /// Change how fast simulated time passes.
+    /// Change the speed of simulated time.
     Speed {
         /// Simulated seconds for each second of real time, 0.01 to 100.
+        #[arg(value_parser = speed)]
         speed: f64,
     },
     /// Print time, devices, world and steps, as JSON.
     State,
-    /// Print what happens, as JSON, a line each, until Ctrl-C.
+    /// Print events as they happen, one JSON object a line, until Ctrl-C.
     #[command(after_help = "\
 Example:
   sim ctl events --names truth.x_m,truth.speed_mps --rate 20 --traffic")]
     Events {
-        /// Print the values of these names, too.
+        /// Also print the values of these names.
         #[arg(long, value_delimiter = ',')]
         names: Vec<String>,
-        /// Number of times to print them a second, in real time.
+        /// How often to print the values in a second of real time.
         #[arg(long, default_value_t = 10.0)]
         rate: f64,
-        /// Print every request and reply, too.
+        /// Also print every request and reply.
         #[arg(long)]
         traffic: bool,
     },
@@ -184,7 +198,7 @@ Example:
 
 #[derive(Debug, Args)]
 struct Lasts {
-    /// Time that it lasts, in simulated time [default: until it is cleared].
+    /// Duration in simulated time [default: until it is cleared].
     #[arg(long = "for", value_name = "TIME")]
     lasts: Option<Span>,
 }
@@ -199,43 +213,34 @@ pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
             parameters,
             lasts,
         } => {
-            let mut fault = Map::from_iter([("kind".to_owned(), json!(kind))]);
-            for parameter in parameters {
-                let (name, value) = parameter.split_once('=').ok_or_else(|| {
-                    let why = anyhow!(
-                        "a parameter is NAME=VALUE, not {}",
-                        visible::line(parameter)
-                    );
-                    Failure::usage(why)
-                })?;
-                fault.insert(name.to_owned(), word_or_json(value));
-            }
-            add(args, &client, "fault", Value::Object(fault), lasts)
+            let mut fault = pairs(parameters)?;
+            fault.insert("kind".to_owned(), json!(kind));
+            let example = "fault bit-flips probability=0.01 --for 2s";
+            add(args, &client, ("fault", example), fault.into(), lasts)
         }
         Does::Operator {
             action,
             value,
             lasts,
         } => {
-            let value = match value {
-                Some(value) => json!({ action: word_or_json(value) }),
-                None => json!(action),
+            let what = match value.as_slice() {
+                [] => json!(action),
+                value => json!({ action: whole(value)? }),
             };
-            add(args, &client, "operator", value, lasts)
+            let example = "operator emergency_stop true, or operator place x=1m y=2m";
+            add(args, &client, ("operator", example), what, lasts)
         }
         Does::World {
             change,
             value,
             lasts,
-        } => add(
-            args,
-            &client,
-            "world",
-            json!({ change: word_or_json(value) }),
-            lasts,
-        ),
+        } => {
+            let what = json!({ change: whole(value)? });
+            let example = "world remove crate, or world move obstacle=gate x=1m y=2m";
+            add(args, &client, ("world", example), what, lasts)
+        }
         Does::Step { step, wait } => {
-            let step: Value = serde_json::from_str(step)
+            let step = json::read(step.as_bytes())
                 .map_err(|error| Failure::usage(anyhow!("the step is no JSON: {error}")))?;
             over(args, &client, step, *wait)
         }
@@ -275,14 +280,19 @@ pub(crate) fn run(args: &CtlArgs) -> Result<Exit, Failure> {
         }
         Does::Get { names } => get(&client, names),
         Does::Until { condition, within } => {
-            let within = sim_settings::show_duration(within.0);
+            let within = rigsim_settings::show_duration(within.0);
             let step = json!({"expect": {"that": condition, "within": within}});
             over(args, &client, step, true)
         }
+        Does::Publish { values } => {
+            let values = pairs(values)?.into();
+            call(&client, "POST", "/v1/published", Some(&values))?;
+            Ok(Exit::Clean)
+        }
         Does::Pause => time(&client, &json!("pause")),
-        Does::GoOn => time(&client, &json!("go_on")),
-        Does::StepBy { time: span } => {
-            let span = sim_settings::show_duration(span.0);
+        Does::Resume => time(&client, &json!("resume")),
+        Does::Advance { time: span } => {
+            let span = rigsim_settings::show_duration(span.0);
             time(&client, &json!({ "step": span }))
         }
         Does::Speed { speed } => time(&client, &json!({ "speed": speed })),
@@ -330,26 +340,72 @@ fn find(args: &CtlArgs) -> Result<String, Failure> {
     }
 }
 
-/// JSON, or else a word.
-fn word_or_json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|_| json!(text))
+pub(crate) fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok();
+    speed
+        .filter(|speed| (0.01..=100.0).contains(speed))
+        .ok_or_else(|| format!("`{text}` is no such number; allowed: 0.01 to 100, as in 0.5"))
 }
 
+/// JSON, or else a word.
+fn word_or_json(text: &str) -> Result<Value, Failure> {
+    match json::read(text.as_bytes()) {
+        Ok(value) => Ok(value),
+        Err(error) if text.starts_with(['{', '[', '"']) => {
+            let why = anyhow!("{} is no JSON: {error}", visible::line(text));
+            Err(Failure::usage(why))
+        }
+        Err(_) => Ok(json!(text)),
+    }
+}
+
+/// A value: a word, JSON, or parts of a table.
+fn whole(value: &[String]) -> Result<Value, Failure> {
+    match value {
+        [one] if !one.contains('=') => word_or_json(one),
+        [one] if one.starts_with(['{', '[', '"']) => word_or_json(one),
+        parts => Ok(pairs(parts)?.into()),
+    }
+}
+
+/// The parts of a table, as in `x=1m`.
+fn pairs(parts: &[String]) -> Result<Map<String, Value>, Failure> {
+    let mut table = Map::new();
+    for part in parts {
+        let (name, value) = part.split_once('=').ok_or_else(|| {
+            let part = visible::line(part);
+            Failure::usage(anyhow!("{part}: wanted NAME=VALUE, as in x=1m"))
+        })?;
+        if table
+            .insert(name.to_owned(), word_or_json(value)?)
+            .is_some()
+        {
+            let name = visible::line(name);
+            return Err(Failure::usage(anyhow!("{name} is given twice")));
+        }
+    }
+    Ok(table)
+}
+
+/// Adds a step that does something under a key; a refusal shows an example.
 fn add(
     args: &CtlArgs,
     client: &Client,
-    key: &str,
+    (key, example): (&str, &str),
     what: Value,
     lasts: &Lasts,
 ) -> Result<Exit, Failure> {
     let mut step = json!({ key: what });
     if let Some(Span(lasts)) = lasts.lasts {
-        step["for"] = json!(sim_settings::show_duration(lasts));
+        step["for"] = json!(rigsim_settings::show_duration(lasts));
     }
-    over(args, client, step, false)
+    over(args, client, step, false).map_err(|failure| match failure.exit {
+        Exit::Usage => Failure::usage(anyhow!("{:#}\nas in: sim ctl {example}", failure.error)),
+        _ => failure,
+    })
 }
 
-/// Has a step done and says how far it is; it has failed if it is over and not done.
+/// Requests a step and returns how far it is; it has failed if it is over and not done.
 fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<Exit, Failure> {
     if let Some(device) = &args.device {
         step["device"] = json!(device);
@@ -359,23 +415,26 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
     } else {
         "/v1/steps"
     };
-    let told = thread::scope(|scope| {
+    let answer = thread::scope(|scope| {
         let (over, is_over) = mpsc::channel::<()>();
         if wait {
             scope.spawn(move || tell_of_pauses(client, &is_over));
         }
-        let told = call(client, "POST", path, Some(&step));
+        let answer = call(client, "POST", path, Some(&step));
         drop(over);
-        told
+        answer
     })?;
-    if told["state"] == "failed" {
-        let why = told["why"].as_str().unwrap_or("the step failed").to_owned();
+    if answer["state"] == "failed" {
+        let why = answer["why"]
+            .as_str()
+            .unwrap_or("the step failed")
+            .to_owned();
         return Err(Failure {
             exit: Exit::Failed,
             error: anyhow!("{}", visible::lines(&why)),
         });
     }
-    let text = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
+    let text = |key: &str| answer[key].as_str().unwrap_or_default().to_owned();
     print(&format!(
         "{}: {}",
         visible::line(&text("name")),
@@ -383,29 +442,29 @@ fn over(args: &CtlArgs, client: &Client, mut step: Value, wait: bool) -> Result<
     ))
 }
 
-/// Says on standard error when somebody waits for what does not come while time stands still, until the
+/// Says on standard error when a request waits for what does not come while time stands still, until the
 /// other end of `is_over` is dropped.
 fn tell_of_pauses(client: &Client, is_over: &mpsc::Receiver<()>) {
-    let mut is_told = false;
+    let mut is_said = false;
     while let Err(RecvTimeoutError::Timeout) = is_over.recv_timeout(LOOK) {
         let Ok(state) = client.call("GET", "/v1/state", None) else {
             return;
         };
         let is_paused = state["paused"] == true;
-        if is_paused && !is_told {
+        if is_paused && !is_said {
             let t = &state["t"];
             complain(&format!(
-                "time is paused at {t} s; this waits until it goes on: `sim ctl go-on`, or `sim ctl \
-                 step-by 1s`"
+                "time is paused at {t} s; this waits until it goes on: `sim ctl resume`, or `sim ctl \
+                 advance 1s`"
             ));
         }
-        is_told = is_paused;
+        is_said = is_paused;
     }
 }
 
 fn get(client: &Client, names: &[String]) -> Result<Exit, Failure> {
     let list: Vec<String> = names.iter().map(|name| escape(name)).collect();
-    let told = call(
+    let answer = call(
         client,
         "GET",
         &format!("/v1/names?names={}", list.join(",")),
@@ -413,21 +472,21 @@ fn get(client: &Client, names: &[String]) -> Result<Exit, Failure> {
     )?;
     let values: Vec<String> = names
         .iter()
-        .map(|name| told["values"][name].to_string())
+        .map(|name| answer["values"][name].to_string())
         .collect();
     print(&values.join("\n"))
 }
 
 fn time(client: &Client, change: &Value) -> Result<Exit, Failure> {
-    let told = call(client, "POST", "/v1/time", Some(change))?;
-    let stands = if told["paused"] == true {
+    let answer = call(client, "POST", "/v1/time", Some(change))?;
+    let stands = if answer["paused"] == true {
         "paused"
     } else {
         "running"
     };
     print(&format!(
         "{stands} at {} s, speed {}",
-        told["t"], told["speed"]
+        answer["t"], answer["speed"]
     ))
 }
 
@@ -438,12 +497,12 @@ fn events(client: &Client, names: &[String], rate: f64, traffic: bool) -> Result
         path += &format!("&names={}&rate={rate}", names.join(","));
     }
     let mut printed = Ok(());
-    let told = client.events(&path, |kind, data| {
+    let ended = client.events(&path, |kind, data| {
         let line = format!("{{\"event\":\"{kind}\",\"data\":{data}}}");
         printed = writeln!(anstream::stdout(), "{}", visible::line(&line));
         printed.is_ok()
     });
-    told.map_err(failed)?;
+    ended.map_err(failed)?;
     written(printed)
 }
 

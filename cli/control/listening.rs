@@ -1,11 +1,11 @@
-//! Listeners, and what each is to be told next.
+//! Listeners, and what each is to get next.
 
 use std::time::{Duration, Instant};
 
-use sim_control::{Listener, Message};
-use sim_core::SimTime;
-use sim_runner::condition::Probe;
-use sim_runner::run::StepReport;
+use rigsim_control::{Listener, Message};
+use rigsim_core::SimTime;
+use rigsim_runner::run::Probe;
+use rigsim_runner::run::StepReport;
 
 /// The part of a step that may change: when it began and was done, how often it has hit, whether it lasts
 /// and has failed.
@@ -16,15 +16,17 @@ pub(super) fn progress(step: &StepReport<'_>) -> Progress {
     (step.begun, step.done, step.hits, step.lasting, failed)
 }
 
-/// A listener, and what it is to be told next.
+/// A listener, and what it is to get next.
 pub(super) struct Listening {
     pub(super) listener: Listener,
     pub(super) probes: Vec<Probe>,
     pub(super) values_next: Option<Instant>,
     pub(super) picture_next: Option<Instant>,
     pub(super) gone: bool,
-    /// Steps as they were told.
+    /// Steps as they were reported.
     steps: Vec<Progress>,
+    /// Number of failures that were reported.
+    pub(super) failures: usize,
 }
 
 impl Listening {
@@ -32,7 +34,7 @@ impl Listening {
     pub(super) fn new(
         listener: Listener,
         probes: Vec<Probe>,
-        steps: Vec<Progress>,
+        (steps, failures): (Vec<Progress>, usize),
         now: Instant,
     ) -> Self {
         Self {
@@ -42,13 +44,14 @@ impl Listening {
             probes,
             gone: false,
             steps,
+            failures,
         }
     }
 
     /// Takes note of how far a step is; says whether that is new. The steps come in their order.
     pub(super) fn takes(&mut self, index: usize, now: Progress) -> bool {
         match self.steps.get_mut(index) {
-            Some(told) => std::mem::replace(told, now) != now,
+            Some(sent) => std::mem::replace(sent, now) != now,
             None => {
                 self.steps.push(now);
                 true
@@ -61,8 +64,8 @@ impl Listening {
     }
 }
 
-/// The number of requests and replies that are told: a client that asks without a pause on an instant wire
-/// would keep everybody else busy. In simulated time, so that in lockstep the same is told each time.
+/// The number of requests and replies that are sent: a client that asks without a pause on an instant wire
+/// would keep every other busy. In simulated time, so that in lockstep the same is sent each time.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {
     next: SimTime,
@@ -83,7 +86,7 @@ impl Traffic {
     }
 }
 
-/// Tells whether something is due by now, which then is due again later; what was missed is left
+/// Returns whether something is due by now, which then is due again later; what was missed is left
 /// out.
 pub(super) fn is_due(next: &mut Option<Instant>, every: Duration, now: Instant) -> bool {
     match next {
@@ -100,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_thousand_a_second_are_told_after_a_hundred_at_once() {
+    fn two_thousand_a_second_are_sent_after_a_hundred_at_once() {
         let mut traffic = Traffic::default();
         let start = SimTime::from_secs(1);
         assert_eq!((0..1000).filter(|_| traffic.has_room(start)).count(), 101);

@@ -3,9 +3,9 @@
 use std::io::{self, Write};
 
 use anstyle::{AnsiColor, Style};
+use rigsim_core::event::{Event, Hex, Level, Role};
+use rigsim_runner::RigPlan;
 use serde_json::{Value, json};
-use sim_core::event::{Event, Hex, Level, Role};
-use sim_runner::RigPlan;
 
 use crate::visible;
 
@@ -23,9 +23,10 @@ pub(crate) struct Words(Vec<DeviceName>);
 impl Words {
     /// For the devices of a rig.
     pub(crate) fn new(rig: &RigPlan) -> Self {
-        let links =
-            |device: &sim_runner::DevicePlan| device.device.links.iter().take(device.ports.len());
-        let name = |device: &sim_runner::DevicePlan| DeviceName {
+        let links = |device: &rigsim_runner::DevicePlan| {
+            device.device.links.iter().take(device.ports.len())
+        };
+        let name = |device: &rigsim_runner::DevicePlan| DeviceName {
             name: device.name.clone(),
             links: links(device).map(|link| link.name).collect(),
         };
@@ -52,7 +53,7 @@ impl Words {
             Level::Traffic => String::new(),
             _ => format!(" [{}]", kind.code()),
         };
-        let (text, bytes) = told(event);
+        let (text, bytes) = text_and_bytes(event);
         let repeats = match repeats {
             0 => String::new(),
             count => format!(" ({count} more since the last line)"),
@@ -105,7 +106,7 @@ impl Words {
 }
 
 /// An event in words, and its bytes unless the words have them.
-fn told(event: &Event) -> (String, String) {
+fn text_and_bytes(event: &Event) -> (String, String) {
     let text = event.kind.to_string();
     let bytes = event.kind.bytes();
     let bytes = bytes.map_or_else(String::new, |bytes| Hex(&bytes).to_string());

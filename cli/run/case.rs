@@ -2,19 +2,22 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 use std::time::Duration;
 
-use sim_embed::ports::ShownPort;
-use sim_embed::serve::HeldUp;
-use sim_runner::{Outcome, Run};
-use sim_settings::show_duration;
+use anyhow::Context as _;
+use rigsim_embed::ports::ShownPort;
+use rigsim_embed::serve::Stalls;
+use rigsim_pty::paths::Results;
+use rigsim_runner::scenario::OTHER_VEHICLES;
+use rigsim_runner::{Outcome, Run, Scenario};
+use rigsim_settings::show_duration;
+use serde::{Deserialize, Serialize};
 
-use crate::args::{RandomArg, RunArgs, TimeArg};
-use crate::control::Desk;
-use crate::exit::Failure;
+use crate::args::{RandomArg, RunArgs, ScheduleArg, TimeArg};
+use crate::control::RequestQueue;
+use crate::exit::{Exit, Failure};
 use crate::print::complain;
-use crate::report::Report;
 use crate::scenario_files::Loaded;
 use crate::supervise::ClientEnd;
 use crate::visible;
@@ -25,12 +28,18 @@ const ALLOWANCE: Duration = Duration::from_secs(30);
 /// The date on which clients begin unless another is asked for: 2025-01-01.
 const DATE: Duration = Duration::from_secs(1_735_689_600);
 
+/// Why a failure proves nothing.
+const STALLED: &str = "the machine stalled the simulator for longer than --max-stall; what follows may be its \
+                       doing";
+
 /// A scenario to be played, with its parameters and seed.
 #[derive(Clone)]
 pub(crate) struct Case<'a> {
     pub(crate) loaded: &'a Loaded,
     pub(crate) args: &'a RunArgs,
     pub(crate) seed: u64,
+    /// Number of its file among all, from 0.
+    pub(crate) file_number: usize,
     /// Which time it is, from 0, if it is played several times.
     pub(crate) repeat: Option<u32>,
     /// Simulated seconds for each second of real time.
@@ -39,12 +48,12 @@ pub(crate) struct Case<'a> {
     pub(crate) allowed: Duration,
     /// Where traces and reports go.
     pub(crate) output: Option<&'a Path>,
-    /// The page that shows it.
-    pub(crate) report: Option<&'a Report>,
+    /// Folder for a recording that only the page or the results need.
+    pub(crate) scratch: Option<&'a Path>,
 }
 
 impl<'a> Case<'a> {
-    /// The time number `repeat` of a scenario; `base` is the seed if none is given.
+    /// The time number `repeat` of a scenario, the first of all; `base` is the seed if none is given.
     pub(crate) fn new(args: &'a RunArgs, loaded: &'a Loaded, repeat: u32, base: u64) -> Self {
         let scenario = &loaded.scenario;
         let seed = args.seed.or(scenario.rig.seed).unwrap_or(base);
@@ -55,19 +64,32 @@ impl<'a> Case<'a> {
             loaded,
             args,
             seed: seed.wrapping_add(u64::from(repeat)),
+            file_number: 0,
             repeat: (args.repeat > 1).then_some(repeat),
             speed,
-            allowed: timeout.or(scenario.wall_limit).unwrap_or(own),
+            allowed: timeout.unwrap_or(own),
             output: args.output.as_deref(),
-            report: None,
+            scratch: None,
         }
+    }
+
+    /// The scenario as it is played.
+    pub(super) fn scenario(&self) -> Arc<Scenario> {
+        let other = self.other_vehicles();
+        other.map_or_else(|| Arc::clone(&self.loaded.scenario), Arc::new)
+    }
+
+    /// After the first time, the scenario with other vehicles of the same make.
+    fn other_vehicles(&self) -> Option<Scenario> {
+        let again = self.repeat.is_some_and(|repeat| repeat > 0);
+        again.then(|| self.loaded.scenario.with_other_vehicles())?
     }
 
     pub(crate) fn is_live(&self) -> bool {
         !self.args.client.is_empty()
     }
 
-    /// Tells whether a real client plays in the simulator's time.
+    /// Returns whether a real client plays in the simulator's time.
     pub(crate) fn is_lockstep(&self) -> bool {
         self.is_live() && self.args.time == TimeArg::Lockstep
     }
@@ -104,43 +126,65 @@ impl<'a> Case<'a> {
         folder.join(name)
     }
 
-    /// The file of its trace, if anybody wants one.
-    pub(crate) fn recording(&self) -> Option<PathBuf> {
-        let wanted = self.file("trace.jsonl");
-        wanted.or_else(|| Some(self.file_in(self.report?.folder.path(), "trace.jsonl")))
+    /// Finds out whether its files can be written.
+    ///
+    /// # Errors
+    /// When something else than an earlier result is there.
+    pub(crate) fn check_files(&self) -> anyhow::Result<()> {
+        self.report_file()?;
+        self.client_log().map(drop)
     }
 
-    /// Shows it on the page, if there is one.
-    pub(crate) fn show(&self, played: &Played, stop: &AtomicBool) -> Result<(), Failure> {
-        let Some(report) = self.report else {
-            return Ok(());
+    /// The file of its report, if there is to be one.
+    pub(crate) fn report_file(&self) -> anyhow::Result<Option<Results>> {
+        self.results("report.json", "report", &["\"armed\": ["])
+    }
+
+    /// The file of what the client writes, if there is to be one.
+    pub(crate) fn client_log(&self) -> anyhow::Result<Option<Results>> {
+        // A client may write anything, so its output is known by the trace beside it.
+        let has_trace = self.file("trace.jsonl").is_some_and(|trace| trace.exists());
+        let marks: &[&str] = if has_trace { &[""] } else { &[] };
+        self.results("client.log", "client's output", marks)
+    }
+
+    fn results(
+        &self,
+        end: &str,
+        what: &str,
+        marks: &'static [&'static str],
+    ) -> anyhow::Result<Option<Results>> {
+        let find = |path: PathBuf| {
+            Results::at(&path, marks)
+                .with_context(|| format!("cannot write the {what} {}", visible::name(&path)))
         };
-        report.add(self, played, stop)?;
-        if let (None, Some(trace)) = (self.output, self.recording()) {
-            // A thousand of them need not be there at a time.
-            let _ = std::fs::remove_file(trace);
-        }
-        Ok(())
+        self.file(end).map(find).transpose()
+    }
+
+    /// The file of its trace, if there is to be one.
+    pub(crate) fn recording(&self) -> Option<PathBuf> {
+        let wanted = self.file("trace.jsonl");
+        wanted.or_else(|| Some(self.file_in(self.scratch?, "trace.jsonl")))
     }
 
     /// Opens the socket on which a run is controlled, if there is to be one, and tells the client.
-    pub(crate) fn desk(
+    pub(crate) fn requests(
         &self,
         run: &Run,
         ports: Vec<ShownPort>,
         environment: &mut Vec<(String, OsString)>,
-    ) -> Result<Option<Desk>, Failure> {
+    ) -> Result<Option<RequestQueue>, Failure> {
         let Some(listen) = self.args.control else {
             return Ok(None);
         };
-        let desk = Desk::open(listen, run, ports)?;
-        environment.push(("SIM_CONTROL".to_owned(), desk.control.url().into()));
+        let requests = RequestQueue::open(listen, self.loaded.beginning(), run, ports)?;
+        environment.push(("SIM_CONTROL".to_owned(), requests.control.url().into()));
         complain(&format!(
             "{}: control on {}",
             self.name(),
-            desk.control.url()
+            requests.control.url()
         ));
-        Ok(Some(desk))
+        Ok(Some(requests))
     }
 
     /// Command that shows the same again.
@@ -157,6 +201,9 @@ impl<'a> Case<'a> {
         }
         if self.is_lockstep() && self.args.random == RandomArg::Real {
             words.extend(["--random".into(), "real".into()]);
+        }
+        if self.is_lockstep() && self.args.schedule == ScheduleArg::Random {
+            words.extend(["--schedule".into(), "random".into()]);
         }
         if self.is_live() && self.speed != 1.0 {
             words.extend(["--speed".into(), self.speed.to_string().into()]);
@@ -183,6 +230,9 @@ impl<'a> Case<'a> {
         for set in &self.args.settings.set {
             flag("--set", set.into());
         }
+        if self.other_vehicles().is_some() {
+            flag("--set", OTHER_VEHICLES.into());
+        }
         words.push(self.loaded.path.clone().into());
         if self.is_live() {
             words.push("--".into());
@@ -193,13 +243,12 @@ impl<'a> Case<'a> {
 }
 
 /// Result of a case.
-pub(crate) enum CaseResult {
-    /// It was played to an end.
-    Played(Box<Played>),
-    /// It was being played when a signal asked for the end.
-    BrokenOff,
-    /// The simulator or the system failed.
-    Broken(String),
+pub(crate) struct CaseResult {
+    pub(crate) verdict: Verdict,
+    /// Reason for which there is no verdict about the client.
+    pub(crate) why: Option<String>,
+    /// What there is to be shown of it, if it has begun.
+    pub(crate) played: Option<Box<Played>>,
 }
 
 /// A scenario that has been played.
@@ -209,26 +258,55 @@ pub(crate) struct Played {
     pub(crate) client: Option<PlayedClient>,
     /// Real time that it took.
     pub(crate) took: Duration,
-    /// Delays by the machine; nothing can be done to what runs in simulated time.
-    pub(crate) held_up: Option<HeldUp>,
-    /// It failed, and the machine held it up for so long that this proves nothing.
-    pub(crate) is_spoilt: bool,
+    /// Digest of its trace, if there is one.
+    pub(crate) trace: Option<String>,
+    /// Delays by the machine; `None` in simulated time.
+    pub(crate) stalled: Option<Stalls>,
 }
 
-/// A verdict, and whom it is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+/// A verdict.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Verdict {
     Passed,
     /// The client failed, or the vehicle did what it should not.
     Failed,
-    /// The machine held the simulator up so much that a failure says nothing of the client.
-    Spoilt,
-    /// The simulator or the system failed.
-    Broken,
-    /// A signal asked for the end.
-    BrokenOff,
-    /// It was not played.
+    /// It was not played, or the client gave no occasion for what it is about.
     Skipped,
+    /// Caused by the file, the client's command, the machine or the simulator.
+    Error,
+    /// A signal asked for the end.
+    Aborted,
+}
+
+impl Verdict {
+    /// The word for it, everywhere.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Failed => "failed",
+            Self::Skipped => "skipped",
+            Self::Error => "error",
+            Self::Aborted => "aborted",
+        }
+    }
+
+    /// The same at the beginning of a line of a terminal, where what needs attention stands out.
+    pub(crate) fn heading(self) -> String {
+        match self {
+            Self::Failed | Self::Error => self.word().to_uppercase(),
+            _ => self.word().to_owned(),
+        }
+    }
+
+    /// Exit code of a program that has played nothing else.
+    pub(crate) fn exit(self) -> Exit {
+        match self {
+            Self::Passed | Self::Skipped => Exit::Clean,
+            Self::Failed => Exit::Failed,
+            Self::Error | Self::Aborted => Exit::System,
+        }
+    }
 }
 
 /// A client that has ended.
@@ -236,22 +314,61 @@ pub(crate) struct PlayedClient {
     pub(crate) end: ClientEnd,
     /// It was asked to end, so how it did says nothing.
     pub(crate) stopped: bool,
-    /// The end of what it wrote.
+    /// The end of what it wrote, in the simulator's time with the time of each line.
     pub(crate) output: String,
     /// Things outside of the simulation that it waited for, so that the run is not repeatable.
     pub(crate) outside: Vec<String>,
+    /// The system refused to fix the addresses of its memory by the seed.
+    pub(crate) random_addresses: bool,
     /// Calls that lockstep refused it.
     pub(crate) refused: Vec<String>,
+    /// Syscalls that lockstep answered with `ENOSYS`.
+    pub(crate) missing: Vec<String>,
+    /// Processes that ran when it ended, and were ended with it.
+    pub(crate) left: Vec<String>,
 }
 
 impl CaseResult {
-    pub(crate) fn verdict(&self) -> Verdict {
-        match self {
-            Self::Played(played) if played.outcome.passed => Verdict::Passed,
-            Self::Played(played) if played.is_spoilt => Verdict::Spoilt,
-            Self::Played(_) => Verdict::Failed,
-            Self::BrokenOff => Verdict::BrokenOff,
-            Self::Broken(_) => Verdict::Broken,
+    /// It was being played when a signal came.
+    pub(crate) fn aborted() -> Self {
+        Self {
+            verdict: Verdict::Aborted,
+            why: Some("a signal ended it".to_owned()),
+            played: None,
         }
+    }
+
+    /// Nothing could be played.
+    pub(crate) fn error(why: String) -> Self {
+        Self {
+            verdict: Verdict::Error,
+            why: Some(why),
+            played: None,
+        }
+    }
+
+    /// It has ended. `why` says why this is no verdict about the client, if it is none; nor is a
+    /// failure after the machine has stalled for longer than `most`.
+    pub(crate) fn of(played: Played, why: Option<String>, most: Duration) -> Self {
+        let outcome = &played.outcome;
+        let stalled = played.stalled.is_some_and(|stalled| stalled.total > most);
+        let proves_nothing = stalled && !outcome.failures.is_empty();
+        let why = why.or_else(|| proves_nothing.then(|| STALLED.to_owned()));
+        let verdict = match why {
+            Some(_) => Verdict::Error,
+            None if outcome.passed => Verdict::Passed,
+            None if outcome.is_skipped() => Verdict::Skipped,
+            None => Verdict::Failed,
+        };
+        Self {
+            verdict,
+            why,
+            played: Some(Box::new(played)),
+        }
+    }
+
+    /// Returns `true` if it failed, and the machine may be the cause.
+    pub(crate) fn has_stalled(&self) -> bool {
+        self.why.as_deref() == Some(STALLED)
     }
 }

@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use quick_junit::{NonSuccessKind, Property, Report, TestCase, TestCaseStatus, TestSuite};
-use sim_runner::Outcome;
+use rigsim_pty::paths::Results;
+use rigsim_runner::run;
 
 use crate::exit::Failure;
 use crate::visible;
-use crate::whole_file::Target;
 
-use super::case::{Case, CaseResult, Played};
-use super::tell;
+use super::case::{Case, CaseResult, Verdict};
+use super::view::View;
 
 /// Multiple of the last writing's time for which is played on before the next: with thousands of
 /// results the file is not written for each.
@@ -25,7 +25,7 @@ const RARELY: u32 = 20;
 /// whole document.
 pub(crate) struct Junit {
     path: PathBuf,
-    to: Target,
+    to: Results,
     report: Report,
     /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
@@ -39,7 +39,7 @@ impl Junit {
     /// # Errors
     /// When it cannot be written, or something else is there that is no file of results.
     pub(crate) fn begin(path: &Path, cases: &[Case<'_>]) -> Result<Self, Failure> {
-        let to = Target::find(path, "JUnit results", &["<testsuites", "<testsuite "])
+        let to = Results::at(path, &["<testsuites", "<testsuite "])
             .with_context(|| format!("cannot write results to {}", visible::name(path)))
             .map_err(Failure::usage)?;
         let mut report = Report::new("sim");
@@ -84,9 +84,9 @@ impl Junit {
 
     /// Writes it on the way, unless it can be written only once.
     fn update(&mut self) -> Result<(), Failure> {
-        match &self.to {
-            Target::Stream(_) => Ok(()),
-            Target::File => self.write(),
+        match self.to.is_stream() {
+            true => Ok(()),
+            false => self.write(),
         }
     }
 
@@ -94,7 +94,7 @@ impl Junit {
         let begun = Instant::now();
         let text = self.text().map_err(Failure::system)?;
         self.to
-            .write(&self.path, text.as_bytes())
+            .write(text.as_bytes())
             .with_context(|| format!("cannot write {}", visible::name(&self.path)))
             .map_err(Failure::system)?;
         self.written = Some((Instant::now(), begun.elapsed()));
@@ -115,7 +115,7 @@ impl Junit {
 
 /// The schema that Jenkins publishes knows no total of skipped tests over all suites, and the
 /// library always writes one.
-fn without_skipped_total(text: &str) -> String {
+pub(crate) fn without_skipped_total(text: &str) -> String {
     let Some(begin) = text.find("<testsuites ") else {
         return text.to_owned();
     };
@@ -140,108 +140,76 @@ fn text(text: &str) -> String {
 
 fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
     let mut suite = TestSuite::new(case.name());
-    let mut properties = vec![
-        ("sim.version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("sim.scenario", case.loaded.name()),
-        ("sim.seed", case.seed.to_string()),
-        ("sim.time", case.time_word().to_owned()),
-        ("sim.command", case.command()),
-    ];
+    let mut property = |name: &str, value: &str| {
+        suite.add_property(Property::new(format!("sim.{name}"), text(value)));
+    };
+    property("version", env!("CARGO_PKG_VERSION"));
+    property("scenario", &case.loaded.name());
+    property("seed", &case.seed.to_string());
+    property("time", case.time_word());
+    property("command", &case.command());
     if let Some(trace) = case.file("trace.jsonl") {
-        properties.push(("sim.trace", visible::name(&trace)));
+        property("trace", &visible::name(&trace));
     }
-    if let Some(CaseResult::Played(played)) = result {
-        for what in played.client.iter().flat_map(|client| &client.outside) {
-            properties.push(("sim.not_repeatable", what.clone()));
-        }
-        for line in tell::client_report(&played.outcome) {
-            properties.push(("sim.client_report", line));
-        }
-        for what in &played.outcome.not_judged {
-            properties.push(("sim.not_judged", what.clone()));
-        }
-        if let Some(held_up) = played.held_up {
-            let seconds = |time: Duration| format!("{:.3}", time.as_secs_f64());
-            properties.push(("sim.held_up_s", seconds(held_up.total)));
-            properties.push(("sim.held_up_longest_s", seconds(held_up.longest)));
-        }
+    let view = View::new(&case.loaded.scenario, result, case.is_live());
+    for note in &view.notes {
+        property(&note.label.replace(' ', "_"), &note.text);
     }
-    for (name, value) in properties {
-        suite.add_property(Property::new(name, text(&value)));
+    if let Some(stalled) = result.and_then(|result| result.played.as_ref()?.stalled) {
+        let seconds = |time: Duration| format!("{:.3}", time.as_secs_f64());
+        property("stalled_s", &seconds(stalled.total));
+        property("stalled_longest_s", &seconds(stalled.longest));
     }
-    let test = test_case(case, result);
+    let test = test_case(case, result, &view);
     suite.set_time(test.time.unwrap_or_default());
     suite.add_test_case(test);
     suite
 }
 
-fn test_case(case: &Case<'_>, result: Option<&CaseResult>) -> TestCase {
+fn test_case(case: &Case<'_>, result: Option<&CaseResult>, view: &View<'_>) -> TestCase {
     let title = visible::line(&case.loaded.scenario.title);
-    let mut test = TestCase::new(title, status(result));
+    let mut test = TestCase::new(title, status(view));
     // Shown as a tree by its dots.
     let stem = visible::name(&case.loaded.stem());
     test.set_classname(format!("sim.{}", stem.replace('.', "_")));
-    test.set_time(Duration::ZERO);
-    if let Some(CaseResult::Played(played)) = result {
-        test.set_time(played.took);
-        if let Some(client) = &played.client {
-            test.set_system_out(text(&client.output));
-        }
-        if !played.outcome.passed {
-            test.set_system_err(text(&surroundings(&played.outcome)));
-        }
+    let played = result.and_then(|result| result.played.as_ref());
+    test.set_time(played.map_or(Duration::ZERO, |played| played.took));
+    if let Some(client) = view.client {
+        test.set_system_out(text(&client.output));
+    }
+    if !view.failures.is_empty() {
+        test.set_system_err(text(&surroundings(view.failures)));
     }
     test
 }
 
 /// Events before each failure.
-fn surroundings(outcome: &Outcome) -> String {
-    let lines = outcome.failures.iter().flat_map(|failure| {
+fn surroundings(failures: &[run::Failure]) -> String {
+    let lines = failures.iter().flat_map(|failure| {
         let before = failure.context.before.iter().cloned();
         before.chain([format!("FAILED {failure}")])
     });
     lines.collect::<Vec<_>>().join("\n")
 }
 
-fn status(result: Option<&CaseResult>) -> TestCaseStatus {
-    let error = |kind: &str, why: &str| {
-        let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
-        status.set_message(text(why)).set_type(kind);
-        status
+fn status(view: &View<'_>) -> TestCaseStatus {
+    let mut status = match view.verdict {
+        Verdict::Passed => return TestCaseStatus::success(),
+        Verdict::Skipped => TestCaseStatus::skipped(),
+        Verdict::Failed => TestCaseStatus::non_success(NonSuccessKind::Failure),
+        Verdict::Error | Verdict::Aborted => TestCaseStatus::non_success(NonSuccessKind::Error),
     };
-    match result {
-        Some(CaseResult::Played(played)) if played.outcome.passed => TestCaseStatus::success(),
-        Some(CaseResult::Played(played)) => failed(played),
-        Some(CaseResult::Broken(why)) => error("simulator", why),
-        Some(CaseResult::BrokenOff) => {
-            let why = "a signal ended the run while this was being played";
-            error("broken off", why)
-        }
-        None => {
-            let mut status = TestCaseStatus::skipped();
-            status.set_message("the run ended before this was played");
-            status
-        }
+    let reason = view.reason.as_deref().unwrap_or_default();
+    let kind = match view.verdict {
+        Verdict::Failed => "scenario",
+        verdict => verdict.word(),
+    };
+    status.set_message(text(reason)).set_type(kind);
+    let mut lines = view.lines();
+    lines.extend(view.notes.iter().map(ToString::to_string));
+    if !lines.is_empty() {
+        status.set_description(text(&lines.join("\n")));
     }
-}
-
-fn failed(played: &Played) -> TestCaseStatus {
-    let (kind, what) = match played.is_spoilt {
-        true => (NonSuccessKind::Error, "machine"),
-        false => (NonSuccessKind::Failure, "scenario"),
-    };
-    let mut status = TestCaseStatus::non_success(kind);
-    let machine = played.held_up.and_then(tell::machines_part);
-    let failures = played.outcome.failures.iter().map(ToString::to_string);
-    let lines: Vec<String> = match played.is_spoilt {
-        true => machine.into_iter().chain(failures).collect(),
-        false => failures.chain(machine).collect(),
-    };
-    let first = lines.first().map(|line| text(line)).unwrap_or_default();
-    status
-        .set_message(first)
-        .set_type(what)
-        .set_description(text(&lines.join("\n")));
     status
 }
 

@@ -1,27 +1,30 @@
 //! A scenario against a real client, in real time.
 
 use std::ffi::OsString;
-use std::fs::File;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use sim_pty::Waiter;
+use rigsim_pty::Waiter;
 
 use crate::client::Client;
-use crate::control::Desk;
+use crate::control::RequestQueue;
 use crate::exit::Failure;
 use crate::looking::Looking;
 use crate::plan::absolute;
+use crate::published::Published;
 use crate::supervise::ClientEnd;
 use crate::visible;
-use sim_core::SimTime;
-use sim_embed::ports::{Elsewhere, ShownPort, open_all};
-use sim_embed::serve::{Begin, Ended, Server};
-use sim_pty::PtySetup;
+use rigsim_core::SimTime;
+use rigsim_embed::ports::{Elsewhere, ShownPort, open_all};
+use rigsim_embed::serve::{Begin, Ended, Server};
+use rigsim_pty::PtySetup;
+use rigsim_pty::paths::Results;
+use rigsim_runner::{PlannedLink, Scenario};
 
 use super::case::{Case, CaseResult, PlayedClient};
-use super::play::{BROKEN_OFF, Playing, over_time};
+use super::folder;
+use super::play::{self, Playing, over_time};
 
 /// Simulated time between looks at the ports while bytes of a client that has ended are still to be
 /// taken: as many as arrive in this have room on the line again.
@@ -33,15 +36,11 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     let mut waiter = Waiter::new().map_err(Failure::system)?;
     waiter.catch_signals().map_err(Failure::system)?;
     if stop.load(Ordering::Relaxed) {
-        return Ok(CaseResult::BrokenOff);
+        return Ok(CaseResult::aborted());
     }
     let (run, playing) = Playing::begin(case, stop)?;
-    let links = tempfile::Builder::new()
-        .prefix("sim-")
-        .tempdir()
-        .context("cannot make a folder for the ports")
-        .map_err(Failure::system)?;
-    let elsewhere = Elsewhere::In(links.path());
+    let folder = folder::take(case).map_err(Failure::system)?;
+    let elsewhere = Elsewhere::In(folder.path());
     let ports = open_all(
         &case.loaded.scenario,
         &case.loaded.folder(),
@@ -52,53 +51,61 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     .map_err(Failure::system)?;
     let shown = ShownPort::all(&ports, &case.loaded.scenario.rig);
     let mut environment = environment(case, &shown)?;
-    let desk = case.desk(&run, shown, &mut environment)?;
-    let log = case.file("client.log").map(|path| {
-        File::create(&path).with_context(|| {
-            format!(
-                "cannot write the client's output to {}",
-                visible::name(&path)
-            )
-        })
-    });
-    let log = log.transpose().map_err(Failure::system)?;
-    let when = (Begin::WithClient, case.speed);
-    let mut server = Server::new(run, ports, waiter, when).map_err(Failure::system)?;
-    let client = Client::start(&case.args.client, &environment, links.path(), log)
+    let published = Published::create(folder.path()).map_err(Failure::system)?;
+    environment.push((Published::VARIABLE.to_owned(), published.path().into()));
+    let requests = case.requests(&run, shown, &mut environment)?;
+    let log = case.client_log().map_err(Failure::system)?;
+    let log = log
+        .map(Results::into_file)
+        .transpose()
+        .context("cannot write the client's output")
         .map_err(Failure::system)?;
+    let mut server =
+        Server::new(run, ports, waiter, Begin::WithClient, case.speed).map_err(Failure::system)?;
+    let client = Client::start(&case.args.client, &environment, log).map_err(Failure::system)?;
     server.watch(client.status()).map_err(Failure::system)?;
-    if let Some(desk) = &desk {
-        server.wake_from(&desk.control).map_err(Failure::system)?;
+    if let Some(requests) = &requests {
+        server
+            .wake_from(&requests.control)
+            .map_err(Failure::system)?;
     }
     server.stop_after(case.allowed);
     let mut play = LivePlay {
         server,
         client,
         playing,
-        desk,
+        requests,
+        published,
     };
-    let played = play.play(case).map_err(Failure::system)?;
-    if let Some(client) = &played
-        && let ClientEnd::NotStarted(why) = &client.end
-    {
+    let (ended, client) = play.play(case).map_err(Failure::system)?;
+    if let ClientEnd::NotStarted(why) = &client.end {
         let shown = visible::name(&case.args.client[0]);
         return Err(Failure::usage(anyhow!(
             "cannot start the client {shown}: {why}"
         )));
     }
-    let held_up = play.server.held_up();
+    let stalled = play.server.stalled();
     let run = play.server.run_mut();
     play.playing
-        .conclude(run, played.is_none(), played, Some(held_up))
+        .conclude(run, ended, Some(client), Some(stalled))
 }
 
 /// The reason of a scenario whose client has opened no port.
 pub(crate) const NO_PORT_OPENED: &str = "the client ended without having opened a port";
 
-/// The same of a client that was started here.
-pub(crate) fn no_port_opened(case: &Case<'_>) -> String {
-    let variables = super::tell::variables(&case.loaded.scenario).join(", ");
-    format!("{NO_PORT_OPENED}; it finds the paths of all in its environment: {variables}")
+/// The same of a client that was started here, which ended so.
+pub(crate) fn no_port_opened(case: &Case<'_>, end: &ClientEnd) -> String {
+    let variables = variables(&case.loaded.scenario).join(", ");
+    format!(
+        "the client could not be played: it {end} without having opened a port; it finds their paths in \
+         its environment: {variables}"
+    )
+}
+
+/// The variables of the environment in which a client finds the ports.
+fn variables(scenario: &Scenario) -> Vec<String> {
+    let links = scenario.client_links();
+    links.map(|link| link.variable()).collect()
 }
 
 /// Environment of the client.
@@ -118,6 +125,22 @@ pub(crate) fn environment(
         }
         environment.push((variable, absolute(&port.path)?.into()));
     }
+    // The first of each kind also by its kind, for clients that know one vehicle, whatever its name.
+    for port in ports {
+        let plan = &case.loaded.scenario.rig.devices[port.link.id.device];
+        let of_kind = PlannedLink {
+            device: plan.device.id.to_owned(),
+            ..port.link.clone()
+        };
+        let variable = of_kind.variable();
+        if !environment.iter().any(|(other, _)| *other == variable) {
+            environment.push((variable, absolute(&port.path)?.into()));
+        }
+    }
+    if std::env::var_os("PYTHONUNBUFFERED").is_none() {
+        // What Python has not written when it is killed, or writes late, explains no failure.
+        environment.push(("PYTHONUNBUFFERED".to_owned(), "1".into()));
+    }
     environment.push(("SIM_SEED".to_owned(), case.seed.to_string().into()));
     environment.push((
         "SIM_SCENARIO".to_owned(),
@@ -130,68 +153,72 @@ struct LivePlay<'a> {
     server: Server,
     client: Client,
     playing: Playing<'a>,
-    desk: Option<Desk>,
+    requests: Option<RequestQueue>,
+    published: Published,
 }
 
 impl LivePlay<'_> {
-    /// Plays until the scenario or the client ends; `None` if a signal came first. The client has
-    /// ended then.
-    fn play(&mut self, case: &Case<'_>) -> anyhow::Result<Option<PlayedClient>> {
+    /// Plays until the scenario or the client ends. The client has ended then.
+    fn play(&mut self, case: &Case<'_>) -> anyhow::Result<(play::Ended, PlayedClient)> {
         let ended = self.server.serve(&mut Looking {
             log: None,
-            desk: self.desk.as_mut(),
+            requests: self.requests.as_mut(),
+            published: Some(&mut self.published),
             trace: &mut self.playing.trace,
         })?;
-        // Nobody is left to be answered.
-        self.desk = None;
+        // No request is left to be answered.
+        self.requests = None;
         let stopped = ended != Ended::Watched;
         let end = if stopped {
             self.client.stop()?
         } else {
             self.client.wait()?
         };
-        match ended {
-            Ended::Signal => {
-                self.fail(BROKEN_OFF.to_owned());
-                return Ok(None);
+        let has_begun = self.server.has_begun();
+        let ended = match ended {
+            Ended::Signal => play::Ended::Aborted,
+            Ended::Over => play::Ended::Played,
+            Ended::Timeout if !has_begun => {
+                play::Ended::NotBegun(format!("{}: {}", over_time(case, true), NO_PORT_OPENED))
             }
-            Ended::Over => {}
-            Ended::Timeout => self.fail(over_time(case.allowed)),
+            Ended::Timeout => {
+                self.fail(over_time(case, true));
+                play::Ended::Played
+            }
+            Ended::Watched if !has_begun => play::Ended::NotBegun(no_port_opened(case, &end)),
             Ended::Watched if end != ClientEnd::Exited(0) => {
                 self.server.take_the_rest()?;
                 self.fail(format!("the client {end}"));
+                play::Ended::Played
             }
-            Ended::Watched if !self.server.has_begun() => {
-                self.fail(no_port_opened(case));
-            }
-            Ended::Watched => {
-                if !self.play_the_rest()? {
-                    return Ok(None);
-                }
-            }
-        }
-        Ok(Some(PlayedClient {
+            Ended::Watched => self.play_the_rest()?,
+        };
+        let client = PlayedClient {
             end,
             stopped,
             output: self.client.output().text(),
             outside: Vec::new(),
+            random_addresses: false,
             refused: Vec::new(),
-        }))
+            missing: Vec::new(),
+            left: Vec::new(),
+        };
+        Ok((ended, client))
     }
 
-    /// The client has done its work and left. What it had still sent is on its way, and the rest of
-    /// the scenario shows what becomes of the vehicle. `false` if a signal came first.
-    fn play_the_rest(&mut self) -> anyhow::Result<bool> {
+    /// The client has ended well. What it had still sent is on its way, and the rest of the scenario
+    /// shows what becomes of the vehicle.
+    fn play_the_rest(&mut self) -> anyhow::Result<play::Ended> {
         while self.server.run().finished().is_none() {
             let to = match self.server.take_the_rest()? {
                 true => SimTime::MAX,
                 false => self.server.run().rig().now() + SLICE,
             };
             if !self.playing.on(self.server.run_mut(), to)? {
-                return Ok(false);
+                return Ok(play::Ended::Aborted);
             }
         }
-        Ok(true)
+        Ok(play::Ended::Played)
     }
 
     fn fail(&mut self, what: String) {

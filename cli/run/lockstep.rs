@@ -1,33 +1,35 @@
 //! A scenario against a real client whose time is the simulator's.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
-use sim_core::SimTime;
-use sim_core::line::ClientLine;
-use sim_core::rig::PortId;
-use sim_embed::ports::ShownPort;
-use sim_lockstep::{
-    Broken, End, Ending, Error, LineSettings, Options, Port, Program, Reason, Step, World, modem,
+use rigsim_core::SimTime;
+use rigsim_core::rig::PortId;
+use rigsim_embed::ports::ShownPort;
+use rigsim_lockstep::{
+    Broken, ClientLine, End, Ending, Error, Options, Port, Program, Reason, Step, World, modem,
 };
-use sim_pty::ListenAddress;
-use sim_runner::Run;
-use sim_settings::show_duration;
+use rigsim_pty::ListenAddress;
+use rigsim_pty::paths::Held;
+use rigsim_runner::Run;
+use rigsim_settings::show_duration;
 
-use crate::args::RandomArg;
+use crate::args::{RandomArg, ScheduleArg};
 use crate::client::Output;
-use crate::control::Desk;
+use crate::control::RequestQueue;
 use crate::exit::Failure;
+use crate::published::Published;
 use crate::supervise::ClientEnd;
 use crate::visible;
 
 use super::case::{Case, CaseResult, PlayedClient};
-use super::folder::Folder;
+use super::folder;
 use super::live::no_port_opened;
-use super::play::{BROKEN_OFF, Playing, over_time};
+use super::play::{Ended, Playing, over_time};
 
 /// Instants of the simulation between looks at the real clock.
 const MOST_INSTANTS: u32 = 10_000;
@@ -39,16 +41,18 @@ const MOST_FILED: u64 = 1 << 26;
 /// Plays it. The client ends before this returns, whatever happens.
 pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     if stop.load(Ordering::Relaxed) {
-        return Ok(CaseResult::BrokenOff);
+        return Ok(CaseResult::aborted());
     }
     let (mut run, playing) = Playing::begin(case, stop)?;
     run.follow_bytes();
-    let folder = Folder::take(case).map_err(Failure::system)?;
+    let folder = folder::take(case).map_err(Failure::system)?;
     let (shown, mut ports) = open_ports(case, &folder)?;
     let ids = shown.iter().map(|port| port.link.id).collect();
     let mut environment = super::live::environment(case, &shown)?;
-    let desk = case.desk(&run, shown, &mut environment)?;
-    let mut output = open_output(case).map_err(Failure::system)?;
+    let published = Published::create(folder.path()).map_err(Failure::system)?;
+    environment.push((Published::VARIABLE.to_owned(), published.path().into()));
+    let requests = case.requests(&run, shown, &mut environment)?;
+    let output = open_output(case).map_err(Failure::system)?;
     let program = Program {
         words: &case.args.client,
         environment: &environment,
@@ -59,36 +63,43 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
     };
     let options = Options {
         seed: (case.args.random == RandomArg::Seed).then_some(case.seed),
+        schedule: (case.args.schedule == ScheduleArg::Random).then_some(case.seed),
         date: case.args.date,
+        allowed: Some(case.allowed),
         until: playing.until(),
         stop,
     };
     let mut stage = Stage {
         run,
         playing,
-        desk,
+        requests,
         ids,
         begun_at: None,
         wants_room: false,
         patience: nanoseconds(case.allowed),
-        output: output.try_clone().ok(),
+        written: Written::new(output),
+        published,
     };
-    let ending = sim_lockstep::run(program, &options, &mut ports, &mut stage);
+    let ending = rigsim_lockstep::run(program, &options, &mut ports, &mut stage);
     let ending = ending.map_err(|error| failure(case, error))?;
-    // Nobody is left to be answered.
-    stage.desk = None;
-    let broken_off = !stage.conclude(case, &ending)?;
-    let output = read_output(&mut output).map_err(Failure::system);
+    // No client is left to be answered.
+    stage.requests = None;
+    stage.note_output(stage.now());
+    let ended = stage.conclude(case, &ending)?;
+    let output = stage.written.text().map_err(Failure::system);
     let client = PlayedClient {
         end: client_end(ending.end),
         stopped: ending.reason != Reason::Itself,
         output: output.as_ref().map(Clone::clone).unwrap_or_default(),
         outside: ending.outside.into_iter().collect(),
+        random_addresses: ending.random_addresses,
         refused: ending.refused.into_iter().collect(),
+        missing: ending.missing.into_iter().collect(),
+        left: ending.left.into_iter().collect(),
     };
     // The machine has no part in it.
     let playing = stage.playing;
-    let concluded = playing.conclude(&mut stage.run, broken_off, Some(client), None)?;
+    let concluded = playing.conclude(&mut stage.run, ended, Some(client), None)?;
     // The trace has its end by now, which it needs to be played again.
     output.map(|_| concluded)
 }
@@ -118,7 +129,7 @@ fn failure(case: &Case<'_>, error: Error) -> Failure {
 }
 
 /// A port for each link of each device, in the folder or where the rig has it.
-fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<ShownPort>, Vec<Port>), Failure> {
+fn open_ports(case: &Case<'_>, folder: &Held) -> Result<(Vec<ShownPort>, Vec<Port>), Failure> {
     let mut shown = Vec::new();
     let mut ports = Vec::new();
     for link in case.loaded.scenario.client_links() {
@@ -131,7 +142,7 @@ fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<ShownPort>, Vec<P
                 )));
             }
             Some(path) => case.loaded.folder().join(path),
-            None => folder.path.join(link.file_name()),
+            None => folder.path().join(link.file_name()),
         };
         let port = Port::new(path.clone(), link.baud)
             .with_context(|| format!("cannot serve a port at {}", path.display()))
@@ -149,24 +160,70 @@ fn open_ports(case: &Case<'_>, folder: &Folder) -> Result<(Vec<ShownPort>, Vec<P
 /// Where the client writes: a file, which takes everything at once. A reader of a pipe would be one
 /// more whose pace shows.
 fn open_output(case: &Case<'_>) -> anyhow::Result<File> {
-    let Some(path) = case.file("client.log") else {
-        return tempfile::tempfile().context("cannot make a file for the client's output");
-    };
-    File::create(&path)
-        .and_then(|_| File::options().read(true).append(true).open(&path))
-        .with_context(|| format!("cannot write the client's output to {}", path.display()))
+    match case.client_log()? {
+        Some(log) => log.into_file().context("cannot write the client's output"),
+        None => tempfile::tempfile().context("cannot make a file for the client's output"),
+    }
 }
 
-fn read_output(file: &mut File) -> anyhow::Result<String> {
-    let what = "cannot read the client's output";
-    let length = file.metadata().context(what)?.len();
-    let from = length.saturating_sub(Output::MOST as u64);
-    file.seek(SeekFrom::Start(from)).context(what)?;
-    let mut bytes = Vec::new();
-    file.take(Output::MOST as u64)
-        .read_to_end(&mut bytes)
-        .context(what)?;
-    Ok(Output::ended(from, &bytes))
+/// What the client has written so far, and when.
+struct Written {
+    file: File,
+    length: u64,
+    /// From which byte on it was written at which time, `None` before the scenario began; of the end
+    /// that is shown.
+    times: VecDeque<(u64, Option<SimTime>)>,
+}
+
+impl Written {
+    fn new(file: File) -> Self {
+        Self {
+            file,
+            length: 0,
+            times: VecDeque::new(),
+        }
+    }
+
+    /// All that is new was written at this time: while the client runs, its time stands still.
+    fn note(&mut self, at: Option<SimTime>) {
+        let length = self.file.metadata().map_or(0, |file| file.len());
+        if length <= self.length {
+            return;
+        }
+        if self.times.back().is_none_or(|(_, last)| *last != at) {
+            self.times.push_back((self.length, at));
+        }
+        let shown = length.saturating_sub(Output::MOST as u64);
+        while self.times.get(1).is_some_and(|(from, _)| *from <= shown) {
+            self.times.pop_front();
+        }
+        self.length = length;
+        if length > 2 * MOST_FILED && self.file.set_len(MOST_FILED).is_ok() {
+            // The beginning stays, and whatever comes next; a file that cannot be cut is too long.
+            self.length = MOST_FILED;
+            self.times.clear();
+        }
+    }
+
+    /// Its end as text, with the time before each line.
+    fn text(&mut self) -> anyhow::Result<String> {
+        let what = "cannot read the client's output";
+        let length = self.file.metadata().context(what)?.len();
+        let mut from = length.saturating_sub(Output::MOST as u64);
+        self.file.seek(SeekFrom::Start(from)).context(what)?;
+        let mut bytes = Vec::new();
+        let mut end = (&self.file).take(Output::MOST as u64);
+        end.read_to_end(&mut bytes).context(what)?;
+        let mut text = Output::left_out(from);
+        for line in bytes.split_inclusive(|byte| *byte == b'\n') {
+            let next = self.times.partition_point(|(begin, _)| *begin <= from);
+            let time = next.checked_sub(1).and_then(|last| self.times[last].1);
+            let time = time.map_or("-".to_owned(), |time| time.to_string());
+            text += &format!("{time:>12} {}", visible::bytes(line));
+            from += line.len() as u64;
+        }
+        Ok(text)
+    }
 }
 
 fn nanoseconds(span: Duration) -> u64 {
@@ -177,7 +234,7 @@ fn nanoseconds(span: Duration) -> u64 {
 struct Stage<'a> {
     run: Run,
     playing: Playing<'a>,
-    desk: Option<Desk>,
+    requests: Option<RequestQueue>,
     ids: Vec<PortId>,
     /// The client's time when it first opened a port, at which the scenario begins.
     begun_at: Option<u64>,
@@ -185,7 +242,8 @@ struct Stage<'a> {
     wants_room: bool,
     /// The client's time until which it must have opened a port.
     patience: u64,
-    output: Option<File>,
+    written: Written,
+    published: Published,
 }
 
 impl Stage<'_> {
@@ -207,18 +265,18 @@ impl Stage<'_> {
             .ok_or_else(|| "there is no such port".into())
     }
 
-    /// Tells who listens what has happened, and answers what is asked over the control socket; says
+    /// Reports what has happened to those that listen, and answers requests of the control socket; says
     /// whether that may be what the client waits for. It may have asked something itself if it `ran`.
     fn settle(&mut self, now: u64, ran: bool) -> Result<bool, Broken> {
-        let Some(desk) = &mut self.desk else {
+        let Some(requests) = &mut self.requests else {
             self.playing.take(&mut self.run);
             return Ok(false);
         };
         while let Some(event) = self.run.poll_event() {
-            desk.event(&event);
+            requests.event(&event);
         }
-        let any = desk.settle(&mut self.run, ran)?;
-        if desk.wants_time() {
+        let any = requests.settle(&mut self.run, ran)?;
+        if requests.wants_time() {
             self.begun_at.get_or_insert(now);
         }
         self.playing.take(&mut self.run);
@@ -248,7 +306,7 @@ impl Stage<'_> {
             }
             // A client that only listens would else never be found to listen at a wrong speed.
             if let Some(line) = port.line()? {
-                self.run.set_line(id, client_line(line));
+                self.run.set_line(id, line);
             }
             port.deliver(&bytes)?;
             any = true;
@@ -260,62 +318,45 @@ impl Stage<'_> {
         Ok(any)
     }
 
-    /// Says what the client's end means, and plays what is left of the scenario; `false` if a signal
-    /// came first.
-    fn conclude(&mut self, case: &Case<'_>, ending: &Ending) -> Result<bool, Failure> {
-        match &ending.reason {
-            Reason::Stopped => {
-                self.run.fail(BROKEN_OFF.to_owned());
-                return Ok(false);
+    /// Says what the client's end means, and plays what is left of the scenario.
+    fn conclude(&mut self, case: &Case<'_>, ending: &Ending) -> Result<Ended, Failure> {
+        let end = client_end(ending.end);
+        let begun = self.begun_at.is_some();
+        let why = match &ending.reason {
+            Reason::Stopped => return Ok(Ended::Aborted),
+            Reason::Over => return Ok(Ended::Played),
+            Reason::OutOfTime { real, doing } => {
+                format!("{}; {doing}", over_time(case, *real))
             }
-            Reason::Over => {}
-            Reason::OutOfTime(doing) => {
-                let why = over_time(case.allowed);
-                self.run.fail(format!("{why}; {doing}"));
-            }
-            Reason::Deadlock(waits) if self.begun_at.is_none() => self.run.fail(format!(
+            Reason::Deadlock(waits) if !begun => format!(
                 "the client has opened no port within {} of its own time: {waits}",
                 show_duration(case.allowed)
-            )),
-            Reason::Deadlock(waits) => self
-                .run
-                .fail(format!("the client waited for what never comes: {waits}")),
-            Reason::Itself if ending.end != End::Exited(0) => {
-                self.run
-                    .fail(format!("the client {}", client_end(ending.end)));
+            ),
+            Reason::Deadlock(waits) => {
+                format!("the client waited for what never comes: {waits}")
             }
-            Reason::Itself if self.begun_at.is_none() => {
-                self.run.fail(no_port_opened(case));
-            }
+            Reason::Itself if !begun => no_port_opened(case, &end),
+            Reason::Itself if end != ClientEnd::Exited(0) => format!("the client {end}"),
             // The rest of the scenario shows what becomes of the vehicle.
             Reason::Itself => {
                 let played = self.playing.on(&mut self.run, SimTime::MAX);
-                return played.map_err(Failure::system);
+                return Ok(match played.map_err(Failure::system)? {
+                    true => Ended::Played,
+                    false => Ended::Aborted,
+                });
             }
+        };
+        if !begun {
+            return Ok(Ended::NotBegun(why));
         }
-        Ok(true)
+        self.run.fail(why);
+        Ok(Ended::Played)
     }
 
-    /// Leaves out what a client writes without end.
-    fn bound_output(&mut self) {
-        if let Some(output) = &self.output
-            && output
-                .metadata()
-                .is_ok_and(|file| file.len() > 2 * MOST_FILED)
-        {
-            // The beginning stays, and whatever comes next; a file that cannot be cut is too long.
-            let _ = output.set_len(MOST_FILED);
-        }
-    }
-}
-
-fn client_line(line: LineSettings) -> ClientLine {
-    ClientLine {
-        baud: line.baud,
-        stop_bits: u8::try_from(line.stop_bits).unwrap_or(1),
-        raw: line.raw,
-        parity: line.parity,
-        rts_cts: line.rts_cts,
+    /// Notes when the client has written what is new.
+    fn note_output(&mut self, now: u64) {
+        let at = self.begun_at.map(|_| self.at(now));
+        self.written.note(at);
     }
 }
 
@@ -334,7 +375,7 @@ impl World for Stage<'_> {
     fn sent(
         &mut self,
         port: usize,
-        line: LineSettings,
+        line: ClientLine,
         now: u64,
         bytes: &[u8],
     ) -> Result<usize, Broken> {
@@ -342,7 +383,7 @@ impl World for Stage<'_> {
         if self.run.finished().is_some() {
             return Ok(bytes.len());
         }
-        self.run.set_line(id, client_line(line));
+        self.run.set_line(id, line);
         let count = self.run.rig().space(id).min(bytes.len());
         self.wants_room = count < bytes.len();
         if let Some(taken) = bytes.get(..count).filter(|taken| !taken.is_empty()) {
@@ -365,7 +406,11 @@ impl World for Stage<'_> {
         until: Option<u64>,
         ran: bool,
     ) -> Result<Step, Broken> {
-        self.bound_output();
+        self.note_output(now);
+        if self.begun_at.is_some() {
+            let at = self.at(now);
+            self.published.take(&mut self.run, at)?;
+        }
         if self.settle(now, ran)? {
             return Ok(Step::To(self.now().max(now)));
         }
@@ -381,11 +426,11 @@ impl World for Stage<'_> {
             to = to.min(self.at(now) + ROOM);
         }
         for _ in 0..MOST_INSTANTS {
-            let news = self.follow(ports)? | self.settle(now, false)?;
+            let any = self.follow(ports)? | self.settle(now, false)?;
             if self.run.finished().is_some() {
                 return Ok(Step::Over);
             }
-            if news {
+            if any {
                 break;
             }
             if !self.run.step(to)? && self.run.finished().is_none() {

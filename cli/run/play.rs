@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use sim_core::SimTime;
-use sim_core::line::Wire;
-use sim_embed::serve::HeldUp;
-use sim_runner::{Run, RunError, RunOptions};
-use sim_settings::show_duration;
+use rigsim_core::SimTime;
+use rigsim_core::line::Wire;
+use rigsim_embed::serve::Stalls;
+use rigsim_runner::{Outcome, Run, RunError, RunOptions};
+use rigsim_settings::show_duration;
 
 use crate::exit::Failure;
 use crate::recording::TraceFile;
@@ -17,24 +17,41 @@ use super::case::{Case, CaseResult, Played, PlayedClient};
 /// Most simulated time between two looks at the clock and for signals.
 const SLICE: Duration = Duration::from_millis(500);
 
-/// The reason of a scenario that a signal ended.
-pub(super) const BROKEN_OFF: &str = "a signal ended it";
+/// How many times what is allowed a run may take in real time where processor time is counted.
+const REAL_TIME_FACTOR: u32 = 10;
 
-/// The reason of a scenario that took too long.
-pub(super) fn over_time(allowed: Duration) -> String {
-    format!(
-        "it was still going on after the {} of real time that are allowed (--timeout, or \
-         `wall_limit` in the file)",
-        show_duration(allowed)
-    )
+/// The reason of a scenario that took too long; `real` if that was real time.
+pub(super) fn over_time(case: &Case<'_>, real: bool) -> String {
+    let allowed = show_duration(case.allowed);
+    let what = match (case.is_lockstep(), real) {
+        (true, false) => format!("the {allowed} of processor time that are"),
+        (true, true) => {
+            format!("{REAL_TIME_FACTOR} times the {allowed} of processor time that are")
+        }
+        (false, _) => format!("the {allowed} of real time that are"),
+    };
+    format!("it was still going on after {what} allowed (--timeout)")
 }
 
 /// Plays a scenario with its scripted client, as fast as the machine goes.
 pub(super) fn scripted(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     let (mut run, mut playing) = Playing::begin(case, stop)?;
     let goes_on = playing.on(&mut run, SimTime::MAX);
-    let broken_off = !goes_on.map_err(Failure::system)?;
-    playing.conclude(&mut run, broken_off, None, None)
+    let ended = match goes_on.map_err(Failure::system)? {
+        true => Ended::Played,
+        false => Ended::Aborted,
+    };
+    playing.conclude(&mut run, ended, None, None)
+}
+
+/// End of a run.
+pub(super) enum Ended {
+    /// There is a verdict.
+    Played,
+    /// The client never began, for this reason.
+    NotBegun(String),
+    /// A signal came.
+    Aborted,
 }
 
 /// A case whose run is on its way.
@@ -49,28 +66,39 @@ impl<'a> Playing<'a> {
     /// A run of a case, which ends soon after `stop` has become true.
     pub(super) fn begin(case: &'a Case<'a>, stop: &'a AtomicBool) -> Result<(Run, Self), Failure> {
         let begun = Instant::now();
+        case.check_files().map_err(Failure::system)?;
         let recording = case.recording();
-        let mut run = case.loaded.run(RunOptions {
-            seed: case.seed,
-            wire: Wire::Paced,
-            live: case.is_live(),
-            trace: recording.is_some(),
-        })?;
+        let mut run = case.loaded.run_as(
+            &case.scenario(),
+            RunOptions {
+                seed: case.seed,
+                wire: Wire::Paced,
+                live: case.is_live(),
+                trace: recording.is_some(),
+            },
+        )?;
         if case.is_live() {
             run.name_time(case.time_word());
         }
+        let trace = recording.map(TraceFile::create).transpose();
         let playing = Self {
             case,
             stop,
             begun,
-            trace: recording.map(TraceFile::create).transpose()?,
+            trace: trace.map_err(Failure::system)?,
         };
         Ok((run, playing))
     }
 
     /// When its real time is over.
     pub(super) fn until(&self) -> Option<Instant> {
-        self.begun.checked_add(self.case.allowed)
+        let allowed = self.case.allowed;
+        let factor = if self.case.is_lockstep() {
+            REAL_TIME_FACTOR
+        } else {
+            1
+        };
+        self.begun.checked_add(allowed.saturating_mul(factor))
     }
 
     /// Takes what the run has to tell.
@@ -85,11 +113,10 @@ impl<'a> Playing<'a> {
     pub(super) fn on(&mut self, run: &mut Run, to: SimTime) -> Result<bool, RunError> {
         while run.finished().is_none() && run.rig().now() < to {
             if self.stop.load(Ordering::Relaxed) {
-                run.fail(BROKEN_OFF.to_owned());
                 return Ok(false);
             }
-            if self.begun.elapsed() > self.case.allowed {
-                run.fail(over_time(self.case.allowed));
+            if self.until().is_some_and(|until| Instant::now() > until) {
+                run.fail(over_time(self.case, true));
                 run.end();
                 break;
             }
@@ -100,28 +127,43 @@ impl<'a> Playing<'a> {
         Ok(true)
     }
 
-    /// Ends it and gives its result. The trace has its end in any case, so that it can be played again.
+    /// Ends it and returns its result. The trace is complete in any case, so that it can be played
+    /// again.
     pub(super) fn conclude(
         mut self,
         run: &mut Run,
-        broken_off: bool,
+        ended: Ended,
         client: Option<PlayedClient>,
-        held_up: Option<HeldUp>,
+        stalled: Option<Stalls>,
     ) -> Result<CaseResult, Failure> {
-        let outcome = run.end().clone();
-        self.take(run);
-        self.trace.map_or(Ok(()), TraceFile::finish)?;
-        if broken_off {
-            return Ok(CaseResult::BrokenOff);
+        match &ended {
+            Ended::Played => {}
+            Ended::NotBegun(why) => run.fail(why.clone()),
+            Ended::Aborted => run.fail("a signal ended it".to_owned()),
         }
-        let most = self.case.args.max_hold_up.0;
-        let was_busy = held_up.is_some_and(|held_up| held_up.total > most);
-        Ok(CaseResult::Played(Box::new(Played {
-            is_spoilt: !outcome.passed && was_busy,
+        let mut outcome = run.end().clone();
+        self.take(run);
+        let trace = self.trace.map(TraceFile::finish).transpose()?;
+        let why = match ended {
+            Ended::Played => None,
+            Ended::NotBegun(why) => {
+                // What did not come of it needs no further reason.
+                outcome = Outcome {
+                    title: outcome.title,
+                    seed: outcome.seed,
+                    ..Outcome::default()
+                };
+                Some(why)
+            }
+            Ended::Aborted => return Ok(CaseResult::aborted()),
+        };
+        let played = Played {
             outcome,
             client,
             took: self.begun.elapsed(),
-            held_up,
-        })))
+            trace,
+            stalled,
+        };
+        Ok(CaseResult::of(played, why, self.case.args.max_stall.0))
     }
 }

@@ -8,15 +8,16 @@ use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use crossbeam_channel::RecvTimeoutError;
-use sim_pty::Waiter;
+use rigsim_pty::Waiter;
 
 use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
 use crate::print::{complain, words_of_panic};
 
-use super::Told;
+use super::Audience;
 use super::case::{Case, CaseResult, Verdict};
-use super::{live, lockstep, play, report, twice};
+use super::page::Page;
+use super::{json, live, lockstep, play, twice};
 
 /// Time in which everything has to end after a second signal.
 const LAST_PATIENCE: Duration = Duration::from_secs(15);
@@ -24,19 +25,20 @@ const LAST_PATIENCE: Duration = Duration::from_secs(15);
 /// Time to wait for a result before looking whether something is left to be done.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// Plays all, and keeps nothing of what has been told. What was not played, since another failed or a
+/// Plays all, and keeps nothing of what has been printed. What was not played, since another failed or a
 /// signal came, has no result. An error that concerns all is returned, and the first of the audience's,
 /// which ends nothing.
 pub(crate) fn play_all(
     args: &RunArgs,
     cases: &[Case<'_>],
-    audience: &mut Told<'_>,
+    audience: &mut Audience<'_>,
 ) -> Result<Option<Failure>, Failure> {
+    let page = audience.page;
     let stop = broken_off_by_signals()?;
     let next = AtomicUsize::new(0);
     let enough = AtomicBool::new(false);
     let (sender, receiver) = crossbeam_channel::unbounded();
-    // Those that wait to be told until the ones before them have been.
+    // Those that wait to be printed until the ones before them have been.
     let mut early = BTreeMap::new();
     let mut wrong = None;
     std::thread::scope(|scope| {
@@ -46,11 +48,11 @@ pub(crate) fn play_all(
                 while !enough.load(Ordering::Relaxed) && !stop.load(Ordering::Relaxed) {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(case) = cases.get(index) else { return };
-                    let result = play(case, stop);
+                    let result = play(case, page, stop);
                     let is_usage = matches!(&result, Err(failure) if failure.exit == Exit::Usage);
-                    let passed = |result: &CaseResult| result.verdict() == Verdict::Passed;
-                    let passed = result.as_ref().is_ok_and(passed);
-                    if is_usage || args.fail_fast && !passed {
+                    let fine = |result: &CaseResult| result.verdict.exit() == Exit::Clean;
+                    let fine = result.as_ref().is_ok_and(fine);
+                    if is_usage || args.fail_fast && !fine {
                         enough.store(true, Ordering::Relaxed);
                     }
                     if sender.send((index, result)).is_err() {
@@ -77,15 +79,18 @@ pub(crate) fn play_all(
             }
         }
         drop(sender);
-        let mut told = 0;
+        let mut printed = 0;
         let mut note = |outcome: Result<(), Failure>| {
             if let Err(failure) = outcome {
                 wrong.get_or_insert(failure);
             }
         };
         loop {
+            if stop.load(Ordering::Relaxed) {
+                note(audience.interrupted());
+            }
             let (index, result) = match receiver.recv_timeout(GLANCE) {
-                Ok(news) => news,
+                Ok(result) => result,
                 Err(RecvTimeoutError::Timeout) => {
                     note(audience.idle());
                     continue;
@@ -98,18 +103,18 @@ pub(crate) fn play_all(
                 if failure.exit == Exit::Usage {
                     note(Err(failure));
                 }
-                CaseResult::Broken(why)
+                CaseResult::error(why)
             });
             note(audience.known(index, &result));
             early.insert(index, result);
-            while let Some(result) = early.remove(&told) {
-                note(audience.told(told, &result));
-                told += 1;
+            while let Some(result) = early.remove(&printed) {
+                note(audience.in_order(printed, &result));
+                printed += 1;
             }
         }
         // After a gap that was never played.
         for (index, result) in early {
-            note(audience.told(index, &result));
+            note(audience.in_order(index, &result));
         }
     });
     Ok(wrong)
@@ -139,7 +144,7 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
             // Without a way to wait, signals do nothing, and the limits of time end the run.
             while let Ok(wake) = waiter.wait(None) {
                 if wake.is_signalled() && seen.swap(true, Ordering::Relaxed) {
-                    // Somebody insists; whoever reads the output may have stopped reading it.
+                    // The user insists; the reader of the output may have stopped.
                     std::thread::sleep(LAST_PATIENCE);
                     std::process::exit(Exit::System as i32);
                 }
@@ -152,22 +157,22 @@ fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
 
 /// Plays one, and writes its report. Whatever goes wrong is its own failure, a panic included; the
 /// others go on.
-fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
+fn play(case: &Case<'_>, page: Option<&Page>, stop: &AtomicBool) -> Result<CaseResult, Failure> {
     if let Some(why) = &case.loaded.broken {
-        return Ok(CaseResult::Broken(why.clone()));
+        return Ok(CaseResult::error(why.clone()));
     }
     catch_unwind(AssertUnwindSafe(|| {
         let mut result = play_once(case, stop)?;
-        if result.verdict() == Verdict::Spoilt {
+        if result.verdict == Verdict::Error && result.has_stalled() {
             result = play_once(case, stop)?;
         }
-        if let CaseResult::Played(played) = &result {
-            report::write(case, played)?;
-            case.show(played, stop)?;
+        json::write(case, &result)?;
+        if let Some(page) = page {
+            page.add(case, &result, stop);
         }
         Ok(result)
     }))
-    .unwrap_or_else(|panic| Ok(CaseResult::Broken(words_of_panic(&*panic))))
+    .unwrap_or_else(|panic| Ok(CaseResult::error(words_of_panic(&*panic))))
 }
 
 fn play_once(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {

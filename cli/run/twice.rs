@@ -8,7 +8,7 @@ use anyhow::Context as _;
 
 use crate::exit::Failure;
 
-use super::case::{Case, CaseResult};
+use super::case::{Case, CaseResult, Verdict};
 use super::{lockstep, tell};
 
 /// Compared files: the ends of the files' names, and what is in them.
@@ -25,12 +25,12 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         case.output = Some(scratch.path());
     }
     let first = lockstep::play(&case, stop)?;
-    if !matches!(first, CaseResult::Played(_)) {
+    if first.played.is_none() {
         return Ok(first);
     }
     let before = COMPARED.map(|(end, _)| contents(&case, end));
     let mut second = lockstep::play(&case, stop)?;
-    let CaseResult::Played(played) = &mut second else {
+    let Some(played) = &mut second.played else {
         return Ok(second);
     };
     if let (Some(from), Some(to)) = (case.recording(), asked.recording())
@@ -43,6 +43,7 @@ pub(crate) fn play(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Fai
         let (before, after) = (before?, contents(&case, end)?);
         if let Some(difference) = difference(what, &before, &after) {
             played.outcome.fail(difference);
+            second.verdict = Verdict::Failed;
             break;
         }
     }

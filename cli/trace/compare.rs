@@ -6,19 +6,19 @@ use std::thread;
 use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, bounded};
-use sim_core::SimTime;
-use sim_core::event::Event;
-use sim_runner::Run;
-use sim_runner::trace::Onlooker;
+use rigsim_core::SimTime;
+use rigsim_core::event::Event;
+use rigsim_runner::Run;
+use rigsim_runner::trace::Onlooker;
 
-use super::{Part, told};
+use super::{Part, exit};
 use crate::args::TraceArgs;
 use crate::exit::{Exit, Failure};
 use crate::log::Words;
 use crate::print::print;
 use crate::recording::{self, Played};
 use crate::visible;
-use sim_core::device::Devices;
+use rigsim_core::device::Devices;
 
 /// Most events that one of them may be ahead of the other.
 const AHEAD: usize = 1 << 10;
@@ -39,7 +39,7 @@ pub(super) fn compare(
             let (happens, happened) = bounded(AHEAD);
             let player = scope.spawn(move || {
                 let (_, played) = recording::view(devices, path, |run| {
-                    // Nobody waits for it if the other one cannot be read.
+                    // It is not waited for if the other one cannot be read.
                     let _ = begins.send(Begun::new(run));
                     Teller::new(args, run, happens)
                 })?;
@@ -56,13 +56,13 @@ pub(super) fn compare(
             }
             _ => None,
         };
-        // They end as soon as nobody listens.
+        // They end as soon as there is no receiver.
         drop((a, b));
         for player in [player_a, player_b] {
             let played = player
                 .join()
                 .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            let exit = told(played?)?;
+            let exit = exit(played?)?;
             if exit != Exit::Clean {
                 return Ok(exit);
             }
@@ -102,13 +102,13 @@ impl Begun {
 
     fn differences(&self, other: &Self) -> Vec<String> {
         let pairs = self.parts.iter().zip(&other.parts);
-        let told = pairs.filter(|(a, b)| a != b).map(|((what, a), (_, b))| {
+        let lines = pairs.filter(|(a, b)| a != b).map(|((what, a), (_, b))| {
             match a.contains('\n') || b.contains('\n') {
                 true => format!("begun otherwise: the {what} differs"),
                 false => format!("begun otherwise: {what} {a} in the first, {b} in the second"),
             }
         });
-        told.collect()
+        lines.collect()
     }
 }
 
@@ -176,12 +176,12 @@ fn follow(path: &Path, first: Option<Happened>, rest: &Receiver<Happened>) -> Ve
         .collect()
 }
 
-/// Tells the events of a recording.
+/// Sends the events of a recording.
 struct Teller {
     part: Part,
     words: Words,
     happens: Sender<Happened>,
-    nobody_listens: bool,
+    has_no_receiver: bool,
 }
 
 impl Teller {
@@ -190,17 +190,17 @@ impl Teller {
             part: Part::new(args, run)?,
             words: Words::new(&run.scenario().rig),
             happens,
-            nobody_listens: false,
+            has_no_receiver: false,
         })
     }
 }
 
 impl Onlooker for Teller {
     fn event(&mut self, _: &Run, event: &Event) {
-        if self.nobody_listens || !self.part.has(event.at, Some(event.device)) {
+        if self.has_no_receiver || !self.part.has(event.at, Some(event.device)) {
             return;
         }
-        let told = self.happens.send(Happened {
+        let sent = self.happens.send(Happened {
             at: event.at,
             device: event.device,
             code: event.kind.code().as_str(),
@@ -208,10 +208,10 @@ impl Onlooker for Teller {
             bytes: event.kind.bytes().map(std::borrow::Cow::into_owned),
             line: self.words.plain(event),
         });
-        self.nobody_listens = told.is_err();
+        self.has_no_receiver = sent.is_err();
     }
 
     fn has_enough(&self) -> bool {
-        self.nobody_listens
+        self.has_no_receiver
     }
 }

@@ -3,17 +3,17 @@
 use std::collections::VecDeque;
 use std::io::{self, BufWriter, Write as _};
 
+use rigsim_core::SimTime;
+use rigsim_core::event::Event;
+use rigsim_runner::Run;
+use rigsim_runner::trace::{Onlooker, Record};
+use rigsim_settings::show_rounded;
 use serde_json::json;
-use sim_core::SimTime;
-use sim_core::event::Event;
-use sim_runner::Run;
-use sim_runner::trace::{Onlooker, Record};
-use sim_settings::show_duration;
 
 use super::Part;
-use crate::args::{LogFormat, TraceArgs};
+use crate::args::TraceArgs;
 use crate::exit::Failure;
-use crate::log::Words;
+use crate::log::{LogFormat, Words};
 use crate::visible;
 
 /// Prints what happens as it comes.
@@ -24,7 +24,7 @@ pub(super) struct Printer {
     out: BufWriter<anstream::Stdout>,
     written: io::Result<()>,
     /// Events of the recording at times to which the second run has not come.
-    told: VecDeque<(SimTime, String)>,
+    printed: VecDeque<(SimTime, String)>,
     now: SimTime,
 }
 
@@ -36,7 +36,7 @@ impl Printer {
             format: args.log_format,
             out: BufWriter::new(anstream::stdout()),
             written: Ok(()),
-            told: VecDeque::new(),
+            printed: VecDeque::new(),
             now: SimTime::ZERO,
         };
         if args.log_format == LogFormat::Text {
@@ -66,7 +66,7 @@ impl Printer {
 
     /// Prints what the recording tells up to a time.
     fn catch_up(&mut self, to: SimTime) {
-        while let Some((at, line)) = self.told.pop_front_if(|(at, _)| *at <= to) {
+        while let Some((at, line)) = self.printed.pop_front_if(|(at, _)| *at <= to) {
             if self.part.has(at, None) {
                 self.line(&line);
             }
@@ -81,7 +81,7 @@ impl Printer {
                 json!({"time_s": at.as_secs_f64(), "code": code, "text": text}).to_string()
             }
         };
-        self.told.push_back((at, line));
+        self.printed.push_back((at, line));
     }
 }
 
@@ -101,22 +101,34 @@ impl Onlooker for Printer {
             Record::Pace { t, change } => {
                 self.tell(*t, "pace", &format!("time was changed: {change}"));
             }
+            Record::Publish { t, line } => {
+                self.tell(*t, "publish", &format!("the client published {line}"));
+            }
             Record::Failure { t, step, what } => {
                 let step = step.as_ref().map(|step| format!("\"{step}\": "));
                 let text = format!("FAILED: {}{what}", step.unwrap_or_default());
                 self.tell(*t, "failure", &text);
             }
             Record::Late { t, by, .. } => {
-                let by = show_duration(std::time::Duration::from_nanos(*by));
+                let by = show_rounded(std::time::Duration::from_nanos(*by));
                 self.tell(
                     *t,
                     "late",
-                    &format!("the machine held the simulator up for {by}"),
+                    &format!("the simulator was late or paused, for {by}"),
                 );
             }
-            Record::End { t, passed, .. } => {
-                let word = if *passed { "passed" } else { "FAILED" };
-                self.tell(*t, "end", &format!("the end: {word}"));
+            Record::End {
+                t,
+                passed,
+                not_applicable,
+                ..
+            } => {
+                let words = match (passed, &not_applicable[..]) {
+                    (true, _) => "passed".to_owned(),
+                    (false, []) => "FAILED".to_owned(),
+                    (false, why) => format!("skipped: {}", why.join("; ")),
+                };
+                self.tell(*t, "end", &format!("the end: {words}"));
             }
             _ => {}
         }

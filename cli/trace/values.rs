@@ -4,10 +4,11 @@ use std::io::{self, BufWriter, Write as _};
 use std::time::Duration;
 
 use anyhow::anyhow;
-use sim_core::SimTime;
-use sim_runner::Run;
-use sim_runner::condition::{Probe, Reading};
-use sim_runner::trace::Onlooker;
+use rigsim_core::SimTime;
+use rigsim_runner::Run;
+use rigsim_runner::condition::Reading;
+use rigsim_runner::run::Probe;
+use rigsim_runner::trace::Onlooker;
 
 use super::Part;
 use crate::args::TraceArgs;

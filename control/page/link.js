@@ -1,4 +1,4 @@
-// The way to the simulator: calls, and the stream of what happens.
+// The connection to the simulator: calls, and the stream of events.
 
 export class Refusal extends Error {}
 
@@ -26,7 +26,7 @@ export class Link {
     }
   }
 
-  // Hands each event on until the stream ends; gives a way to end it.
+  // Passes each event on until the stream ends; returns a function that ends it.
   listen(query, take, ended) {
     const aborter = new AbortController();
     this.#read(query, take, aborter.signal).then(

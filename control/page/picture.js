@@ -2,8 +2,8 @@
 
 import { Still } from "./still.js";
 
-const MOST_WAY = 4000; // points of the way that a vehicle came
-const WAY_STEP = 0.02;
+const MOST_POINTS = 4000; // of the path of a vehicle
+const PATH_STEP = 0.02;
 const GRIDS = [0.1, 0.5, 1, 5, 10, 50]; // m
 const SLOWEST = 100; // ms between two states, beyond which a vehicle stands rather than crawls on
 
@@ -15,7 +15,8 @@ export class Picture {
     this.world = { obstacles: [], areas: [], tags: [], strips: [] };
     this.devices = [];
     this.now = null;
-    this.ways = [];
+    this.past = null; // what is looked at, unless it is now
+    this.paths = [];
     this.bumps = [];
     this.show = { rays: true, trails: true, follow: false };
     this.dirty = true;
@@ -45,7 +46,7 @@ export class Picture {
 
   // Where everything is now. It is gone to from where it is shown, in the time that one state lasts.
   setNow(now) {
-    if (this.now && now.t < this.now.t) { this.ways = []; this.bumps = []; this.now = null; this.still.forget(); }
+    if (this.now && now.t < this.now.t) { this.paths = []; this.bumps = []; this.now = null; this.still.forget(); }
     const passed = now.t - (this.now?.t ?? now.t);
     if (this.now && passed === 0) return;
     const arrived = performance.now();
@@ -63,18 +64,18 @@ export class Picture {
     if (this.wantsFit) { this.wantsFit = false; this.fit(); }
   }
 
-  // The way that a vehicle comes, and where it hits something.
+  // The path of a vehicle, and where it hits something.
   #remember(device, index, t) {
-    const way = (this.ways[index] ??= []);
-    const last = way.at(-1);
-    if (!last || Math.hypot(device.x - last[0], device.y - last[1]) > WAY_STEP) {
-      way.push([device.x, device.y]);
-      if (way.length > MOST_WAY) { way.splice(0, MOST_WAY / 4); this.still.forget(); }
+    const path = (this.paths[index] ??= []);
+    const last = path.at(-1);
+    if (!last || Math.hypot(device.x - last[0], device.y - last[1]) > PATH_STEP) {
+      path.push([device.x, device.y]);
+      if (path.length > MOST_POINTS) { path.splice(0, MOST_POINTS / 4); this.still.forget(); }
     }
     if (device.touching && !this.now?.devices[index].touching) this.bumps.push([device.x, device.y, t]);
   }
 
-  // The vehicles as they are to be seen, and how much of the way there is behind them.
+  // The vehicles between their last state and the one before, and how far they are from that.
   #shown(at) {
     const part = Math.min((at - this.arrived) / this.every, 1);
     const between = (a, b) => a + (b - a) * part;
@@ -171,7 +172,7 @@ export class Picture {
     return this.colours.getPropertyValue(`--${name}`).trim();
   }
 
-  // Draws, and says how much of the way from one state to the next is behind it.
+  // Draws; returns how far the vehicles are from one state to the next, 0 to 1.
   #draw() {
     const { canvas, show } = this;
     const ratio = devicePixelRatio || 1;
@@ -180,7 +181,7 @@ export class Picture {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
     }
-    const { part, devices } = this.now ? this.#shown(performance.now()) : { part: 1, devices: [] };
+    const { part, devices } = this.past ? { part: 1, devices: this.past.devices } : this.now ? this.#shown(performance.now()) : { part: 1, devices: [] };
     const chosen = devices[this.chosen ?? 0];
     if (show.follow && chosen) this.at = [chosen.x, chosen.y];
     const zoom = ratio * this.scale;

@@ -1,5 +1,5 @@
-// What stands still, and the ways, on a canvas of its own: it is drawn anew when one looks elsewhere or
-// nearer, and else only goes on with the ways.
+// Obstacles, ground and paths, on a second canvas: it is drawn again when the map is moved or zoomed;
+// otherwise only the paths grow.
 
 const MARGIN = 0.5; // of the picture, on each side, so that following a vehicle seldom leaves it
 
@@ -9,7 +9,7 @@ export class Still {
     this.seen = null;
   }
 
-  // It has to be drawn anew.
+  // It has to be drawn again.
   forget() { this.seen = null; }
 
   // Puts it into a picture, of which a metre is so many pixels.
@@ -26,7 +26,7 @@ export class Still {
       this.#begin(picture, zoom);
       this.drawn = [];
     }
-    if (picture.show.trails) this.#goOn(picture);
+    if (picture.show.trails) this.#extendTrails(picture);
     draw.drawImage(canvas, Math.round((this.seen.x - x) * zoom) - across, Math.round((y - this.seen.y) * zoom) - down);
   }
 
@@ -78,18 +78,18 @@ export class Still {
     this.context.closePath();
   }
 
-  // What the ways have grown by.
-  #goOn(picture) {
+  // Draws what the paths have grown by.
+  #extendTrails(picture) {
     const { context: draw } = this;
     draw.lineWidth = picture.hair * 1.5;
-    draw.strokeStyle = picture.colour("way");
-    picture.ways.forEach((way, index) => {
+    draw.strokeStyle = picture.colour("path");
+    picture.paths.forEach((path, index) => {
       const from = Math.max((this.drawn[index] ?? 0) - 1, 0);
-      if (way.length <= from + 1) return;
+      if (path.length <= from + 1) return;
       draw.beginPath();
-      way.slice(from).forEach((point, at) => (at ? draw.lineTo(...point) : draw.moveTo(...point)));
+      path.slice(from).forEach((point, at) => (at ? draw.lineTo(...point) : draw.moveTo(...point)));
       draw.stroke();
-      this.drawn[index] = way.length;
+      this.drawn[index] = path.length;
     });
   }
 }

@@ -112,7 +112,7 @@ class Car:
         self.buffer = bytearray()
         self.status = None  # the last that was believed
         self.doubtful = None  # one that does not fit it
-        self.forgotten = None  # where the car was when its board began anew
+        self.forgotten = None  # where the car was when its board began again
         self.greeted = 0.0
 
     def pass_time(self):
@@ -127,7 +127,8 @@ class Car:
                 self.take(status)
             else:  # not a packet; one may begin at the next byte
                 del self.buffer[0]
-        self.ros.read()  # says nothing that the packets do not say
+        if self.ros:
+            self.ros.read()  # says nothing that the packets do not say
         if time.monotonic() - self.greeted > 0.25:
             self.greeted = time.monotonic()
             self.main.write(BOARD_DRIVES)
@@ -141,7 +142,7 @@ class Car:
                 self.doubtful = new
                 return
             if new.mile < 20 and old.mile > 120:
-                # It has begun anew; the car is where it last was.
+                # It has begun again; the car is where it last was.
                 self.forgotten = old
         self.status, self.doubtful = new, None
 
@@ -183,7 +184,8 @@ class Car:
         standing = 0
         for _ in range(100):
             self.main.write(STOP)
-            self.ros.write(b"\nX0 \n")
+            if self.ros:
+                self.ros.write(b"\nX0 \n")
             status = next(self.news(0.15), None)
             standing = standing + 1 if status and not status.motors else 0
             if standing == 2:
@@ -255,7 +257,7 @@ class Car:
                 raise Trouble("the car does not do as it is told")
             self.wait_until_clear(axis, way)
             # Lines that come to nothing are given up; the main link can do the same.
-            line = by_line and orders < 3
+            line = by_line and self.ros and orders < 3
             self.order(axis, way, line)
             orders += 1
             why = self.watch(axis, corner, line)
@@ -265,8 +267,9 @@ class Car:
 
 
 def main(sides=SIDES):
-    paths = sys.argv[1:] or [os.environ["SIM_CAR_PORT"], os.environ["SIM_CAR_ROS_PORT"]]
-    car = Car(Link(paths[0], 115200), Link(paths[1], 9600))
+    paths = sys.argv[1:] or [os.environ["SIM_MECANUM_PORT"], os.environ.get("SIM_MECANUM_ROS_PORT")]
+    # Where the car has no second link, all goes by packets.
+    car = Car(Link(paths[0], 115200), Link(paths[1], 9600) if paths[1] else None)
     try:
         car.look()
         car.set_pose(0, 0, 0)

@@ -39,7 +39,7 @@ def line(text):
     finish()
 
 
-paths = sys.argv[1:] or [os.environ["SIM_CAR_PORT"], os.environ["SIM_CAR_ROS_PORT"]]
+paths = sys.argv[1:] or [os.environ["SIM_MECANUM_PORT"], os.environ["SIM_MECANUM_ROS_PORT"]]
 main, ros = serial.Serial(paths[0], 115200), serial.Serial(paths[1], 9600)
 main.read_until(b"\x00\x27")  # the first packet may have begun before
 main.read(37)

@@ -1,4 +1,4 @@
-//! A test of a client, as somebody writes it who has a driver for the R150: it takes a serial port, and
+//! A test of a client, as an owner of a driver for the R150 writes it: it takes a serial port, and
 //! here gets one that needs no vehicle. The driver's first version works on a good day; the simulation
 //! shows in milliseconds what it does when a byte of a reply is lost.
 
@@ -7,8 +7,8 @@
 use std::io::{self, ErrorKind};
 use std::time::Duration;
 
+use rigsim_embed::Simulation;
 use serialport::{ClearBuffer, SerialPort};
-use sim_embed::Simulation;
 
 const VERSION: [u8; 6] = [0xAA, 0x55, 0x00, 0xF0, 0xF7, 0x07];
 const HEADER: [u8; 4] = [0xAA, 0x55, 0x08, 0xF0];

@@ -5,8 +5,8 @@
 use std::io::{ErrorKind, Read, Write};
 use std::time::Duration;
 
+use rigsim_embed::{ClientPort, Device, Error, NewDevice, Simulation};
 use serialport::{ClearBuffer, DataBits, Parity, SerialPort, StopBits};
-use sim_embed::{ClientPort, Device, Error, NewDevice, Simulation};
 
 const HEARTBEAT: [u8; 6] = [0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84];
 const ALIVE: [u8; 7] = [0xAA, 0x55, 0x01, 0x07, 0x01, 0xC6, 0x53];
@@ -28,7 +28,7 @@ fn ask(port: &mut dyn SerialPort) -> std::io::Result<[u8; 7]> {
 
 fn faults(device: &Device) -> Vec<&'static str> {
     let report = device.report();
-    report.held_against_client().map(|(code, _)| code).collect()
+    report.client_errors().map(|(code, _)| code).collect()
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn a_wrong_speed_garbles_and_the_right_one_mends_it() {
 }
 
 #[test]
-fn stop_bits_are_told_of_and_other_framings_refused() {
+fn stop_bits_are_reported_and_other_framings_refused() {
     let (_, device, mut port) = r150();
     assert_eq!(port.stop_bits().unwrap(), StopBits::One);
     port.set_stop_bits(StopBits::Two).unwrap();
@@ -163,7 +163,7 @@ fn a_pulled_cable_is_a_broken_pipe_until_the_port_is_opened_again() {
 }
 
 #[test]
-fn who_does_not_read_loses_what_comes_late_and_is_told() {
+fn a_client_that_does_not_read_loses_what_comes_late_and_an_event_says_so() {
     let car = NewDevice::new("mecanum").named("car").with("ros", true);
     let sim = Simulation::builder().device(car).build().unwrap();
     let car = sim.device("car").unwrap();

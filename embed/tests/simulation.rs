@@ -3,9 +3,9 @@
 use std::io::{Read, Write};
 use std::time::Duration;
 
-use sim_core::mecanum::Mecanum;
-use sim_core::r150_device::command::Request;
-use sim_embed::{Error, ExpressionError, NewDevice, Simulation};
+use rigsim_core::mecanum::Mecanum;
+use rigsim_core::r150_device::command::Request;
+use rigsim_embed::{Error, ExpressionError, NewDevice, Simulation};
 
 fn forward(power: i16) -> Vec<u8> {
     let (right, left) = (power, power);
@@ -13,7 +13,7 @@ fn forward(power: i16) -> Vec<u8> {
 }
 
 #[test]
-fn what_makes_no_sense_is_told_by_name() {
+fn what_makes_no_sense_is_named() {
     let message = |error: Error| error.to_string();
     let wrong = |kind| message(Simulation::of(kind).err().unwrap());
     assert!(wrong("r15").contains("r150"), "{}", wrong("r15"));
@@ -69,7 +69,7 @@ fn several_devices_with_settings_stand_in_one_world() {
 }
 
 #[test]
-fn faults_people_and_the_world_act_when_told() {
+fn faults_people_and_the_world_act_on_request() {
     let sim = Simulation::of("r150").unwrap();
     let r150 = sim.device("r150").unwrap();
     let mut port = r150.open().unwrap();
@@ -169,9 +169,9 @@ fn a_scenario_is_read_with_its_base_parameters_and_job() {
     let fault = write(
         "faults/noise.toml",
         "schema = 1\ntitle = \"n\"\nbase = \"../jobs/short.toml\"\n\
-         [[step]]\nat = \"50 %\"\nfault = { kind = \"bad-crc\" }\nmay_not_trigger = true\n",
+         [[step]]\nat = \"50 %\"\nfault = { kind = \"bad-crc\" }\noptional = true\n",
     );
-    let play = |builder: sim_embed::Builder| {
+    let play = |builder: rigsim_embed::Builder| {
         let sim = builder.build().unwrap();
         let mut port = sim.device("r150").unwrap().open().unwrap();
         for _ in 0..100 {

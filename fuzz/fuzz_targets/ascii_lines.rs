@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_testkit::stream::{Stream, ascii};
+use rigsim_testkit::stream::{Stream, ascii};
 
 fuzz_target!(|data: &[u8]| ascii(&Stream::read(data)));

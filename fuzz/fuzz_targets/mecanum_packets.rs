@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_testkit::stream::{Stream, mecanum};
+use rigsim_testkit::stream::{Stream, mecanum};
 
 fuzz_target!(|data: &[u8]| mecanum(&Stream::read(data)));

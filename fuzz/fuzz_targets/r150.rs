@@ -2,10 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_testkit::session::{Devices, Session, play};
+use rigsim_testkit::alone;
+use rigsim_testkit::session::{Session, play};
 
 fuzz_target!(|session: Session| {
-    let mut session = session;
-    session.setup.devices = Devices::R150;
-    let _ = play(&session);
+    let _ = play(alone("r150"), &session);
 });

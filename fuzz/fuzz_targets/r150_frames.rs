@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_testkit::stream::{Stream, r150};
+use rigsim_testkit::stream::{Stream, r150};
 
 fuzz_target!(|data: &[u8]| r150(&Stream::read(data)));

@@ -3,4 +3,4 @@
 
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|data: &[u8]| sim_testkit::request::play(data));
+fuzz_target!(|data: &[u8]| rigsim_testkit::request::play(data));

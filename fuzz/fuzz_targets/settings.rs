@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_testkit::text;
+use rigsim_testkit::text;
 
 fuzz_target!(|text: &str| text::settings(text));

@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use sim_testkit::trace;
+use rigsim_testkit::trace;
 
 fuzz_target!(|text: &str| trace::play(text));

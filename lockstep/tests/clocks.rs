@@ -3,7 +3,7 @@
 mod common;
 
 use common::{c, c_played, play, text};
-use sim_lockstep::End;
+use rigsim_lockstep::End;
 
 /// What the clocks show by the functions of the C library and by calls of the system, in all the
 /// places in which a program can be.
@@ -68,7 +68,86 @@ int main(void) {
 "#;
     let Some(played) = c_played(code) else { return };
     assert_eq!(played.ending.end, End::Exited(0));
-    assert_eq!(played.ending.at, 100_000_000);
+    assert_eq!(played.ending.at, 105_000_000);
     // One for each sleep, and those of its beginning; not 90,000.
     assert!(played.ending.calls < 300, "{:?}", played.ending);
+}
+
+/// A delay that watches the time stamp counter, whose ticks are nanoseconds.
+#[test]
+fn time_goes_on_for_who_watches_the_time_stamp_counter() {
+    let code = r#"
+#include <stdio.h>
+#include <x86intrin.h>
+int main(void) {
+  unsigned long long begun = __rdtsc(), now; unsigned who; long rounds = 0;
+  do { now = rounds++ % 2 ? __rdtsc() : __rdtscp(&who); } while (now - begun < 100000000);
+  printf("%d %d\n", now - begun < 101000000, rounds < 10000);
+}
+"#;
+    let Some(played) = c_played(code) else { return };
+    assert_eq!(played.output, "1 1\n", "{:?}", played.ending);
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+}
+
+/// The kernel sends SIGSEGV for each, and takes away what a program has set for that if it blocks or
+/// ignores it.
+#[test]
+fn the_time_stamp_counter_leaves_the_signals_of_a_program_alone() {
+    let code = r#"
+#define _GNU_SOURCE
+#include <pthread.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <x86intrin.h>
+static sigjmp_buf back;
+static void caught(int s, siginfo_t *info, void *_) { siglongjmp(back, 1); }
+static int faults(void) { if (sigsetjmp(back, 1)) return 1; *(volatile int *)8 = 1; return 0; }
+static int is_blocked(void) { sigset_t set; sigprocmask(SIG_SETMASK, 0, &set); return sigismember(&set, SIGSEGV); }
+static void *thread(void *_) {
+  sigset_t all; sigfillset(&all); pthread_sigmask(SIG_BLOCK, &all, 0);
+  unsigned long long a = __rdtsc(), b = __rdtsc(); printf("%d %d\n", is_blocked(), b - a < 1000000); return 0;
+}
+int main(void) {
+  struct sigaction on = {0}, old; on.sa_sigaction = caught; on.sa_flags = SA_SIGINFO | SA_NODEFER;
+  sigaction(SIGSEGV, &on, 0); printf("%d %d\n", faults(), is_blocked());
+  pthread_t t; pthread_create(&t, 0, thread, 0); pthread_join(t, 0);
+  sigaction(SIGSEGV, 0, &old); printf("%d %d\n", old.sa_sigaction == caught, (int)(old.sa_flags & SA_SIGINFO));
+  printf("%d %d\n", faults(), is_blocked());
+  signal(SIGSEGV, SIG_IGN); __rdtsc(); sigaction(SIGSEGV, 0, &old); printf("%d\n", old.sa_handler == SIG_IGN);
+}
+"#;
+    let Some(played) = c_played(code) else { return };
+    assert_eq!(
+        played.output, "1 0\n1 1\n1 4\n1 0\n1\n",
+        "{:?}",
+        played.ending
+    );
+}
+
+#[test]
+fn rarer_calls_tell_simulated_time() {
+    let code = r#"
+#include <stdio.h>
+#include <sys/sysinfo.h>
+#include <sys/timex.h>
+#include <time.h>
+#include <unistd.h>
+int main(void) {
+  sleep(50);
+  struct sysinfo info; int r = sysinfo(&info); printf("%d %ld\n", r, info.uptime);
+  struct timex t = {0}, u = {0}; struct timespec now; clock_gettime(CLOCK_REALTIME, &now);
+  r = adjtimex(&t) < 0; printf("%d %d ", r, t.time.tv_sec == now.tv_sec && t.time.tv_usec / 1000000 == 0);
+  r = clock_adjtime(CLOCK_REALTIME, &u) < 0; printf("%d %d\n", r, u.time.tv_sec == now.tv_sec);
+  t.modes = ADJ_OFFSET; printf("%d\n", adjtimex(&t));
+}
+"#;
+    let Some(played) = c_played(code) else { return };
+    assert_eq!(
+        played.output, "0 1050\n0 1 0 1\n-1\n",
+        "{:?}",
+        played.ending
+    );
 }

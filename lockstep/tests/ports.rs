@@ -4,15 +4,15 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Device, Stage, play_on, python, python_on};
-use sim_lockstep::{End, Reason};
+use common::{Device, Stage, c_played, play_on, python, python_on};
+use rigsim_lockstep::{End, Reason};
 
 #[test]
 fn a_shell_script_talks_to_the_device() {
     let code = "stty -F $PORT 115200 raw -echo; exec 3<>$PORT; echo hello >&3; sleep 1; echo again >&3; head -n 2 <&3";
     let played = play_on(Stage::default(), &["sh", "-c", code]).expect("it can be run");
     assert_eq!(played.output, "HELLO\nAGAIN\n", "{:?}", played);
-    assert_eq!(played.ending.at, 1_050_000_000);
+    assert_eq!(played.ending.at, 1_050_050_000);
 }
 
 #[test]
@@ -43,7 +43,7 @@ wait(1, 0); os.write(fd, b"abc\n"); print(os.read(fd, 2), os.read(fd, 20), at())
 }
 
 #[test]
-fn modem_lines_are_kept_and_told() {
+fn modem_lines_are_kept_and_reported() {
     let code = r#"
 import fcntl, os, struct, termios
 fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
@@ -112,7 +112,7 @@ os.write(fd, b"two\n"); print(os.read(fd, 10), at())
     );
 }
 
-/// A process that somebody else starts has it open, too, until it has become another program.
+/// A process that another thread starts has it open, too, until it has become another program.
 #[test]
 fn a_client_sees_a_pulled_cable_at_its_time_although_the_system_is_late_with_it() {
     let code = r#"
@@ -126,7 +126,7 @@ print(round(time.monotonic() - start, 3), os.read(fd, 10))
     let stage = Stage {
         device: Device {
             cable: Some((3_000_000_000, 4_900_000_000)),
-            // Much longer than a client needs that is not told.
+            // Much longer than a client needs that does not find it.
             kept: Some(Duration::from_secs(1)),
             ..Device::default()
         },
@@ -191,7 +191,7 @@ reader.join(); print(bytes(got) == lines.upper())
 }
 
 #[test]
-fn a_client_that_waits_for_nothing_is_told_so_at_once() {
+fn a_client_that_waits_for_nothing_learns_so_at_once() {
     let code = "import os; fd = os.open(os.environ['PORT'], os.O_RDWR); os.read(fd, 1)";
     let Some(played) = python(code) else { return };
     assert_eq!(played.ending.end, End::Killed(15));
@@ -225,4 +225,82 @@ while True:
         "{:?}",
         played.ending
     );
+}
+
+/// A port that is not raw takes some bytes for itself; the others are there at their time.
+#[test]
+fn a_port_that_is_not_raw_behaves_as_its_terminal_does() {
+    let code = r#"
+import os, select, termios, time
+fd = os.open(os.environ["PORT"], os.O_RDWR | os.O_NOCTTY)
+start, raw = time.monotonic(), termios.tcgetattr(fd)
+def played(name, index, flags, least=1, tenths=0):
+    settings = [s if i < 6 else list(s) for i, s in enumerate(raw)]
+    settings[index] |= flags
+    settings[6][termios.VMIN], settings[6][termios.VTIME] = least, tenths
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+    os.write(fd, b"a\x03b\x11c\x13d\re\xe1\x1a\n")
+    got = b""
+    while select.select([fd], [], [], 0.3)[0]: got += os.read(fd, 100)
+    print(name, got, round(time.monotonic() - start, 2))
+    termios.tcsetattr(fd, termios.TCSAFLUSH, raw)
+played("raw", 0, 0)
+played("ISIG", 3, termios.ISIG)
+played("ISIG, NOFLSH", 3, termios.ISIG | termios.NOFLSH)
+played("IXON", 0, termios.IXON)
+played("IXON", 0, termios.IXON, 4)
+played("IXON", 0, termios.IXON, 4, 2)
+played("IGNCR", 0, termios.IGNCR)
+played("ICRNL", 0, termios.ICRNL)
+played("ISTRIP", 0, termios.ISTRIP)
+played("OPOST", 1, termios.OPOST | termios.ONLCR)
+played("ICANON", 3, termios.ICANON)
+"#;
+    let Some(played) = python(code) else { return };
+    let expected = r"raw b'A\x03B\x11C\x13D\rE\xe1\x1a\n' 0.35
+ISIG b'\n' 0.7
+ISIG, NOFLSH b'AB\x11C\x13D\rE\xe1\n' 1.05
+IXON b'A\x03BCD\rE\xe1\x1a\n' 1.4
+IXON b'A\x03BCD\rE\xe1\x1a\n' 1.75
+IXON b'A\x03BCD\rE\xe1\x1a\n' 2.1
+IGNCR b'A\x03B\x11C\x13DE\xe1\x1a\n' 2.45
+ICRNL b'A\x03B\x11C\x13D\nE\xe1\x1a\n' 2.8
+ISTRIP b'A\x03B\x11C\x13D\rEa\x1a\n' 3.15
+OPOST b'A\x03B\x11C\x13D\rE\xe1\x1a\r\n' 3.5
+ICANON b'A\x03B\x11C\x13D\rE\xe1\x1a\n' 3.85
+";
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert!(played.took.as_secs() < 20, "{:?}", played.took);
+}
+
+#[test]
+fn bytes_go_through_the_line_however_they_are_written() {
+    let code = r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/sendfile.h>
+#include <sys/uio.h>
+#include <unistd.h>
+int main(void) {
+  int fd = open(getenv("PORT"), O_RDWR | O_NOCTTY), p[2], q[2]; pipe(p); pipe(q); char b[10];
+  struct iovec v = {"abc\n", 4}; int n = pwritev2(fd, &v, 1, -1, 0);
+  printf("%d ", n); n = read(fd, b, 10); printf("%d %.3s\n", n, b);
+  struct iovec w = {b, 1}; n = vmsplice(p[1], &w, 1, 0); printf("%d %d", n, tee(p[0], q[1], 1, 0));
+  printf(" %zd\n", read(q[0], b, 1));
+  n = splice(fd, 0, p[1], 0, 1, 0); printf("%d %d ", n, errno == EINVAL);
+  n = sendfile(p[1], fd, 0, 1); printf("%d %d ", n, errno == EINVAL);
+  n = splice(p[0], 0, fd, 0, 1, 0); printf("%d %d ", n, errno == EINVAL);
+  n = vmsplice(fd, &v, 1, 0); printf("%d %d ", n, errno == EBADF);
+  read(p[0], b, 1); if (!fork()) { sleep(2); write(p[1], "x", 1); _exit(0); }
+  n = tee(p[0], q[1], 1, 0); printf("%d\n", n);
+}
+"#;
+    let Some(played) = c_played(code) else { return };
+    let expected = "4 4 ABC\n1 1 1\n-1 1 -1 1 -1 1 -1 1 1\n";
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    assert_eq!(played.trace[1], "0 sent \"abc\\n\" at 115200 baud");
 }

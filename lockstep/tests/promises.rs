@@ -1,4 +1,4 @@
-//! The same each time; nobody is left; what cannot be is refused in words.
+//! The same each time; no process is left; what cannot be is refused in words.
 
 #![allow(
     clippy::expect_used,
@@ -15,7 +15,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use common::{Device, Played, Stage, c, c_played, play, play_on, program, python, python_on, text};
-use sim_lockstep::{End, Error, Reason};
+use rigsim_lockstep::{End, Error, Reason};
 
 /// Busy loops beside a test, ended on drop.
 struct Load(Vec<std::process::Child>);
@@ -157,7 +157,7 @@ fn processes_and_pipelines_are_the_same_each_time() {
 }
 
 #[test]
-fn who_computes_without_end_is_told_where() {
+fn a_client_that_computes_without_end_learns_where() {
     // Long enough for a busy machine to have begun it.
     let doing = [1, 5, 25, 125].into_iter().find_map(|seconds| {
         let stage = Stage {
@@ -166,7 +166,7 @@ fn who_computes_without_end_is_told_where() {
         };
         let played = play_on(stage, &["sh", "-c", "while :; do :; done"]).expect("it can be run");
         assert_eq!(played.ending.end, End::Killed(9));
-        let Reason::OutOfTime(doing) = played.ending.reason else {
+        let Reason::OutOfTime { doing, .. } = played.ending.reason else {
             panic!("{:?}", played.ending)
         };
         doing.starts_with("sh was computing").then_some(doing)
@@ -228,9 +228,16 @@ int main(void) {
     assert_eq!(played.output, "111\n");
     let refused: Vec<&String> = played.ending.refused.iter().collect();
     assert!(refused[0].starts_with("a debugger"), "{refused:?}");
+    let missing: Vec<&str> = played.ending.missing.iter().map(String::as_str).collect();
+    assert!(
+        ["futex_waitv", "io_uring_setup"]
+            .iter()
+            .all(|call| missing.contains(call)),
+        "{missing:?}"
+    );
 
-    let nobody = play_on(Stage::default(), &["/nobody/here"]);
-    assert!(matches!(nobody, Err(Error::NotStarted(_))), "{nobody:?}");
+    let missing = play_on(Stage::default(), &["/missing/here"]);
+    assert!(matches!(missing, Err(Error::NotStarted(_))), "{missing:?}");
     let folder = play_on(Stage::default(), &["/"]);
     assert!(matches!(folder, Err(Error::NotStarted(_))), "{folder:?}");
 }
@@ -365,4 +372,148 @@ fn nothing_piles_up_over_many_runs() {
     // Other tests of this program have some of their own meanwhile.
     assert!(open() < before + 40, "{} {before}", open());
     assert!(children() < 40, "{}", children());
+}
+
+/// Numbers that a client in a PID namespace names are those that it knows.
+#[test]
+fn processes_in_a_namespace_of_their_own_know_one_another() {
+    let inside = ["unshare", "-Urpf", "--mount-proc"];
+    let allowed = Command::new(inside[0])
+        .args([&inside[1..], &["true"]].concat())
+        .status();
+    if !allowed.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: no PID namespace can be made here");
+        return;
+    }
+    let timers = r#"
+#define _GNU_SOURCE
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+static volatile int hits; static void hit(int s) { hits++; }
+static void on_thread(union sigval v) { printf("thread %d\n", v.sival_int); fflush(stdout); }
+int main(void) {
+  signal(SIGUSR1, hit); struct sigevent e = {0}; e.sigev_notify = SIGEV_SIGNAL; e.sigev_signo = SIGUSR1;
+  timer_t t; timer_create(CLOCK_MONOTONIC, &e, &t);
+  struct itimerspec two = {{0, 0}, {2, 0}}; timer_settime(t, 0, &two, 0); pause();
+  e.sigev_notify = SIGEV_THREAD; e.sigev_notify_function = on_thread; e.sigev_value.sival_int = 42;
+  timer_create(CLOCK_MONOTONIC, &e, &t); timer_settime(t, 0, &two, 0); sleep(3);
+  int child = fork(), status; if (!child) { sleep(1000); _exit(0); }
+  sleep(1); kill(child, SIGKILL); wait(&status); printf("%d hits, %d\n", hits, status);
+}
+"#;
+    let Some((_folder, binary)) = c(timers, &["-lrt"]) else {
+        return;
+    };
+    let script = "sleep 100 & p=$!; sleep 1; kill -9 $p; wait $p; echo waited $?; \
+                  unshare -pf --mount-proc sh -c 'sleep 100 & p=$!; kill -9 $p; wait $p; echo inner $?'; \
+                  \"$0\"; sleep 100 & kill -9 -1; echo killed all others; sleep 1";
+    let words = [&inside[..], &["sh", "-c", script, text(&binary)]].concat();
+    let stage = Stage {
+        allowed: Duration::from_secs(20),
+        ..Stage::default()
+    };
+    let played = play_on(stage, &words).expect("it can be run");
+    let expected = "waited 137\ninner 137\nthread 42\n1 hits, 9\nkilled all others\n";
+    assert_eq!(played.output, expected, "{:?}", played.ending);
+    assert_eq!(played.ending.end, End::Exited(0));
+    // A client outside kills the first process of the namespace, and all that are in it.
+    let script = "unshare -Urpf --mount-proc sh -c 'sleep 50 & (sleep 60 & sleep 70) & wait' 2>&- & \
+                  sleep 1; kill -9 $(pgrep -P $!); wait $! || echo killed";
+    let played = play(&["sh", "-c", script]);
+    assert_eq!(played.output, "killed\n", "{:?}", played.ending);
+}
+
+/// A machine that is busy with something else takes nothing of the time allowed.
+#[test]
+fn the_time_allowed_is_that_of_processors() {
+    let stage = |stalls, allowed| Stage {
+        allowed: Duration::from_secs(allowed),
+        device: Device {
+            stalls: Duration::from_millis(stalls),
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let sleeps = "for i in 1 2 3 4 5; do sleep 1; done";
+    let played = play_on(stage(500, 2), &["sh", "-c", sleeps]).expect("it can be run");
+    assert!(played.took.as_millis() > 2500, "{:?}", played.took);
+    assert_eq!(played.ending.end, End::Exited(0), "{:?}", played.ending);
+    // All of its processes count, also those that have ended.
+    let one = "python3 -c 'import time\nwhile time.process_time() < 0.4: pass'";
+    let all = format!("{one}; {one} & {one} & wait; {one}; {one}");
+    let played = play_on(stage(0, 1), &["sh", "-c", &all]).expect("it can be run");
+    let reason = &played.ending.reason;
+    assert!(
+        matches!(reason, Reason::OutOfTime { real: false, .. }),
+        "{reason:?}"
+    );
+    // Real time has its limit as well.
+    let played = play_on(stage(3000, 1), &["sh", "-c", sleeps]).expect("it can be run");
+    let reason = &played.ending.reason;
+    assert!(
+        matches!(reason, Reason::OutOfTime { real: true, .. }),
+        "{reason:?}"
+    );
+}
+
+#[test]
+fn a_thread_that_waits_in_memory_alone_goes_on_when_time_does() {
+    let code = r#"
+#include <pthread.h>
+#include <stdio.h>
+#include <time.h>
+#include <unistd.h>
+static volatile int ready;
+static void *later(void *_) { usleep(150000); ready = 1; return 0; }
+int main(void) {
+  struct timespec a, b; pthread_t t; clock_gettime(CLOCK_MONOTONIC, &a);
+  pthread_create(&t, 0, later, 0); usleep(1); while (!ready); pthread_join(t, 0);
+  clock_gettime(CLOCK_MONOTONIC, &b);
+  double took = b.tv_sec - a.tv_sec + (b.tv_nsec - a.tv_nsec) / 1e9;
+  printf("%d\n", took > 0.15 && took < 0.3);
+}
+"#;
+    let Some(played) = c_played(code) else { return };
+    assert_eq!(played.output, "1\n", "{:?}", played.ending);
+    let what: Vec<&String> = played.ending.outside.iter().collect();
+    assert_eq!(what, ["client, which computed for long"]);
+}
+
+#[test]
+fn processes_that_a_client_leaves_behind_are_named() {
+    let played = play(&["sh", "-c", "sleep 1000 & sleep 1; exit 0"]);
+    assert_eq!(played.ending.end, End::Exited(0));
+    assert_eq!(played.ending.left.iter().collect::<Vec<_>>(), ["sleep"]);
+    let played = play(&["sh", "-c", "sleep 1 & wait"]);
+    assert!(played.ending.left.is_empty(), "{:?}", played.ending);
+}
+
+#[test]
+fn a_wait_in_the_kernel_is_named_by_its_syscall() {
+    let code = r#"
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <linux/openat2.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+int main(void) {
+  char folder[] = "/tmp/lockstepXXXXXX", fifo[64]; mkdtemp(folder);
+  sprintf(fifo, "%s/fifo", folder); mkfifo(fifo, 0600);
+  if (!fork()) { usleep(200000); close(open(fifo, O_WRONLY)); _exit(0); }
+  struct open_how how = {.flags = O_RDONLY};
+  printf("%d\n", syscall(SYS_openat2, AT_FDCWD, fifo, &how, sizeof how) > 0);
+  unlink(fifo); rmdir(folder);
+}
+"#;
+    let Some(played) = c_played(code) else { return };
+    assert_eq!(played.output, "1\n", "{:?}", played.ending);
+    let outside: Vec<&String> = played.ending.outside.iter().collect();
+    assert_eq!(outside, ["client in openat2"]);
 }

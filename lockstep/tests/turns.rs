@@ -2,7 +2,8 @@
 
 mod common;
 
-use common::{c, c_prints, play, text};
+use common::{Stage, c, c_prints, play, play_on, text};
+use rigsim_lockstep::End;
 
 #[test]
 fn who_began_first_goes_first_and_goes_on_until_it_waits() {
@@ -160,4 +161,47 @@ int main(void) {
     let [first, again] = [(); 2].map(|()| play(&[text(&binary)]).output);
     assert!(first.starts_with("8 8 8:"), "{first}");
     assert_eq!(first, again);
+}
+
+/// Two threads that add to a number without a lock, and an order in which that goes wrong.
+#[test]
+fn a_seed_chooses_which_thread_runs() {
+    let code = r#"
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <unistd.h>
+static int sum, nowhere;
+static void *adds(void *_) {
+  for (int i = 0; i < 3; i++) { int before = sum; write(nowhere, "x", 1); sum = before + 1; }
+  return 0;
+}
+int main(void) {
+  pthread_t t[2]; nowhere = open("/dev/null", O_WRONLY);
+  for (int i = 0; i < 2; i++) pthread_create(&t[i], 0, adds, 0);
+  for (int i = 0; i < 2; i++) pthread_join(t[i], 0);
+  printf("%d\n", sum);
+}
+"#;
+    let Some((_folder, binary)) = c(code, &[]) else {
+        return;
+    };
+    let sum = |schedule| {
+        let stage = Stage {
+            schedule,
+            ..Stage::default()
+        };
+        let played = play_on(stage, &[text(&binary)]).expect("it can be run");
+        assert_eq!(played.ending.end, End::Exited(0));
+        played.output
+    };
+    assert_eq!(sum(None), "6\n");
+    let sums: Vec<String> = (0..20).map(|seed| sum(Some(seed))).collect();
+    let all: std::collections::BTreeSet<&String> = sums.iter().collect();
+    assert!(
+        all.len() > 1 && sums.iter().any(|sum| sum != "6\n"),
+        "{sums:?}"
+    );
+    let again: Vec<String> = (0..20).map(|seed| sum(Some(seed))).collect();
+    assert_eq!(sums, again);
 }

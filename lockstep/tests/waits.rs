@@ -3,14 +3,14 @@
 mod common;
 
 use common::{c_prints, play, prints, python};
-use sim_lockstep::{End, Reason};
+use rigsim_lockstep::{End, Reason};
 
 #[test]
 fn a_sleep_takes_simulated_time_and_next_to_no_real_time() {
     let played = play(&["sleep", "30"]);
     assert_eq!(played.ending.end, End::Exited(0));
     assert_eq!(played.ending.reason, Reason::Itself);
-    assert_eq!(played.ending.at, 30_000_000_000);
+    assert_eq!(played.ending.at, 30_000_050_000);
     assert!(played.took.as_secs() < 20, "{:?}", played.took);
 }
 
@@ -30,12 +30,12 @@ print("time", time.time_ns() - wall, time.strftime("%Y-%m-%d %H:%M:%S", time.gmt
 "#;
     let Some(played) = python(code) else { return };
     for line in played.output.lines().take(7) {
-        assert!(line.ends_with(" 12500000000"), "{}", played.output);
+        assert!(line.ends_with(" 12500050000"), "{}", played.output);
     }
     assert!(
         played
             .output
-            .ends_with("time 12500000000 2030-01-01 00:00:12\n"),
+            .ends_with("time 12500050000 2030-01-01 00:00:12\n"),
         "{}",
         played.output
     );
@@ -64,7 +64,7 @@ for t in threads: t.start()
 for t in threads: t.join()
 for entry in sorted(log, key=lambda e: (e[2], e[0])): print(*entry)
 "#,
-        "timeout False 2.5\nnotified True 7.0\nset True 7.0\nlate False 8.25\n",
+        "timeout False 2.50005\nnotified True 7.00005\nset True 7.00005\nlate False 8.2501\n",
     );
 }
 
@@ -145,7 +145,7 @@ int main(void) {
   printf("%d %ld.%06ld\n", n, (long)five.tv_sec, (long)five.tv_usec);
 }
 "#,
-        "1 4.000000\n",
+        "1 3.999950\n",
     );
 }
 
@@ -181,7 +181,7 @@ int main(void) {
   start = now(); f.fd = d; poll(&f, 1, -1); printf("date at %ld\n", now() - start);
 }
 "#,
-        "1 at 2500\n1 at 3500\n1 at 3500\n5 at 8500\nleft 700\n0\ndate at 4000\n",
+        "1 at 2500\n1 at 3500\n1 at 3500\n5 at 8500\nleft 699\n0\ndate at 4000\n",
     );
 }
 
@@ -433,5 +433,183 @@ int main(void) {
 }
 "#,
         "late 1 at 3000\nlock 0 at 5000\nboth 0 at 7000\nbarrier at 10000\n",
+    );
+}
+
+/// Loops that go on until the clock is past their end, with each way to wait for what is left.
+#[test]
+fn loops_that_wait_until_after_their_deadline_end() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <poll.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+typedef long long ns;
+static ns at(int clock) { struct timespec t; clock_gettime(clock, &t); return t.tv_sec * 1000000000LL + t.tv_nsec; }
+static struct timespec spec(ns t) { struct timespec s = {t / 1000000000, t % 1000000000}; return s; }
+static void sleeps(ns left, ns end) { struct timespec t = spec(left); nanosleep(&t, 0); }
+static void until(ns left, ns end) { struct timespec t = spec(end); clock_nanosleep(CLOCK_REALTIME, TIMER_ABSTIME, &t, 0); }
+static void waits(ns left, ns end) {
+  static pthread_mutex_t m = PTHREAD_MUTEX_INITIALIZER; static pthread_cond_t c = PTHREAD_COND_INITIALIZER;
+  struct timespec t = spec(end); pthread_mutex_lock(&m); pthread_cond_timedwait(&c, &m, &t); pthread_mutex_unlock(&m);
+}
+static void takes(ns left, ns end) { sem_t s; sem_init(&s, 0, 0); struct timespec t = spec(end); sem_timedwait(&s, &t); }
+static void signals(ns left, ns end) {
+  sigset_t set; sigemptyset(&set); sigaddset(&set, SIGUSR2); sigprocmask(SIG_BLOCK, &set, 0);
+  struct timespec t = spec(left); sigtimedwait(&set, 0, &t);
+}
+static void polls(ns left, ns end) { struct timespec t = spec(left); ppoll(0, 0, &t, 0); }
+static void by_millis(ns left, ns end) { poll(0, 0, left / 1000000); }
+static void by_micros(ns left, ns end) { usleep(left / 1000); }
+int main(void) {
+  void (*ways[])(ns, ns) = {sleeps, until, waits, takes, signals, polls, by_millis, by_micros};
+  for (int way = 0; way < 8; way++) {
+    ns end = at(CLOCK_REALTIME) + 123456789, now; int rounds = 0;
+    while ((now = at(CLOCK_REALTIME)) <= end) { ways[way](end - now, end); rounds++; }
+    printf("%d:%d%s ", way, now - end < 1000000, rounds < 3 ? "" : way < 6 ? " many rounds" : "");
+  }
+  printf("\n");
+}
+"#,
+        "0:1 1:1 2:1 3:1 4:1 5:1 6:1 7:1 \n",
+    );
+}
+
+#[test]
+fn signals_are_read_from_descriptors() {
+    c_prints(
+        r#"
+#define _GNU_SOURCE
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/epoll.h>
+#include <sys/select.h>
+#include <sys/signalfd.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+static long now(void) { struct timespec t; clock_gettime(CLOCK_MONOTONIC, &t); return t.tv_sec; }
+static void later(int signal) { if (!fork()) { sleep(1); kill(getppid(), signal); _exit(0); } }
+static void *thread(void *set) {
+  int fd = signalfd(-1, set, 0); struct signalfd_siginfo info;
+  int n = read(fd, &info, sizeof info); printf("thread %d %d\n", n, info.ssi_signo); return 0;
+}
+int main(void) {
+  sigset_t set; sigfillset(&set); sigprocmask(SIG_BLOCK, &set, 0);
+  sigemptyset(&set); sigaddset(&set, SIGTERM); sigaddset(&set, SIGCHLD);
+  long start = now(); setvbuf(stdout, 0, _IOLBF, 0);
+  int fd = signalfd(-1, &set, 0), quick = signalfd(-1, &set, SFD_NONBLOCK); struct signalfd_siginfo info;
+  printf("%zd\n", read(quick, &info, sizeof info));
+  later(SIGTERM); int n = read(fd, &info, sizeof info); printf("read %d %d at %ld\n", n, info.ssi_signo, now() - start);
+  struct pollfd p = {fd, POLLIN, 0};
+  n = poll(&p, 1, 100000); read(quick, &info, sizeof info); printf("poll %d %d\n", n, info.ssi_signo);
+  wait(0); later(SIGTERM); fd_set in; FD_ZERO(&in); FD_SET(fd, &in); struct timeval t = {50, 0};
+  n = select(fd + 1, &in, 0, 0, &t); read(fd, &info, sizeof info); printf("select %d %d at %ld\n", n, info.ssi_signo, now() - start);
+  wait(0); read(fd, &info, sizeof info); later(SIGTERM);
+  int e = epoll_create1(0), outer = epoll_create1(0); struct epoll_event event = {EPOLLIN, {0}}, got;
+  epoll_ctl(e, EPOLL_CTL_ADD, fd, &event); epoll_ctl(outer, EPOLL_CTL_ADD, e, &event);
+  n = epoll_wait(e, &got, 1, 50000); printf("epoll %d at %ld\n", n, now() - start);
+  n = epoll_wait(outer, &got, 1, 50000); read(fd, &info, sizeof info); printf("outer %d %d at %ld\n", n, info.ssi_signo, now() - start);
+  wait(0); read(fd, &info, sizeof info); n = epoll_wait(e, &got, 1, 2000); printf("none %d at %ld\n", n, now() - start);
+  sigaddset(&set, SIGUSR1); pthread_t other; pthread_create(&other, 0, thread, &set);
+  sleep(1); pthread_kill(other, SIGUSR1); pthread_join(other, 0);
+}
+"#,
+        "-1\nread 128 15 at 1\npoll 1 17\nselect 1 15 at 2\nepoll 1 at 3\nouter 1 15 at 3\n\
+         none 0 at 5\nthread 128 10\n",
+    );
+}
+
+/// As DDS and ROS 2 find their participants: none of them knows which answers, and who does is inside.
+#[test]
+fn groups_of_the_run_are_not_outside() {
+    let Some(played) = python(
+        r#"
+import os, socket, struct, sys, time
+group = ("239.255.0.77", 7477)
+def member():
+    s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    s.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+    s.bind(("0.0.0.0", group[1]))
+    s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, struct.pack("4s4s", socket.inet_aton(group[0]), socket.inet_aton("127.0.0.1")))
+    return s
+me = member()
+if os.fork() == 0:
+    while True:
+        data, _ = me.recvfrom(100)
+        if data == b"hello": time.sleep(10); me.sendto(b"here", group); os._exit(0)
+time.sleep(5); other = member(); start = time.monotonic(); other.sendto(b"hello", group)
+while (data := other.recv(100)) != b"here": pass
+print(data, round(time.monotonic() - start, 2)); os.wait()
+"#,
+    ) else {
+        return;
+    };
+    assert_eq!(played.output, "b'here' 10.0\n", "{:?}", played.ending);
+    assert!(played.ending.outside.is_empty(), "{:?}", played.ending);
+    assert!(played.took.as_secs() < 10, "{:?}", played.took);
+}
+
+/// Who has asked another machine waits for the answer in real time.
+#[test]
+fn datagrams_to_another_machine_are_outside() {
+    let code = r#"
+import socket
+s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+s.settimeout(0.3)
+try: s.sendto(b"x", ("192.0.2.1", 9))
+except OSError as e: print(e.errno); raise SystemExit
+try: s.recv(10)
+except TimeoutError: print("timeout")
+"#;
+    let Some(played) = python(code) else { return };
+    if played.output == "timeout\n" {
+        let outside: Vec<&String> = played.ending.outside.iter().collect();
+        assert!(
+            outside.len() == 1 && outside[0].starts_with("udp 0.0.0.0:"),
+            "{outside:?}"
+        );
+    }
+}
+
+/// However a descriptor is closed, its other end knows at once.
+#[test]
+fn a_pipe_ends_when_its_other_end_is_closed_in_any_way() {
+    prints(
+        "import os, signal, time\n\
+         def ends(close):\n  \
+             r, w = os.pipe()\n  \
+             os.write(w, b'x')\n  \
+             assert os.read(r, 1) == b'x'\n  \
+             begun = time.monotonic()\n  \
+             close(r, w)\n  \
+             assert os.read(r, 1) == b''\n  \
+             print(round(time.monotonic() - begun, 3))\n\
+         def by_child(end):\n  \
+             def close(r, w):\n    \
+                 if os.fork() == 0:\n      \
+                     os.write(w, b'y')\n      \
+                     end()\n    \
+                 os.close(w)\n    \
+                 assert os.read(r, 1) == b'y'\n  \
+             return close\n\
+         null = os.open('/dev/null', os.O_RDWR)\n\
+         ends(lambda r, w: os.close(w))\n\
+         ends(lambda r, w: os.dup2(null, w))\n\
+         ends(lambda r, w: os.closerange(w, w + 1))\n\
+         ends(by_child(lambda: os._exit(0)))\n\
+         ends(by_child(lambda: os.kill(os.getpid(), signal.SIGKILL)))\n\
+         ends(by_child(lambda: os.execv('/bin/sleep', ['sleep', '1'])))\n",
+        &"0.0\n".repeat(6),
     );
 }

@@ -7,7 +7,6 @@ const MONOTONIC_START: u64 = 1_000_000_000_000;
 
 const NANOSECONDS: u64 = 1_000_000_000;
 
-/// Simulated time, as programs ask for it.
 #[derive(Debug)]
 pub(crate) struct Clocks {
     /// Date that the real-time clock shows at the beginning.
@@ -24,7 +23,6 @@ impl Clocks {
         }
     }
 
-    /// Time that monotonic clocks show.
     pub(crate) fn monotonic(&self, now: u64) -> u64 {
         MONOTONIC_START.saturating_add(now)
     }
@@ -56,7 +54,6 @@ impl Clocks {
         Some(now.saturating_add(shown.saturating_sub(shows)))
     }
 
-    /// A program sets the real-time clock.
     pub(crate) fn set_real(&mut self, to: u64, now: u64) {
         self.shift = to.wrapping_sub(self.date.saturating_add(now));
     }
@@ -71,7 +68,6 @@ pub(crate) fn span((seconds, nanoseconds): (i64, i64)) -> Option<u64> {
     Some(seconds.saturating_mul(NANOSECONDS).saturating_add(part))
 }
 
-/// The same with microseconds.
 pub(crate) fn span_micros((seconds, microseconds): (i64, i64)) -> Option<u64> {
     // `select` takes more than a second of them.
     let seconds = u64::try_from(seconds).ok()?;
@@ -80,13 +76,11 @@ pub(crate) fn span_micros((seconds, microseconds): (i64, i64)) -> Option<u64> {
     Some(seconds.saturating_mul(NANOSECONDS).saturating_add(part))
 }
 
-/// Seconds and nanoseconds.
 pub(crate) fn parts(time: u64) -> (i64, i64) {
     let part = |value: u64| i64::try_from(value).unwrap_or(i64::MAX);
     (part(time / NANOSECONDS), part(time % NANOSECONDS))
 }
 
-/// Seconds and microseconds.
 pub(crate) fn parts_micros(time: u64) -> (i64, i64) {
     let (seconds, nanoseconds) = parts(time);
     (seconds, nanoseconds / 1000)

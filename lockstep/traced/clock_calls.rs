@@ -2,12 +2,12 @@
 
 use crate::traced::arch::Call;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
-use crate::traced::entry::{Entry, int};
+use crate::traced::entry::{Entry, failure, int};
 use crate::traced::memory::Memory;
 use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 
-/// Ticks of `times` in a second.
 pub(crate) const TICKS_A_SECOND: u64 = 100;
 
 impl Tracer<'_> {
@@ -24,9 +24,7 @@ impl Tracer<'_> {
             if !is_real || address == 0 || !rustix::process::geteuid().is_root() {
                 return Ok(Handling::Make);
             }
-            let Some(to) = read(memory.read_pair(address)?) else {
-                return Ok(Handling::Make);
-            };
+            let to = read(memory.read_pair(address)?).ok_or(Halt::Make)?;
             self.clocks.set_real(to, self.now);
             return Ok(Handling::Answer(0));
         }
@@ -35,9 +33,7 @@ impl Tracer<'_> {
         }
         match entry.call {
             Call::ClockGettime => {
-                let Some(shown) = self.clocks.show(int(a[0]), self.now) else {
-                    return Ok(Handling::Make);
-                };
+                let shown = self.clocks.show(int(a[0]), self.now).ok_or(Halt::Make)?;
                 let (seconds, nanoseconds) = parts(shown);
                 memory.write_pair(a[1], seconds, nanoseconds)?;
                 Ok(Handling::Answer(0))
@@ -70,14 +66,20 @@ impl Tracer<'_> {
         }
     }
 
+    /// `adjtimex`: the clock may be read, and not be adjusted.
+    pub(crate) fn adjust(entry: Entry, address: u64) -> Result<Handling, Halt> {
+        if Memory(entry.tid).read_u32(address)? != 0 {
+            return Ok(failure(libc::EPERM));
+        }
+        Ok(Handling::ToEnd(entry.registers, AtEnd::Adjusted(address)))
+    }
+
     pub(crate) fn sleep(&mut self, Entry { tid, call, a, .. }: Entry) -> Result<Handling, Halt> {
         let (clock, absolute, time, rest) = match call {
             Call::Nanosleep => (libc::CLOCK_MONOTONIC, false, a[0], a[1]),
             _ => (int(a[0]), a[1] & 1 != 0, a[2], a[3]),
         };
-        let Some(time) = span(Memory(tid).read_pair(time)?) else {
-            return Ok(Handling::Make);
-        };
+        let time = span(Memory(tid).read_pair(time)?).ok_or(Halt::Make)?;
         let deadline = if absolute {
             self.clocks.when(clock, time, self.now)
         } else {

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::Reason;
-use crate::traced::sys::{self, Tid, Whom};
+use crate::traced::sys::{self, TICK, Tid};
 use crate::traced::tracer::Tracer;
 
 /// Simulated time in which programs that were asked to end may do so.
@@ -12,52 +12,99 @@ const GRACE: u64 = 2_000_000_000;
 /// Real time in which killed programs must have gone.
 const KILL_PATIENCE: Duration = Duration::from_secs(10);
 
+pub(crate) struct Limits {
+    /// Simulated time at which those who were asked to end are killed.
+    pub(crate) killed_at: Option<u64>,
+    /// Since when a thread waits for the world outside, in real and in simulated time.
+    pub(crate) paced: Option<(Instant, u64)>,
+    /// Processor time of processes that have gone, and real time of waits for the world outside, less
+    /// what this thread had used at the beginning.
+    pub(crate) used: Duration,
+    /// Processor time of this thread at the beginning.
+    begun: Duration,
+    checked: Instant,
+    is_over: bool,
+}
+
+impl Limits {
+    pub(crate) fn new() -> Self {
+        Self {
+            killed_at: None,
+            paced: None,
+            used: Duration::ZERO,
+            begun: own_processor_time(),
+            checked: Instant::now(),
+            is_over: false,
+        }
+    }
+}
+
+fn own_processor_time() -> Duration {
+    sys::processor_time(libc::CLOCK_THREAD_CPUTIME_ID).unwrap_or_default()
+}
+
 impl Tracer<'_> {
-    /// Tells whether the real time allowed is over, or somebody asks for the end; notes which.
+    /// Returns whether the time allowed is over, or an end was asked for; notes which.
     pub(crate) fn is_over_time(&mut self) -> bool {
-        let stop = self.options.stop.load(std::sync::atomic::Ordering::Relaxed);
-        let late = self
-            .options
-            .until
-            .is_some_and(|until| Instant::now() >= until);
-        if self.reason.is_none() {
-            if stop {
-                self.reason = Some(Reason::Stopped);
-            } else if late {
-                self.reason = Some(Reason::OutOfTime(self.doing()));
+        if self.options.stop.load(std::sync::atomic::Ordering::Relaxed) {
+            self.report.reason.get_or_insert(Reason::Stopped);
+            return true;
+        }
+        // It is asked often, and costs a syscall for each process.
+        if !self.limits.is_over && self.limits.checked.elapsed() >= TICK {
+            self.limits.checked = Instant::now();
+            let until = self.options.until;
+            let real = until.is_some_and(|until| self.limits.checked >= until);
+            let used = self.used_time();
+            self.limits.is_over = real || self.options.allowed.is_some_and(|most| used >= most);
+            if self.limits.is_over && self.report.reason.is_none() {
+                let doing = self.doing();
+                self.report.reason = Some(Reason::OutOfTime { real, doing });
             }
         }
-        stop || late
+        self.limits.is_over
     }
 
-    /// Asks everybody to end; whoever does not is killed after a while.
+    /// Time that counts for the limit: of processors, and of waits for the world outside.
+    fn used_time(&mut self) -> Duration {
+        let own = own_processor_time().saturating_sub(self.limits.begun);
+        let mut used = self.limits.used + own;
+        for (pid, process) in &mut self.processes {
+            process.measure(*pid);
+            used += process.used;
+        }
+        used
+    }
+
+    /// Asks all processes to end; those that do not are killed after a while.
     pub(crate) fn ask_to_end(&mut self, reason: Reason) {
-        self.reason.get_or_insert(reason);
-        self.killed_at = Some(self.now + GRACE);
+        self.report.reason.get_or_insert(reason);
+        self.limits.killed_at = Some(self.now + GRACE);
         for pid in self.processes.keys() {
             // Who has gone meanwhile need not be asked.
             let _ = sys::kill(*pid, libc::SIGTERM);
         }
-        self.signalled = true;
+        self.schedule.signalled = true;
+        self.schedule.happened += 1;
     }
 
-    /// Marks a process as on its way out.
     pub(crate) fn is_dying(&mut self, pid: Tid) {
         if let Some(process) = self.processes.get_mut(&pid) {
             process.dying = true;
+            process.measure(pid);
         }
     }
 
-    /// Kills everybody and waits until they have gone.
+    /// Kills all processes and waits until they have gone.
     pub(crate) fn kill_all(&mut self) {
         let begun = Instant::now();
         while !self.processes.is_empty() && begun.elapsed() < KILL_PATIENCE {
             for pid in self.processes.keys() {
                 let _ = sys::kill(*pid, libc::SIGKILL);
             }
-            match sys::wait(Whom::Anybody, true) {
+            match sys::wait(None, true) {
                 Ok(Some((tid, status))) if libc::WIFSTOPPED(status) => {
-                    // A child that was being made, or somebody on the way out.
+                    // A child that was being made, or a thread on its way out.
                     let _ = sys::kill(tid, libc::SIGKILL);
                     let _ = sys::go_on(tid, 0);
                 }
@@ -71,7 +118,7 @@ impl Tracer<'_> {
         self.threads.clear();
         // Those whose parent has ended before them have become children of this program.
         for pid in std::mem::take(&mut self.ended) {
-            sys::reap(pid);
+            sys::reap(pid, false);
         }
     }
 }

@@ -1,12 +1,17 @@
 //! Handling of each call at which a thread is stopped, and of those whose end is looked at.
 
-use crate::traced::arch::{self, Call, Registers};
+use crate::traced::arch::{self, Call, Registers, Vdso};
+use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
 use crate::traced::one_processor::{affinity, current};
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{AtEnd, OwnClocks, Resume, State};
 use crate::traced::wait::Wait;
+use crate::traced::words::call_name;
+
+/// The time of `timex` has nanoseconds.
+const STA_NANO: u32 = libc::STA_NANO.cast_unsigned();
 
 /// A thread at the beginning of a call.
 #[derive(Clone, Copy)]
@@ -15,7 +20,6 @@ pub(crate) struct Entry {
     pub(crate) process: Tid,
     pub(crate) call: Call,
     pub(crate) registers: Registers,
-    /// The arguments of the call.
     pub(crate) a: [u64; 6],
     /// It has paid for its asking.
     pub(crate) crept: bool,
@@ -29,10 +33,11 @@ impl Tracer<'_> {
         registers: Registers,
         crept: bool,
     ) -> Result<Handling, Halt> {
-        let Some(call) = arch::call(registers.number()) else {
-            return Ok(Handling::Make);
-        };
+        let call = arch::call(registers.number()).ok_or(Halt::Make)?;
         let process = self.process_of(tid);
+        if let Some(process) = self.processes.get_mut(&process) {
+            process.gate = Some(registers.gate());
+        }
         let a = registers.arguments();
         let entry = Entry {
             tid,
@@ -49,6 +54,9 @@ impl Tracer<'_> {
             | Call::Times
             | Call::ClockSettime
             | Call::Settimeofday => self.clock_call(entry),
+            Call::Adjtimex => Self::adjust(entry, a[0]),
+            Call::ClockAdjtime => Self::adjust(entry, a[1]),
+            Call::Sysinfo => Ok(Handling::ToEnd(registers, AtEnd::Uptime(a[0]))),
             Call::Nanosleep | Call::ClockNanosleep => self.sleep(entry),
             Call::Poll
             | Call::Ppoll
@@ -73,6 +81,7 @@ impl Tracer<'_> {
             | Call::Preadv2
             | Call::Write
             | Call::Writev
+            | Call::Pwritev2
             | Call::Recvfrom
             | Call::Recvmsg
             | Call::Recvmmsg
@@ -81,10 +90,19 @@ impl Tracer<'_> {
             | Call::Sendmmsg
             | Call::Accept
             | Call::Splice
+            | Call::Tee
+            | Call::Vmsplice
             | Call::Sendfile
             | Call::MqTimedsend
             | Call::MqTimedreceive => self.transfer_call(entry),
             Call::Ioctl => self.request(entry),
+            Call::Close => Ok(self.close(process, int(a[0])..=int(a[0]))),
+            Call::Dup => Ok(self.close(process, int(a[1])..=int(a[1]))),
+            Call::CloseRange => {
+                let [first, last] =
+                    [a[0], a[1]].map(|fd| i32::try_from(low(fd)).unwrap_or(i32::MAX));
+                Ok(self.close(process, first..=last))
+            }
             Call::Alarm => Ok(self.alarm(process, a[0])),
             Call::Setitimer => self.interval_timer(entry, Some(a[1]), a[2]),
             Call::Getitimer => self.interval_timer(entry, None, a[1]),
@@ -104,7 +122,12 @@ impl Tracer<'_> {
             Call::Setaffinity => Ok(Handling::Answer(0)),
             // Only after a stop by job control.
             Call::Restart => Ok(failure(libc::EINTR)),
-            Call::Kill | Call::Tgkill | Call::PidfdSendSignal => Ok(self.kill_call(entry)),
+            Call::Kill | Call::Tgkill | Call::PidfdSendSignal => Ok(Self::kill_call(entry)),
+            Call::Sigaction => self.fault_action(entry),
+            Call::Signalfd => {
+                self.has_signalfd = true;
+                Ok(Handling::Make)
+            }
             Call::Exit => Ok(self.exit(tid, process)),
             Call::ExitGroup => {
                 self.is_dying(process);
@@ -117,8 +140,13 @@ impl Tracer<'_> {
                 registers.set(tid)?;
                 Ok(Handling::Make)
             }
+            Call::Missing => {
+                self.report.missing.insert(call_name(registers.number()));
+                Ok(failure(libc::ENOSYS))
+            }
             Call::Ptrace => {
-                self.refused
+                self.report
+                    .refused
                     .insert("a debugger: only one can trace a program, and that is sim".to_owned());
                 Ok(failure(libc::EPERM))
             }
@@ -143,7 +171,7 @@ impl Tracer<'_> {
             AtEnd::Child(before) => {
                 let waits = match arch::call(before.number()) {
                     Some(Call::Wait4) => result == 0,
-                    // It tells of nobody.
+                    // It reports no child.
                     _ => {
                         let info = before.arguments()[2];
                         result == 0 && info != 0 && Memory(tid).read_u32(info)? == 0
@@ -173,14 +201,22 @@ impl Tracer<'_> {
                     self.has_changed(tid);
                 }
             }
-            AtEnd::Loaded(vdso) => {
-                vdso.ask_for_page(registers).set(tid)?;
-                self.look_at_end(tid, AtEnd::Asks(registers, vdso));
+            AtEnd::Uptime(address) if result >= 0 => {
+                let (uptime, _) = parts(self.clocks.monotonic(self.now));
+                Memory(tid).write(address, &uptime.to_ne_bytes())?;
             }
-            AtEnd::Asks(before, vdso) => self.look_at_end(tid, AtEnd::Asked(before, vdso)),
-            AtEnd::Asked(before, vdso) => {
-                // As they were when the program had been loaded.
-                before.set(tid)?;
+            AtEnd::Adjusted(address) if result >= 0 => {
+                const STATUS: u64 = 40;
+                const TIME: u64 = 72;
+                let is_nano = Memory(tid).read_u32(address + STATUS)? & STA_NANO != 0;
+                let real = self.clocks.real(self.now);
+                let (seconds, part) = (if is_nano { parts } else { parts_micros })(real);
+                Memory(tid).write_pair(address + TIME, seconds, part)?;
+            }
+            AtEnd::Uptime(_) | AtEnd::Adjusted(_) => {}
+            AtEnd::Loaded(vdso) => {
+                let (number, arguments) = Vdso::page_call();
+                let result = self.inject(tid, number, arguments)?;
                 let page = vdso.replace(tid, result)?;
                 if let Some(process) = self.processes.get_mut(&self.process_of(tid)) {
                     process.clocks = page.map(|page| OwnClocks { page, shown: None });
@@ -189,13 +225,12 @@ impl Tracer<'_> {
             AtEnd::TimerCreate { address, event } => {
                 self.timer_created(tid, registers, address, event)?;
             }
-            AtEnd::Kill { target, signal } if result == 0 => {
-                self.signalled = true;
+            AtEnd::Kill { signal } => {
+                self.schedule.signalled = true;
                 if signal == libc::SIGKILL {
-                    self.expect_deaths(self.process_of(tid), target);
+                    self.find_dying();
                 }
             }
-            AtEnd::Kill { .. } => {}
         }
         Ok(())
     }
@@ -206,14 +241,13 @@ impl Tracer<'_> {
         }
     }
 
-    /// The process of a thread.
     pub(crate) fn process_of(&self, tid: Tid) -> Tid {
         self.threads.get(&tid).map_or(tid, |thread| thread.process)
     }
 
     /// A call that had been made again has done something.
     fn has_changed(&mut self, tid: Tid) {
-        self.happened += 1;
+        self.schedule.happened += 1;
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.retries = false;
         }
@@ -224,7 +258,6 @@ pub(crate) fn low(number: u64) -> u32 {
     u32::try_from(number & 0xFFFF_FFFF).unwrap_or_default()
 }
 
-/// An argument that is an `int`.
 pub(crate) fn int(number: u64) -> i32 {
     low(number).cast_signed()
 }

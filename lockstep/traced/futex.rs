@@ -7,13 +7,12 @@ use crate::traced::entry::{Entry, failure, low};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State, mapping, number};
-use crate::traced::wait::{FutexKey, Wait};
+use crate::traced::tree::{AtEnd, Resume, State, Thread, mapping, number};
+use crate::traced::wait::{FutexKey, Hold, Wait};
 
 const ALL_BITS: u32 = u32::MAX;
 
 impl Tracer<'_> {
-    /// The call `futex`.
     pub(crate) fn futex(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let tid = entry.tid;
         let [address, operation, value, timeout, address2, value3] = entry.a;
@@ -31,9 +30,9 @@ impl Tracer<'_> {
                     return Ok(failure(libc::EAGAIN));
                 }
                 let by_date = (command != libc::FUTEX_WAIT).then_some(by_date);
-                let Some(deadline) = self.futex_deadline(tid, timeout, by_date)? else {
-                    return Ok(Handling::Make);
-                };
+                let deadline = self
+                    .futex_deadline(tid, timeout, by_date)?
+                    .ok_or(Halt::Make)?;
                 let bits = match command {
                     libc::FUTEX_WAIT => ALL_BITS,
                     _ if value3 == 0 => return Ok(Handling::Make),
@@ -86,14 +85,12 @@ impl Tracer<'_> {
         }
     }
 
-    /// A lock with priority inheritance: tried, and tried again whenever somebody else has run.
+    /// A lock with priority inheritance: tried, and tried again whenever another thread has run.
     fn lock_with_inheritance(&mut self, entry: Entry, by_date: bool) -> Result<Handling, Halt> {
-        let Entry {
-            tid, registers, a, ..
-        } = entry;
-        let Some(mut deadline) = self.futex_deadline(tid, a[3], Some(by_date))? else {
-            return Ok(Handling::Make);
-        };
+        let (tid, registers, a) = (entry.tid, entry.registers, entry.a);
+        let mut deadline = self
+            .futex_deadline(tid, a[3], Some(by_date))?
+            .ok_or(Halt::Make)?;
         if let Some(thread) = self.threads.get_mut(&tid) {
             deadline = thread.again_until.take().or(deadline);
         }
@@ -147,28 +144,23 @@ impl Tracer<'_> {
 
     fn wake_one(&mut self, tid: Tid) -> io::Result<()> {
         if let Some(hold) = self.threads.get(&tid).and_then(|thread| thread.hold()) {
-            let mut registers = hold.registers;
-            registers.answer(0);
-            registers.set(tid)?;
+            let registers = hold.registers;
+            registers.answer(tid, 0)?;
         }
         self.set_state(tid, State::Ready(Resume::Go(0)));
         Ok(())
     }
 
     fn waiters(&self, wanted: FutexKey, with: u32) -> Vec<Tid> {
-        let mut waiters: Vec<(u64, Tid)> = self
-            .threads
-            .iter()
-            .filter_map(|(tid, thread)| match thread.hold() {
-                Some(hold) => match hold.wait {
-                    Wait::Futex { key, bits, .. } if key == wanted && bits & with != 0 => {
-                        Some((hold.since, *tid))
-                    }
-                    _ => None,
-                },
-                None => None,
-            })
-            .collect();
+        let waits = |(tid, thread): (&Tid, &Thread)| match thread.hold()? {
+            Hold {
+                wait: Wait::Futex { key, bits, .. },
+                since,
+                ..
+            } if *key == wanted && bits & with != 0 => Some((*since, *tid)),
+            _ => None,
+        };
+        let mut waiters: Vec<(u64, Tid)> = self.threads.iter().filter_map(waits).collect();
         waiters.sort_unstable();
         waiters.into_iter().map(|(_, tid)| tid).collect()
     }
@@ -181,24 +173,23 @@ impl Tracer<'_> {
             }
             // What is there says nothing of how long to wait.
             let word = Memory(tid).read_u32(there).unwrap_or_default();
-            if let Some(thread) = self.threads.get_mut(&tid)
-                && let State::Held(hold) = &mut thread.state
-                && let Wait::Futex {
-                    key,
-                    address,
-                    expected,
-                    ..
-                } = &mut hold.wait
+            if let Some(hold) = self.hold_of(tid)
+                && let Wait::Futex { bits, .. } = hold.wait
             {
-                (*key, *address, *expected) = (to, there, word);
+                hold.wait = Wait::Futex {
+                    key: to,
+                    address: there,
+                    expected: word,
+                    bits,
+                };
                 moved += 1;
             }
         }
         moved
     }
 
-    /// A thread has ended: the system itself has changed futexes that tell of it, and wakes nobody,
-    /// since nobody waits in it. To wake somebody for nothing is allowed.
+    /// A thread has ended: the system itself has changed futexes that show it, and wakes no thread,
+    /// since none waits in it. To wake one for nothing is allowed.
     pub(crate) fn wake_changed_futexes(&mut self) {
         let changed: Vec<Tid> = self
             .threads
@@ -214,7 +205,7 @@ impl Tracer<'_> {
             .map(|(tid, _)| *tid)
             .collect();
         for tid in changed {
-            // Who has gone meanwhile is told of otherwise.
+            // A thread that has gone meanwhile is reported otherwise.
             let _ = self.wake_one(tid);
         }
     }

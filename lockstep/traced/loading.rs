@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::traced::arch::{self, Registers};
+use crate::traced::descriptor::Files;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Tracer};
@@ -21,22 +22,28 @@ impl Tracer<'_> {
                 State::Ready(Resume::Go(0)),
             );
         }
-        if self.current == Some(former) {
-            self.current = Some(tid);
+        if self.schedule.current == Some(former) {
+            self.schedule.current = Some(tid);
         }
         let memory = self.new_memory();
         if let Some(process) = self.processes.get_mut(&tid) {
             process.memory = memory;
             process.clocks = None;
+            process.on_fault = None;
+            // Those that are closed with it, and another table if it was shared.
+            process.files = Files::default();
         }
         self.timers.forget_posix(tid);
         self.release_parent(tid);
         self.check_program(tid)?;
-        self.happened += 1;
+        self.schedule.happened += 1;
         let stack = Registers::of(tid)?.stack();
         let mut bytes = [0; 16];
         let random = self.random(&mut bytes).map(|()| bytes);
         let vdso = arch::prepare_image(Memory(tid), stack, random)?;
+        if let Some(process) = self.processes.get_mut(&tid) {
+            process.gate = vdso.as_ref().map(|vdso| vdso.gate);
+        }
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.at_end = vdso.map(AtEnd::Loaded);
         }

@@ -9,7 +9,7 @@ use crate::traced::memory::Memory;
 use crate::traced::poll_calls::write_nothing;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{Resume, State};
+use crate::traced::tree::{AtEnd, Resume, State};
 use crate::traced::wait::{Hold, Late, Wait};
 
 /// Result of a look at a wait.
@@ -18,12 +18,10 @@ enum Look {
     Waits,
     /// The call is made as it is.
     Make,
-    /// The call returns this.
     Answer(i64),
     /// The call is made again, since it is at its end.
     Again,
-    /// The call is looked at from its beginning.
-    Call,
+    Resume(Resume),
 }
 
 impl Tracer<'_> {
@@ -31,7 +29,7 @@ impl Tracer<'_> {
     pub(crate) fn look_at_waits(&mut self) -> Result<bool, Halt> {
         let mut any = false;
         // Those that have not been looked at since something has happened.
-        for tid in self.waiting(|hold| hold.looked_at < self.happened) {
+        for tid in self.waiting(|hold| hold.looked_at < self.schedule.happened) {
             any |= self.look_at(tid)?;
         }
         Ok(any)
@@ -49,46 +47,48 @@ impl Tracer<'_> {
         all.into_iter().map(|(_, tid)| tid).collect()
     }
 
+    /// The wait of a thread.
+    pub(crate) fn hold_of(&mut self, tid: Tid) -> Option<&mut Hold> {
+        match &mut self.threads.get_mut(&tid)?.state {
+            State::Held(hold) => Some(hold),
+            _ => None,
+        }
+    }
+
     fn look_at(&mut self, tid: Tid) -> Result<bool, Halt> {
-        let Some(thread) = self.threads.get_mut(&tid) else {
+        let happened = self.schedule.happened;
+        let Some(hold) = self.hold_of(tid) else {
             return Ok(false);
         };
-        let process = thread.process;
-        let State::Held(hold) = &mut thread.state else {
-            return Ok(false);
-        };
-        hold.looked_at = self.happened;
+        hold.looked_at = happened;
         let mut registers = hold.registers;
-        let deadline = hold.deadline;
+        let (asked, ends) = (hold.deadline, hold.ends());
         // Taken out for the look, and put back if it goes on.
         let mut wait = std::mem::replace(&mut hold.wait, Wait::Forever);
-        let mut look = self.look(
-            process,
-            &mut wait,
-            deadline.is_some_and(|at| at <= self.now),
-        )?;
-        let deadline = self.new_deadline(&mut wait, deadline);
-        if matches!(look, Look::Waits) && deadline.is_some_and(|at| at <= self.now) {
+        let is_over = ends.is_some_and(|at| at <= self.now);
+        let mut look = self.look(tid, &mut wait, is_over)?;
+        let deadline = self.new_deadline(&mut wait, asked);
+        if matches!(look, Look::Waits) && is_over && deadline == asked {
             look = self.late(tid, &wait)?;
         } else if let (Look::Make, Wait::Poll { late, .. }, Some(deadline)) =
             (&look, &wait, deadline)
         {
             self.write_rest(tid, *late, deadline)?;
+            if let Some(changed) = self.without_rest(registers, *late) {
+                changed.set(tid)?;
+                self.look_at_end(tid, AtEnd::Restore(registers));
+            }
         }
         let next = match look {
             Look::Waits => {
-                if let Some(thread) = self.threads.get_mut(&tid)
-                    && let State::Held(hold) = &mut thread.state
-                {
-                    hold.wait = wait;
-                    hold.deadline = deadline;
+                if let Some(hold) = self.hold_of(tid) {
+                    (hold.wait, hold.deadline) = (wait, deadline);
                 }
                 return Ok(false);
             }
             Look::Make => Resume::Go(0),
             Look::Answer(result) => {
-                registers.answer(result);
-                registers.set(tid)?;
+                registers.answer(tid, result)?;
                 Resume::Go(0)
             }
             Look::Again => {
@@ -100,29 +100,30 @@ impl Tracer<'_> {
                 registers.set(tid)?;
                 Resume::Go(0)
             }
-            Look::Call => Resume::Call { crept: true },
+            Look::Resume(resume) => resume,
         };
         self.set_state(tid, State::Ready(next));
         Ok(true)
     }
 
-    /// Tells whether what is waited for is there.
-    fn look(&mut self, process: Tid, wait: &mut Wait, is_late: bool) -> Result<Look, Halt> {
+    /// Returns whether what is waited for is there.
+    fn look(&mut self, tid: Tid, wait: &mut Wait, is_late: bool) -> Result<Look, Halt> {
         let make_if = |is_there| if is_there { Look::Make } else { Look::Waits };
         Ok(match wait {
-            Wait::Poll { set, .. } => make_if(self.is_one_ready(process, set)),
+            Wait::Poll { set, .. } => make_if(self.is_one_ready(tid, set)),
             Wait::Descriptor {
                 fd,
                 flags,
                 room,
                 has_more,
                 ..
-            } => match self.descriptor(process, *fd) {
+            } => match self.descriptor(self.process_of(tid), *fd) {
+                Some(_) if self.has_signal(tid, *fd) => Look::Make,
                 Some(descriptor) if flags.contains(PollFlags::OUT) => {
                     make_if(descriptor.has_room(*room))
                 }
                 Some(descriptor) if !descriptor.is_ready(*flags) => Look::Waits,
-                Some(_) if *has_more => Look::Call,
+                Some(_) if *has_more => Look::Resume(Resume::Call { crept: true }),
                 _ => Look::Make,
             },
             Wait::PortRead {
@@ -162,14 +163,14 @@ impl Tracer<'_> {
             Wait::Child | Wait::Again { .. } => Look::Again,
             Wait::Signal { .. }
             | Wait::Sleep { .. }
-            | Wait::Creep
+            | Wait::BackOff(_)
             | Wait::Futex { .. }
             | Wait::Vfork { .. }
             | Wait::Forever => Look::Waits,
         })
     }
 
-    /// A read that has a time between bytes waits anew after each.
+    /// A read that has a time between bytes waits again after each.
     fn new_deadline(&self, wait: &mut Wait, deadline: Option<u64>) -> Option<u64> {
         if let Wait::PortRead {
             port, seen, rule, ..
@@ -189,7 +190,7 @@ impl Tracer<'_> {
     /// The time of a wait is over.
     fn late(&mut self, tid: Tid, wait: &Wait) -> Result<Look, Halt> {
         Ok(match wait {
-            Wait::Creep => Look::Call,
+            Wait::BackOff(resume) => Look::Resume(*resume),
             Wait::Sleep { .. } => Look::Answer(0),
             Wait::Poll { late, .. } => {
                 write_nothing(Memory(tid), *late)?;
@@ -227,11 +228,7 @@ impl Tracer<'_> {
             && time != 0
         {
             let left = deadline.saturating_sub(self.now);
-            let (seconds, part) = if micros {
-                parts_micros(left)
-            } else {
-                parts(left)
-            };
+            let (seconds, part) = (if micros { parts_micros } else { parts })(left);
             Memory(tid).write_pair(time, seconds, part)?;
         }
         Ok(())

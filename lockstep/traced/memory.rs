@@ -4,7 +4,6 @@ use std::io;
 
 use crate::traced::sys::{self, Tid};
 
-/// The memory that a thread sees, while it is stopped.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Memory(pub(crate) Tid);
 
@@ -13,7 +12,6 @@ fn fault() -> io::Error {
 }
 
 impl Memory {
-    /// Reads all of `bytes`.
     pub(crate) fn read(self, address: u64, bytes: &mut [u8]) -> io::Result<()> {
         if bytes.is_empty() || sys::read_memory(self.0, address, bytes)? == bytes.len() {
             Ok(())
@@ -22,7 +20,6 @@ impl Memory {
         }
     }
 
-    /// Writes all of `bytes`.
     pub(crate) fn write(self, address: u64, bytes: &[u8]) -> io::Result<()> {
         if bytes.is_empty() || sys::write_memory(self.0, address, bytes)? == bytes.len() {
             Ok(())
@@ -31,14 +28,12 @@ impl Memory {
         }
     }
 
-    /// A number of 32 bits.
     pub(crate) fn read_u32(self, address: u64) -> io::Result<u32> {
         let mut bytes = [0; 4];
         self.read(address, &mut bytes)?;
         Ok(u32::from_ne_bytes(bytes))
     }
 
-    /// A number of 64 bits.
     pub(crate) fn read_u64(self, address: u64) -> io::Result<u64> {
         let mut bytes = [0; 8];
         self.read(address, &mut bytes)?;
@@ -56,7 +51,6 @@ impl Memory {
 
     /// The parts of a read or write: where each is, and how long.
     pub(crate) fn read_parts(self, address: u64, count: u64) -> io::Result<Vec<(u64, u64)>> {
-        /// The system takes no more.
         const MOST: u64 = 1024;
         (0..count.min(MOST))
             .map(|index| {
@@ -78,7 +72,6 @@ impl Memory {
         Ok(bytes.len() - left.len())
     }
 
-    /// Writes two numbers of 64 bits.
     pub(crate) fn write_pair(self, address: u64, first: i64, second: i64) -> io::Result<()> {
         let mut bytes = [0; 16];
         bytes[..8].copy_from_slice(&first.to_ne_bytes());

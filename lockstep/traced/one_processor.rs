@@ -42,7 +42,6 @@ const LISTS: [(&str, First); 5] = [
     ("/proc/stat", without_other_processors),
 ];
 
-/// Each processor has a paragraph of its own.
 fn first_paragraph(text: &str) -> String {
     let end = text.find("\n\n").map_or(text.len(), |end| end + 2);
     text.get(..end).unwrap_or_default().to_owned()
@@ -59,7 +58,6 @@ fn without_other_processors(text: &str) -> String {
 }
 
 struct List {
-    /// Its device and inode.
     inode: (u64, u64),
     path: &'static str,
     first: First,
@@ -67,7 +65,6 @@ struct List {
     text: String,
 }
 
-/// Those that there are here.
 pub(crate) struct Lists(Vec<List>);
 
 impl Lists {
@@ -84,7 +81,6 @@ impl Lists {
         Self(LISTS.into_iter().filter_map(list).collect())
     }
 
-    /// Tells whether a descriptor leads to one of them.
     pub(crate) fn has(&self, descriptor: &Descriptor) -> bool {
         let inode = descriptor.inode();
         self.0.iter().any(|list| list.inode == inode)

@@ -1,21 +1,22 @@
-//! Simulated time goes on when nobody can run; no faster than real time while somebody waits for the
+//! Simulated time goes on when no thread can run; no faster than real time while one waits for the
 //! world outside.
 
 use std::time::{Duration, Instant};
 
 use crate::traced::tracer::{Halt, Tracer};
 use crate::traced::tree::{State, Thread};
+use crate::traced::wait::Hold;
 use crate::{Reason, Step};
 
-/// The longest step of time while somebody waits for the world outside.
+/// The longest step of time while a thread waits for the world outside.
 const PACE: u64 = 10_000_000;
 
 impl Tracer<'_> {
-    /// Nobody can run: time goes on. `false` when the run is over.
+    /// No thread can run: time goes on. `false` when the run is over.
     pub(crate) fn let_time_pass(&mut self) -> Result<bool, Halt> {
         let holds = self.threads.values().filter_map(Thread::hold);
-        let deadline = holds.filter_map(|hold| hold.deadline).min();
-        let mut until = [deadline, self.timers.next(), self.killed_at]
+        let deadline = holds.filter_map(Hold::ends).min();
+        let mut until = [deadline, self.timers.next(), self.limits.killed_at]
             .into_iter()
             .flatten()
             .min();
@@ -27,23 +28,23 @@ impl Tracer<'_> {
                 None => return Ok(true),
             }
         } else {
-            self.paced = None;
+            self.limits.paced = None;
         }
-        if self.killed_at.is_some_and(|at| at <= self.now) {
+        if self.limits.killed_at.is_some_and(|at| at <= self.now) {
             self.kill_all();
             return Ok(false);
         }
-        let step = if self.killed_at.is_some() {
+        let step = if self.limits.killed_at.is_some() {
             until.map_or(Step::Never, Step::To)
         } else {
-            let ran = self.happened != self.advanced;
+            let ran = self.schedule.happened != self.schedule.advanced;
             self.world.advance(self.ports, self.now, until, ran)?
         };
         match step {
             Step::To(to) => {
                 self.now = self.now.max(to);
-                self.happened += 1;
-                self.advanced = self.happened;
+                self.schedule.happened += 1;
+                self.schedule.advanced = self.schedule.happened;
                 self.fire_timers()?;
             }
             Step::Over => self.ask_to_end(Reason::Over),
@@ -68,9 +69,9 @@ impl Tracer<'_> {
         most: u64,
     ) -> Result<Option<u64>, Halt> {
         for wait in waits {
-            self.outside.insert(wait.name.clone());
+            self.report.outside.insert(wait.name.clone());
         }
-        let (begun, from) = *self.paced.get_or_insert((Instant::now(), self.now));
+        let (begun, from) = *self.limits.paced.get_or_insert((Instant::now(), self.now));
         let span = Duration::from_nanos(most.saturating_sub(from));
         // A thread in the kernel comes back without notice.
         let slice = if self.is_anybody_blocked() {
@@ -78,15 +79,18 @@ impl Tracer<'_> {
         } else {
             span
         };
+        let mut counted = Instant::now();
         loop {
+            self.limits.used += counted.elapsed();
+            counted = Instant::now();
             let left = span.saturating_sub(begun.elapsed()).min(slice);
             let found = crate::traced::descriptor::wait(waits, left)?;
-            let mut news = found;
-            while self.take_news(false)? {
-                news = true;
+            let mut any = found;
+            while self.take_stop(false)? {
+                any = true;
             }
-            if news {
-                self.happened += 1;
+            if any {
+                self.schedule.happened += 1;
                 return Ok(None);
             }
             if begun.elapsed() >= span {

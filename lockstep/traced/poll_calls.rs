@@ -2,11 +2,12 @@
 
 use rustix::event::PollFlags;
 
-use crate::traced::arch::Call;
+use crate::traced::arch::{Call, Registers};
 use crate::traced::clock::{span, span_micros};
 use crate::traced::entry::{Entry, int, low};
 use crate::traced::memory::Memory;
 use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::tree::AtEnd;
 use crate::traced::wait::{Late, Wait};
 
 /// Most descriptors in one call; beyond that the system decides.
@@ -39,17 +40,13 @@ impl Tracer<'_> {
         match call {
             Call::Poll => self.poll(entry, (millis(a[2]), None)),
             Call::Ppoll => {
-                let Some(deadline) = at(a[2], span)? else {
-                    return Ok(Handling::Make);
-                };
+                let deadline = at(a[2], span)?.ok_or(Halt::Make)?;
                 self.poll(entry, (deadline, mask(a[3])?))
             }
             Call::Select | Call::Pselect => {
                 let is_select = call == Call::Select;
                 let read = if is_select { span_micros } else { span };
-                let Some(deadline) = at(a[4], read)? else {
-                    return Ok(Handling::Make);
-                };
+                let deadline = at(a[4], read)?.ok_or(Halt::Make)?;
                 // The set of signals lies behind another address.
                 let mask = match (is_select, a[5]) {
                     (true, _) | (_, 0) => None,
@@ -70,17 +67,17 @@ impl Tracer<'_> {
                     _ => mask(a[4])?,
                 };
                 let set = vec![(int(a[0]), PollFlags::IN)];
-                Ok(self.poll_set(entry, set, Late::Nothing, (deadline, mask)))
+                self.poll_set(entry, set, Late::Nothing, (deadline, mask))
             }
         }
     }
 
-    /// `poll` and `ppoll`.
     fn poll(&mut self, entry: Entry, times: Times) -> Result<Handling, Halt> {
         let [address, count, ..] = entry.a;
-        let Some(count) = usize::try_from(count).ok().filter(|n| *n <= MOST) else {
-            return Ok(Handling::Make);
-        };
+        let count = usize::try_from(count)
+            .ok()
+            .filter(|n| *n <= MOST)
+            .ok_or(Halt::Make)?;
         let mut bytes = vec![0; 8 * count];
         Memory(entry.tid).read(address, &mut bytes)?;
         let set = bytes.chunks_exact(8).filter_map(|one| {
@@ -90,16 +87,16 @@ impl Tracer<'_> {
         });
         let late = Late::Revents { address, count };
         let set = set.collect();
-        Ok(self.poll_set(entry, set, late, times))
+        self.poll_set(entry, set, late, times)
     }
 
-    /// `select` and `pselect`.
     fn select(&mut self, entry: Entry, micros: bool, times: Times) -> Result<Handling, Halt> {
         let [count, read, write, except, time, _] = entry.a;
         let sets = [read, write, except];
-        let Some(count) = usize::try_from(low(count)).ok().filter(|n| *n <= MOST) else {
-            return Ok(Handling::Make);
-        };
+        let count = usize::try_from(low(count))
+            .ok()
+            .filter(|n| *n <= MOST)
+            .ok_or(Halt::Make)?;
         let bytes = count.div_ceil(64) * 8;
         let kinds = [
             PollFlags::IN | PollFlags::HUP | PollFlags::ERR,
@@ -128,27 +125,46 @@ impl Tracer<'_> {
             time,
             micros,
         };
-        Ok(self.poll_set(entry, set, late, times))
+        self.poll_set(entry, set, late, times)
     }
 
-    /// Waits for one of a set of descriptors.
     fn poll_set(
         &mut self,
         entry: Entry,
         set: Vec<(i32, PollFlags)>,
         late: Late,
         (deadline, mask): Times,
-    ) -> Handling {
+    ) -> Result<Handling, Halt> {
+        self.pass_polled(entry.tid, &set)?;
         let only_asks = deadline.is_some_and(|deadline| deadline <= self.now);
         let ask = only_asks.then(|| self.ask(entry));
-        // Who only asks, and not too much, is told by the system.
-        if matches!(ask, Some(None)) || self.is_one_ready(entry.process, &set) {
-            return Handling::Make;
+        // A poll that does not wait, and is not one of too many, is answered by the system.
+        if matches!(ask, Some(None)) {
+            return Ok(Handling::Make);
+        }
+        if self.is_one_ready(entry.tid, &set) {
+            return Ok(
+                match self
+                    .without_rest(entry.registers, late)
+                    .filter(|_| !only_asks)
+                {
+                    Some(changed) => Handling::ToEnd(changed, AtEnd::Restore(entry.registers)),
+                    None => Handling::Make,
+                },
+            );
         }
         if let Some(Some(creeps)) = ask {
-            return creeps;
+            return Ok(creeps);
         }
-        Handling::Hold(Wait::Poll { set, late, mask }, deadline)
+        Ok(Handling::Hold(Wait::Poll { set, late, mask }, deadline))
+    }
+
+    /// The registers with which `select` is made that is ready, where the system would write the rest
+    /// of its time by its own clock: without a time.
+    pub(crate) fn without_rest(&self, mut registers: Registers, late: Late) -> Option<Registers> {
+        let has_time = matches!(late, Late::Sets { time, .. } if time != 0);
+        registers.set_argument(4, 0);
+        (has_time && self.writes_rest).then_some(registers)
     }
 }
 

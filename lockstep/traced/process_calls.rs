@@ -2,12 +2,11 @@
 
 use crate::traced::arch::Call;
 use crate::traced::clock::span;
-use crate::traced::descriptor::info_of;
 use crate::traced::entry::{Entry, int};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, kernel_state};
+use crate::traced::tree::{AtEnd, State, Thread, kernel_state};
 use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
@@ -28,51 +27,45 @@ impl Tracer<'_> {
                 (Some(memory.read_u64(a[0])?), None, deadline)
             }
         };
+        if deadline.is_some_and(|deadline| deadline <= self.now) {
+            return Ok(self.ask(entry).unwrap_or(Handling::Make));
+        }
         // One may wait already.
-        self.signalled = true;
+        self.schedule.signalled = true;
         Ok(Handling::Hold(Wait::Signal { set, mask }, deadline))
     }
 
-    pub(crate) fn kill_call(&mut self, entry: Entry) -> Handling {
-        let a = entry.a;
-        let (target, signal) = match entry.call {
-            Call::Kill => (int(a[0]), int(a[1])),
-            Call::Tgkill => (int(a[0]), int(a[2])),
-            _ => {
-                let pid = info_of(entry.process, int(a[0]), "Pid:");
-                (pid.unwrap_or(0), int(a[1]))
-            }
+    /// After a signal has been sent, those that wait are looked at.
+    pub(crate) fn kill_call(entry: Entry) -> Handling {
+        let signal = match entry.call {
+            Call::Tgkill => entry.a[2],
+            _ => entry.a[1],
         };
-        Handling::ToEnd(entry.registers, AtEnd::Kill { target, signal })
+        let signal = int(signal);
+        Handling::ToEnd(entry.registers, AtEnd::Kill { signal })
     }
 
-    /// Those whom SIGKILL has been sent to are gone before anybody goes on.
-    pub(crate) fn expect_deaths(&mut self, sender: Tid, target: Tid) {
-        let group = match target {
-            1.. => return self.is_dying(target),
-            0 => sys::group_of(sender),
-            -1 => None,
-            _ => Some(-target),
-        };
-        let all: Vec<Tid> = self.processes.keys().copied().collect();
-        for pid in all {
-            let hit = match group {
-                Some(group) => sys::group_of(pid) == Some(group),
-                None => pid != sender,
-            };
-            if hit {
-                self.is_dying(pid);
+    /// Marks the processes that SIGKILL has been sent to, which are gone before any other goes on. Their
+    /// threads have left the stops in which they were.
+    pub(crate) fn find_dying(&mut self) {
+        for thread in &self.threads {
+            let (tid, Thread { process, state, .. }) = thread;
+            let is_stopped = || matches!(kernel_state(*process, *tid), Some('t' | 'T'));
+            if !matches!(state, State::Running | State::Blocked)
+                && !is_stopped()
+                && let Some(process) = self.processes.get_mut(process)
+            {
+                process.dying = true;
             }
         }
     }
 
-    /// A thread ends itself.
     pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Handling {
         let threads = self.threads.values();
         if threads.filter(|thread| thread.process == process).count() == 1 {
             self.is_dying(process);
         } else if tid == process {
-            // The first thread of a process is told of only when the others have ended as well.
+            // The end of the first thread of a process is reported only when the others have ended as well.
             self.threads.remove(&tid);
             if sys::go_on(tid, 0).is_ok() {
                 while !matches!(kernel_state(process, tid), Some('Z' | 'X') | None) {

@@ -39,7 +39,7 @@ impl Drop for Processor {
 }
 
 impl Tracer<'_> {
-    /// Somebody is about to run: on the processor of the tracer. Now and then that is where the
+    /// A thread is about to run: on the processor of the tracer. Now and then that is where the
     /// system wakes it up when it is free to choose.
     pub(crate) fn share_processor(&mut self) {
         let Some(all) = &self.processor.all else {
@@ -64,7 +64,7 @@ impl Tracer<'_> {
         self.processor.turns = (self.processor.turns + 1) % TURNS;
     }
 
-    /// Somebody computes for long, and may do so wherever there is time.
+    /// A thread computes for long, and may do so wherever there is time.
     pub(crate) fn free_processor(&mut self) {
         if self.processor.shared.take().is_some()
             && let Some(all) = self.processor.all
@@ -77,7 +77,7 @@ impl Tracer<'_> {
     fn place_threads(&self, processors: &CpuSet) {
         let raw = |tid: &Tid| Pid::from_raw(*tid);
         for tid in self.threads.keys().filter_map(raw) {
-            // Who has gone meanwhile is told of otherwise.
+            // A thread that has gone meanwhile is reported otherwise.
             let _ = sched_setaffinity(Some(tid), processors);
         }
     }

@@ -23,13 +23,7 @@ impl Tracer<'_> {
 
     /// Locks and queues, likewise.
     pub(crate) fn lock_call(&mut self, entry: Entry) -> Result<Handling, Halt> {
-        let Entry {
-            tid,
-            call,
-            registers,
-            a,
-            ..
-        } = entry;
+        let (tid, call, registers, a) = (entry.tid, entry.call, entry.registers, entry.a);
         let no_wait = u64::from(libc::IPC_NOWAIT.unsigned_abs());
         let mut tried = registers;
         let mut restore = None;

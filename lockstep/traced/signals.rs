@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::traced::entry::counted;
+use crate::traced::entry::{Entry, counted};
 use crate::traced::memory::Memory;
-use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Tracer};
+use crate::traced::sys::{self, Tid};
+use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::{Resume, State};
 use crate::traced::wait::Wait;
 
@@ -42,8 +42,46 @@ impl Signals {
     }
 }
 
+const FAULT: u64 = 1 << (libc::SIGSEGV - 1);
+
 impl Tracer<'_> {
-    /// Interrupts waits of those to whom a signal has been sent.
+    /// A program sets its action for SIGSEGV, or asks for it.
+    pub(crate) fn fault_action(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let mut action = [0; 32];
+        if entry.a[1] != 0 {
+            Memory(entry.tid).read(entry.a[1], &mut action)?;
+            if let Some(process) = self.processes.get_mut(&entry.process) {
+                process.on_fault = Some(action);
+            }
+        }
+        Ok(Handling::Make)
+    }
+
+    /// The kernel takes a handler away, and no longer blocks the signal, when an instruction fails
+    /// while SIGSEGV is blocked or ignored; reading the time stamp counter is none that fails.
+    pub(crate) fn restore_fault_action(&mut self, tid: Tid) -> Result<(), Halt> {
+        let process = self.process_of(tid);
+        let action = self.processes.get(&process).and_then(|one| one.on_fault);
+        let Some(action) = action.filter(|action| action[..8] != [0; 8]) else {
+            return Ok(());
+        };
+        let Some(signals) = Signals::of(process, tid) else {
+            return Ok(());
+        };
+        if (signals.caught | signals.ignored) & FAULT != 0 {
+            return Ok(());
+        }
+        let signal = u64::from(libc::SIGSEGV.unsigned_abs());
+        let arguments = |place| [signal, place, 0, 8, 0, 0];
+        self.inject_with(tid, libc::SYS_rt_sigaction, |_| action.to_vec(), arguments)?;
+        // SIG_IGN is 1; who has a handler had it blocked.
+        if action[..8] != 1_u64.to_ne_bytes() {
+            sys::set_blocked(tid, signals.blocked | FAULT)?;
+        }
+        Ok(())
+    }
+
+    /// Interrupts waits of threads that a signal has been sent to.
     pub(crate) fn interrupt_waits(&mut self) -> Result<(), Halt> {
         let mut served = BTreeSet::new();
         for tid in self.waiting(|_| true) {
@@ -92,18 +130,15 @@ impl Tracer<'_> {
                     // A wrong address is the program's.
                     let _ = Memory(tid).write_pair(address, seconds, nanoseconds);
                 }
-                registers.answer(-i64::from(libc::EINTR));
-                registers.set(tid)?;
+                registers.answer(tid, -i64::from(libc::EINTR))?;
             }
             Wait::Poll { mask: None, .. } => {
-                registers.answer(-i64::from(libc::EINTR));
-                registers.set(tid)?;
+                registers.answer(tid, -i64::from(libc::EINTR))?;
             }
             Wait::PortWrite { sent, .. } if sent > 0 => {
-                registers.answer(counted(sent));
-                registers.set(tid)?;
+                registers.answer(tid, counted(sent))?;
             }
-            Wait::Creep => thread.state = State::Ready(Resume::Call { crept: true }),
+            Wait::BackOff(resume) => thread.state = State::Ready(resume),
             Wait::Child | Wait::Again { .. } => {
                 // At the end of the call; the system makes it again or not, as the signal has it.
                 const ERESTARTSYS: i64 = 512;

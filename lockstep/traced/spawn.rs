@@ -9,12 +9,14 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 
 use crate::traced::arch;
-use crate::traced::sys::{self, Tid, child::Image};
+use crate::traced::sys::{self, Persona, Tid, child::Image};
 use crate::{Error, Program};
 
 /// A program on its way: traced, and let go.
 pub(crate) struct Starting {
     pub(crate) pid: Tid,
+    /// The system has given it the persona that it should have.
+    pub(crate) has_persona: bool,
     /// Closed when the program begins; before that it tells why it cannot.
     line: UnixStream,
 }
@@ -38,6 +40,9 @@ impl Starting {
 /// Starts it; this thread is its tracer from then on.
 pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Error> {
     let system = |what| move |error| Error::System { what, error };
+    if let Some((call, error)) = sys::refused() {
+        return Err(unsupported(call, &error));
+    }
     let (name, _) = program
         .words
         .split_first()
@@ -50,7 +55,8 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     let input = std::fs::File::open("/dev/null").map_err(system("cannot open /dev/null"))?;
     let (mut line, theirs) =
         UnixStream::pair().map_err(system("cannot make a line to the program"))?;
-    let image = Image::new(&file, &words, &environment, arch::filter(random), random);
+    let image = Image::new(&file, &words, &environment, arch::filter(random));
+    let persona = Persona::set(random);
     let ends = (theirs.as_raw_fd(), line.as_raw_fd());
     let streams = (input.as_raw_fd(), program.output.as_raw_fd());
     let pid = sys::child::fork(&image, ends, streams)
@@ -59,14 +65,23 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     if let Err(error) = sys::seize(pid) {
         // It ends when the line does.
         drop(line);
-        sys::reap_soon(pid);
-        return Err(Error::Unsupported(format!(
-            "this system does not let a program be traced ({error})"
-        )));
+        sys::reap(pid, true);
+        return Err(unsupported("ptrace", &error));
     }
     line.write_all(b".")
         .map_err(system("cannot let the program begin"))?;
-    Ok(Starting { pid, line })
+    let has_persona = persona.is_set();
+    Ok(Starting {
+        pid,
+        has_persona,
+        line,
+    })
+}
+
+fn unsupported(call: &str, error: &io::Error) -> Error {
+    Error::Unsupported(format!(
+        "this system refuses {call} ({error}), which a container's seccomp profile has to allow"
+    ))
 }
 
 fn strings(bytes: impl Iterator<Item = Vec<u8>>) -> io::Result<Vec<CString>> {

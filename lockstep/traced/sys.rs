@@ -27,8 +27,14 @@ fn check(result: libc::c_long) -> io::Result<libc::c_long> {
     }
 }
 
+/// A request of ptrace, as the C library declares it.
+#[cfg(target_env = "musl")]
+type Request = libc::c_int;
+#[cfg(not(target_env = "musl"))]
+type Request = libc::c_uint;
+
 /// A request whose address and data are plain numbers.
-fn request(request: libc::c_uint, tid: Tid, address: usize, data: usize) -> io::Result<()> {
+fn request(request: Request, tid: Tid, address: usize, data: usize) -> io::Result<()> {
     // SAFETY: none of the requests that are made through here writes to this program's memory.
     check(unsafe { libc::ptrace(request, tid, address, data) }).map(drop)
 }
@@ -46,11 +52,11 @@ pub(crate) fn seize(tid: Tid) -> io::Result<()> {
     request(libc::PTRACE_SEIZE, tid, 0, options)
 }
 
-fn with_signal(what: libc::c_uint, tid: Tid, signal: i32) -> io::Result<()> {
+fn with_signal(what: Request, tid: Tid, signal: i32) -> io::Result<()> {
     request(what, tid, 0, usize::try_from(signal).unwrap_or_default())
 }
 
-/// Lets a stopped thread go on, with a signal if that is not 0.
+/// Resumes a stopped thread, with a signal if that is not 0.
 pub(crate) fn go_on(tid: Tid, signal: i32) -> io::Result<()> {
     with_signal(libc::PTRACE_CONT, tid, signal)
 }
@@ -65,7 +71,6 @@ pub(crate) fn listen(tid: Tid) -> io::Result<()> {
     request(libc::PTRACE_LISTEN, tid, 0, 0)
 }
 
-/// The registers of a stopped thread.
 pub(crate) fn registers(tid: Tid) -> io::Result<libc::user_regs_struct> {
     let mut registers = MaybeUninit::<libc::user_regs_struct>::uninit();
     // SAFETY: the request fills the whole structure, and it is read only if it did.
@@ -80,7 +85,6 @@ pub(crate) fn registers(tid: Tid) -> io::Result<libc::user_regs_struct> {
     }
 }
 
-/// Sets them.
 pub(crate) fn set_registers(tid: Tid, registers: &libc::user_regs_struct) -> io::Result<()> {
     // SAFETY: the request only reads the structure.
     check(unsafe { libc::ptrace(libc::PTRACE_SETREGS, tid, 0, ptr::from_ref(registers)) }).map(drop)
@@ -89,7 +93,7 @@ pub(crate) fn set_registers(tid: Tid, registers: &libc::user_regs_struct) -> io:
 /// Message of the event that a thread has stopped for.
 pub(crate) fn event_message(tid: Tid) -> io::Result<Tid> {
     let mut message: libc::c_ulong = 0;
-    // SAFETY: the request writes one number to where it is told, which outlives the call.
+    // SAFETY: the request writes one number, which outlives the call.
     check(unsafe {
         libc::ptrace(
             libc::PTRACE_GETEVENTMSG,
@@ -101,23 +105,11 @@ pub(crate) fn event_message(tid: Tid) -> io::Result<Tid> {
     Tid::try_from(message).map_err(io::Error::other)
 }
 
-/// Threads that may be waited for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Whom {
-    /// Whatever this thread traces.
-    Anybody,
-    /// One thread of those.
-    One(Tid),
-}
-
-/// Waits for a thread that this thread traces; `None` if none of them has news and `block` is not
-/// set.
-pub(crate) fn wait(whom: Whom, block: bool) -> io::Result<Option<(Tid, i32)>> {
+/// Waits for a stop or the end of a thread that this thread traces, or of this one; `None` if there is
+/// none and `block` is not set.
+pub(crate) fn wait(one: Option<Tid>, block: bool) -> io::Result<Option<(Tid, i32)>> {
     let mut status = 0;
-    let pid = match whom {
-        Whom::Anybody => -1,
-        Whom::One(tid) => tid,
-    };
+    let pid = one.unwrap_or(-1);
     let mut options = libc::__WALL | libc::__WNOTHREAD;
     if !block {
         options |= libc::WNOHANG;
@@ -128,39 +120,38 @@ pub(crate) fn wait(whom: Whom, block: bool) -> io::Result<Option<(Tid, i32)>> {
     Ok((tid != 0).then_some((tid, status)))
 }
 
-/// Reaps a process that has become a child of this program, if it has ended.
-pub(crate) fn reap(pid: Tid) {
+/// Reaps a child of this program, if it has ended; with `soon` it is about to.
+pub(crate) fn reap(pid: Tid, soon: bool) {
+    let options = if soon { 0 } else { libc::WNOHANG };
     // SAFETY: no status is asked for.
-    unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL | libc::WNOHANG) };
+    unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL | options) };
 }
 
-/// Reads memory of a stopped thread; says how much of it could be read.
+/// Reads memory of a stopped thread; returns how much of it could be read.
 pub(crate) fn read_memory(tid: Tid, address: u64, bytes: &mut [u8]) -> io::Result<usize> {
-    let (local, remote) = both_ends(bytes.as_mut_ptr(), address, bytes.len());
-    // SAFETY: the local part is a slice that may be written; the remote one is checked by the
-    // system.
+    let [local, remote] = both_ends(bytes.as_mut_ptr(), address, bytes.len());
+    // SAFETY: the local part is a slice that may be written; the system checks the remote one.
     let count =
         unsafe { libc::process_vm_readv(tid, &raw const local, 1, &raw const remote, 1, 0) };
-    count_of(count)
+    usize::try_from(count).map_err(|_| io::Error::last_os_error())
 }
 
-/// Writes memory of a stopped thread; says how much of it could be written.
+/// Writes memory of a stopped thread; returns how much of it could be written.
 pub(crate) fn write_memory(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<usize> {
-    let (local, remote) = both_ends(bytes.as_ptr().cast_mut(), address, bytes.len());
-    // SAFETY: the local part is only read; the remote one is checked by the system.
+    let [local, remote] = both_ends(bytes.as_ptr().cast_mut(), address, bytes.len());
+    // SAFETY: the local part is only read; the system checks the remote one.
     let count =
         unsafe { libc::process_vm_writev(tid, &raw const local, 1, &raw const remote, 1, 0) };
-    count_of(count)
+    usize::try_from(count).map_err(|_| io::Error::last_os_error())
 }
 
 /// As many bytes of this program's memory and of another's.
-fn both_ends(local: *mut u8, remote: u64, length: usize) -> (libc::iovec, libc::iovec) {
+fn both_ends(local: *mut u8, remote: u64, length: usize) -> [libc::iovec; 2] {
     let remote = ptr::without_provenance_mut(usize::try_from(remote).unwrap_or_default());
-    let [local, remote] = [local.cast(), remote].map(|base| libc::iovec {
+    [local.cast(), remote].map(|base| libc::iovec {
         iov_base: base,
         iov_len: length,
-    });
-    (local, remote)
+    })
 }
 
 /// Writes memory of a stopped thread that the program itself may not write to. Whole words.
@@ -176,21 +167,10 @@ pub(crate) fn poke(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-fn count_of(count: libc::ssize_t) -> io::Result<usize> {
-    usize::try_from(count).map_err(|_| io::Error::last_os_error())
-}
-
 /// Sends a signal to a process, or to a group if it is negative.
 pub(crate) fn kill(pid: Tid, signal: i32) -> io::Result<()> {
     // SAFETY: takes numbers only.
     check(unsafe { libc::kill(pid, signal) }.into()).map(drop)
-}
-
-/// The process group of a process.
-pub(crate) fn group_of(pid: Tid) -> Option<Tid> {
-    // SAFETY: takes a number only.
-    let group = unsafe { libc::getpgid(pid) };
-    (group > 0).then_some(group)
 }
 
 /// Sends the signal of a POSIX timer to a process, or to one of its threads.
@@ -201,29 +181,11 @@ pub(crate) fn queue_timer_signal(
     timer: i32,
     value: u64,
 ) -> io::Result<()> {
-    /// As the system lays `siginfo_t` out for timers, 128 bytes.
-    #[repr(C)]
-    struct TimerInfo {
-        signal: i32,
-        error: i32,
-        code: i32,
-        padding: i32,
-        timer: i32,
-        overrun: i32,
-        value: u64,
-        rest: [u64; 12],
-    }
-    let info = TimerInfo {
-        signal,
-        error: 0,
-        code: libc::SI_TIMER,
-        padding: 0,
-        timer,
-        overrun: 0,
-        value,
-        rest: [0; 12],
-    };
-    let info = ptr::from_ref(&info);
+    // As the system lays `siginfo_t` out for timers: signal, code, timer, value; 128 bytes.
+    let mut info = [0_u64; 16];
+    let words = [signal, libc::SI_TIMER, timer].map(|word| u64::from(word.cast_unsigned()));
+    [info[0], info[1], info[2], info[3]] = [words[0], words[1], words[2], value];
+    let info = info.as_ptr();
     // SAFETY: the structure is as long as the system reads, and is only read.
     let result = unsafe {
         match tid {
@@ -234,6 +196,46 @@ pub(crate) fn queue_timer_signal(
     check(result).map(drop)
 }
 
+/// The clock of a process's processor time, as the kernel numbers them (`CPUCLOCK_SCHED`).
+pub(crate) fn clock_of_process(pid: Tid) -> libc::clockid_t {
+    !pid << 3 | 2
+}
+
+/// Time that a clock of processor time shows; `None` if what it is of has gone.
+pub(crate) fn processor_time(clock: libc::clockid_t) -> Option<Duration> {
+    let mut time = libc::timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    // SAFETY: the structure outlives the call.
+    check(unsafe { libc::clock_gettime(clock, &raw mut time) }.into()).ok()?;
+    let seconds = u64::try_from(time.tv_sec).ok()?;
+    Some(Duration::new(seconds, u32::try_from(time.tv_nsec).ok()?))
+}
+
+/// Exchanges the signals that a stopped thread blocks for these; returns those.
+pub(crate) fn set_blocked(tid: Tid, mask: u64) -> io::Result<u64> {
+    const LENGTH: usize = size_of::<u64>();
+    let mut before = 0_u64;
+    // SAFETY: the requests write and read as many bytes as they are given, of a number that outlives
+    // the call.
+    unsafe {
+        let to = ptr::from_mut(&mut before);
+        check(libc::ptrace(libc::PTRACE_GETSIGMASK as _, tid, LENGTH, to))?;
+        let from = ptr::from_ref(&mask);
+        check(libc::ptrace(
+            libc::PTRACE_SETSIGMASK as _,
+            tid,
+            LENGTH,
+            from,
+        ))?;
+    }
+    Ok(before)
+}
+
+/// Interval at which a wait for a thread is interrupted to look at the real clock.
+pub(crate) const TICK: Duration = Duration::from_millis(20);
+
 /// Interrupts waits of this thread again and again, so that it can look at the clock; until it is
 /// dropped.
 pub(crate) struct Ticks(libc::timer_t);
@@ -241,7 +243,7 @@ pub(crate) struct Ticks(libc::timer_t);
 extern "C" fn nothing(_signal: i32) {}
 
 impl Ticks {
-    /// Begins. The signal is one that nobody else sends to this program, and that would be ignored.
+    /// Begins. The signal is one that no other program sends to this program, and that would be ignored.
     pub(crate) fn start(every: Duration) -> io::Result<Self> {
         static HANDLED: OnceLock<bool> = OnceLock::new();
         let handled = *HANDLED.get_or_init(|| {
@@ -290,13 +292,58 @@ impl Drop for Ticks {
     }
 }
 
-/// Reaps a child that is about to end.
-pub(crate) fn reap_soon(pid: Tid) {
-    // SAFETY: no status is asked for.
-    unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL) };
+/// The persona of the programs that this thread starts, until it is dropped.
+pub(crate) struct Persona {
+    /// The one before; `None` if the system has refused another.
+    former: Option<libc::c_ulong>,
 }
 
-/// Stops a thread that runs.
+impl Persona {
+    /// Keeps the system from writing how much time is left of `select`, which the tracer does; and from
+    /// choosing random addresses, if they are to be `fixed`.
+    pub(crate) fn set(fixed: bool) -> Self {
+        let fixed = if fixed { libc::ADDR_NO_RANDOMIZE } else { 0 };
+        // SAFETY: takes numbers only. This one asks.
+        let former = unsafe { libc::personality(0xFFFF_FFFF) };
+        let wanted = former | libc::STICKY_TIMEOUTS | fixed;
+        // SAFETY: likewise.
+        let is_set = former >= 0 && unsafe { libc::personality(wanted.unsigned_abs().into()) } >= 0;
+        let former = is_set.then(|| former.unsigned_abs().into());
+        Self { former }
+    }
+
+    pub(crate) fn is_set(&self) -> bool {
+        self.former.is_some()
+    }
+}
+
+impl Drop for Persona {
+    fn drop(&mut self) {
+        if let Some(former) = self.former {
+            // SAFETY: takes a number only.
+            unsafe { libc::personality(former) };
+        }
+    }
+}
+
+/// Asks the system for what [`seize`] leaves open: the name of a call that it refuses, if there is one.
+pub(crate) fn refused() -> Option<(&'static str, io::Error)> {
+    const GET_ACTION_AVAIL: libc::c_uint = 2;
+    let action = libc::SECCOMP_RET_TRACE;
+    // SAFETY: takes numbers, and one that is only read and outlives the call.
+    let seccomp =
+        unsafe { libc::syscall(libc::SYS_seccomp, GET_ACTION_AVAIL, 0, &raw const action) };
+    let from = ptr::from_ref(&action).addr() as u64;
+    let read = read_memory(std::process::id().cast_signed(), from, &mut [0; 4]);
+    check(seccomp)
+        .err()
+        .map(|error| ("seccomp", error))
+        .or_else(|| {
+            let error = read.err()?;
+            Some(("process_vm_readv", error))
+        })
+}
+
 pub(crate) fn interrupt(tid: Tid) -> io::Result<()> {
     request(libc::PTRACE_INTERRUPT, tid, 0, 0)
 }

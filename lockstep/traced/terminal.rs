@@ -1,7 +1,6 @@
 //! Calls on ports: reads, writes, and requests.
 
 use crate::modem;
-use crate::port::Change;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{Entry, counted, failure, int};
@@ -12,21 +11,27 @@ use crate::traced::wait::Wait;
 /// Most bytes of one write that are taken; the call then says that it was so many.
 const MOST_WRITTEN: usize = 1 << 20;
 
-/// Requests of `ioctl` that matter for ports.
-pub(crate) const REQUESTS: &[libc::Ioctl] = &[
-    libc::TCSETSF,
-    libc::TCSETAF,
-    libc::TCSETSF2,
-    libc::TCFLSH,
-    libc::TIOCMGET,
-    libc::TIOCMBIS,
-    libc::TIOCMBIC,
-    libc::TIOCMSET,
-    libc::FIONREAD,
-    libc::TIOCGSERIAL,
-    libc::TIOCSSERIAL,
-    libc::TIOCMIWAIT,
-    libc::TIOCGICOUNT,
+/// Requests of `ioctl` that matter for ports. C libraries differ in their type.
+pub(crate) const REQUESTS: &[u64] = &[
+    libc::TCSETS as _,
+    libc::TCSETA as _,
+    libc::TCSETS2 as _,
+    libc::TCSETSW as _,
+    libc::TCSETAW as _,
+    libc::TCSETSW2 as _,
+    libc::TCSETSF as _,
+    libc::TCSETAF as _,
+    libc::TCSETSF2 as _,
+    libc::TCFLSH as _,
+    libc::TIOCMGET as _,
+    libc::TIOCMBIS as _,
+    libc::TIOCMBIC as _,
+    libc::TIOCMSET as _,
+    libc::FIONREAD as _,
+    libc::TIOCGSERIAL as _,
+    libc::TIOCSSERIAL as _,
+    libc::TIOCMIWAIT as _,
+    libc::TIOCGICOUNT as _,
 ];
 
 impl Tracer<'_> {
@@ -38,9 +43,7 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
         (count, into): (usize, Option<u64>),
     ) -> Handling {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Handling::Make;
-        };
+        let port = &mut self.ports[index];
         // Room that a former read has made is for what still waits; if that fails, so does the read.
         let _ = port.top_up();
         let rule = port.read_rule();
@@ -84,9 +87,7 @@ impl Tracer<'_> {
             Memory(entry.tid).read(*address, bytes.get_mut(from..).unwrap_or_default())?;
         }
         let count = bytes.len();
-        if let Some(port) = self.ports.get(index) {
-            bytes = port.cooked(&bytes);
-        }
+        bytes = self.ports[index].cooked(&bytes);
         let sent = self.send(index, &bytes)?;
         if sent == bytes.len() {
             if let Some(thread) = self.threads.get_mut(&entry.tid) {
@@ -112,10 +113,7 @@ impl Tracer<'_> {
 
     /// Hands bytes to the world; how many it took.
     pub(crate) fn send(&mut self, index: usize, bytes: &[u8]) -> Result<usize, Halt> {
-        let Some(port) = self.ports.get(index) else {
-            return Ok(bytes.len());
-        };
-        let Some(line) = port.line()? else {
+        let Some(line) = self.ports[index].line()? else {
             return Ok(bytes.len());
         };
         if bytes.is_empty() {
@@ -127,12 +125,11 @@ impl Tracer<'_> {
     /// Sends to the world what a terminal that echoes has sent back by itself.
     pub(crate) fn send_echoes(&mut self) -> Result<(), Halt> {
         for index in 0..self.ports.len() {
-            let Some(port) = self.ports.get(index).filter(|port| port.is_open()) else {
-                continue;
-            };
-            let echo = port.take_echo();
-            // What there is no room for is lost, as on a line that is full.
-            self.send(index, &echo)?;
+            if self.ports[index].is_open() {
+                let echo = self.ports[index].take_echo();
+                // What there is no room for is lost, as on a line that is full.
+                self.send(index, &echo)?;
+            }
         }
         Ok(())
     }
@@ -140,23 +137,30 @@ impl Tracer<'_> {
     /// A request to a port, or one that only asks.
     pub(crate) fn request(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let [fd, request, argument, ..] = entry.a;
-        let request = request & 0xFFFF_FFFF;
-        self.look_at_ports()?;
+        let request = (request & 0xFFFF_FFFF) as libc::Ioctl;
+        self.pass(entry.tid, [int(fd)])?;
         let port = self
             .descriptor(entry.process, int(fd))
             .and_then(|descriptor| self.port_of(&descriptor));
+        self.look_at_ports()?;
         if request == libc::FIONREAD {
             return Ok(self.ask(entry).unwrap_or(Handling::Make));
         }
-        let Some(index) = port else {
-            return Ok(Handling::Make);
-        };
+        let index = port.ok_or(Halt::Make)?;
         let memory = Memory(entry.tid);
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(Handling::Make);
-        };
+        let port = &mut self.ports[index];
         match request {
+            libc::TCSETS
+            | libc::TCSETA
+            | libc::TCSETS2
+            | libc::TCSETSW
+            | libc::TCSETAW
+            | libc::TCSETSW2 => {
+                port.forget_settings();
+                return Ok(Handling::Make);
+            }
             libc::TCSETSF | libc::TCSETAF | libc::TCSETSF2 => {
+                port.forget_settings();
                 port.flush_input();
                 return Ok(Handling::Make);
             }
@@ -199,31 +203,30 @@ impl Tracer<'_> {
         Ok(Handling::Answer(0))
     }
 
-    /// Tells the world which ports have been opened and closed.
+    /// Reports to the world which ports have been opened and closed, if any may have been.
     pub(crate) fn look_at_ports(&mut self) -> Result<(), Halt> {
+        if !self.ports_used.take() {
+            return Ok(());
+        }
         for index in 0..self.ports.len() {
-            let Some(port) = self.ports.get_mut(index) else {
-                break;
-            };
-            let changes = port.changes();
+            let changes = self.ports[index].changes();
             if changes.is_empty() {
                 continue;
             }
-            for change in changes {
-                match change {
-                    Change::Opened => self.port_opened(index)?,
-                    Change::Closed => self.port_closed(index)?,
+            for is_open in changes {
+                if is_open {
+                    self.port_opened(index)?;
+                } else {
+                    self.port_closed(index)?;
                 }
             }
             // The system tells of two opens in a row as of one.
             let held = self.holds_port(index);
-            let opened = self.ports.get(index).map_or(0, |port| port.opened);
+            let opened = self.ports[index].opened;
             if held && opened == 0 {
                 self.port_opened(index)?;
             } else if !held && opened > 0 {
-                if let Some(port) = self.ports.get_mut(index) {
-                    port.opened = 1;
-                }
+                self.ports[index].opened = 1;
                 self.port_closed(index)?;
             }
         }
@@ -231,30 +234,26 @@ impl Tracer<'_> {
     }
 
     fn port_opened(&mut self, index: usize) -> Result<(), Halt> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = &mut self.ports[index];
         port.opened += 1;
         if port.opened == 1 {
             // An adapter raises both.
             port.modem = modem::DTR | modem::RTS;
-            self.happened += 1;
+            self.schedule.happened += 1;
             self.world.opened(index, self.now)?;
         }
         Ok(())
     }
 
     fn port_closed(&mut self, index: usize) -> Result<(), Halt> {
-        let Some(port) = self.ports.get_mut(index) else {
-            return Ok(());
-        };
+        let port = &mut self.ports[index];
         if port.opened == 0 {
             return Ok(());
         }
         port.opened -= 1;
         if port.opened == 0 {
             port.forget_client();
-            self.happened += 1;
+            self.schedule.happened += 1;
             self.world.closed(index, self.now)?;
         }
         Ok(())

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::os::fd::AsFd;
+use std::rc::Rc;
 use std::time::Duration;
 
 use rustix::event::PollFlags;
@@ -14,15 +15,14 @@ use crate::traced::entry::{Entry, failure, int};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, TimerEvent};
+use crate::traced::tree::{AtEnd, Thread, TimerEvent, own_number_of};
 
-/// Most timers of a run; a program that makes more is told so.
+/// Most timers of a run; a program that makes more gets an error.
 const MOST: usize = 4096;
 
 /// A hundred years, of which the system's clocks can show three times as much.
 const NEVER_S: i64 = 1 << 32;
 
-/// All timers of a run.
 #[derive(Default)]
 pub(crate) struct Timers {
     all: Vec<Timer>,
@@ -32,7 +32,6 @@ pub(crate) struct Timers {
 struct Timer {
     process: Tid,
     kind: Kind,
-    /// Time at which it next runs out.
     next: Option<u64>,
     /// Interval after that; 0 for never again.
     interval: u64,
@@ -40,9 +39,7 @@ struct Timer {
 
 #[derive(Clone, Copy)]
 enum Kind {
-    /// The alarm of a process.
     Alarm,
-    /// A POSIX timer.
     Posix {
         id: i32,
         event: TimerEvent,
@@ -50,7 +47,11 @@ enum Kind {
     },
     /// A timer descriptor: the mark by which its file is known again, one of the descriptors, and
     /// how often it has run out since it was read.
-    Descriptor { mark: i64, fd: i32, count: u64 },
+    Descriptor {
+        mark: i64,
+        fd: i32,
+        count: u64,
+    },
 }
 
 impl Timers {
@@ -187,9 +188,21 @@ impl Tracer<'_> {
             return Ok(());
         }
         let id = Memory(tid).read_u32(address)?.cast_signed();
+        let process = self.process_of(tid);
+        let named = event.thread.and_then(|named| {
+            let mut threads = self.threads.iter();
+            let is_it = |(tid, thread): &(&Tid, &Thread)| {
+                thread.process == process && own_number_of(process, **tid) == Some(named)
+            };
+            threads.find(is_it).map(|(tid, _)| *tid)
+        });
+        let event = TimerEvent {
+            thread: named,
+            ..event
+        };
         let clock = int(registers.arguments()[0]);
         let kind = Kind::Posix { id, event, clock };
-        self.timers.add(self.process_of(tid), kind);
+        self.timers.add(process, kind);
         Ok(())
     }
 
@@ -202,17 +215,15 @@ impl Tracer<'_> {
     ) -> Result<Handling, Halt> {
         let now = self.now;
         let is_it = is_posix(entry);
-        let Some(timer) = self.timers.find(&is_it) else {
-            return Ok(Handling::Make);
-        };
+        let timer = self.timers.find(&is_it).ok_or(Halt::Make)?;
         let (setting, kind) = (timer.setting(now), timer.kind);
         let Kind::Posix { clock, .. } = kind else {
             return Ok(Handling::Make);
         };
         if let Some(new) = new {
-            let Some((next, interval)) = self.timer_setting(entry.tid, clock, new)? else {
-                return Ok(Handling::Make);
-            };
+            let (next, interval) = self
+                .timer_setting(entry.tid, clock, new)?
+                .ok_or(Halt::Make)?;
             if let Some(timer) = self.timers.find(&is_it) {
                 (timer.next, timer.interval) = (next, interval);
             }
@@ -236,18 +247,14 @@ impl Tracer<'_> {
         new: Option<(u64, u64)>,
         old: u64,
     ) -> Result<Handling, Halt> {
-        let Entry {
-            tid, process, a, ..
-        } = entry;
+        let (tid, process, a) = (entry.tid, entry.process, entry.a);
         let now = self.now;
         let fd = int(a[0]);
-        let Some(descriptor) = self.descriptor(process, fd) else {
-            return Ok(Handling::Make);
-        };
+        self.pass(tid, [fd])?;
+        let descriptor = self.descriptor(process, fd).ok_or(Halt::Make)?;
         // Not a timer.
-        let Some(clock) = info_of(process, fd, "clockid:") else {
-            return Ok(Handling::Make);
-        };
+        let clock = info_of(process, fd, "clockid:").and_then(|clock| clock.parse().ok());
+        let clock = clock.ok_or(Halt::Make)?;
         let known = timer_mark(&descriptor.file);
         let known = known.filter(|mark| self.timers.find(has_mark(*mark)).is_some());
         let Some(new) = new else {
@@ -256,9 +263,7 @@ impl Tracer<'_> {
             write_setting(tid, old, setting, parts)?;
             return Ok(Handling::Answer(0));
         };
-        let Some((next, interval)) = self.timer_setting(tid, clock, new)? else {
-            return Ok(Handling::Make);
-        };
+        let (next, interval) = self.timer_setting(tid, clock, new)?.ok_or(Halt::Make)?;
         let mark = match known {
             Some(mark) => mark,
             None if self.timers.all.len() >= MOST => {
@@ -333,7 +338,6 @@ impl Tracer<'_> {
         Ok(Some((next, interval)))
     }
 
-    /// Lets those timers run out whose time has come.
     pub(crate) fn fire_timers(&mut self) -> Result<(), Halt> {
         let now = self.now;
         for index in 0..self.timers.all.len() {
@@ -354,25 +358,24 @@ impl Tracer<'_> {
             match kind {
                 Kind::Alarm => {
                     let _ = sys::kill(process, libc::SIGALRM);
-                    self.signalled = true;
+                    self.schedule.signalled = true;
                 }
                 Kind::Posix { id, event, .. } => {
                     if let Some(signal) = event.signal {
                         let value = event.value.unwrap_or(u64::from(id.unsigned_abs()));
                         let _ = sys::queue_timer_signal(process, event.thread, signal, id, value);
-                        self.signalled = true;
+                        self.schedule.signalled = true;
                     }
                 }
                 Kind::Descriptor { mark, fd, .. } => self.fire_descriptor(process, mark, fd)?,
             }
-            self.happened += 1;
+            self.schedule.happened += 1;
         }
         Ok(())
     }
 
-    /// Has a timer descriptor be readable.
     fn fire_descriptor(&mut self, process: Tid, mark: i64, fd: i32) -> Result<(), Halt> {
-        let is_it = |descriptor: &Descriptor| {
+        let is_it = |descriptor: &Rc<Descriptor>| {
             descriptor.is_anonymous() && timer_mark(&descriptor.file) == Some(mark)
         };
         let found = self.descriptor(process, fd).filter(is_it).or_else(|| {
@@ -385,7 +388,7 @@ impl Tracer<'_> {
             others.find_map(|(pid, fd)| self.descriptor(pid, fd).filter(is_it))
         });
         let Some(descriptor) = found else {
-            // Closed; nobody will ever read it.
+            // Closed; no thread will ever read it.
             self.timers.all.retain(|timer| !has_mark(mark)(timer));
             return Ok(());
         };
@@ -458,7 +461,6 @@ fn mark_timer(timer: impl AsFd, mark: i64, ready: bool) -> io::Result<()> {
     Ok(())
 }
 
-/// The mark of a timer descriptor, if it has one.
 fn timer_mark(timer: impl AsFd) -> Option<i64> {
     let times = rustix::time::timerfd_gettime(timer).ok()?;
     let mark = times.it_interval.tv_sec.checked_sub(NEVER_S)?;

@@ -1,26 +1,28 @@
 //! The tracer of a run: what it knows, and its steps.
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
-use std::time::Instant;
+use std::rc::Rc;
+use std::time::Duration;
 
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng as _, SeedableRng as _};
 
 use crate::port::Port;
-use crate::traced::arch::Registers;
+use crate::traced::arch::{Registers, Shared};
 use crate::traced::clock::Clocks;
-use crate::traced::news::TICK;
+use crate::traced::ending::Limits;
 use crate::traced::one_processor::Lists;
+use crate::traced::passage::Passage;
 use crate::traced::processor::Processor;
 use crate::traced::spawn::{self, Starting};
-use crate::traced::sys::{Ticks, Tid};
+use crate::traced::sys::{TICK, Ticks, Tid};
 use crate::traced::timer::Timers;
 use crate::traced::tree::{AtEnd, Process, State, Threads};
 use crate::traced::wait::Wait;
 use crate::{Broken, End, Ending, Error, Options, Program, Reason, World};
 
-/// The tracer of one run.
 pub(crate) struct Tracer<'a> {
     pub(crate) options: &'a Options<'a>,
     pub(crate) ports: &'a mut [Port],
@@ -32,43 +34,73 @@ pub(crate) struct Tracer<'a> {
     pub(crate) timers: Timers,
     pub(crate) random: Option<Pcg64>,
     pub(crate) main: Tid,
-    pub(crate) end: Option<End>,
-    pub(crate) reason: Option<Reason>,
-    /// Time at which those who were asked to end are killed.
-    pub(crate) killed_at: Option<u64>,
-    pub(crate) current: Option<Tid>,
-    /// Threads that have stopped for the first time before their parent has told of them.
+    pub(crate) schedule: Schedule,
+    pub(crate) report: Report,
+    pub(crate) limits: Limits,
+    /// Threads that have stopped for the first time before their parent has stopped for them.
     pub(crate) early: BTreeSet<Tid>,
     /// Processes that have ended and may be left for this program to reap.
     pub(crate) ended: Vec<Tid>,
-    pub(crate) numbers: u64,
     pub(crate) memories: u64,
+    /// Sockets that have sent to other machines, by device and inode.
+    pub(crate) outside_sockets: BTreeSet<(u64, u64)>,
+    /// A port may have been opened or closed since the ports were looked at.
+    pub(crate) ports_used: Cell<bool>,
+    /// Way in which programs pass descriptors, where the system refuses to duplicate them.
+    pub(crate) passage: Option<Rc<Passage>>,
+    /// The system writes the time that is left of `select`; [`Handling`] has to prevent that.
+    pub(crate) writes_rest: bool,
+    pub(crate) has_signalfd: bool,
+    pub(crate) processor: Processor,
+    pub(crate) lists: Lists,
+}
+
+/// Which thread runs, and what has happened that waits may be for.
+#[derive(Default)]
+pub(crate) struct Schedule {
+    pub(crate) current: Option<Tid>,
+    /// Chooses which thread runs next, if it is chosen at random.
+    pub(crate) choices: Option<Pcg64>,
+    /// Threads that have begun.
+    pub(crate) numbers: u64,
+    /// Threads that have let others go first.
     pub(crate) turns: u64,
+    /// Waits that have begun.
     pub(crate) waits: u64,
     /// Counts up whenever something has happened that a wait may be for.
     pub(crate) happened: u64,
     /// Count of what had happened when time last went on.
     pub(crate) advanced: u64,
-    /// A signal may have been sent to somebody who waits.
+    /// A signal may have been sent to a thread that waits.
     pub(crate) signalled: bool,
+    /// Ticks in a row at which the thread that runs has slept in the kernel.
+    pub(crate) sleepy: u32,
+    /// Processor time of the thread that runs, at the first tick since it was resumed.
+    pub(crate) computing: Option<Duration>,
+    /// Thread that has been interrupted because it computes for long.
+    pub(crate) interrupted: Option<Tid>,
+}
+
+#[derive(Default)]
+pub(crate) struct Report {
+    pub(crate) end: Option<End>,
+    pub(crate) reason: Option<Reason>,
     pub(crate) outside: BTreeSet<String>,
     pub(crate) refused: BTreeSet<String>,
-    pub(crate) sleepy: u32,
-    pub(crate) processor: Processor,
-    pub(crate) lists: Lists,
+    pub(crate) missing: BTreeSet<String>,
+    pub(crate) left: BTreeSet<String>,
     pub(crate) calls: u64,
-    /// Since when somebody waits for the world outside, in real and in simulated time.
-    pub(crate) paced: Option<(Instant, u64)>,
 }
 
 /// Ends the run early.
 pub(crate) enum Halt {
-    /// With an error.
     Failed(Error),
-    /// The system has lost the thread at hand, which has been killed; its end will be told.
+    /// The system has lost the thread at hand, which has been killed; its end will be reported.
     Gone,
-    /// The program has given a wrong address, which the system itself tells it.
-    Fault,
+    /// The syscall is made: the system answers it, as one with a wrong address.
+    Make,
+    /// The thread at hand has made other syscalls at its syscall, which has to be made again.
+    Again,
 }
 
 impl From<io::Error> for Halt {
@@ -77,7 +109,7 @@ impl From<io::Error> for Halt {
             return Self::Gone;
         }
         if error.raw_os_error() == Some(libc::EFAULT) {
-            return Self::Fault;
+            return Self::Make;
         }
         Self::Failed(Error::System {
             what: "cannot trace the program",
@@ -98,8 +130,9 @@ impl From<Broken> for Halt {
     reason = "it is looked at once, where it is made"
 )]
 pub(crate) enum Handling {
-    /// It is made.
     Make,
+    /// The thread is no longer at it, and comes back to it.
+    Again,
     /// It is not made, and returns this.
     Answer(i64),
     /// It waits until then at most.
@@ -108,7 +141,7 @@ pub(crate) enum Handling {
     ToEnd(Registers, AtEnd),
 }
 
-/// Runs a program to its end; nobody whom it has started is left then, nor if this thread ends
+/// Runs a program to its end; no process that it has started is left then, nor if this thread ends
 /// before. Other children of this thread that end meanwhile are reaped.
 ///
 /// # Errors
@@ -143,13 +176,21 @@ impl<'a> Tracer<'a> {
         starting: &Starting,
     ) -> Result<Self, Error> {
         let main = starting.pid;
-        let random = options.seed.map(|seed| {
+        let passage = Passage::if_needed().map_err(|error| Error::System {
+            what: "cannot make a socket for the program's descriptors",
+            error,
+        })?;
+        // Streams of their own, apart from those of the simulation.
+        let stream = |seed: u64, name: &[u8; 16]| {
             let mut bytes = [0; 32];
             bytes[..8].copy_from_slice(&seed.to_le_bytes());
-            // A stream of its own, apart from those of the simulation.
-            bytes[8..24].copy_from_slice(b"client's numbers");
+            bytes[8..24].copy_from_slice(name);
             Pcg64::from_seed(bytes)
-        });
+        };
+        let random = options.seed.map(|seed| stream(seed, b"client's numbers"));
+        let choices = options
+            .schedule
+            .map(|seed| stream(seed, b"client's threads"));
         let mut tracer = Self {
             options,
             ports,
@@ -161,48 +202,45 @@ impl<'a> Tracer<'a> {
             timers: Timers::default(),
             random,
             main,
-            end: None,
-            reason: None,
-            killed_at: None,
-            current: Some(main),
+            schedule: Schedule {
+                current: Some(main),
+                happened: 1,
+                choices,
+                ..Schedule::default()
+            },
+            report: Report::default(),
+            limits: Limits::new(),
             early: BTreeSet::new(),
             ended: Vec::new(),
-            numbers: 0,
             memories: 0,
-            turns: 0,
-            waits: 0,
-            happened: 1,
-            advanced: 0,
-            signalled: false,
-            outside: BTreeSet::new(),
-            refused: BTreeSet::new(),
-            sleepy: 0,
+            outside_sockets: BTreeSet::new(),
+            ports_used: Cell::new(true),
+            passage,
+            writes_rest: !starting.has_persona,
+            has_signalfd: false,
             processor: Processor::new(),
             lists: Lists::new(),
-            calls: 0,
-            paced: None,
         };
-        let made = tracer.add_process(main, None, None);
-        made.map_err(|error| Error::System {
-            what: "cannot watch the program",
-            error,
-        })?;
+        tracer.add_process(main, None, Shared::default());
         tracer.add_thread(main, main, State::Running);
         Ok(tracer)
     }
 
     fn ending(self) -> Ending {
         Ending {
-            end: self.end.unwrap_or(End::Killed(libc::SIGKILL)),
-            reason: self.reason.unwrap_or(Reason::Itself),
-            outside: self.outside,
-            refused: self.refused,
+            end: self.report.end.unwrap_or(End::Killed(libc::SIGKILL)),
+            reason: self.report.reason.unwrap_or(Reason::Itself),
+            outside: self.report.outside,
+            refused: self.report.refused,
+            missing: self.report.missing,
+            left: self.report.left,
             at: self.now,
-            calls: self.calls,
+            calls: self.report.calls,
+            random_addresses: self.options.seed.is_some() && self.writes_rest,
         }
     }
 
-    /// Lets everybody run, wait and end.
+    /// Runs all threads to their ends.
     fn go_to_the_end(&mut self) -> Result<(), Error> {
         self.wait_for_current()?;
         loop {
@@ -210,42 +248,44 @@ impl<'a> Tracer<'a> {
                 Ok(true) => {}
                 Ok(false) => return Ok(()),
                 Err(Halt::Gone) => {
-                    // Its end is told soon.
-                    if let Some(thread) = self.current.and_then(|tid| self.threads.get_mut(&tid)) {
-                        thread.state = State::Running;
-                    }
+                    self.find_dying();
                     self.wait_for_current()?;
                 }
-                // A wrong address where nobody can be told of it.
-                Err(Halt::Fault) => {}
+                // A wrong address where no syscall can report it.
+                Err(Halt::Make | Halt::Again) => {}
                 Err(Halt::Failed(error)) => return Err(error),
             }
         }
     }
 
-    /// Lets somebody go on, or time; `false` when nobody is left.
+    /// Resumes a thread, or lets time pass; `false` when none is left.
     fn step(&mut self) -> Result<bool, Halt> {
-        if self.signalled {
-            self.signalled = false;
+        if self.schedule.signalled {
+            self.schedule.signalled = false;
             self.interrupt_waits()?;
         }
         if let Some(tid) = self.next() {
-            if self.current != Some(tid) {
-                self.current = Some(tid);
-                self.sleepy = 0;
+            if self.schedule.current != Some(tid) {
+                self.schedule.current = Some(tid);
+                self.schedule.sleepy = 0;
             }
             self.resume(tid)?;
             return Ok(true);
         }
-        self.current = None;
+        self.schedule.current = None;
         if self.threads.is_empty() {
-            // What has been closed on the way out.
+            // What has been closed on the way out. A duplicate would keep it open.
+            for process in self.processes.values() {
+                process.files.borrow_mut().clear();
+            }
+            self.ports_used.set(true);
             self.look_at_ports()?;
             return Ok(false);
         }
         if self.is_over_time() {
             return Ok(false);
         }
+        self.ports_used.set(true);
         self.look_at_ports()?;
         for port in &mut *self.ports {
             port.top_up()?;

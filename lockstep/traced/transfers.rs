@@ -16,45 +16,39 @@ use crate::traced::wait::Wait;
 /// Most random bytes of one call; the program asks for the rest again.
 const MOST_RANDOM: usize = 1 << 16;
 
-/// Rule by which a read or write waits; see [`Wait::Descriptor`].
-struct Rule {
-    flags: PollFlags,
-    room: usize,
-    /// It says that it would have to, and does not.
-    at_once: bool,
-    deadline: Option<u64>,
-    late: i64,
-    has_more: bool,
-}
-
 impl Tracer<'_> {
-    /// Reads, writes and the like.
     pub(crate) fn transfer_call(&mut self, mut entry: Entry) -> Result<Handling, Halt> {
         let a = entry.a;
         // Without a place it is a read like others.
-        if entry.call == Call::Preadv2 {
-            entry.call = match a[3] {
-                u64::MAX => Call::Readv,
-                _ => Call::Preadv,
-            };
-        }
-        let Entry {
-            tid, process, call, ..
-        } = entry;
-        // Before anything is done with a port, the world knows who has it open.
-        self.look_at_ports()?;
+        entry.call = match (entry.call, a[3]) {
+            (Call::Preadv2, u64::MAX) => Call::Readv,
+            (Call::Preadv2, _) => Call::Preadv,
+            (Call::Pwritev2, u64::MAX) => Call::Writev,
+            // No port has places.
+            (Call::Pwritev2, _) => return Ok(Handling::Make),
+            (call, _) => call,
+        };
+        let (tid, process, call) = (entry.tid, entry.process, entry.call);
         // The end that a port may be at.
         let fd = match call {
             Call::Splice => int(a[2]),
             _ => int(a[0]),
         };
-        let Some(descriptor) = self.descriptor(process, fd) else {
-            return Ok(Handling::Make);
+        let from = match call {
+            Call::Splice => Some(int(a[0])),
+            Call::Sendfile => Some(int(a[1])),
+            _ => None,
         };
+        self.pass(tid, from.into_iter().chain([fd]))?;
+        let descriptor = self.descriptor(process, fd).ok_or(Halt::Make)?;
+        // Before anything is done with a port, the world knows which clients have it open.
+        self.look_at_ports()?;
         if let Some(index) = self.port_of(&descriptor) {
             return self.port_transfer(entry, index, &descriptor);
         }
-        if let Some(action) = self.own_bytes(entry, &descriptor)? {
+        self.note_destination(entry, &descriptor)?;
+        let from = from.and_then(|from| self.descriptor(process, from));
+        if let Some(action) = self.own_bytes(entry, &descriptor, from.as_deref())? {
             return Ok(action);
         }
         // Whatever waits has no places, and says so at once.
@@ -71,8 +65,7 @@ impl Tracer<'_> {
         if descriptor.never_waits() && !is_queue(call) {
             return Ok(Handling::Make);
         }
-        let rule = self.transfer_rule(entry, &descriptor)?;
-        let action = self.may_wait(entry, fd, &descriptor, &rule);
+        let action = self.may_wait(entry, fd, &descriptor)?;
         if call == Call::Recvmmsg && matches!(action, Handling::Make) {
             // It would wait for the others of the messages that it has room for.
             let mut changed = entry.registers;
@@ -89,20 +82,12 @@ impl Tracer<'_> {
         &mut self,
         entry: Entry,
         descriptor: &Descriptor,
+        from: Option<&Descriptor>,
     ) -> Result<Option<Handling>, Halt> {
-        let Entry {
-            tid,
-            process,
-            call,
-            a,
-            ..
-        } = entry;
-        let from = match call {
-            Call::Splice => self.descriptor(process, int(a[0])),
-            Call::Sendfile => self.descriptor(process, int(a[1])),
-            _ => None,
-        };
-        if from.is_some_and(|from| from.is_random() || self.lists.has(&from)) {
+        let Entry { tid, call, a, .. } = entry;
+        if from.is_some_and(|from| {
+            from.is_random() || self.lists.has(from) || self.port_of(from).is_some()
+        }) {
             // Programs fall back to reading and writing.
             return Ok(Some(failure(libc::EINVAL)));
         }
@@ -154,54 +139,6 @@ impl Tracer<'_> {
         }
     }
 
-    /// Rule by which a read or write waits of something that is no port.
-    fn transfer_rule(&self, entry: Entry, descriptor: &Descriptor) -> Result<Rule, Halt> {
-        let Entry { tid, call, a, .. } = entry;
-        let (flags, room) = match call {
-            Call::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
-            Call::Writev
-            | Call::Sendto
-            | Call::Sendmsg
-            | Call::Sendmmsg
-            | Call::Splice
-            | Call::Sendfile
-            | Call::MqTimedsend => (PollFlags::OUT, 1),
-            _ => (PollFlags::IN, 0),
-        };
-        let message_flags = match call {
-            Call::Recvfrom | Call::Sendto | Call::Recvmmsg | Call::Sendmmsg => a[3],
-            Call::Recvmsg | Call::Sendmsg => a[2],
-            _ => 0,
-        };
-        let mut rule = Rule {
-            flags,
-            room,
-            at_once: message_flags & u64::from(libc::MSG_DONTWAIT.unsigned_abs()) != 0,
-            deadline: None,
-            late: -i64::from(libc::EAGAIN),
-            // Perhaps a timer, which counts how often it has run out; or several messages.
-            has_more: descriptor.is_anonymous() || call == Call::Recvmmsg,
-        };
-        if is_queue(call) && a[4] != 0 {
-            rule.late = -i64::from(libc::ETIMEDOUT);
-            let time = span(Memory(tid).read_pair(a[4])?);
-            rule.deadline = time.and_then(|t| self.clocks.when(libc::CLOCK_REALTIME, t, self.now));
-        } else if descriptor.is_socket() {
-            let which = match flags {
-                PollFlags::OUT => {
-                    // Else the system keeps back small messages, by its own clock. What is not TCP
-                    // refuses this.
-                    let _ = set_tcp_nodelay(&descriptor.file, true);
-                    Timeout::Send
-                }
-                _ => Timeout::Recv,
-            };
-            let patience = socket_timeout(&descriptor.file, which).ok().flatten();
-            rule.deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
-        }
-        Ok(rule)
-    }
-
     /// Fills these parts of a program's memory with what is random, as far as it goes at a time.
     pub(crate) fn random_bytes(
         &mut self,
@@ -217,33 +154,70 @@ impl Tracer<'_> {
         Ok(Handling::Answer(counted(written)))
     }
 
-    /// A read or write that may wait.
+    /// A read or write that may wait, of something that is no port.
     fn may_wait(
         &mut self,
         entry: Entry,
         fd: i32,
         descriptor: &Descriptor,
-        rule: &Rule,
-    ) -> Handling {
-        let ready = if rule.flags.contains(PollFlags::OUT) {
-            descriptor.has_room(rule.room)
-        } else {
-            descriptor.is_ready(rule.flags)
+    ) -> Result<Handling, Halt> {
+        let Entry { tid, call, a, .. } = entry;
+        let (flags, room) = match call {
+            Call::Write => (PollFlags::OUT, usize::try_from(a[2]).unwrap_or(usize::MAX)),
+            Call::Writev
+            | Call::Sendto
+            | Call::Sendmsg
+            | Call::Sendmmsg
+            | Call::Splice
+            | Call::Sendfile
+            | Call::MqTimedsend => (PollFlags::OUT, 1),
+            Call::Vmsplice if descriptor.is_for_writing() => (PollFlags::OUT, 1),
+            _ => (PollFlags::IN, 0),
+        };
+        if flags == PollFlags::OUT && descriptor.is_socket() {
+            // Else the system keeps back small messages, by its own clock. What is not TCP refuses this.
+            let _ = set_tcp_nodelay(&descriptor.file, true);
+        }
+        let ready = match flags {
+            PollFlags::OUT => descriptor.has_room(room),
+            _ => descriptor.is_ready(flags) || self.has_signal(tid, fd),
         };
         if ready {
-            return Handling::Make;
+            return Ok(Handling::Make);
         }
-        if rule.at_once || descriptor.is_nonblocking() {
-            return self.ask(entry).unwrap_or(Handling::Make);
+        let message_flags = match call {
+            Call::Recvfrom | Call::Sendto | Call::Recvmmsg | Call::Sendmmsg => a[3],
+            Call::Recvmsg | Call::Sendmsg => a[2],
+            _ => 0,
+        };
+        let at_once = message_flags & u64::from(libc::MSG_DONTWAIT.unsigned_abs()) != 0
+            || matches!(call, Call::Tee | Call::Vmsplice)
+                && a[3] & u64::from(libc::SPLICE_F_NONBLOCK) != 0;
+        if at_once || descriptor.is_nonblocking() {
+            return Ok(self.ask(entry).unwrap_or(Handling::Make));
+        }
+        let (mut late, mut deadline) = (-i64::from(libc::EAGAIN), None);
+        if is_queue(call) && a[4] != 0 {
+            late = -i64::from(libc::ETIMEDOUT);
+            let time = span(Memory(tid).read_pair(a[4])?);
+            deadline = time.and_then(|t| self.clocks.when(libc::CLOCK_REALTIME, t, self.now));
+        } else if descriptor.is_socket() {
+            let which = match flags {
+                PollFlags::OUT => Timeout::Send,
+                _ => Timeout::Recv,
+            };
+            let patience = socket_timeout(&descriptor.file, which).ok().flatten();
+            deadline = patience.map(|span| self.now.saturating_add(nanoseconds(span)));
         }
         let wait = Wait::Descriptor {
             fd,
-            flags: rule.flags,
-            room: rule.room,
-            late: rule.late,
-            has_more: rule.has_more,
+            flags,
+            room,
+            late,
+            // Perhaps a timer, which counts how often it has run out; or several messages.
+            has_more: descriptor.is_anonymous() || call == Call::Recvmmsg,
         };
-        Handling::Hold(wait, rule.deadline)
+        Ok(Handling::Hold(wait, deadline))
     }
 }
 

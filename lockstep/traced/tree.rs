@@ -3,20 +3,35 @@
 use std::collections::BTreeMap;
 use std::os::fd::OwnedFd;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::traced::arch::{Registers, Vdso};
-use crate::traced::sys::Tid;
+use crate::traced::descriptor::Files;
+use crate::traced::sys::{self, Tid};
 use crate::traced::wait::Hold;
 
-/// A process.
 pub(crate) struct Process {
     /// Memory that it has: a child of `vfork` has its parent's.
     pub(crate) memory: u64,
-    pub(crate) handle: OwnedFd,
-    /// It is on its way out, and nobody else runs until it has gone.
+    /// Its handle, where the system gives one.
+    pub(crate) handle: Option<OwnedFd>,
+    pub(crate) files: Files,
+    /// It is on its way out, and no other runs until it has gone.
     pub(crate) dying: bool,
-    /// The clocks in its own memory, if it has any.
     pub(crate) clocks: Option<OwnClocks>,
+    /// Processor time that it had used when that was last measured.
+    pub(crate) used: Duration,
+    /// An instruction `syscall` in its memory.
+    pub(crate) gate: Option<u64>,
+    /// Its action for SIGSEGV, as the kernel has it, if it has set one.
+    pub(crate) on_fault: Option<[u8; 32]>,
+}
+
+impl Process {
+    /// Measures the processor time that it has used, which cannot be done when it has gone.
+    pub(crate) fn measure(&mut self, pid: Tid) {
+        self.used = sys::processor_time(sys::clock_of_process(pid)).unwrap_or(self.used);
+    }
 }
 
 /// Clocks that a program reads in its own memory.
@@ -35,7 +50,6 @@ pub(crate) struct Shown {
     pub(crate) asks: u32,
 }
 
-/// A thread.
 pub(crate) struct Thread {
     /// Its place among all threads of the run, in the order in which they began.
     pub(crate) number: u64,
@@ -45,6 +59,8 @@ pub(crate) struct Thread {
     pub(crate) turn: u64,
     /// Calls in a row that only asked, and waited for nothing.
     pub(crate) asks: u32,
+    /// It has been interrupted because it computed for long.
+    pub(crate) preempted: bool,
     /// It makes a call again that may have to wait on; that alone changes nothing for others.
     pub(crate) retries: bool,
     /// The deadline of a wait that is a call made again.
@@ -53,13 +69,10 @@ pub(crate) struct Thread {
     pub(crate) at_end: Option<AtEnd>,
 }
 
-/// State of a thread.
 pub(crate) enum State {
-    /// It runs.
     Running,
     /// It is stopped, and goes on when it is its turn.
     Ready(Resume),
-    /// It waits.
     Held(Box<Hold>),
     /// Job control has stopped it.
     Stopped,
@@ -70,10 +83,15 @@ pub(crate) enum State {
 /// Way in which a thread goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Resume {
-    /// With this signal, or none.
     Go(i32),
     /// Its call is still to be looked at. `crept` says that it has paid for its asking.
-    Call { crept: bool },
+    Call {
+        crept: bool,
+    },
+    /// It is at an instruction that reads the time stamp counter.
+    TimeStamp {
+        length: u64,
+    },
 }
 
 /// Thing to do at the end of a call.
@@ -91,16 +109,20 @@ pub(crate) enum AtEnd {
     },
     /// An argument has been changed for the call alone; as its registers were.
     Restore(Registers),
-    /// A new program has been loaded, and asks for a page for its clocks next.
+    /// A new program has been loaded, whose clocks have to have a page.
     Loaded(Vdso),
-    /// It is at the beginning of the call that asks; as its registers were before.
-    Asks(Registers, Vdso),
-    /// It is at the end of that call.
-    Asked(Registers, Vdso),
-    /// A POSIX timer has been made.
-    TimerCreate { address: u64, event: TimerEvent },
+    /// `sysinfo` has written how long the system has run.
+    Uptime(u64),
+    /// `adjtimex` has written the time.
+    Adjusted(u64),
+    TimerCreate {
+        address: u64,
+        event: TimerEvent,
+    },
     /// A signal has been sent; a process that SIGKILL ends is waited for.
-    Kill { target: Tid, signal: i32 },
+    Kill {
+        signal: i32,
+    },
 }
 
 /// Signal of a POSIX timer whose time has come.
@@ -120,6 +142,7 @@ impl Thread {
             state,
             turn: 0,
             asks: 0,
+            preempted: false,
             retries: false,
             again_until: None,
             at_end: None,
@@ -142,13 +165,20 @@ impl Thread {
     }
 }
 
-/// Threads by their number for the system.
 pub(crate) type Threads = BTreeMap<Tid, Thread>;
 
-/// The name of the program of a thread.
 pub(crate) fn name_of(tid: Tid) -> String {
     let name = std::fs::read_to_string(format!("/proc/{tid}/comm")).unwrap_or_default();
     name.trim_end().to_owned()
+}
+
+/// The number of a thread in the namespace that its process is in.
+pub(crate) fn own_number_of(process: Tid, tid: Tid) -> Option<Tid> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
+    let numbers = status
+        .lines()
+        .find_map(|line| line.strip_prefix("NSpid:"))?;
+    numbers.split_whitespace().last()?.parse().ok()
 }
 
 /// The letter that says what the kernel has a thread do.
@@ -177,7 +207,6 @@ pub(crate) fn number(text: &str) -> Option<u64> {
     u64::from_str_radix(text, 16).ok()
 }
 
-/// File that a descriptor of a process leads to.
 pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
     std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()
 }

@@ -1,23 +1,40 @@
 //! Turns: one thread runs at a time, until it waits.
 
+use rand_pcg::rand_core::Rng as _;
+
 use crate::traced::arch::{self, Registers};
 use crate::traced::entry::Entry;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{Resume, Shown, State, Thread};
+use crate::traced::tree::{Resume, Shown, State, Thread, name_of};
 use crate::traced::wait::{Hold, Wait};
 
 /// Time that one ask costs a thread that does nothing but ask.
 const CREEP: u64 = 20_000;
 
+/// Time that passes when a thread has computed for long, and again whenever it has for a while.
+const PREEMPTED: u64 = 10_000_000;
+
 /// Asks in a row that cost nothing.
 const FREE_ASKS: u32 = 1000;
 
 impl Tracer<'_> {
-    /// Thread to go on: the one that ran last, or the first of those that can.
-    pub(crate) fn next(&self) -> Option<Tid> {
-        if let Some(tid) = self.current
+    /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
+    pub(crate) fn next(&mut self) -> Option<Tid> {
+        if let Some(choices) = &mut self.schedule.choices {
+            let ready = self.threads.iter().filter(|(_, thread)| thread.is_ready());
+            let mut ready: Vec<_> = ready.map(|(tid, one)| (one.number, *tid)).collect();
+            ready.sort_unstable();
+            // Where there is a choice.
+            let at = match ready.len() as u64 {
+                0 | 1 => 0,
+                count => choices.next_u64() % count,
+            };
+            let chosen = usize::try_from(at).ok().and_then(|at| ready.get(at));
+            return chosen.map(|(_, tid)| *tid);
+        }
+        if let Some(tid) = self.schedule.current
             && self.threads.get(&tid).is_some_and(Thread::is_ready)
         {
             return Some(tid);
@@ -37,7 +54,7 @@ impl Tracer<'_> {
         thread.state = State::Running;
         thread.turn = 0;
         if !thread.retries {
-            self.happened += 1;
+            self.schedule.happened += 1;
         }
         let has_end = thread.at_end.is_some();
         self.share_processor();
@@ -49,11 +66,22 @@ impl Tracer<'_> {
                 self.show_clocks(tid)?;
                 sys::go_on(tid, signal)?;
             }
+            Resume::TimeStamp { length } => {
+                let mut registers = Registers::of(tid)?;
+                registers.read_time_stamp(length, self.clocks.monotonic(self.now));
+                registers.set(tid)?;
+                self.show_clocks(tid)?;
+                sys::go_on(tid, 0)?;
+            }
             Resume::Call { crept } => {
-                self.calls += 1;
+                self.report.calls += 1;
+                if let Some(thread) = self.threads.get_mut(&tid) {
+                    thread.preempted = false;
+                }
                 let registers = Registers::of(tid)?;
                 let action = match self.call(tid, registers, crept) {
-                    Err(Halt::Fault) => Handling::Make,
+                    Err(Halt::Make) => Handling::Make,
+                    Err(Halt::Again) => Handling::Again,
                     action => action?,
                 };
                 self.act(tid, registers, action)?;
@@ -69,9 +97,13 @@ impl Tracer<'_> {
                 self.show_clocks(tid)?;
                 sys::go_on(tid, 0)?;
             }
-            Handling::Answer(result) => {
-                registers.answer(result);
+            Handling::Again => {
+                registers.make_again();
                 registers.set(tid)?;
+                sys::go_on(tid, 0)?;
+            }
+            Handling::Answer(result) => {
+                registers.answer(tid, result)?;
                 self.set_state(tid, State::Ready(Resume::Go(0)));
             }
             Handling::Hold(wait, deadline) => self.hold(tid, registers, wait, deadline),
@@ -91,17 +123,21 @@ impl Tracer<'_> {
         wait: Wait,
         deadline: Option<u64>,
     ) {
-        self.waits += 1;
+        self.schedule.waits += 1;
+        // A wait whose time is over is no more than a query of the clock.
+        let queries = deadline.is_some_and(|deadline| deadline <= self.now);
         let hold = Hold {
             registers,
             wait,
-            deadline,
-            since: self.waits,
-            looked_at: self.happened,
+            deadline: deadline.map(|deadline| deadline.max(self.now)),
+            since: self.schedule.waits,
+            looked_at: self.schedule.happened,
         };
-        let creeps = matches!(hold.wait, Wait::Creep);
+        let backs_off = matches!(hold.wait, Wait::BackOff(_));
         if let Some(thread) = self.threads.get_mut(&tid) {
-            if !creeps {
+            if queries {
+                thread.asks = thread.asks.saturating_add(1);
+            } else if !backs_off {
                 thread.asks = 0;
             }
             thread.state = State::Held(Box::new(hold));
@@ -117,25 +153,54 @@ impl Tracer<'_> {
     /// A thread asks and waits for nothing; after many of these each takes a little time. `None` if
     /// it may be answered at once.
     pub(crate) fn ask(&mut self, entry: Entry) -> Option<Handling> {
-        let thread = self.threads.get_mut(&entry.tid)?;
-        thread.asks = thread.asks.saturating_add(1);
-        if entry.crept || thread.asks <= FREE_ASKS {
-            return None;
-        }
-        Some(Handling::Hold(Wait::Creep, Some(self.now + CREEP)))
+        let again = Resume::Call { crept: true };
+        let backs_off = self.asks_much(entry.tid) && !entry.crept;
+        backs_off.then(|| Handling::Hold(Wait::BackOff(again), Some(self.now + CREEP)))
     }
 
-    /// A thread lets the others go first.
+    /// Counts that a thread asks and waits for nothing; whether it has done so very often.
+    fn asks_much(&mut self, tid: Tid) -> bool {
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return false;
+        };
+        thread.asks = thread.asks.saturating_add(1);
+        thread.asks > FREE_ASKS
+    }
+
+    /// A thread is at an instruction that reads the time stamp counter, which is a query of the clock.
+    pub(crate) fn time_stamp(&mut self, tid: Tid, length: u64) -> Result<(), Halt> {
+        let registers = Registers::of(tid)?;
+        self.restore_fault_action(tid)?;
+        if self.asks_much(tid) {
+            let again = Wait::BackOff(Resume::TimeStamp { length });
+            self.hold(tid, registers, again, Some(self.now + CREEP));
+        } else {
+            self.set_state(tid, State::Ready(Resume::TimeStamp { length }));
+        }
+        Ok(())
+    }
+
+    /// A thread has computed for so long that it may wait for another in memory alone: time goes on.
+    /// How far it has come by then is the machine's affair.
+    pub(crate) fn preempt(&mut self, tid: Tid) -> Result<(), Halt> {
+        let what = format!("{}, which computed for long", name_of(tid));
+        self.report.outside.insert(what);
+        let again = Wait::BackOff(Resume::Go(0));
+        let registers = Registers::of(tid)?;
+        self.hold(tid, registers, again, Some(self.now + PREEMPTED));
+        Ok(())
+    }
+
     pub(crate) fn give_way(&mut self, tid: Tid) {
-        self.turns += 1;
-        let turn = self.turns;
+        self.schedule.turns += 1;
+        let turn = self.schedule.turns;
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.turn = turn;
         }
-        self.current = None;
+        self.schedule.current = None;
     }
 
-    /// Has the clocks in a program's own memory show what they should, before it goes on.
+    /// Writes the clocks in a program's own memory, before it goes on.
     fn show_clocks(&mut self, tid: Tid) -> Result<(), Halt> {
         let Some(thread) = self.threads.get(&tid) else {
             return Ok(());

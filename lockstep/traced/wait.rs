@@ -4,13 +4,13 @@ use rustix::event::PollFlags;
 
 use crate::port::ReadRule;
 use crate::traced::arch::Registers;
+use crate::traced::tree::Resume;
 
-/// A wait.
 pub(crate) struct Hold {
     /// As they were at the call.
     pub(crate) registers: Registers,
     pub(crate) wait: Wait,
-    /// Time at which it ends in any case.
+    /// Time that the program has asked for; see [`Hold::ends`].
     pub(crate) deadline: Option<u64>,
     /// The order in which waits began.
     pub(crate) since: u64,
@@ -18,12 +18,30 @@ pub(crate) struct Hold {
     pub(crate) looked_at: u64,
 }
 
+/// Time by which a wait ends after its deadline, as the kernel's default timer slack has it
+/// (`PR_SET_TIMERSLACK`). Programs rely on it: `while (now <= end) wait(end - now)`.
+pub(crate) const SLACK: u64 = 50_000;
+
+impl Hold {
+    /// Time at which it ends in any case.
+    pub(crate) fn ends(&self) -> Option<u64> {
+        let slack = if matches!(self.wait, Wait::BackOff(_)) {
+            0
+        } else {
+            SLACK
+        };
+        self.deadline.map(|deadline| deadline.saturating_add(slack))
+    }
+}
+
 /// Event that ends a wait, beside its deadline and signals.
 pub(crate) enum Wait {
     /// Nothing else. Where the rest of the time goes if it is interrupted.
-    Sleep { rest: Option<u64> },
-    /// A while for having asked much; then the call is looked at.
-    Creep,
+    Sleep {
+        rest: Option<u64>,
+    },
+    /// A back-off: nothing but time. How the thread goes on then.
+    BackOff(Resume),
     /// One of these descriptors, if that is said of it.
     Poll {
         set: Vec<(i32, PollFlags)>,
@@ -39,7 +57,6 @@ pub(crate) enum Wait {
         late: i64,
         has_more: bool,
     },
-    /// Bytes for a read of a port.
     PortRead {
         port: usize,
         device: u64,
@@ -59,22 +76,26 @@ pub(crate) enum Wait {
         /// Value that the call returns when all have been sent.
         count: usize,
     },
-    /// Somebody who wakes those who wait there.
+    /// Another thread that wakes those that wait there.
     Futex {
         key: FutexKey,
         address: u64,
         expected: u32,
         bits: u32,
     },
-    /// A signal of this set, or any.
-    Signal { set: Option<u64>, mask: Option<u64> },
-    /// A child that changes.
+    Signal {
+        set: Option<u64>,
+        mask: Option<u64>,
+    },
     Child,
-    /// Whatever somebody else does; then the call is made again. What it returns at the deadline.
-    Again { late: i64 },
+    /// Whatever another thread does; then the call is made again. What it returns at the deadline.
+    Again {
+        late: i64,
+    },
     /// The child of `vfork`, until it has a memory of its own.
-    Vfork { child: i32 },
-    /// Nothing at all.
+    Vfork {
+        child: i32,
+    },
     Forever,
 }
 
@@ -82,7 +103,10 @@ pub(crate) enum Wait {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Late {
     /// `revents` of so many descriptors there.
-    Revents { address: u64, count: usize },
+    Revents {
+        address: u64,
+        count: usize,
+    },
     /// Three sets of so many bytes, and the time that is left, in microseconds or nanoseconds.
     Sets {
         sets: [u64; 3],
@@ -90,11 +114,9 @@ pub(crate) enum Late {
         time: u64,
         micros: bool,
     },
-    /// Nothing.
     Nothing,
 }
 
-/// Identity of a futex.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FutexKey {
     /// An address in a memory.

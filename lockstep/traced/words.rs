@@ -1,29 +1,32 @@
 //! Words for what programs do and wait for.
 
-use std::io;
+use syscalls::Sysno;
 
 use crate::traced::arch::Registers;
-use crate::traced::sys::{self, Tid, Whom};
+use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{State, mapping, name_of, path_of};
+use crate::traced::tree::{Resume, State, mapping, name_of, path_of};
 use crate::traced::wait::Wait;
+
+pub(crate) fn call_name(number: i64) -> String {
+    let call = usize::try_from(number).ok().and_then(Sysno::new);
+    call.map_or_else(
+        || format!("syscall {number}"),
+        |call| call.name().to_owned(),
+    )
+}
 
 impl Tracer<'_> {
     /// Says what the programs are doing, for people.
     pub(crate) fn doing(&self) -> String {
-        let running = self.current.and_then(|tid| {
+        let running = self.schedule.current.and_then(|tid| {
             let thread = self.threads.get(&tid)?;
             thread.is_running().then_some((tid, thread.process))
         });
         let Some((tid, process)) = running else {
             return self.waits_text();
         };
-        let name = name_of(tid);
-        let place = place_of(process, tid);
-        match place {
-            Some(place) => format!("{name} was computing, in {place}"),
-            None => format!("{name} was computing"),
-        }
+        computing(tid, interrupted_place(process, tid))
     }
 
     /// Says what everybody waits for, for people.
@@ -31,6 +34,10 @@ impl Tracer<'_> {
         let mut waits: Vec<String> = Vec::new();
         for (tid, thread) in &self.threads {
             let what = match &thread.state {
+                State::Held(hold) if matches!(hold.wait, Wait::BackOff(Resume::Go(_))) => {
+                    waits.push(computing(*tid, place_of(thread.process, *tid)));
+                    continue;
+                }
                 State::Held(hold) => self.wait_text(thread.process, &hold.wait),
                 State::Stopped => "for being continued".to_owned(),
                 State::Blocked => "in the kernel".to_owned(),
@@ -57,7 +64,7 @@ impl Tracer<'_> {
             })
         };
         match wait {
-            Wait::Sleep { .. } | Wait::Creep => "for time to pass".to_owned(),
+            Wait::Sleep { .. } | Wait::BackOff(_) => "for time to pass".to_owned(),
             Wait::Poll { set, .. } => {
                 let files: Vec<String> = set.iter().map(|(fd, _)| file(*fd)).collect();
                 format!("for {}", files.join(" or "))
@@ -76,7 +83,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Says what a thread does that sleeps in a call that nobody looks at.
+    /// Says what a thread does that sleeps in a syscall at which it is not stopped.
     pub(crate) fn what_kernel_waits_for(&self, process: Tid, tid: Tid) -> String {
         let call = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/syscall"));
         let call = call.unwrap_or_default();
@@ -84,31 +91,43 @@ impl Tracer<'_> {
         let number: i64 = words.next().and_then(|n| n.parse().ok()).unwrap_or(-1);
         let fd = words.next().and_then(|n| n.strip_prefix("0x"));
         let fd = fd.and_then(|n| i32::from_str_radix(n, 16).ok());
-        let program = name_of(tid);
+        let (program, call) = (name_of(tid), call_name(number));
         match (number, fd) {
-            (libc::SYS_openat, _) => format!("{program} opens a file that somebody else must open"),
+            (libc::SYS_openat, _) => {
+                format!("{program} opens a file that another program must open")
+            }
             (libc::SYS_connect, Some(fd)) => match self.peer(process, fd) {
                 Some(peer) => peer,
-                None => format!("{program} connects to somebody outside"),
+                None => format!("{program} connects to a program outside"),
             },
             (_, Some(fd)) => match path_of(process, fd) {
-                Some(path) => format!("{program} in call {number}, perhaps on {}", path.display()),
-                None => format!("{program} in call {number}"),
+                Some(path) => format!("{program} in {call}, perhaps on {}", path.display()),
+                None => format!("{program} in {call}"),
             },
-            _ => format!("{program} in call {number}"),
+            _ => format!("{program} in {call}"),
         }
     }
 }
 
+fn computing(tid: Tid, place: Option<String>) -> String {
+    let place = place.map_or(String::new(), |place| format!(", in {place}"));
+    format!("{} was computing{place}", name_of(tid))
+}
+
+/// Ticks in which a thread that is interrupted has stopped.
+const MOST_TICKS: u32 = 100;
+
 /// In which file a thread computes, which it does no more after that.
-fn place_of(process: Tid, tid: Tid) -> Option<String> {
+fn interrupted_place(process: Tid, tid: Tid) -> Option<String> {
     sys::interrupt(tid).ok()?;
     // It stops when the system has time for it; the ticks interrupt the wait.
-    while let Err(error) = sys::wait(Whom::One(tid), true) {
-        if error.kind() != io::ErrorKind::Interrupted {
-            return None;
-        }
-    }
+    let mut waits = (0..MOST_TICKS).map(|_| sys::wait(Some(tid), true));
+    waits.find_map(Result::ok)??;
+    place_of(process, tid)
+}
+
+/// The file in which a stopped thread computes.
+fn place_of(process: Tid, tid: Tid) -> Option<String> {
     let place = Registers::of(tid).ok()?.place();
     let (_, rest) = mapping(process, place)?;
     rest.split_whitespace().nth(4).map(str::to_owned)

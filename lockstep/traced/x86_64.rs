@@ -13,33 +13,27 @@ use crate::traced::sys::{self, Tid};
 pub(crate) use calls::{Call, call, filter};
 pub(crate) use vdso::{Vdso, write_clocks};
 
-/// The registers of a thread that has stopped at a call.
 #[derive(Clone, Copy)]
 pub(crate) struct Registers(libc::user_regs_struct);
 
 impl Registers {
-    /// Reads them.
     pub(crate) fn of(tid: Tid) -> io::Result<Self> {
         sys::registers(tid).map(Self)
     }
 
-    /// Writes them.
     pub(crate) fn set(&self, tid: Tid) -> io::Result<()> {
         sys::set_registers(tid, &self.0)
     }
 
-    /// The number of the call.
     pub(crate) fn number(&self) -> i64 {
         self.0.orig_rax.cast_signed()
     }
 
-    /// The arguments of the call.
     pub(crate) fn arguments(&self) -> [u64; 6] {
         let r = &self.0;
         [r.rdi, r.rsi, r.rdx, r.r10, r.r8, r.r9]
     }
 
-    /// Changes an argument.
     pub(crate) fn set_argument(&mut self, index: usize, value: u64) {
         let r = &mut self.0;
         let all = [
@@ -50,10 +44,11 @@ impl Registers {
         }
     }
 
-    /// Has the call not made, and `result` be what it returns.
-    pub(crate) fn answer(&mut self, result: i64) {
+    /// Skips the syscall, which returns `result`.
+    pub(crate) fn answer(mut self, tid: Tid, result: i64) -> io::Result<()> {
         self.0.orig_rax = u64::MAX;
         self.0.rax = result.cast_unsigned();
+        self.set(tid)
     }
 
     /// Result of the call, at its end.
@@ -74,42 +69,58 @@ impl Registers {
         self.0.rip -= 2;
     }
 
-    /// The stack.
+    /// Makes a syscall at such an instruction, whatever the program was at.
+    pub(crate) fn call(&self, gate: u64, number: i64, arguments: [u64; 6]) -> Self {
+        let mut changed = *self;
+        changed.0.rip = gate;
+        changed.0.rax = number.cast_unsigned();
+        changed.0.orig_rax = u64::MAX;
+        for (index, argument) in arguments.into_iter().enumerate() {
+            changed.set_argument(index, argument);
+        }
+        changed
+    }
+
+    /// The instruction `syscall` that the program is behind, at a call.
+    pub(crate) fn gate(&self) -> u64 {
+        self.0.rip.wrapping_sub(2)
+    }
+
     pub(crate) fn stack(&self) -> u64 {
         self.0.rsp
     }
 
-    /// Place of the program.
     pub(crate) fn place(&self) -> u64 {
         self.0.rip
     }
 
-    /// Tells whether the program is of this architecture.
     pub(crate) fn is_native(&self) -> bool {
         // The code segment of 64-bit programs; that of 32-bit ones is 0x23.
         self.0.cs == 0x33
     }
 
-    /// Does what the instruction would that reads the time stamp counter, if it is one; `ticks` is
-    /// what it reads.
-    pub(crate) fn read_time_stamp(&mut self, memory: Memory, ticks: u64) -> bool {
+    /// Returns the length of the instruction at hand if it reads the time stamp counter.
+    pub(crate) fn time_stamp_length(&self, memory: Memory) -> Option<u64> {
         let mut code = [0; 3];
-        let length = match memory.read(self.0.rip, &mut code) {
-            Ok(()) if code[..2] == [0x0F, 0x31] => 2,
-            Ok(()) if code == [0x0F, 0x01, 0xF9] => 3,
-            _ => return false,
-        };
+        match memory.read(self.0.rip, &mut code) {
+            Ok(()) if code[..2] == [0x0F, 0x31] => Some(2),
+            Ok(()) if code == [0x0F, 0x01, 0xF9] => Some(3),
+            _ => None,
+        }
+    }
+
+    /// Does what such an instruction would; `ticks` is what it reads.
+    pub(crate) fn read_time_stamp(&mut self, length: u64, ticks: u64) {
         self.0.rax = ticks & 0xFFFF_FFFF;
         self.0.rdx = ticks >> 32;
         if length == 3 {
             self.0.rcx = 0;
         }
         self.0.rip += length;
-        true
     }
 }
 
-/// Gives a program that has just been loaded these bytes for its canary and its own random numbers;
+/// Returns a program that has just been loaded these bytes for its canary and its own random numbers;
 /// its vDSO, if it has one whose functions can be replaced.
 pub(crate) fn prepare_image(
     memory: Memory,
@@ -148,14 +159,27 @@ pub(crate) fn prepare_image(
     }
 }
 
-/// Tells whether a call that has made another thread made one of the same process, and one with the
-/// same memory.
-pub(crate) fn clones(registers: &Registers) -> (bool, bool) {
+/// What a new thread shares with the one that has made it.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Shared {
+    pub(crate) process: bool,
+    pub(crate) memory: bool,
+    pub(crate) files: bool,
+}
+
+/// Returns what a syscall that has made another thread has it share.
+pub(crate) fn shared(registers: &Registers) -> Shared {
     let flags = registers.arguments()[0];
     let has = |flag: i32| flags & u64::from(flag.cast_unsigned()) != 0;
     match registers.number() {
-        libc::SYS_clone => (has(libc::CLONE_THREAD), has(libc::CLONE_VM)),
-        libc::SYS_vfork => (false, true),
-        _ => (false, false),
+        libc::SYS_clone => Shared {
+            process: has(libc::CLONE_THREAD),
+            memory: has(libc::CLONE_VM),
+            files: has(libc::CLONE_FILES),
+        },
+        number => Shared {
+            memory: number == libc::SYS_vfork,
+            ..Shared::default()
+        },
     }
 }

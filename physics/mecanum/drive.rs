@@ -11,7 +11,11 @@ use crate::tolerance::Draw;
 use crate::traction::Slanted;
 use crate::world::World;
 
-/// Most orders that are told apart in a step; those that follow last until its end.
+/// Rolling speed above which the rubber of a roller damps no longer, m/s: well below the car's full
+/// speed.
+const DAMPING_FADE_SPEED: f64 = 0.1;
+
+/// Most orders that are distinguished in a step; those that follow last until its end.
 const MOST_ORDERS: usize = 64;
 
 /// The moving parts; arrays are by [`Wheel::index`].
@@ -26,7 +30,7 @@ pub(super) struct Drive {
     speed_factors: [f64; WHEELS],
     /// Factor by which the rollers of each wheel drag more than they should.
     roller_factors: [f64; WHEELS],
-    /// Part of the step that comes that has passed, s, and what the pulses were told by then that
+    /// Part of the step that comes that has passed, s, and what the pulses got by then that
     /// the wheels turn in it, rad.
     passed: f64,
     turned: [f64; WHEELS],
@@ -47,8 +51,8 @@ struct Orders {
 }
 
 impl Drive {
-    pub(super) fn new(name: &str, settings: &MecanumPlantSettings) -> Self {
-        let mut draw = Draw::of(name);
+    pub(super) fn new(name: &str, world: &World, settings: &MecanumPlantSettings) -> Self {
+        let mut draw = Draw::of(name, world.tolerance_seed());
         let wheel_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.wheel));
         let motor_factors = [(); WHEELS].map(|()| draw.factor(settings.tolerance.motor));
         let roller_factors = [(); WHEELS].map(|()| draw.factor(settings.wheel.roller_spread));
@@ -59,7 +63,7 @@ impl Drive {
         });
         let mut drive = Self {
             gear: RunningGear::new(
-                &settings.wheel.tyre(),
+                (&settings.wheel.tyre(), DAMPING_FADE_SPEED),
                 [body.half_wheelbase, body.half_track],
                 settings.motor.inertia,
                 contacts,
@@ -69,7 +73,7 @@ impl Drive {
             // Speeds and angles are those of a wheel of the nominal radius that gets as far.
             pulses: wheel_factors.map(|factor| {
                 let pulses = f64::from(settings.encoder.pulses_per_revolution);
-                PulseWire::new(pulses / factor, settings.encoder.hysteresis)
+                PulseWire::new(pulses / factor)
             }),
             roller_factors,
             speed_factors: std::array::from_fn(|wheel| wheel_factors[wheel] * motor_factors[wheel]),
@@ -88,9 +92,10 @@ impl Drive {
     /// Puts a payload on the deck, kg.
     pub(super) fn set_payload(&mut self, settings: &MecanumPlantSettings, payload: f64) {
         let body = &settings.body;
-        let grown = 1.0 + settings.wheel.roller_drag_growth * payload / body.mass;
+        let wheel = &settings.wheel;
+        let drag = wheel.roller_drag * (1.0 + wheel.roller_drag_growth * payload / body.mass);
         self.gear
-            .set_across(self.roller_factors.map(|factor| factor * grown));
+            .set_drag(self.roller_factors.map(|factor| factor * drag));
         let own = Mass {
             mass: body.mass,
             inertia: body.yaw_inertia,
@@ -169,7 +174,7 @@ impl Drive {
 }
 
 impl MecanumPlant {
-    /// Lets the orders as they are act up to `passed` seconds into the step that comes, and gives
+    /// Applies the orders as they are up to `passed` seconds into the step that comes, and returns
     /// the pulses of the wheels until then, as they are foreseen to turn.
     pub(super) fn drive_to(&mut self, passed: f64) {
         if passed <= self.drive.passed {
@@ -213,10 +218,10 @@ impl MecanumPlant {
         gear.settle(body, world, seconds, could_stand);
     }
 
-    /// Tells whether something is trying to move the car.
+    /// Returns whether something is trying to move the car.
     fn is_driven(&self) -> bool {
         let turns = |wheel| matches!(self.order(wheel), Order::Turn(speed) if speed != 0.0);
-        self.body.total_push() != [0.0; 3] || Wheel::ALL.into_iter().any(turns)
+        self.body.push() != [0.0; 3] || Wheel::ALL.into_iter().any(turns)
     }
 }
 

@@ -2,12 +2,14 @@
 
 use crate::faults::EncoderState;
 
+/// Share of a pulse by which a wheel must turn back before it gives pulses again; assumed: Hall sensors
+/// have a little, so that a standing wheel gives no pulses.
+const HYSTERESIS: f64 = 0.1;
+
 /// One PG wire and its counter.
 #[derive(Debug, Clone)]
 pub(super) struct PulseWire {
     per_radian: f64,
-    /// Share of a pulse by which a wheel must turn back before it gives pulses again.
-    hysteresis: f64,
     /// The wheel's angle in pulses, and the last one given.
     angle: f64,
     edge: f64,
@@ -72,10 +74,9 @@ impl Turning {
 }
 
 impl PulseWire {
-    pub(super) fn new(pulses_per_revolution: f64, hysteresis: f64) -> Self {
+    pub(super) fn new(pulses_per_revolution: f64) -> Self {
         Self {
             per_radian: pulses_per_revolution / std::f64::consts::TAU,
-            hysteresis,
             // Half-way between two pulses, so that no wheel begins on the brink of one.
             angle: 0.5,
             edge: 0.0,
@@ -91,18 +92,18 @@ impl PulseWire {
         let pulses = if turning.speed > 0.0 {
             self.edge + 1.0 - self.angle
         } else {
-            self.angle - (self.edge - self.hysteresis)
+            self.angle - (self.edge - HYSTERESIS)
         };
         turning.seconds_for(pulses.max(0.0) / self.per_radian)
     }
 
-    /// Lets the wheel turn by `angle` radians.
+    /// Turns the wheel by `angle` radians.
     pub(super) fn turn(&mut self, angle: f64, encoder: EncoderState) {
         self.angle += angle * self.per_radian;
         let edge = if self.angle >= self.edge + 1.0 {
             self.angle.floor()
-        } else if self.angle < self.edge - self.hysteresis {
-            (self.angle + self.hysteresis).floor()
+        } else if self.angle < self.edge - HYSTERESIS {
+            (self.angle + HYSTERESIS).floor()
         } else {
             self.edge
         };
@@ -139,7 +140,7 @@ mod tests {
     use super::*;
 
     fn wire() -> PulseWire {
-        PulseWire::new(60.0, 0.1)
+        PulseWire::new(60.0)
     }
 
     const PULSE: f64 = std::f64::consts::TAU / 60.0;

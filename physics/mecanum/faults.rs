@@ -1,4 +1,4 @@
-//! Deeds of an operator, a scenario or bad luck to the car.
+//! Actions of an operator, a scenario or bad luck to the car.
 
 use super::MecanumPlant;
 use super::signals::{ECHOES, MecanumMeasurements, PlugSwaps, Wheel};

@@ -1,6 +1,9 @@
 //! A brushless gear motor with its own speed control.
 
-use super::settings::{CarMotorSettings, ZeroSpeed};
+use super::settings::CarMotorSettings;
+
+/// Time in which BK comes on, s: a wheel that is stopped at once would jerk its gear.
+const BRAKE_TIME: f64 = 0.02;
 
 /// Order of the pins to a motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +23,8 @@ pub(super) struct Motor {
     reference: f64,
     /// Speed of it when the motor was last asked to turn.
     aim: f64,
+    /// Torque by which the control makes up for a lack of speed that stays, N·m.
+    integral: f64,
     /// Part to which BK has come on, 0–1.
     brake: f64,
 }
@@ -47,8 +52,9 @@ pub(super) struct MotorLaw {
     brake_rate: f64,
     brake_deceleration: f64,
     gain: f64,
+    /// N·m for each rad of angle that is lacking.
+    integral_gain: f64,
     torque: f64,
-    coasts_at_zero: bool,
 }
 
 impl Motor {
@@ -56,12 +62,13 @@ impl Motor {
         Self {
             reference: 0.0,
             aim: 0.0,
+            integral: 0.0,
             // It has stood for long.
             brake: 1.0,
         }
     }
 
-    /// Tells whether an order moves the ramp, or the brake.
+    /// Returns whether an order moves the ramp, or the brake.
     pub(super) fn moves(&self, order: Order) -> bool {
         match order {
             Order::Turn(wanted) => wanted != self.reference,
@@ -106,17 +113,25 @@ impl Motor {
                 }
             }
         }
-        let behind = (self.aim - speed).abs();
+        let lack = self.aim - speed;
+        if turned <= 0.0 {
+            self.integral = 0.0;
+        }
+        let aim = self.aim + self.integral / law.gain;
+        let behind = (aim - speed).abs();
         // Less gain where the full one would ask for more torque than there is. The wheel then
         // cannot overshoot, as it could under a fixed torque over a whole step.
         let gain = if behind * law.gain > law.torque {
             law.torque / behind
         } else {
+            // Only within the limit, so that the integral does not grow for what cannot be had.
+            let integral = self.integral + law.integral_gain * lack * turned;
+            self.integral = integral.clamp(-law.torque, law.torque);
             law.gain
         };
         Grip {
             gain: gain * (turned / dt).min(1.0),
-            speed: self.aim,
+            speed: aim,
             held: (held / dt).min(1.0),
         }
     }
@@ -128,17 +143,21 @@ impl MotorLaw {
         Self {
             full_speed,
             ramp: full_speed / settings.ramp_time.as_secs_f64(),
-            brake_rate: 1.0 / settings.brake_time.as_secs_f64(),
+            brake_rate: 1.0 / BRAKE_TIME,
             brake_deceleration: settings.brake_torque / settings.inertia,
             gain: settings.speed_gain,
+            integral_gain: match settings.speed_integral.as_secs_f64() {
+                0.0 => 0.0,
+                time => settings.speed_gain / time,
+            },
             torque: settings.torque_limit,
-            coasts_at_zero: settings.at_zero_speed == ZeroSpeed::Coast,
         }
     }
 
-    /// Order to a motor without its brake from the speed voltage and its direction.
+    /// Order to a motor without its brake from the speed voltage and its direction. Assumed: without a
+    /// speed voltage it turns freely, since most controllers switch their bridge off.
     pub(super) fn order(&self, speed_voltage: f64, reverse: bool) -> Order {
-        if speed_voltage <= 0.0 && self.coasts_at_zero {
+        if speed_voltage <= 0.0 {
             return Order::Coast;
         }
         let speed = speed_voltage * self.full_speed;

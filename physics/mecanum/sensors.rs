@@ -8,6 +8,18 @@ use crate::noise::Noise;
 use crate::pose::BodyMotion;
 use crate::world::{BodyId, Cone, World};
 
+/// Distance between two channels of the magnetic bar, m; assumed: common bars, 16 channels on 160 mm.
+const CHANNEL_SPACING: f64 = 0.01;
+/// Distance from the middle line of a strip at which a channel sees it, m; assumed: tape of 50 mm.
+const STRIP_HALF_WIDTH: f64 = 0.025;
+
+/// Time between two looks of the infrared sensor: quick beside the status packet.
+const BEAM_PERIOD: Duration = Duration::from_millis(20);
+/// Time between two readings of RFID: common readers, 20 tags a second.
+const READER_PERIOD: Duration = Duration::from_millis(50);
+/// Time between two readings of the magnetic bar: common bars, 100 a second.
+const BAR_PERIOD: Duration = Duration::from_millis(10);
+
 /// Readings of the sensors when they last looked.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Observed {
@@ -81,12 +93,7 @@ impl Sensors {
         } else {
             0.0
         };
-        let periods = [
-            ultrasonic.period,
-            beam.period,
-            settings.rfid.period,
-            bar.period,
-        ];
+        let periods = [ultrasonic.period, BEAM_PERIOD, READER_PERIOD, BAR_PERIOD];
         Self {
             cones: std::array::from_fn(|index| {
                 mount(
@@ -98,15 +105,15 @@ impl Sensors {
                     ultrasonic.range,
                 )
             }),
-            beam: mount(beam.x, beam.y, beam.angle, 0.0, 0.0, beam.range),
-            reader: [settings.rfid.x, settings.rfid.y],
+            beam: mount(beam.x, 0.0, 0.0, 0.0, 0.0, beam.range),
+            reader: [0.0; 2],
             reader_radius: settings.rfid.radius,
             channels: [
                 7.5, 6.5, 5.5, 4.5, 3.5, 2.5, 1.5, 0.5, -0.5, -1.5, -2.5, -3.5, -4.5, -5.5, -6.5,
                 -7.5,
             ]
-            .map(|place| [bar.x, bar.y + place * bar.spacing]),
-            bar_reach: bar.strip_half_width,
+            .map(|place| [bar.x, place * CHANNEL_SPACING]),
+            bar_reach: STRIP_HALF_WIDTH,
             paces: periods.map(|period| Pace {
                 period,
                 since: Duration::ZERO,

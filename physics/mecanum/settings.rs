@@ -2,25 +2,14 @@
 
 use std::time::Duration;
 
-use sim_settings::{choices, settings};
+use rigsim_settings::settings;
 
 use super::signals::{Plugs, Wheel, Wiring};
 use crate::tolerance::ToleranceSettings;
 use crate::traction::TyreSettings;
-use crate::vehicle_body::RestSettings;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 const S: fn(u64) -> Duration = Duration::from_secs;
-
-choices! {
-    /// State of a motor at no speed voltage while its brake is not asked for.
-    pub enum ZeroSpeed {
-        /// It lets the wheel turn freely.
-        Coast = "coast",
-        /// It controls the speed to zero.
-        Hold = "hold",
-    }
-}
 
 settings! {
     /// The car around the board.
@@ -48,8 +37,6 @@ settings! {
         rfid: ReaderSettings,
         /// The magnetic bar.
         magnetic_bar: BarSettings,
-        /// Limits below which a car counts as standing.
-        rest: RestSettings,
     }
 
     /// Chassis and payload.
@@ -77,7 +64,7 @@ settings! {
         payload_ahead: f64 = 0.0, unit "m", range -2.5..=2.5, assumed "on the middle of the deck";
         /// Place of the payload to the left of the middle.
         payload_left: f64 = 0.002, unit "m", range -2.5..=2.5,
-            assumed "nobody loads a vehicle to the millimetre";
+            assumed "no load is placed to the millimetre";
     }
 
     /// Wheels and rollers.
@@ -87,8 +74,8 @@ settings! {
         /// Angle between the axles of roller and wheel.
         roller_angle: f64 = 45.0, unit "deg", range 15.0..=75.0,
             assumed "nearly all mecanum wheels; the firmware's dead reckoning takes it for granted";
-        /// Force along the roller's axle per unit of slip, as a multiple of the load.
-        axial_stiffness: f64 = 2.4, range 0.1..=100.0,
+        /// Force of a roller that does not turn per unit of slip, as a multiple of the load.
+        roller_stiffness: f64 = 4.0, range 0.1..=100.0,
             assumed "with the roller drag a strafe then moves 0.85 of what the wheels turn; \
                      published cars 0.74 to 0.92";
         /// Drag of a turning roller, as a share of the load.
@@ -104,12 +91,6 @@ settings! {
         /// Distance rolled in which a roller takes up most of a change of slip.
         relaxation_length: f64 = 0.01, unit "m", range 0.0005..=1.0,
             assumed "a fraction of the radius of a roller";
-        /// Time over which the rubber of a standing roller damps its own ringing.
-        damping_time: Duration = MS(30), range Duration::ZERO..=MS(500),
-            assumed "settles a standing car in about one swing";
-        /// Rolling speed above which that damping is gone.
-        damping_fade_speed: f64 = 0.1, unit "m/s", range 0.01..=5.0,
-            assumed "well below the car's full speed";
         /// Rolling resistance of a wheel, as a share of the load.
         rolling_resistance: f64 = 0.02, range 0.0..=0.5,
             assumed "rubber on a hard floor, 0.01 to 0.03 in textbooks";
@@ -128,23 +109,21 @@ settings! {
             assumed "about twice what makes a wheel of the empty car slip";
         /// Torque per lack of speed of the control, N·m for 1 rad/s.
         speed_gain: f64 = 10.0, range 0.001..=10000.0,
-            assumed "a load of half the limit then costs 1.5 % of full speed";
+            assumed "a load of half the limit then costs 1.5 % of full speed at first";
+        /// Time in which the control makes up for a lack of speed; 0 for a control that does not.
+        speed_integral: Duration = MS(100), range Duration::ZERO..=S(60),
+            assumed "the control of such a board has an integral part; without it, gear and rollers \
+                     cost a tenth of the speed at 1 r/min";
         /// Moment of inertia of rotor, gear and wheel at the wheel.
         inertia: f64 = 0.0028, unit "kg*m^2", range 0.00001..=10.0,
             assumed "a rotor of 10 g*cm^2 behind a gear of 1:50, and a wheel of 250 g";
         /// Dry friction of the gear at the wheel.
         gear_friction: f64 = 0.12, unit "N*m", range 0.0..=100.0,
-            assumed "coasting, the car then loses 0.9 m/s^2 forward and twice that sideways; robots of \
+            assumed "coasting, the car then loses 0.9 m/s^2 forward and 2.2 sideways; robots of \
                      8 to 14 kg that were tuned with Pedro Pathing lose 0.9 and 1.4 to 2.5";
         /// Torque that BK holds.
         brake_torque: f64 = 1.5, unit "N*m", range 0.0..=1000.0,
             assumed "as much as the motor gives";
-        /// Time in which BK comes on.
-        brake_time: Duration = MS(20), range MS(1)..=S(10),
-            assumed "a wheel that is stopped at once would jerk its gear";
-        /// State of a motor at no speed voltage while BK is not asked for.
-        at_zero_speed: ZeroSpeed = ZeroSpeed::Coast,
-            assumed "most controllers switch their bridge off";
     }
 
     /// Encoders.
@@ -152,9 +131,6 @@ settings! {
         /// Pulses of PG for one revolution of a wheel.
         pulses_per_revolution: u32 = 60, range 1..=100_000,
             assumed "the article does not name the motors";
-        /// Share of a pulse by which a wheel must turn back before it gives pulses again.
-        hysteresis: f64 = 0.1, range 0.0..=0.9,
-            assumed "Hall sensors have a little, so that a standing wheel gives no pulses";
     }
 
     /// Ultrasonic sensors; lists are four in front from left to right, then four in the rear from
@@ -192,40 +168,20 @@ settings! {
     pub struct BeamSettings {
         /// Place ahead of the car's middle.
         x: f64 = 0.17, unit "m", range -5.0..=5.0, assumed "on the front edge";
-        /// Place left of the car's middle.
-        y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
-        /// Direction, counter-clockwise from straight ahead.
-        angle: f64 = 0.0, unit "deg", range -360.0..=360.0, assumed "straight ahead";
         /// Range of it.
         range: f64 = 0.3, unit "m", range 0.001..=10.0, assumed "a reflective switch set to 300 mm";
-        /// Time between two looks.
-        period: Duration = MS(20), range MS(1)..=S(10), assumed "quick beside the status packet";
     }
 
-    /// The RFID reader under the car.
+    /// The RFID reader under the middle of the car.
     pub struct ReaderSettings {
-        /// Place ahead of the car's middle.
-        x: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
-        /// Place left of the car's middle.
-        y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
         /// Distance from it at which a tag may lie.
         radius: f64 = 0.04, unit "m", range 0.001..=5.0, assumed "a small coil just above the ground";
-        /// Time between two readings.
-        period: Duration = MS(50), range MS(1)..=S(10), assumed "common readers, 20 tags a second";
     }
 
     /// The bar of 16 magnetic sensors across the car.
     pub struct BarSettings {
         /// Place of its middle ahead of the car's middle.
         x: f64 = 0.15, unit "m", range -5.0..=5.0, assumed "near the front edge";
-        /// Place of its middle left of the car's middle.
-        y: f64 = 0.0, unit "m", range -5.0..=5.0, assumed "in the middle";
-        /// Distance between two channels.
-        spacing: f64 = 0.01, unit "m", range 0.0005..=0.5, assumed "common bars, 16 channels on 160 mm";
-        /// Distance from the middle line of a strip at which a channel sees it.
-        strip_half_width: f64 = 0.025, unit "m", range 0.001..=1.0, assumed "tape of 50 mm";
-        /// Time between two readings.
-        period: Duration = MS(10), range MS(1)..=S(10), assumed "common bars, 100 readings a second";
     }
 }
 
@@ -255,11 +211,9 @@ impl MecanumWheelSettings {
     pub(super) fn tyre(&self) -> TyreSettings {
         TyreSettings {
             wheel_radius: self.radius,
-            longitudinal_stiffness: self.axial_stiffness,
-            lateral_stiffness: self.roller_drag,
+            longitudinal_stiffness: self.roller_stiffness,
+            lateral_stiffness: self.roller_stiffness,
             relaxation_length: self.relaxation_length,
-            damping_time: self.damping_time,
-            damping_fade_speed: self.damping_fade_speed,
             rolling_resistance: self.rolling_resistance,
         }
     }

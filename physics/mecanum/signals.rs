@@ -5,6 +5,9 @@
 
 mod wiring;
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 pub use wiring::{PlugSwaps, Plugs, Wiring};
 
 /// Number of motor ports of the board.
@@ -14,41 +17,30 @@ pub const WHEELS: usize = 4;
 /// Number of ultrasonic sensors of the car.
 pub const ECHOES: usize = 8;
 
-/// A motor port of the board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Port {
-    /// X.
-    X,
-    /// Y.
-    Y,
-    /// Z.
-    Z,
-    /// E0.
-    E0,
-    /// E1.
-    E1,
+rigsim_settings::words! {
+    /// A motor port of the board, by its name there in lower case; in the order of the arrays of
+    /// [`MecanumCommands`] and [`MecanumMeasurements`].
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Port {
+        /// X.
+        X = "x",
+        /// Y.
+        Y = "y",
+        /// Z, which no motor has in the default wiring.
+        Z = "z",
+        /// E0.
+        E0 = "e0",
+        /// E1.
+        E1 = "e1",
+    }
 }
 
 impl Port {
-    /// All, in the order of the arrays of [`MecanumCommands`] and [`MecanumMeasurements`].
-    pub const ALL: [Self; PORTS] = [Self::X, Self::Y, Self::Z, Self::E0, Self::E1];
-
     /// Index into those arrays.
     #[must_use]
     pub const fn index(self) -> usize {
         self as usize
-    }
-
-    /// The name on the board, in lower case.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::X => "x",
-            Self::Y => "y",
-            Self::Z => "z",
-            Self::E0 => "e0",
-            Self::E1 => "e1",
-        }
     }
 }
 
@@ -80,7 +72,7 @@ impl Wheel {
         self as usize
     }
 
-    /// Tells whether it is on the left side.
+    /// Returns whether it is on the left side.
     #[must_use]
     pub const fn is_left(self) -> bool {
         matches!(self, Self::LeftFront | Self::LeftRear)

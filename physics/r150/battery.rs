@@ -23,17 +23,17 @@ pub(super) struct Battery {
     pub(super) full: bool,
 }
 
+/// Cells in series: 48.1 V nominal is 13 cells of 3.7 V.
+const CELLS: f64 = 13.0;
 /// A battery that was full takes charge again when it has lost this share.
 const ROOM: f64 = 0.005;
 
 impl Battery {
     pub(super) fn new(settings: &BatterySettings) -> Self {
-        let cells = f64::from(settings.cells);
-        let packs = f64::from(settings.packs);
         Self {
-            open_circuit: settings.cell_voltage.map(|cell| cell * cells),
-            resistance: settings.pack_resistance / packs + settings.wiring_resistance,
-            capacity: settings.capacity * packs * 3600.0,
+            open_circuit: settings.cell_voltage.map(|cell| cell * CELLS),
+            resistance: settings.resistance,
+            capacity: settings.capacity * 3600.0,
             soc: settings.initial_soc / 100.0,
             missing: 0.0,
             drawn: 0.0,

@@ -9,6 +9,16 @@ use crate::tolerance::Draw;
 use crate::traction::Straight;
 use crate::world::World;
 
+/// Share of a motor's torque that is lost in its gear; assumed: two or three planetary stages.
+const GEAR_LOSS: f64 = 0.1;
+/// Speed below which a motor's shaft stands, rad/s.
+const STANDS: f64 = 0.1;
+/// Rolling speed above which a tyre damps no longer, m/s: below walking speed.
+const DAMPING_FADE_SPEED: f64 = 0.3;
+/// Moment of inertia of a rotor, kg·m²: a motor of about 1 kW. At the wheel it adds to the wheel's
+/// own.
+const ROTOR_INERTIA: f64 = 0.0015;
+
 /// The moving parts; arrays are by [`Side::index`].
 #[derive(Debug, Clone)]
 pub(super) struct Drive {
@@ -22,7 +32,7 @@ pub(super) struct Drive {
     torque_constant: [f64; 2],
     winding_resistance: f64,
     gear_friction: f64,
-    gear_loss: f64,
+    stiction: f64,
     brake_torque: f64,
 }
 
@@ -47,8 +57,8 @@ impl SideDrive {
 }
 
 impl Drive {
-    pub(super) fn new(name: &str, settings: &R150PlantSettings) -> Self {
-        let mut draw = Draw::of(name);
+    pub(super) fn new(name: &str, world: &World, settings: &R150PlantSettings) -> Self {
+        let mut draw = Draw::of(name, world.tolerance_seed());
         let tolerance = &settings.tolerance;
         let body = &settings.body;
         let motor = &settings.motor;
@@ -56,9 +66,9 @@ impl Drive {
         let contacts = [Side::Left, Side::Right, Side::Left, Side::Right];
         let mut drive = Self {
             gear: RunningGear::new(
-                &settings.tyre,
+                (&settings.tyre, DAMPING_FADE_SPEED),
                 [body.wheelbase / 2.0, body.track / 2.0],
-                motor.rotor_inertia * ratio * ratio + 2.0 * motor.wheel_inertia,
+                ROTOR_INERTIA * ratio * ratio + 2.0 * motor.wheel_inertia,
                 contacts.map(|side| (side.index(), Straight)),
             ),
             drivers: [Driver::new(motor); 2],
@@ -68,7 +78,7 @@ impl Drive {
                 .map(|_| motor.back_emf_constant * draw.factor(tolerance.motor)),
             winding_resistance: motor.resistance,
             gear_friction: motor.gear_friction,
-            gear_loss: motor.gear_loss,
+            stiction: motor.stiction,
             brake_torque: motor.brake_torque,
         };
         drive.set_payload(settings, body.payload);
@@ -116,7 +126,9 @@ impl R150Plant {
         let brakes =
             (self.commands.parking_brake && !faults.brake_stuck_open) || faults.brake_stuck_on;
         let motor_torque = self.flow.motor_current[index] * constant;
-        let friction = drive.gear_friction + drive.gear_loss * motor_torque.abs();
+        let stands = self.drive.motor_speed(side).abs() < STANDS;
+        let stiction = if stands { drive.stiction } else { 1.0 };
+        let friction = drive.gear_friction * stiction + GEAR_LOSS * motor_torque.abs();
         let (mut impulse, mut rise, mut opposed) = (0.0, 0.0, 0.0);
         if port.connected {
             let torque_per_volt = ratio * constant / drive.winding_resistance;
@@ -146,7 +158,7 @@ impl R150Plant {
         }
     }
 
-    /// Tells whether something is trying to move the vehicle. A motor against a blocked wheel
+    /// Returns whether something is trying to move the vehicle. A motor against a blocked wheel
     /// counts: its current must go on being integrated.
     fn is_driven(&self) -> bool {
         let motors = Side::BOTH.iter().any(|side| {
@@ -154,7 +166,7 @@ impl R150Plant {
             let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
             port.connected && (port.duty != 0.0 || driven)
         });
-        motors || self.body.total_push() != [0.0; 3]
+        motors || self.body.push() != [0.0; 3]
     }
 }
 

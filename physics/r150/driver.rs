@@ -3,6 +3,11 @@
 use super::network::MotorPort;
 use super::settings::{MotorSettings, MotorThermalSettings};
 
+/// Temperature of a driver above which it allows less current, °C; assumed: drivers begin at 70 to 85 °C
+/// at their plate.
+const DRIVER_DERATING: f64 = 80.0;
+/// Temperature of a driver at which it shuts off, °C; assumed: drivers end at 85 to 100 °C.
+const DRIVER_SHUT_OFF: f64 = 95.0;
 /// A hot driver comes back when it is so much cooler than where it shut off, K.
 const COOLED: f64 = 10.0;
 
@@ -68,13 +73,9 @@ impl Driver {
             thermal.motor_derating,
             thermal.motor_shut_off,
         )
-        .min(left(
-            driver_celsius,
-            thermal.driver_derating,
-            thermal.driver_shut_off,
-        ));
+        .min(left(driver_celsius, DRIVER_DERATING, DRIVER_SHUT_OFF));
         let cooled = motor_celsius < thermal.motor_shut_off - COOLED
-            && driver_celsius < thermal.driver_shut_off - COOLED;
+            && driver_celsius < DRIVER_SHUT_OFF - COOLED;
         self.derated = share < 1.0;
         self.shut_off = share <= 0.0 || (self.shut_off && !cooled);
         self.limit = if self.derated {

@@ -1,4 +1,4 @@
-//! Deeds of an operator, a scenario or bad luck to the vehicle.
+//! Actions of an operator, a scenario or bad luck to the vehicle.
 
 use super::R150Plant;
 use super::fuse::{FUSES, FuseId};
@@ -94,12 +94,6 @@ impl R150Plant {
         self.solve_network();
     }
 
-    /// Returns what hangs on a rail.
-    #[must_use]
-    pub fn load(&self, rail: Rail) -> Load {
-        self.loads[rail.index()]
-    }
-
     /// Replaces all that is wrong with a side. Drag is held within 0–100 kN·m.
     pub fn set_side_faults(&mut self, side: Side, faults: MotorFaults) {
         self.side_faults[side] = faults.within(1e5);
@@ -116,7 +110,7 @@ impl R150Plant {
         self.side_faults[side]
     }
 
-    /// Tells whether a fuse has blown.
+    /// Returns whether a fuse has blown.
     #[must_use]
     pub fn is_fuse_blown(&self, fuse: FuseId) -> bool {
         self.slow.fuses[fuse.index()].blown || self.faults.fuses_out[fuse.index()]

@@ -1,30 +1,37 @@
 //! Fuses.
 
+use std::time::Duration;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::settings::FuseSettings;
 
-/// A fuse of the junction box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum FuseId {
-    /// Supply of the right motor.
-    MotorRight,
-    /// Supply of the left motor.
-    MotorLeft,
-    /// Tail supply, which feeds the module and its outputs.
-    Tail,
-    /// The vehicle's small modules.
-    SmallModules,
+/// Multiple of the rating that a fuse carries for ever: automotive blade and strip fuses.
+const HOLDING_FACTOR: f64 = 1.2;
+/// Time constant of its warming; twice the rating then blows in about five seconds.
+pub(super) const TIME_CONSTANT: Duration = Duration::from_secs(10);
+
+rigsim_settings::words! {
+    /// A fuse of the junction box.
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum FuseId {
+        /// Supply of the right motor.
+        MotorRight = "motor-right",
+        /// Supply of the left motor.
+        MotorLeft = "motor-left",
+        /// Tail supply, which feeds the module and its outputs.
+        Tail = "tail",
+        /// The vehicle's small modules.
+        SmallModules = "small-modules",
+    }
 }
 
 impl FuseId {
-    /// All of them.
-    pub const ALL: [Self; FUSES] = [
-        Self::MotorRight,
-        Self::MotorLeft,
-        Self::Tail,
-        Self::SmallModules,
-    ];
-
-    pub(super) const fn index(self) -> usize {
+    /// Index into arrays of fuses.
+    #[must_use]
+    pub const fn index(self) -> usize {
         self as usize
     }
 }
@@ -55,10 +62,10 @@ impl Fuse {
                 FuseId::Tail => settings.tail,
                 FuseId::SmallModules => settings.small_modules,
             };
-            let holding = rating * settings.holding_factor;
+            let holding = rating * HOLDING_FACTOR;
             Self {
                 holding: holding * holding,
-                time_constant: settings.time_constant.as_secs_f64(),
+                time_constant: TIME_CONSTANT.as_secs_f64(),
                 warmth: 0.0,
                 blown: false,
             }
@@ -76,7 +83,7 @@ impl Fuse {
         Some(time.max(0.0))
     }
 
-    /// Lets a steady current flow for a span after which `kept` is the share of the old warmth
+    /// Applies a steady current for a span after which `kept` is the share of the old warmth
     /// that remains. Returns whether it blew.
     pub(super) fn carry(&mut self, current: f64, kept: f64) -> bool {
         let heating = current * current;

@@ -13,7 +13,6 @@
 //! source takes no charge, a brake resistor on the bus turns what the bridges feed back and no load
 //! wants into heat: the bus then stays at `U`.
 
-use super::settings::RailSettings;
 use super::signals::{Load, RAILS, Rail};
 
 /// A source with its inner resistance.
@@ -74,7 +73,7 @@ struct Sum {
     power: f64,
 }
 
-pub(super) fn solve(demand: &Demand, settings: &RailSettings) -> Flow {
+pub(super) fn solve(demand: &Demand) -> Flow {
     let mut drives = Sum::default();
     for motor in demand.motors.iter().filter(|motor| motor.connected) {
         drives.conductance += motor.duty * motor.duty / motor.resistance;
@@ -85,10 +84,10 @@ pub(super) fn solve(demand: &Demand, settings: &RailSettings) -> Flow {
     let mut flow = Flow::default();
     let mut module = Sum::default();
     if demand.tail {
-        module = module_loads(demand, settings, &mut flow);
+        module = module_loads(demand, &mut flow);
     }
     let (mut bus, mut given) = bus_voltage(demand, drives.plus(module));
-    flow.module_powered = demand.tail && bus >= settings.minimum_voltage;
+    flow.module_powered = demand.tail && bus >= MINIMUM_VOLTAGE;
     if !flow.module_powered && demand.tail {
         flow = Flow::default();
         module = Sum::default();
@@ -108,7 +107,7 @@ pub(super) fn solve(demand: &Demand, settings: &RailSettings) -> Flow {
             flow.motor_supply[index] = motor.duty * current;
         }
     }
-    finish_48v(demand, settings, power_to_current, &mut flow);
+    finish_48v(demand, power_to_current, &mut flow);
     flow
 }
 
@@ -137,13 +136,32 @@ fn free_bus_voltage(source: Source, sum: Sum) -> (f64, f64) {
     }
 }
 
+/// Voltage of the 12 V outputs without load, V (manual section 3).
+pub(super) const VOLTAGE_12V: f64 = 12.0;
+/// Voltage of the 5 V output without load, V (manual section 3).
+const VOLTAGE_5V: f64 = 5.0;
+/// Bus voltage under which the module and its converters stop, V: 12 V converters need a little more
+/// than they give.
+const MINIMUM_VOLTAGE: f64 = 14.0;
+/// Source resistance of one 12 V output, Ω; a short then draws many times the limit.
+const RESISTANCE_12V: f64 = 0.03;
+/// Source resistance of the 5 V output, Ω; likewise.
+const RESISTANCE_5V: f64 = 0.05;
+/// Resistance from the bus to the 48 V output, Ω: a switch and a connector.
+const RESISTANCE_48V: f64 = 0.01;
+/// Resistance of a short circuit, in its wires, Ω: a metre of wire.
+const SHORT_RESISTANCE: f64 = 0.02;
+/// Power of the module itself, W; assumed: a controller and idle converters.
+const OWN_POWER: f64 = 5.0;
+/// Efficiency of the 12 V and 5 V converters; assumed: typical buck converters.
+const CONVERTER_EFFICIENCY: f64 = 0.92;
 /// Keeps divisions by the bus voltage bounded, V.
 const LOWEST_BUS: f64 = 0.1;
 
 /// Sums what the module draws and fills in the rails that do not depend on the bus.
-fn module_loads(demand: &Demand, settings: &RailSettings, flow: &mut Flow) -> Sum {
+fn module_loads(demand: &Demand, flow: &mut Flow) -> Sum {
     let mut sum = Sum {
-        power: settings.own_power,
+        power: OWN_POWER,
         ..Sum::default()
     };
     for rail in Rail::ALL {
@@ -158,24 +176,24 @@ fn module_loads(demand: &Demand, settings: &RailSettings, flow: &mut Flow) -> Su
                     Load::Open => {}
                     Load::Power(power) => sum.power += power,
                     Load::Resistance(_) | Load::Short => {
-                        sum.conductance += 1.0 / resistance_48v(load, settings);
+                        sum.conductance += 1.0 / resistance_48v(load);
                     }
                 }
                 continue;
             }
             Rail::V5 => Source {
-                voltage: settings.voltage_5v,
-                resistance: settings.resistance_5v,
+                voltage: VOLTAGE_5V,
+                resistance: RESISTANCE_5V,
             },
             Rail::V12A | Rail::V12B | Rail::V12C | Rail::V12D => Source {
-                voltage: settings.voltage_12v,
-                resistance: settings.resistance_12v,
+                voltage: VOLTAGE_12V,
+                resistance: RESISTANCE_12V,
             },
         };
-        let (voltage, current) = converter_output(source, load, settings.short_resistance);
+        let (voltage, current) = converter_output(source, load, SHORT_RESISTANCE);
         flow.rail_voltage[index] = voltage;
         flow.rail_current[index] = current;
-        sum.power += source.voltage * current / settings.converter_efficiency;
+        sum.power += source.voltage * current / CONVERTER_EFFICIENCY;
     }
     sum
 }
@@ -201,7 +219,7 @@ fn converter_output(source: Source, load: Load, short_resistance: f64) -> (f64, 
 /// The 48 V output is the bus itself behind a switch, so it follows once the bus is known. The path
 /// to an electronic load is taken as ideal, which keeps the bus equation closed; its loss would be
 /// under 1 % of the load.
-fn finish_48v(demand: &Demand, settings: &RailSettings, power_to_current: f64, flow: &mut Flow) {
+fn finish_48v(demand: &Demand, power_to_current: f64, flow: &mut Flow) {
     let index = Rail::V48.index();
     if !flow.module_powered || !demand.rail_on[index] {
         return;
@@ -210,21 +228,21 @@ fn finish_48v(demand: &Demand, settings: &RailSettings, power_to_current: f64, f
     let current = match load {
         Load::Open => 0.0,
         Load::Power(power) => power * power_to_current,
-        Load::Resistance(_) | Load::Short => flow.bus / resistance_48v(load, settings),
+        Load::Resistance(_) | Load::Short => flow.bus / resistance_48v(load),
     };
     flow.rail_current[index] = current;
     flow.rail_voltage[index] = match load {
         Load::Open | Load::Power(_) => flow.bus,
-        Load::Resistance(_) | Load::Short => flow.bus - current * settings.resistance_48v,
+        Load::Resistance(_) | Load::Short => flow.bus - current * RESISTANCE_48V,
     };
 }
 
 /// From the bus through a resistive load, Ω.
-fn resistance_48v(load: Load, settings: &RailSettings) -> f64 {
-    settings.resistance_48v
+fn resistance_48v(load: Load) -> f64 {
+    RESISTANCE_48V
         + match load {
             Load::Resistance(resistance) => resistance,
-            _ => settings.short_resistance,
+            _ => SHORT_RESISTANCE,
         }
 }
 

@@ -1,76 +1,42 @@
 //! PWM inputs and outputs.
 
-use super::settings::{OutputDuty, PwmSettings, SteadyLevel, Unmeasured};
 use super::signals::{PwmReading, PwmSource};
 
-/// Signal that reaches an input.
-#[derive(Debug, Clone, Copy)]
-struct Signal {
-    frequency: f64,
-    /// Share of the period at the high level, 0–1.
-    duty: f64,
-    high_voltage: f64,
-}
+/// Lowest voltage that an input takes as high, V (manual section 3).
+const INPUT_HIGH: f64 = 2.0;
+/// Highest voltage that an input takes, V (manual section 3d).
+const INPUT_VOLTAGE_MAX: f64 = 15.0;
+/// Frequencies that an input measures, Hz (manual section 4.3.4).
+const INPUT_FREQUENCIES: std::ops::RangeInclusive<f64> = 10.0..=20_000.0;
+/// Frequency of the outputs, Hz; the manual gives only the limit of 20 kHz.
+const OUTPUT_FREQUENCY: f64 = 1000.0;
+/// Voltage to which an output wired to an input is pulled up, V: logic level.
+const OUTPUT_PULL_UP: f64 = 5.0;
 
-/// Reads an input with this source; `last` is what it read before.
+/// Reads an input with this source; 0 Hz and 0 where it cannot measure the signal.
 ///
 /// The outputs are open-drain, so the line is high while an output lets go of it. A level that
 /// never changes has no period, and a signal outside the input's limits is not seen at all.
-pub(super) fn read(
-    source: PwmSource,
-    own_duty: &[f64; 4],
-    last: PwmReading,
-    settings: &PwmSettings,
-) -> PwmReading {
-    let unmeasured = match settings.unmeasured {
-        Unmeasured::Zero => PwmReading::default(),
-        Unmeasured::Last => last,
-    };
-    let Some(signal) = signal(source, own_duty, settings) else {
-        return unmeasured;
-    };
-    let high = signal.high_voltage >= settings.input_high;
-    let steady = signal.duty <= 0.0 || signal.duty >= 1.0;
-    let measurable = high
-        && signal.high_voltage <= settings.input_voltage_max
-        && signal.frequency >= settings.input_frequency_min
-        && signal.frequency <= settings.input_frequency_max
-        && signal.duty > 0.0
-        && signal.duty < 1.0;
-    if measurable {
-        PwmReading {
-            frequency: signal.frequency,
-            duty: signal.duty,
-        }
-    } else if steady && settings.steady_level == SteadyLevel::Level {
-        PwmReading {
-            frequency: 0.0,
-            duty: if high && signal.duty >= 1.0 { 1.0 } else { 0.0 },
-        }
-    } else {
-        unmeasured
-    }
-}
-
-fn signal(source: PwmSource, own_duty: &[f64; 4], settings: &PwmSettings) -> Option<Signal> {
-    match source {
-        PwmSource::None => None,
+pub(super) fn read(source: PwmSource, own_duty: &[f64; 4]) -> PwmReading {
+    let (frequency, duty, high_voltage) = match source {
+        PwmSource::None => return PwmReading::default(),
         PwmSource::Generator {
             frequency,
             duty,
             high_voltage,
-        } => Some(Signal {
-            frequency,
-            duty,
-            high_voltage,
-        }),
-        PwmSource::OwnOutput(output) => own_duty.get(output).map(|duty| Signal {
-            frequency: settings.output_frequency,
-            duty: match settings.output_duty {
-                OutputDuty::Released => *duty,
-                OutputDuty::Sinking => 1.0 - duty,
-            },
-            high_voltage: settings.output_pull_up,
-        }),
+        } => (frequency, duty, high_voltage),
+        PwmSource::OwnOutput(output) => {
+            let duty = own_duty.get(output).copied().unwrap_or(0.0);
+            (OUTPUT_FREQUENCY, duty, OUTPUT_PULL_UP)
+        }
+    };
+    let measurable = (INPUT_HIGH..=INPUT_VOLTAGE_MAX).contains(&high_voltage)
+        && INPUT_FREQUENCIES.contains(&frequency)
+        && duty > 0.0
+        && duty < 1.0;
+    if measurable {
+        PwmReading { frequency, duty }
+    } else {
+        PwmReading::default()
     }
 }

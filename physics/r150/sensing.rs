@@ -2,6 +2,7 @@
 
 use super::R150Plant;
 use super::fuse::FuseId;
+use super::network;
 use super::pwm;
 use super::signals::{PwmReading, R150Health, R150Measurements, R150Truth, RAILS, Side, Sides};
 use crate::faults::EncoderState;
@@ -23,7 +24,7 @@ impl R150Plant {
             bus_voltage: self.flow.bus,
             rail_voltage: self.flow.rail_voltage,
             rail_current: self.flow.rail_current,
-            converter_12v: self.settings.rails.voltage_12v,
+            converter_12v: network::VOLTAGE_12V,
             supply_current: self.flow.tail_current,
             temperature: self.temperature(),
             pwm_in: self.pwm_in,
@@ -31,9 +32,14 @@ impl R150Plant {
         }
     }
 
-    /// Returns what became of the energy of its motion.
+    /// Keeps the balance of the energy of its motion from now on, for tests.
+    pub fn keep_energy(&mut self) {
+        self.drive.gear.energy = Some(Energy::default());
+    }
+
+    /// Returns the balance of the energy of its motion, if it is kept.
     #[must_use]
-    pub fn energy(&self) -> Energy {
+    pub fn energy(&self) -> Option<Energy> {
         self.drive.gear.energy
     }
 
@@ -80,11 +86,11 @@ impl R150Plant {
         }
     }
 
-    /// Lets the inputs measure what has changed at them.
+    /// Measures what has changed at the inputs.
     pub(super) fn capture_pwm(&mut self) {
         let own_duty = &self.commands.pwm_out_duty;
         for (reading, source) in self.pwm_in.iter_mut().zip(self.pwm_sources) {
-            *reading = pwm::read(source, own_duty, *reading, &self.settings.pwm);
+            *reading = pwm::read(source, own_duty);
         }
     }
 
@@ -96,7 +102,7 @@ impl R150Plant {
         }
     }
 
-    /// Lets the encoders count for so many seconds.
+    /// Advances the encoders' counts by so many seconds.
     pub(super) fn count_turns(&mut self, seconds: f64) {
         for side in Side::BOTH {
             self.encoder_turns[side] += self.encoder(side) / 60.0 * seconds;

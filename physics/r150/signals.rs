@@ -2,6 +2,9 @@
 
 use std::ops::{Index, IndexMut};
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use crate::pose::Pose;
 
 /// One of the two sides of the vehicle; front and rear wheel of a side are geared together.
@@ -56,35 +59,52 @@ impl<T> IndexMut<Side> for Sides<T> {
     }
 }
 
-/// One of the module's switched outputs; the number is its bit in the power status.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Rail {
-    /// 12 V output A.
-    V12A,
-    /// 12 V output B.
-    V12B,
-    /// 12 V output C.
-    V12C,
-    /// 12 V output D.
-    V12D,
-    /// 48 V output.
-    V48,
-    /// 5 V output.
-    V5,
+rigsim_settings::words! {
+    /// One of the module's switched outputs; the number is its bit in the power status. Its name in
+    /// conditions stands for it in files as well: `v12a`.
+    #[derive(Deserialize, JsonSchema)]
+    pub enum Rail {
+        /// 12 V output A.
+        #[serde(rename = "12v-a", alias = "v12a")]
+        V12A = "12v-a",
+        /// 12 V output B.
+        #[serde(rename = "12v-b", alias = "v12b")]
+        V12B = "12v-b",
+        /// 12 V output C.
+        #[serde(rename = "12v-c", alias = "v12c")]
+        V12C = "12v-c",
+        /// 12 V output D.
+        #[serde(rename = "12v-d", alias = "v12d")]
+        V12D = "12v-d",
+        /// The 48 V output.
+        #[serde(rename = "48v", alias = "v48")]
+        V48 = "48v",
+        /// The 5 V outputs.
+        #[serde(rename = "5v", alias = "v5")]
+        V5 = "5v",
+    }
+
+    /// A pair of 12 V outputs, which share a converter.
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Pair {
+        /// A and B.
+        Ab = "ab",
+        /// C and D.
+        Cd = "cd",
+    }
 }
 
 impl Rail {
-    /// All, in the order of their bits.
-    pub const ALL: [Self; RAILS] = [
-        Self::V12A,
-        Self::V12B,
-        Self::V12C,
-        Self::V12D,
-        Self::V48,
-        Self::V5,
-    ];
-
     /// Index into the arrays of [`R150Commands`] and [`R150Measurements`].
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl Pair {
+    /// Index into arrays of pairs.
     #[must_use]
     pub const fn index(self) -> usize {
         self as usize

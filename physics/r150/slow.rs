@@ -4,10 +4,21 @@ use std::time::Duration;
 
 use super::R150Plant;
 use super::battery::Battery;
-use super::fuse::{FUSES, Fuse, FuseId};
+use super::fuse::{FUSES, Fuse, FuseId, TIME_CONSTANT};
 use super::network::Flow;
 use super::settings::{R150PlantSettings, ThermalSettings};
 use super::signals::Rail;
+
+/// Current at which the rises of motors and drivers are reached, A: what the rated 7 N·m need.
+const RATED_CURRENT: f64 = 22.0;
+/// Rise of a driver at that current, K; assumed: a few watts into a plate of aluminium.
+const DRIVER_RISE: f64 = 30.0;
+/// Full load of a converter pair, W (manual section 3).
+const FULL_LOAD: f64 = 250.0;
+/// Rise of a converter pair at full load, K; assumed: it settles near 70 °C, under the limit of 85 °C.
+const FULL_LOAD_RISE: f64 = 45.0;
+/// Time constant of converters and drivers; assumed: a small heat sink in still air.
+const TWO_MINUTES: Duration = Duration::from_secs(120);
 
 /// The slow states of the plant. Each follows its input with one time constant, so any span can be
 /// taken in one closed step while the currents stay the same.
@@ -35,16 +46,15 @@ impl SlowStates {
         Self {
             battery: Battery::new(&settings.battery),
             fuses: Fuse::all(&settings.fuses),
-            temperature: [thermal.ambient + thermal.initial_rise; 2],
+            temperature: [thermal.ambient; 2],
             motors: [[thermal.ambient; 2]; 2],
             ambient: thermal.ambient,
-            rise_per_square: [motors.motor_rise, motors.driver_rise]
-                .map(|rise| rise / (motors.rated_current * motors.rated_current)),
-            motor_thermal: [motors.motor_time_constant, motors.driver_time_constant]
-                .map(Decay::new),
-            rise_per_watt: thermal.full_load_rise / thermal.full_load,
-            thermal: Decay::new(thermal.time_constant),
-            melting: Decay::new(settings.fuses.time_constant),
+            rise_per_square: [motors.motor_rise, DRIVER_RISE]
+                .map(|rise| rise / (RATED_CURRENT * RATED_CURRENT)),
+            motor_thermal: [motors.motor_time_constant, TWO_MINUTES].map(Decay::new),
+            rise_per_watt: FULL_LOAD_RISE / FULL_LOAD,
+            thermal: Decay::new(TWO_MINUTES),
+            melting: Decay::new(TIME_CONSTANT),
         }
     }
 
@@ -58,7 +68,7 @@ impl SlowStates {
             .reduce(f64::min)
     }
 
-    /// Lets `seconds` pass at steady currents. Returns whether a fuse blew.
+    /// Advances by `seconds` at steady currents. Returns whether a fuse blew.
     pub(super) fn advance(&mut self, flow: &Flow, seconds: f64) -> bool {
         self.battery.discharge(flow.battery_current, seconds);
 
@@ -107,7 +117,7 @@ impl SlowStates {
 }
 
 impl R150Plant {
-    /// Lets the slow states follow the present currents, which change whenever a fuse blows. Each
+    /// Advances the slow states with the present currents, which change whenever a fuse blows. Each
     /// round but the last blows one, so there are at most as many as there are fuses.
     pub(super) fn pass(&mut self, seconds: f64) {
         self.count_turns(seconds);

@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use sim_physics::{Plant, Pose, R150Plant, R150PlantSettings, World, WorldSettings};
+use rigsim_physics::{Plant, Pose, R150Plant, R150PlantSettings, World, WorldSettings};
 
 const STEPS_US: [u64; 3] = [500, 5_000, 10_000];
 

@@ -7,7 +7,8 @@ mod common;
 
 use car::Car;
 use common::Bench;
-use sim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldSettings};
+use rigsim_physics::world::EDGE_M;
+use rigsim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldSettings};
 
 /// Ten kilometres out, in a corner of the plane.
 const FAR: Pose = Pose {
@@ -34,6 +35,31 @@ fn an_r150_drives_as_far_at_ten_kilometres_as_at_the_origin() {
             bench.plant.truth().pose.x - start.x
         };
         agree(drive(Pose::default()), drive(FAR));
+    }
+}
+
+/// A vehicle that leaves the plane runs into the wall around it, and stays there.
+#[test]
+fn the_plane_ends_at_a_wall() {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    for (x, y, heading) in [
+        (EDGE_M, 0.0, 0.0),
+        (0.0, EDGE_M, quarter),
+        (-EDGE_M, 0.0, 2.0 * quarter),
+        (0.0, -EDGE_M, 3.0 * quarter),
+    ] {
+        let mut bench = Bench::new();
+        bench.plant.place(&mut bench.world, Pose { x, y, heading });
+        bench.drive(1.0, 1.0);
+        bench.run(4.0);
+        assert!(!bench.world.is_touching(bench.plant.body()), "{heading}");
+        bench.run(8.0);
+        assert!(bench.world.is_touching(bench.plant.body()), "{heading}");
+        let truth = bench.plant.truth();
+        // Half its length, 0.49 m, before the wall.
+        let gone = (truth.pose.x - x).abs() + (truth.pose.y - y).abs();
+        assert!((9.4..9.7).contains(&gone), "{heading}: {gone}");
+        assert!(truth.forward_speed.abs() < 0.01, "{heading}: {truth:?}");
     }
 }
 

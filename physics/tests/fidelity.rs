@@ -1,4 +1,4 @@
-//! The figures of `docs/fidelity.md`, computed anew, within what is known of them.
+//! The figures of `docs/fidelity.md`, computed again, within what is known of them.
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 #[path = "common/car.rs"]
@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use car::Car;
 use common::{Bench, FRICTION};
-use sim_physics::mecanum::MecanumFaults;
-use sim_physics::r150::Sides;
-use sim_physics::{
+use rigsim_physics::mecanum::MecanumFaults;
+use rigsim_physics::r150::Sides;
+use rigsim_physics::{
     BodyShape, Ground, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldSettings,
 };
@@ -318,8 +318,8 @@ fn rows() -> Vec<Row> {
             "car, coasting sideways by forward",
             coasting(true) / coasting(false),
             2,
-            1.7,
-            2.3,
+            1.4,
+            2.8,
         ),
         (
             "car, load that leaves its rear wheels when it brakes",

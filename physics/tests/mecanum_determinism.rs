@@ -9,14 +9,14 @@
 mod car;
 
 use car::MOTIONS;
-use sim_physics::faults::{EncoderState, MotorFaults};
-use sim_physics::mecanum::{Plugs, Wheel, Wiring};
-use sim_physics::{
+use rigsim_physics::faults::{EncoderState, MotorFaults};
+use rigsim_physics::mecanum::{Plugs, Wheel, Wiring};
+use rigsim_physics::{
     MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
 };
 
-const GOLDEN: u64 = 0x164e_7271_7552_9cfb;
+const GOLDEN: u64 = 0x2893_4f6d_ce68_63f9;
 
 /// FNV-1a over the bits of every number.
 struct Digest(u64);

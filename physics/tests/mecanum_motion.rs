@@ -6,10 +6,10 @@
 mod car;
 
 use car::{ARM, Car, FULL, MOTIONS, RADIUS};
-use sim_physics::faults::MotorFaults;
-use sim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, Wiring};
-use sim_physics::world::{FrictionPatch, Rectangle, Shape};
-use sim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
+use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::mecanum::{MecanumFaults, Port, WHEELS, Wheel, Wiring};
+use rigsim_physics::world::{FrictionPatch, Rectangle, Shape};
+use rigsim_physics::{Ground, MecanumPlantSettings, Plant as _, Pose};
 
 fn unsupplied() -> MecanumFaults {
     MecanumFaults {
@@ -67,12 +67,12 @@ fn coasting(sideways: bool) -> f64 {
 /// Robots of teams that tune themselves with Pedro Pathing: 0.88 to 1.05 m/s² ahead, and from 1.4
 /// to 2.8 times as much to the side.
 #[test]
-fn it_coasts_to_a_stand_twice_as_hard_sideways_as_forward() {
+fn it_coasts_to_a_stand_more_than_twice_as_hard_sideways_as_forward() {
     let (ahead, aside) = (coasting(false), coasting(true));
     println!("coasting: {ahead:.2} m/s^2 ahead, {aside:.2} to the side");
     assert!((0.88..1.05).contains(&ahead), "{ahead}");
     let ratio = aside / ahead;
-    assert!((1.7..2.3).contains(&ratio), "{ratio}");
+    assert!((1.4..2.8).contains(&ratio), "{ratio}");
 }
 
 /// Where a car called so ends that rolls 20 m straight ahead.
@@ -81,9 +81,9 @@ fn beside(name: &str, tolerance: f64) -> f64 {
     settings.tolerance.wheel *= tolerance;
     settings.tolerance.motor *= tolerance;
     settings.wheel.roller_spread *= tolerance;
-    let mut world = sim_physics::World::new(&sim_physics::WorldSettings::default());
+    let mut world = rigsim_physics::World::new(&rigsim_physics::WorldSettings::default());
     let pose = Pose::default();
-    let plant = sim_physics::MecanumPlant::with_name(name, &settings, &mut world, pose);
+    let plant = rigsim_physics::MecanumPlant::with_name(name, &settings, &mut world, pose);
     let mut car = Car { world, plant };
     car.turn([1; 4], 1.0);
     car.run_while(120.0, |car| car.plant.truth().distance < 20.0);
@@ -103,23 +103,88 @@ fn no_two_cars_roll_alike_and_none_straight() {
     assert!(beside("car", 3.0).abs() > 2.0 * first.abs());
 }
 
-/// A brake that comes on slowly stops a car later.
+/// Rollers drag with 0.18 of their load, which the ground gives them by friction: what is left of
+/// it pushes the car aside.
 #[test]
-fn a_brake_takes_its_time() {
-    let way = |millis| {
-        let mut settings = MecanumPlantSettings::default();
-        settings.motor.brake_time = std::time::Duration::from_millis(millis);
-        let mut car = Car::with(&settings);
-        car.turn([1; 4], 1.0);
-        car.run(1.0);
-        let from = car.gone()[0];
-        car.brake();
-        car.run(1.0);
-        car.gone()[0] - from
+fn a_strafe_needs_friction_to_turn_its_rollers() {
+    let share = |friction: f64| {
+        let mut car = Car::new();
+        car.world.set_ground(Ground::flat(friction));
+        car.turn(LEFT, 0.6);
+        car.run(4.0);
+        let share = car.gone()[1] / car.by_wheels()[1];
+        println!("friction {friction}: {share:.4} of what the wheels turned");
+        share
     };
-    let (quick, slow) = (way(1), way(200));
-    println!("brakes within {quick:.4} m and {slow:.4} m");
-    assert!(slow > quick + 0.005);
+    for grip in [0.3, 0.8, 1.2] {
+        assert!((0.8..0.9).contains(&share(grip)), "{grip}");
+    }
+    let slippery = share(0.21);
+    assert!((-0.1..0.7).contains(&slippery), "{slippery}");
+    for ice in [0.02, 0.1, 0.15] {
+        assert!(share(ice).abs() < 0.1, "{ice}");
+    }
+    // A car that drives straight needs no rollers, and goes on ice.
+    let mut car = Car::new();
+    car.world.set_ground(Ground::flat(0.15));
+    car.turn(FORWARD, 0.6);
+    car.run(4.0);
+    let ahead = car.gone()[0] / car.by_wheels()[0];
+    assert!(ahead > 0.9, "{ahead}");
+}
+
+#[test]
+fn a_car_that_stops_stands_without_rocking() {
+    for (axis, rotations) in [FORWARD, LEFT, [-1, 1, -1, 1]].into_iter().enumerate() {
+        let mut car = Car::new();
+        car.turn(rotations, 1.0);
+        car.run(1.0);
+        car.brake();
+        car.run(0.1);
+        let place = |car: &Car| {
+            let [x, y, heading] = car.gone();
+            [x, y, heading * ARM]
+        };
+        let (mut path, mut back) = (0.0, 0.0_f64);
+        let mut last = place(&car);
+        for _ in 0..400 {
+            car.step();
+            let now = place(&car);
+            let step: [f64; 3] = std::array::from_fn(|axis| now[axis] - last[axis]);
+            path += step.iter().map(|step| step * step).sum::<f64>().sqrt();
+            back += step[axis].min(0.0);
+            last = now;
+        }
+        println!("{rotations:?}: a path of {path:.5} m after the brake, {back:.5} m of it back");
+        assert!(path < 0.03, "{rotations:?}: {path}");
+        assert!(back > -0.001, "{rotations:?}: {back}");
+    }
+}
+
+/// At the lowest speeds too, what gear and rollers cost is made up for.
+#[test]
+fn a_wheel_turns_as_fast_as_it_is_asked_to() {
+    for (rotations, speed) in [(FORWARD, 0.02), (LEFT, 0.02), (FORWARD, 0.5), (LEFT, 0.5)] {
+        let turned = |integral| {
+            let mut settings = MecanumPlantSettings::default();
+            settings.motor.speed_integral = integral;
+            settings.tolerance.motor = 0.0;
+            let mut car = Car::with(&settings);
+            car.turn(rotations, speed);
+            car.run(2.0);
+            let before = car.plant.truth().wheel_angle[1];
+            car.run(5.0);
+            (car.plant.truth().wheel_angle[1] - before) / (5.0 * speed * FULL)
+        };
+        let share = turned(std::time::Duration::from_millis(100));
+        assert!(
+            (share - 1.0).abs() < 0.005,
+            "{rotations:?} {speed}: {share}"
+        );
+        // A control without that part droops.
+        let without = turned(std::time::Duration::ZERO);
+        assert!(without < share - 0.002, "{rotations:?} {speed}: {without}");
+    }
 }
 
 #[test]
@@ -347,7 +412,8 @@ fn hit_by_another_it_wakes() {
         ..Pose::default()
     };
     let settings = MecanumPlantSettings::default();
-    let mut other = sim_physics::MecanumPlant::with_name("other", &settings, &mut car.world, pose);
+    let mut other =
+        rigsim_physics::MecanumPlant::with_name("other", &settings, &mut car.world, pose);
     // Its motors would hold it about as hard as the other can push.
     other.set_faults(&unsupplied());
     car.turn(FORWARD, 1.0);

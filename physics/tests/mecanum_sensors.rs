@@ -5,8 +5,8 @@
 mod car;
 
 use car::Car;
-use sim_physics::world::{Obstacle, Strip, Tag};
-use sim_physics::{
+use rigsim_physics::world::{Obstacle, Strip, Tag};
+use rigsim_physics::{
     MecanumMeasurements, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World, WorldMap,
     WorldSettings,
 };

@@ -5,8 +5,8 @@
 mod car;
 
 use car::Car;
-use sim_physics::world::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Tag};
-use sim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings};
+use rigsim_physics::world::{EDGE_M, Obstacle, ObstacleError, ObstacleShape, Tag};
+use rigsim_physics::{MecanumPlantSettings, Plant as _, Pose, World, WorldMap, WorldSettings};
 
 fn at(x: f64, y: f64, heading: f64) -> Pose {
     Pose { x, y, heading }
@@ -20,7 +20,7 @@ fn before_a_gate() -> Car {
     car
 }
 
-/// Whoever changes the world wakes those in it.
+/// A change of the world wakes those in it.
 fn look_again(car: &mut Car) {
     car.plant.wake();
     car.run(0.2);

@@ -2,15 +2,12 @@
 
 mod common;
 
-use sim_physics::Plant as _;
+use rigsim_physics::Plant as _;
 use std::time::Duration;
 
 use common::Bench;
-use sim_physics::R150PlantSettings;
-use sim_physics::r150::{
-    AtZeroPwm, FuseId, Load, OutputDuty, PwmReading, PwmSource, R150Faults, Rail, SteadyLevel,
-    Unmeasured,
-};
+use rigsim_physics::R150PlantSettings;
+use rigsim_physics::r150::{AtZeroPwm, FuseId, Load, R150Faults, Rail};
 
 fn with(change: impl FnOnce(&mut R150PlantSettings)) -> Bench {
     let mut settings = R150PlantSettings::default();
@@ -69,77 +66,6 @@ fn a_fuse_blows_when_it_has_warmed_to_its_holding_current() {
     bench.plant.rest(Duration::from_secs_f64(seconds * 0.01));
     assert!(blown(&bench), "at {seconds} s");
     assert!(!bench.plant.measurements().module_powered);
-}
-
-#[test]
-fn the_converters_may_be_warm_at_the_start_and_cool_to_what_is_around() {
-    let mut bench = with(|s| s.thermal.initial_rise = 30.0);
-    assert_eq!(bench.plant.measurements().temperature, [55.0; 2]);
-    bench.plant.rest(Duration::from_secs(1800));
-    let [ab, _] = bench.plant.measurements().temperature;
-    assert!((ab - 25.0).abs() < 0.01, "{ab}");
-}
-
-fn generator(frequency: f64, duty: f64, high_voltage: f64) -> PwmSource {
-    PwmSource::Generator {
-        frequency,
-        duty,
-        high_voltage,
-    }
-}
-
-#[test]
-fn an_input_may_keep_what_it_measured_last() {
-    let mut bench = with(|s| s.pwm.unmeasured = Unmeasured::Last);
-    let last = PwmReading {
-        frequency: 50.0,
-        duty: 0.25,
-    };
-    assert_eq!(bench.plant.measurements().pwm_in[1], PwmReading::default());
-    bench.plant.set_pwm_source(1, generator(50.0, 0.25, 5.0));
-    for lost in [
-        generator(50.0, 0.25, 1.0),
-        generator(5.0, 0.5, 5.0),
-        generator(30_000.0, 0.5, 5.0),
-        generator(50.0, 1.0, 5.0),
-        PwmSource::None,
-    ] {
-        bench.plant.set_pwm_source(1, lost);
-        assert_eq!(bench.plant.measurements().pwm_in[1], last, "{lost:?}");
-    }
-    assert_eq!(bench.plant.measurements().pwm_in[0], PwmReading::default());
-}
-
-#[test]
-fn an_input_may_read_a_level_that_never_changes() {
-    let mut bench = with(|s| s.pwm.steady_level = SteadyLevel::Level);
-    for (source, duty) in [
-        (generator(50.0, 1.0, 5.0), 1.0),
-        (generator(50.0, 0.0, 5.0), 0.0),
-        (generator(50.0, 1.0, 1.0), 0.0),
-        (PwmSource::OwnOutput(2), 0.0),
-    ] {
-        bench.plant.set_pwm_source(3, source);
-        let expected = PwmReading {
-            frequency: 0.0,
-            duty,
-        };
-        assert_eq!(bench.plant.measurements().pwm_in[3], expected, "{source:?}");
-    }
-    bench.command(|commands| commands.pwm_out_duty[2] = 1.0);
-    assert_eq!(bench.plant.measurements().pwm_in[3].duty, 1.0);
-}
-
-#[test]
-fn the_duty_of_an_output_may_be_the_time_in_which_it_sinks() {
-    let mut bench = with(|s| s.pwm.output_duty = OutputDuty::Sinking);
-    bench.plant.set_pwm_source(0, PwmSource::OwnOutput(3));
-    bench.command(|commands| commands.pwm_out_duty[3] = 0.25);
-    let expected = PwmReading {
-        frequency: 1000.0,
-        duty: 0.75,
-    };
-    assert_eq!(bench.plant.measurements().pwm_in[0], expected);
 }
 
 #[test]

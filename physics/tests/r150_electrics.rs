@@ -5,9 +5,9 @@ mod common;
 use std::time::Duration;
 
 use common::{Bench, TICK};
-use sim_physics::faults::{EncoderState, MotorFaults};
-use sim_physics::r150::{FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side};
-use sim_physics::{Plant as _, R150Measurements, R150PlantSettings};
+use rigsim_physics::faults::{EncoderState, MotorFaults};
+use rigsim_physics::r150::{FuseId, Load, PwmReading, PwmSource, R150Faults, Rail, Side};
+use rigsim_physics::{Plant as _, R150Measurements, R150PlantSettings};
 
 fn with_load(rail: Rail, load: Load) -> (Bench, R150Measurements) {
     let mut bench = Bench::new();

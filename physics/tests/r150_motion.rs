@@ -3,9 +3,28 @@
 mod common;
 
 use common::{Bench, FRICTION};
-use sim_physics::faults::MotorFaults;
-use sim_physics::r150::Side;
-use sim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings};
+use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::r150::Side;
+use rigsim_physics::{Ground, Plant as _, Pose, R150Plant, R150PlantSettings};
+
+#[test]
+fn a_little_duty_does_not_move_it_and_a_little_more_does() {
+    let moved = |duty: f64, change: fn(&mut R150PlantSettings)| {
+        let mut settings = R150PlantSettings::default();
+        change(&mut settings);
+        let mut bench = Bench::with(&settings);
+        bench.drive(duty, duty);
+        bench.run(3.0);
+        bench.plant.truth().pose.x
+    };
+    assert!(moved(0.02, |_| {}).abs() < 1e-4, "within the dead band");
+    assert!(moved(0.03, |_| {}) > 0.02, "beyond it");
+    let no_band = |s: &mut R150PlantSettings| s.motor.dead_band = 0.0;
+    assert!(moved(0.02, no_band) > 0.01, "a driver without one");
+    // A gear that stands holds by ten times as much as one that turns.
+    let sticky = |s: &mut R150PlantSettings| s.motor.stiction = 10.0;
+    assert!(moved(0.03, sticky).abs() < 1e-3, "it is held");
+}
 
 #[test]
 fn full_ahead_on_the_flat_is_1_4_metres_a_second() {
@@ -40,7 +59,7 @@ fn a_fuller_battery_drives_faster() {
 }
 
 #[test]
-fn a_standing_vehicle_is_woken_by_whoever_hits_it() {
+fn a_standing_vehicle_is_woken_by_what_hits_it() {
     let mut bench = Bench::new();
     let pose = Pose {
         x: 3.0,

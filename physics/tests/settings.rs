@@ -10,15 +10,15 @@ use std::time::Duration;
 
 use car::Car;
 use common::Bench;
-use sim_physics::faults::MotorFaults;
-use sim_physics::noise::Noise;
-use sim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side};
-use sim_physics::world::{Strip, Tag};
-use sim_physics::{
+use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::noise::Noise;
+use rigsim_physics::r150::{Load, PwmSource, R150Faults, Rail, Side};
+use rigsim_physics::world::{Strip, Tag};
+use rigsim_physics::{
     Ground, MecanumPlantSettings, Plant as _, R150Commands, R150Plant, R150PlantSettings, World,
     WorldMap, WorldSettings,
 };
-use sim_settings::{Entry, Settings, parse_assignment};
+use rigsim_settings::{Entry, Settings, parse_assignment};
 
 /// Literals of values that a setting might take, beside its default.
 fn others(entry: &Entry) -> Vec<String> {
@@ -130,9 +130,10 @@ impl Story {
 
 fn within(world: &WorldSettings, settings: &R150PlantSettings) -> (World, R150Plant) {
     let mut world = World::new(world);
+    world.set_seed(1);
     // Another body, to run into.
     world.add_wall([4.0, -9.0], [4.0, 9.0], 0.02);
-    let plant = R150Plant::new(settings, &mut world, sim_physics::Pose::default());
+    let plant = R150Plant::new(settings, &mut world, rigsim_physics::Pose::default());
     (world, plant)
 }
 

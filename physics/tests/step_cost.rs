@@ -1,5 +1,5 @@
 //! What a step costs beside bare rapier2d, printed by
-//! `cargo test --release -p sim-physics --test step_cost -- --ignored --nocapture`.
+//! `cargo test --release -p rigsim-physics --test step_cost -- --ignored --nocapture`.
 #![expect(
     clippy::disallowed_types,
     clippy::disallowed_methods,
@@ -12,8 +12,8 @@ mod common;
 use std::time::Instant;
 
 use common::{Bench, TICK};
-use sim_physics::mecanum::PortCommand;
-use sim_physics::{
+use rigsim_physics::mecanum::PortCommand;
+use rigsim_physics::{
     BodyShape, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands,
     R150Plant, R150PlantSettings, World, WorldMap, WorldSettings,
 };

@@ -1,8 +1,6 @@
 //! Settings of tyres.
 
-use std::time::Duration;
-
-sim_settings::settings! {
+rigsim_settings::settings! {
     /// Wheels and tyres.
     pub struct TyreSettings {
         /// Rolling radius of a wheel.
@@ -17,13 +15,6 @@ sim_settings::settings! {
         /// Distance rolled in which the tyre takes up most of a change of slip.
         relaxation_length: f64 = 0.1, unit "m", range 0.005..=2.0,
             assumed "a fraction of the wheel radius for a stout low-pressure tyre";
-        /// Time over which the carcass of a standing tyre damps its own ringing.
-        damping_time: Duration = Duration::from_millis(30),
-            range Duration::ZERO..=Duration::from_millis(500),
-            assumed "settles a parked vehicle in about one swing";
-        /// Rolling speed above which that damping is gone.
-        damping_fade_speed: f64 = 0.3, unit "m/s", range 0.01..=5.0,
-            assumed "below walking speed";
         /// Rolling resistance, as a share of the load.
         rolling_resistance: f64 = 0.05, range 0.0..=0.5,
             assumed "tyres on grass or firm soil, 0.03 to 0.08 in textbooks";

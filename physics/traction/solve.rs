@@ -17,6 +17,8 @@ struct Row {
     bias: [f64; 2],
     /// Largest impulse, N·s.
     limit: f64,
+    /// See [`PatchState::stuck`].
+    stuck: f64,
 }
 
 impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PATCHES, C> {
@@ -35,20 +37,13 @@ impl<const WHEELS: usize, const PATCHES: usize, C: Contact> Traction<WHEELS, PAT
     ) {
         self.begin(dt);
         let law = self.law;
-        let mut tread = rolling.map(|speed| (speed * law.radius).abs());
-        if C::DRIVEN > 1 {
-            for patch in &self.patches {
-                tread[patch.place.wheel] += patch.spin;
-            }
-        }
-        let shed = tread.map(|speed| law.shed(speed, dt));
-        let damping = tread.map(|speed| law.damping(speed));
+        let tread = rolling.map(|speed| (speed * law.radius).abs());
         let mut rows = [Row::IDLE; PATCHES];
         let grounds = loads.iter().zip(&friction);
         for ((patch, row), (load, friction)) in self.patches.iter_mut().zip(&mut rows).zip(grounds)
         {
             let wheel = patch.place.wheel;
-            *row = patch.prepare(&law, shed[wheel], damping[wheel], *load, *friction, dt);
+            *row = patch.prepare(&law, tread[wheel], *load, *friction, dt);
         }
         let hold_limits = wheels.map(|wheel| wheel.hold_torque * dt);
 
@@ -85,9 +80,8 @@ impl<const WHEELS: usize, const PATCHES: usize, C> Traction<WHEELS, PATCHES, C> 
 }
 
 impl TyreLaw {
-    /// The share of a deflection that is still there after the step's rolling.
-    fn shed(&self, speed: f64, dt: f64) -> f64 {
-        let rolled = dt * speed;
+    /// The share of a deflection that is still there after so much rolling, m.
+    fn shed(&self, rolled: f64) -> f64 {
         self.relaxation_length / (self.relaxation_length + rolled)
     }
 
@@ -98,25 +92,30 @@ impl TyreLaw {
 }
 
 impl<C> PatchState<C> {
-    fn prepare(
-        &mut self,
-        law: &TyreLaw,
-        shed: f64,
-        damping: f64,
-        load: f64,
-        friction: f64,
-        dt: f64,
-    ) -> Row {
-        self.shed = shed;
+    fn prepare(&mut self, law: &TyreLaw, tread: f64, load: f64, friction: f64, dt: f64) -> Row {
         self.load = load;
         self.limit = friction * load;
+        self.shed = [law.shed(dt * tread); 2];
+        let mut damping = [law.damping(tread); 2];
+        self.stuck = 1.0;
+        if self.spin > 0.0 {
+            let turned = dt * self.spin;
+            let stiffness = law.stiffness_per_load[1];
+            let fresh = law.relaxation_length * stiffness / self.drag.max(LEAST_DRAG);
+            self.shed = [turned, turned * fresh].map(|turned| law.shed(dt * tread + turned));
+            self.stuck = law.shed(dt * tread) / self.shed[1];
+            // Rubber damps its own motion, and not that of a roller which gives way.
+            let gives_way = self.deflection[1].abs() * stiffness / self.drag.max(LEAST_DRAG);
+            damping[1] = law.damping(tread + self.spin) * (1.0 - gives_way).max(0.0);
+        }
         let mut row = Row {
             limit: self.limit * dt,
+            stuck: self.stuck,
             ..Row::IDLE
         };
-        for axis in 0..2 {
-            let factor = if axis == 0 { 1.0 } else { self.across };
-            let stiffness = law.stiffness_per_load[axis] * factor * load;
+        for (axis, damping) in damping.into_iter().enumerate() {
+            let stiffness = law.stiffness_per_load[axis] * load;
+            let shed = self.shed[axis];
             self.stiffness[axis] = stiffness;
             row.give[axis] = stiffness * dt * (shed * dt + damping);
             row.bias[axis] = stiffness * dt * shed * self.deflection[axis];
@@ -130,6 +129,7 @@ impl Row {
         give: [0.0; 2],
         bias: [0.0; 2],
         limit: 0.0,
+        stuck: 1.0,
     };
 
     /// The impulse that goes with a slip, friction aside.
@@ -140,21 +140,34 @@ impl Row {
         ]
     }
 
-    /// Tells whether an impulse is less than the ground can take.
+    /// Returns whether an impulse is less than the ground can take.
     fn grips(&self, impulse: [f64; 2]) -> bool {
         square(impulse) < self.limit * self.limit * GRIP_MARGIN
     }
 
     fn within_limit(&self, impulse: [f64; 2]) -> [f64; 2] {
-        let square = square(impulse);
-        if square <= self.limit * self.limit {
-            impulse
-        } else {
-            let kept = self.limit / square.sqrt();
-            [impulse[0] * kept, impulse[1] * kept]
-        }
+        let kept = kept(impulse, self.limit, self.stuck);
+        [impulse[0] * kept[0], impulse[1] * kept[1]]
     }
 }
+
+/// Shares of a force along and across that friction gives. A contact that turned by itself, and
+/// would be pushed across by `stuck` times as much if it did not, goes on turning if friction can
+/// push it; what is left of friction acts along. Else it slides.
+pub(super) fn kept(force: [f64; 2], limit: f64, stuck: f64) -> [f64; 2] {
+    if square(force) <= limit * limit {
+        return [1.0; 2];
+    }
+    let kept = limit / square([force[0], force[1] * stuck]).sqrt();
+    if kept * stuck <= 1.0 {
+        return [kept, kept * stuck];
+    }
+    let along = (limit * limit - force[1] * force[1]).max(0.0).sqrt();
+    [along / force[0].abs(), 1.0]
+}
+
+/// Least drag of a contact that turns by itself, as a share of the load; less makes no difference.
+const LEAST_DRAG: f64 = 1e-6;
 
 /// An impulse scaled to the limit is a rounding error beside it; this keeps it from counting as
 /// grip.

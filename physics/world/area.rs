@@ -41,7 +41,7 @@ pub struct Band {
 }
 
 impl Shape {
-    /// Tells whether a point lies in it or on its rim.
+    /// Returns whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         match self {
@@ -76,7 +76,7 @@ impl Rectangle {
         }
     }
 
-    /// Tells whether a point lies in it or on its rim.
+    /// Returns whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         let [x, y] = from(self.centre, point);
@@ -99,7 +99,7 @@ impl Rectangle {
 }
 
 impl Disc {
-    /// Tells whether a point lies in it or on its rim.
+    /// Returns whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         square(from(self.centre, point)) <= self.radius * self.radius
@@ -107,7 +107,7 @@ impl Disc {
 }
 
 impl Band {
-    /// Tells whether a point lies in it or on its rim.
+    /// Returns whether a point lies in it or on its rim.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
         self.square_distance(point) <= self.radius * self.radius

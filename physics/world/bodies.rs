@@ -118,7 +118,7 @@ impl World {
             .build();
         let collider = rapier::ColliderBuilder::cuboid(shape.length / 2.0, shape.width / 2.0)
             .density(0.0)
-            .friction(self.wall_friction)
+            .friction(super::WALL_FRICTION)
             .build();
         let handle = self.rapier.insert_body(body);
         let collider = self.rapier.insert_collider(collider, Some(handle));
@@ -152,13 +152,13 @@ impl World {
         }
     }
 
-    /// Tells whether nothing of a body moves; cheaper than [`World::motion`].
+    /// Returns whether nothing of a body moves; cheaper than [`World::motion`].
     #[must_use]
     pub fn is_still(&self, id: BodyId) -> bool {
         !self.rigid_body(id).is_moving()
     }
 
-    /// Tells whether a body that rested still does, looked at after a step; `speed` is that under
+    /// Returns whether a body that rested still does, looked at after a step; `speed` is that under
     /// which a body may rest, m/s.
     ///
     /// One that is only eased out of what it touches, or pushed by what strain is left in another's
@@ -200,7 +200,7 @@ impl World {
         });
     }
 
-    /// Gives the bodies that were led the velocities of the end of the step. What ran into something
+    /// Returns the bodies that were led the velocities of the end of the step. What ran into something
     /// keeps what that left it.
     pub(super) fn end_leads(&mut self) {
         for body in &mut self.bodies {
@@ -216,7 +216,7 @@ impl World {
         }
     }
 
-    /// Gives a body a velocity: along the world's axes, and yaw rate.
+    /// Returns a body a velocity: along the world's axes, and yaw rate.
     pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
         self.changes += 1;
         self.bodies[id.0].lead = None;
@@ -244,7 +244,7 @@ impl World {
             .set_additional_mass_properties(mass_properties(mass, inertia), true);
     }
 
-    /// Tells whether a body touched anything at the end of the last step.
+    /// Returns whether a body touched anything at the end of the last step.
     #[must_use]
     pub fn is_touching(&self, id: BodyId) -> bool {
         self.bodies[id.0].touching

@@ -6,7 +6,12 @@
 mod document;
 mod quantity;
 
-use sim_settings::{Origin, Source, shorten};
+use std::ops::Range;
+
+use rigsim_settings::{Origin, Source, Wrong, read, shorten};
+use serde::{Deserialize, Deserializer};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 use super::map::WorldMap;
 use super::obstacle::{MOST_PARTS, ObstacleError};
@@ -25,18 +30,23 @@ pub struct WorldFileError {
 }
 
 impl WorldFileError {
-    fn new(error: &toml::de::Error, source: &Source<'_>) -> Self {
-        let at = error.span().map_or(0, |span| span.start);
-        Self::at(at, error.message(), source)
-    }
-
-    /// `at` is the byte that is to blame.
+    /// `at` is the byte that is wrong.
     fn at(at: usize, why: &str, source: &Source<'_>) -> Self {
         Self {
             origin: source.place(at),
             key: source.key_at(at).map(shorten),
             why: shorten(why.replace('\n', " ")),
         }
+    }
+}
+
+/// What stands in a world, in the form of a world file, which need not say its version.
+impl<'de> Deserialize<'de> for WorldMap {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let document = Document::deserialize(deserializer)?;
+        document
+            .into_map()
+            .map_err(|(_, why)| serde::de::Error::custom(why))
     }
 }
 
@@ -47,8 +57,17 @@ impl WorldMap {
     /// The first thing that is wrong, with its line, its key and what is allowed there.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, WorldFileError> {
         let source = Source { file, text };
+        let wrong = |at: Option<Range<usize>>, why: &str| {
+            WorldFileError::at(at.map_or(0, |at| at.start), why, &source)
+        };
+        let table = DeTable::parse(text).map_err(|error| wrong(error.span(), error.message()))?;
+        let table = Spanned::new(0..0, DeValue::Table(table.into_inner()));
         let document: Document =
-            toml::from_str(text).map_err(|error| WorldFileError::new(&error, &source))?;
+            read(&table).map_err(|error| wrong(error.at.clone(), &error.to_string()))?;
+        if document.schema.is_none() {
+            let why = Wrong::MissingKey("schema".to_owned()).to_string();
+            return Err(wrong(None, &why));
+        }
         let map = document
             .into_map()
             .map_err(|(at, why)| WorldFileError::at(at, &why, &source))?;

@@ -10,7 +10,7 @@ pub const EDGE_M: f64 = 10_000.0;
 /// square.
 pub const MOST_PARTS: usize = 4000;
 
-/// Something that stands on the plane. Vehicles do not move it; whoever owns the world may, if it
+/// Something that stands on the plane. Vehicles do not move it; the owner of the world may, if it
 /// has a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Obstacle {
@@ -54,7 +54,7 @@ pub enum ObstacleError {
          and strips"
     )]
     TooMany,
-    /// Nobody has this name.
+    /// No obstacle has this name.
     #[error("no obstacle is named `{name}`; {}", known(names))]
     Unknown {
         /// The name that was asked for.
@@ -215,14 +215,14 @@ impl Obstacles {
         self.0.len()
     }
 
-    /// Tells whether there are none.
+    /// Returns whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
-/// Tells whether a name is free among these.
+/// Returns whether a name is free among these.
 pub(super) fn free<'o>(
     name: Option<&str>,
     mut others: impl Iterator<Item = &'o Obstacle>,

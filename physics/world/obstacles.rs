@@ -114,7 +114,7 @@ impl World {
         let colliders = solids
             .iter()
             .map(|solid| {
-                let collider = collider(solid).friction(self.wall_friction).build();
+                let collider = collider(solid).friction(super::WALL_FRICTION).build();
                 self.rapier.insert_collider(collider, None)
             })
             .collect();

@@ -21,12 +21,6 @@ impl World {
         ground
     }
 
-    /// The ground outside of the areas that have one of their own.
-    #[must_use]
-    pub fn ground(&self) -> Ground {
-        self.ground
-    }
-
     /// The friction under places of a body, ahead and left of its middle, m. Every wheel stands on
     /// its own ground, while the body as a whole is pulled down the slope under its middle.
     #[must_use]
@@ -50,14 +44,14 @@ impl World {
         self.ground = ground;
     }
 
-    /// Lets the ground slope somewhere.
+    /// Adds a slope to the ground.
     pub fn add_slope(&mut self, slope: &Slope) {
         let ground = Ground::new(0.0, slope.slope, slope.uphill);
         self.areas.push((slope.area, Change::Slope(ground)));
         self.changes += 1;
     }
 
-    /// Gives the ground another friction somewhere.
+    /// Returns the ground another friction somewhere.
     pub fn add_friction(&mut self, patch: &FrictionPatch) {
         let ground = Ground::flat(patch.friction);
         self.areas.push((patch.area, Change::Friction(ground)));

@@ -13,9 +13,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use common::{Bench, Client, PATIENCE};
+use rigsim_pty::Event;
 use rustix::io::Errno;
 use rustix::termios::{QueueSelector, tcflush};
-use sim_pty::Event;
 
 /// Fills the kernel's buffer, and says with how much.
 fn fill(client: &Client) -> usize {
@@ -83,7 +83,7 @@ fn what_a_client_has_not_read_is_not_the_next_one_s() {
             drop(client);
             if seen {
                 bench.expect(Event::Detached);
-                assert_eq!(bench.port.write(b"nobody there").unwrap(), 0);
+                assert_eq!(bench.port.write(b"no client there").unwrap(), 0);
             }
             let next = bench.client();
             next.send(b"hello");
@@ -108,7 +108,7 @@ fn a_reply_does_not_wait_behind_what_a_former_client_has_not_read() {
     drop(first);
     let second = bench.client();
     second.send(b"request");
-    // That it is another's is told before, so that an answer to it can be told from the other's.
+    // That it is another's is reported before, so that an answer to it is not taken for the other's.
     let mut buf = [0; 4];
     for event in CHANGE.into_iter().chain([Event::Data(4), Event::Data(3)]) {
         assert_eq!(bench.port.read(&mut buf).unwrap(), event);
@@ -144,7 +144,7 @@ fn what_was_not_read_before_a_client_left_is_thrown_away() {
         if seen {
             assert_eq!(bytes, b"hello");
         } else {
-            // Of what was still on its way to where it can be counted nobody knows whose it is.
+            // It cannot be known whose bytes those are that were on their way to where they are counted.
             assert!(bytes.len() <= backlog - 16 + 5);
         }
         drop(second);
@@ -180,7 +180,7 @@ fn a_client_may_take_back_what_it_has_written_and_was_not_read() {
 }
 
 #[test]
-fn the_speed_is_that_of_whoever_has_the_port_open_now() {
+fn the_speed_is_that_of_the_client_that_has_the_port_open() {
     let mut bench = Bench::unlinked();
     let baud = |bench: &Bench| bench.port.client_line().unwrap().unwrap().baud;
     let first = bench.client();
@@ -201,7 +201,7 @@ fn the_speed_is_that_of_whoever_has_the_port_open_now() {
 }
 
 #[test]
-fn a_change_of_clients_is_told_to_a_caller_without_room() {
+fn a_change_of_clients_is_reported_to_a_caller_without_room() {
     let mut bench = Bench::unlinked();
     let client = bench.client();
     bench.expect(Event::Attached);
@@ -229,7 +229,7 @@ fn a_change_of_clients_is_told_to_a_caller_without_room() {
 
 /// Of what one read gives, what was there when the caller had no room is the first one's.
 #[test]
-fn what_waits_together_is_told_apart_as_far_as_it_was_seen() {
+fn what_waits_together_is_kept_apart_as_far_as_it_was_seen() {
     let mut bench = Bench::unlinked();
     let first = bench.client();
     bench.expect(Event::Attached);
@@ -244,7 +244,7 @@ fn what_waits_together_is_told_apart_as_far_as_it_was_seen() {
 }
 
 #[test]
-fn what_is_sent_while_a_change_of_clients_is_told_is_the_next_one_s() {
+fn what_is_sent_while_a_change_of_clients_is_reported_is_the_next_one_s() {
     let mut bench = Bench::unlinked();
     let first = bench.client();
     bench.expect(Event::Attached);
@@ -260,7 +260,7 @@ fn what_is_sent_while_a_change_of_clients_is_told_is_the_next_one_s() {
     assert_eq!(bench.port.write(b"rest").unwrap(), 0);
 }
 
-/// Tells a thread to end, also when the test fails.
+/// Makes a thread end, also when the test fails.
 struct Stop<'a>(&'a AtomicBool);
 
 impl Drop for Stop<'_> {
@@ -269,7 +269,7 @@ impl Drop for Stop<'_> {
     }
 }
 
-/// Echoes until it is told to stop, asleep whenever there is nothing to do.
+/// Echoes until it is to stop, asleep whenever there is nothing to do.
 fn echo(bench: &mut Bench, stop: &AtomicBool) {
     let mut buf = [0; 64];
     while !stop.load(Ordering::Relaxed) {

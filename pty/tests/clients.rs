@@ -12,10 +12,10 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Bench, Client, until};
+use rigsim_pty::{ClientLine, Event, Port, PtySetup};
 use rustix::event::epoll;
 use rustix::fd::OwnedFd;
 use rustix::termios::{ControlModes, InputModes, LocalModes, OutputModes, QueueSelector, tcflush};
-use sim_pty::{Event, LineSettings, Port, PtySetup};
 
 #[test]
 fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
@@ -38,7 +38,7 @@ fn a_fresh_port_is_raw_at_the_device_s_own_baud() {
         );
         assert_eq!(
             port.client_line().unwrap(),
-            Some(LineSettings {
+            Some(ClientLine {
                 baud,
                 parity: false,
                 stop_bits: 1,
@@ -112,7 +112,7 @@ fn without_a_waiter_reading_tells_as_much() {
 }
 
 #[test]
-fn nothing_wakes_the_waiter_while_nobody_is_there() {
+fn nothing_wakes_the_waiter_while_no_client_is_there() {
     let window = Duration::from_millis(300);
     let mut bench = Bench::unlinked();
     for visit in 0..2 {
@@ -165,7 +165,7 @@ fn settings_of_one_client_do_not_outlive_it() {
 }
 
 #[test]
-fn a_client_that_never_reads_stalls_nobody_and_loses_the_rest() {
+fn a_client_that_never_reads_stalls_no_other_and_loses_the_rest() {
     let mut bench = Bench::unlinked();
     let client = bench.client();
     bench.expect(Event::Attached);
@@ -251,7 +251,7 @@ fn a_client_may_flush_what_it_has_not_read() {
     assert_eq!(client.receive(3), b"new");
 }
 
-/// Two openings in a row are reported as one, so that it seems nobody is left when one of two leaves.
+/// Two openings in a row are reported as one, so that no client seems to be left when one of two leaves.
 #[test]
 fn a_client_that_opened_together_with_another_is_still_served_when_that_one_leaves() {
     let mut bench = Bench::unlinked();
@@ -259,7 +259,7 @@ fn a_client_that_opened_together_with_another_is_still_served_when_that_one_leav
     bench.expect(Event::Attached);
     drop(bench.client());
     drop(talker);
-    // Whether one of them counts as the next client or not, somebody is there in the end.
+    // Whether one of them counts as the next client or not, a client is there in the end.
     let mut buf = [0; 64];
     while bench
         .waiter
@@ -294,11 +294,11 @@ fn add_to(sets: &[OwnedFd], client: &Client) {
     }
 }
 
-/// Whom another leaves while it closes the port itself is not taken for the next.
+/// A client that closes the port while another does is not taken for the next.
 #[test]
 fn two_clients_that_close_together_come_and_go_once() {
     let mut bench = Bench::unlinked();
-    bench.waiter.set_busy_poll(common::PATIENCE);
+    bench.longest_wait = Duration::ZERO;
     let sets = epoll_sets();
     let (close, closing) = std::sync::mpsc::channel::<[Client; 2]>();
     let closer = std::thread::spawn(move || closing.into_iter().for_each(drop));
@@ -307,7 +307,7 @@ fn two_clients_that_close_together_come_and_go_once() {
         add_to(&sets, &slow);
         bench.expect(Event::Attached);
         let quick = bench.client();
-        // Reports of openings that are taken one by one are told apart.
+        // Reports of openings that are taken one by one are kept apart.
         let _ = bench.waiter.wait(Some(Duration::ZERO)).unwrap();
         close.send([quick, slow]).unwrap();
         bench.expect(Event::Detached);
@@ -324,7 +324,7 @@ fn two_clients_that_close_together_come_and_go_once() {
 #[test]
 fn a_client_that_is_seen_as_it_closes_comes_and_goes_once() {
     let mut bench = Bench::unlinked();
-    bench.waiter.set_busy_poll(common::PATIENCE);
+    bench.longest_wait = Duration::ZERO;
     let path = bench.port.path().to_owned();
     let (next, rounds) = std::sync::mpsc::channel();
     let client = std::thread::spawn(move || {

@@ -1,5 +1,5 @@
 //! A client that is killed while it holds the port exclusively must not keep
-//! everybody else out, whoever runs the simulator.
+//! everybody else out, whichever user runs the simulator.
 
 #![allow(
     clippy::unwrap_used,
@@ -18,9 +18,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use common::{Bench, Client, unprivileged};
+use rigsim_pty::{Event, Port, PtySetup};
 use rustix::io::Errno;
 use rustix::termios::ioctl_tiocexcl;
-use sim_pty::{Event, Port, PtySetup};
 
 /// Opens the port exclusively in another process and kills that.
 fn be_killed_while_exclusive(bench: &mut Bench) {
@@ -87,8 +87,8 @@ fn exclusive_flag_without_privileges() {
     assert_eq!(Client::try_open(&path).err(), Some(Errno::BUSY));
 }
 
-/// A link that somebody has replaced meanwhile is not turned: it is an error,
-/// since nobody would find the new port.
+/// A link that another program has replaced meanwhile is not turned: it is an error,
+/// since no client would find the new port.
 #[test]
 fn a_replaced_link_is_not_turned() {
     let dir = tempfile::tempdir().unwrap();
@@ -130,7 +130,7 @@ fn root_s_port_can_be_opened_by_others_again() {
     let mut bench = Bench::unlinked();
     let node = bench.port.node().to_owned();
     fs::set_permissions(&node, fs::Permissions::from_mode(0o666)).unwrap();
-    let open_as_nobody = |node: &Path| {
+    let open_unprivileged = |node: &Path| {
         let mut shell = Command::new("sh");
         shell
             .args(["-c", "exec 3<>\"$0\""])
@@ -142,12 +142,12 @@ fn root_s_port_can_be_opened_by_others_again() {
     let client = bench.client();
     bench.expect(Event::Attached);
     ioctl_tiocexcl(&client).unwrap();
-    assert!(!open_as_nobody(&node), "the flag keeps nobody out");
+    assert!(!open_unprivileged(&node), "the flag keeps no user out");
     drop(client);
     bench.expect(Event::Detached);
     be_killed_while_exclusive(&mut bench);
     assert_eq!(bench.port.node(), node, "root keeps the node");
-    assert!(open_as_nobody(&node));
+    assert!(open_unprivileged(&node));
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
 }

@@ -16,6 +16,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use common::{Bench, Client, until};
+use rigsim_pty::{Port, PtySetup};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::OwnedFd;
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
@@ -24,7 +25,6 @@ use rustix::termios::{
     ControlModes, LocalModes, OptionalActions, OutputModes, QueueSelector, tcflush, tcgetattr,
     tcsetattr,
 };
-use sim_pty::{Port, PtySetup};
 
 #[test]
 fn a_fresh_pair_echoes_and_cooks() {
@@ -141,7 +141,7 @@ fn the_master_reads_eio_only_once_the_node_was_open() {
 #[test]
 fn poll_says_that_the_client_has_hung_up_until_the_next_one_opens() {
     let (master, node) = raw_pair();
-    assert!(!hangs_up(&master), "nobody was there yet");
+    assert!(!hangs_up(&master), "no client was there yet");
     drop(Client::open(&node));
     // It says so at once and each time, so a loop that only polls would spin.
     for _ in 0..3 {
@@ -165,7 +165,7 @@ fn a_client_s_end_of_one_s_own_hides_hang_ups_and_keeps_stale_bytes() {
     assert_eq!(rustix::io::read(&master, &mut [0; 8]), Err(Errno::AGAIN));
     assert_eq!(Client::open(&node).receive(5), b"stale");
 
-    // Nor do they go with the last client: whoever holds the master must flush them.
+    // Nor do they go with the last client: the holder of the master must flush them.
     rustix::io::write(&master, b"stale").unwrap();
     until("the bytes have arrived", || {
         rustix::io::ioctl_fionread(&own) == Ok(5)

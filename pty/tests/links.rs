@@ -16,8 +16,8 @@ use std::process::{Command, Stdio};
 use std::sync::Barrier;
 
 use common::{Client, until};
+use rigsim_pty::{Port, PortErrorKind, PtySetup};
 use rustix::termios::LocalModes;
-use sim_pty::{Port, PortErrorKind, PtySetup};
 
 const SETUP: PtySetup = PtySetup::raw(115_200);
 
@@ -66,7 +66,7 @@ fn the_link_leads_to_a_port_that_is_ready_and_goes_with_it() {
 }
 
 #[test]
-fn whoever_sees_the_link_finds_a_raw_port() {
+fn a_client_that_sees_the_link_finds_a_raw_port() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     std::thread::scope(|scope| {
@@ -131,7 +131,7 @@ fn a_file_a_directory_and_foreign_links_are_left_alone() {
 }
 
 #[test]
-fn a_link_to_somebody_s_living_terminal_is_left_alone() {
+fn a_link_to_another_program_s_terminal_is_left_alone() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     let terminal = Port::open_unlinked(SETUP).unwrap();
@@ -171,7 +171,7 @@ fn a_recorded_link_is_replaced_even_where_its_number_lives_again() {
 }
 
 #[test]
-fn a_second_simulator_is_refused_and_told_by_whom() {
+fn a_second_simulator_is_refused_and_the_first_is_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     let port = Port::open_at(&path, SETUP).unwrap();
@@ -231,7 +231,7 @@ fn of_many_that_start_at_once_one_wins() {
 }
 
 #[test]
-fn a_link_that_somebody_replaced_is_not_removed() {
+fn a_link_that_was_replaced_is_not_removed() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r150");
     let port = Port::open_at(&path, SETUP).unwrap();
@@ -322,7 +322,7 @@ fn a_killed_simulator_s_link_is_replaced() {
     simulator.wait().unwrap();
     assert!(
         fs::symlink_metadata(&path).is_ok(),
-        "nobody was there to remove the link"
+        "no process was there to remove the link"
     );
     let port = Port::open_at(&path, SETUP).unwrap();
     assert_eq!(fs::read_link(&path).unwrap(), port.node());

@@ -13,7 +13,7 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 
 use common::PATIENCE;
-use sim_pty::{Event, ListenAddress, Port, PtySetup, Waiter};
+use rigsim_pty::{Event, ListenAddress, Port, PtySetup, Waiter};
 
 const IAC: u8 = 255;
 /// WILL COM-PORT-OPTION.
@@ -82,7 +82,7 @@ impl Bench {
 }
 
 #[test]
-fn urls_are_told_from_paths_and_lack_nothing() {
+fn urls_are_known_from_paths_and_lack_nothing() {
     for path in [
         "/tmp/r150",
         "r150",
@@ -163,7 +163,7 @@ fn a_second_client_is_let_go_and_the_first_is_served_on() {
 }
 
 #[test]
-fn a_client_that_does_not_read_loses_the_rest_and_stalls_nobody() {
+fn a_client_that_does_not_read_loses_the_rest_and_stalls_no_other() {
     for scheme in ["tcp", "rfc2217"] {
         let mut bench = Bench::new(scheme);
         let _client = bench.client();
@@ -200,10 +200,10 @@ fn rfc_2217_sets_the_line_and_its_lines_answer() {
     client.write_all(b"c").unwrap();
     bench.expect_bytes(b"c");
     assert_eq!(bench.port.write(&[IAC]).unwrap(), 1);
-    let told = command(107, &[0b1010_0001]);
+    let wanted = command(107, &[0b1010_0001]);
     let mut heard = Vec::new();
     let mut buf = [0; 256];
-    while !heard.ends_with(&[IAC, IAC]) || !heard.windows(told.len()).any(|part| part == told) {
+    while !heard.ends_with(&[IAC, IAC]) || !heard.windows(wanted.len()).any(|part| part == wanted) {
         let count = client.read(&mut buf).unwrap();
         assert_ne!(count, 0, "{heard:02X?}");
         heard.extend_from_slice(&buf[..count]);
@@ -229,7 +229,7 @@ fn what_a_client_purges_is_not_sent_and_a_break_is_a_zero() {
     sent.extend(b"stop");
     sent.extend(command(5, &[5]));
     client.write_all(&sent).unwrap();
-    // Nobody reads until all of it is there.
+    // The client does not read until all of it is there.
     let patient = std::time::Instant::now();
     while bench.port.read(&mut []).unwrap() != Event::Idle {
         assert!(patient.elapsed() < PATIENCE);

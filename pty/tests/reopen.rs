@@ -4,7 +4,7 @@
 mod common;
 
 use common::Bench;
-use sim_pty::Event;
+use rigsim_pty::Event;
 
 fn descriptors() -> usize {
     std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count)

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bench, PATIENCE};
-use sim_pty::{Event, Port, PortErrorKind, Waiter};
+use rigsim_pty::{Event, Port, PortErrorKind, Waiter};
 
 #[test]
 fn bytes_pass_both_ways_and_the_line_is_set() {
@@ -47,7 +47,7 @@ fn one_or_two_stop_bits_are_set() {
 }
 
 #[test]
-fn a_peer_that_never_reads_stalls_nobody() {
+fn a_peer_that_never_reads_stalls_no_caller() {
     let cable = Bench::unlinked();
     let mut port = Port::open_serial(cable.port.path(), 115_200, 1).unwrap();
     let accepted = port.write(&[0; 200_000]).unwrap();
@@ -57,7 +57,7 @@ fn a_peer_that_never_reads_stalls_nobody() {
 }
 
 #[test]
-fn unplugging_is_an_error_and_wakes_nobody_twice() {
+fn unplugging_is_an_error_and_wakes_no_caller_twice() {
     let cable = Bench::unlinked();
     let mut port = Port::open_serial(cable.port.path(), 115_200, 1).unwrap();
     let mut waiter = Waiter::new().unwrap();

@@ -7,8 +7,8 @@
 
 use std::time::{Duration, Instant};
 
+use rigsim_pty::Waiter;
 use rustix::process::{Signal, getpid, kill_process};
-use sim_pty::Waiter;
 
 #[test]
 fn each_signal_wakes_the_waiter_once() {
@@ -37,7 +37,7 @@ fn each_signal_wakes_the_waiter_once() {
     }
 }
 
-/// Whether whoever started this process has it ignore `SIGHUP`, which the waiter respects.
+/// Whether the parent of this process made it ignore `SIGHUP`, which the waiter respects.
 fn is_ignored_from_the_start() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

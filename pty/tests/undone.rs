@@ -14,6 +14,7 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use common::{Bench, Client, until};
+use rigsim_pty::{Event, Port, PtySetup};
 use rustix::ffi::c_int;
 use rustix::fs::{Mode, fchmod};
 use rustix::ioctl::{NoArg, Setter, ioctl};
@@ -22,12 +23,11 @@ use rustix::termios::{
     Action, ControlModes, InputModes, LocalModes, OutputModes, SpecialCodeIndex, Termios, Winsize,
     ioctl_tiocexcl, tcflow, tcgetattr, tcsendbreak, tcsetwinsize,
 };
-use sim_pty::{Event, Port, PtySetup};
 
 type Deed = (&'static str, fn(&Client));
 
 /// Termios and the ioctls of a terminal one by one, as far as they change it.
-const DEEDS: &[Deed] = &[
+const ACTS: &[Deed] = &[
     ("the speed", |client| {
         client.set_termios(|t| t.set_speed(300).unwrap());
     }),
@@ -143,7 +143,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
         let fresh = bench.client().termios();
         bench.expect(Event::Attached);
         bench.expect(Event::Detached);
-        for (deed, act) in DEEDS {
+        for (name, act) in ACTS {
             for visits in 1..3 {
                 for _ in 0..visits {
                     let client = bench.client();
@@ -154,7 +154,7 @@ fn whatever_a_client_does_to_its_terminal_ends_with_it() {
                     let _ = bench.next();
                 }
                 settle(&mut bench);
-                expect_sound(&mut bench, &fresh, deed);
+                expect_sound(&mut bench, &fresh, name);
             }
         }
     }
@@ -196,10 +196,10 @@ fn output_held_back_goes_on_though_others_seem_to_be_there() {
     });
 }
 
-/// Two that open one after the other are reported as one, so that by counting nobody is left when one
+/// Two that open one after the other are reported as one, so that by counting no client is left when one
 /// of them leaves.
 #[test]
-fn output_held_back_goes_on_though_nobody_seems_to_be_there() {
+fn output_held_back_goes_on_though_no_client_seems_to_be_there() {
     let mut bench = Bench::unlinked();
     let (stays, holds) = (bench.client(), bench.client());
     bench.expect(Event::Attached);
@@ -219,7 +219,7 @@ fn output_held_back_goes_on_though_nobody_seems_to_be_there() {
 /// It may come while we ourselves have the node open.
 #[test]
 fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
-    // By a link, since a node that is given up becomes somebody else's at once.
+    // By a link, since a node that is given up becomes another program's at once.
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("port");
     let port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
@@ -247,7 +247,7 @@ fn clients_that_hang_the_port_up_for_all_do_so_at_any_moment() {
     expect_sound(&mut bench, &fresh, "hanging up");
 }
 
-/// Nobody was seen to leave, and the next one is there already.
+/// No client was seen to leave, and the next one is there already.
 #[test]
 fn output_that_was_held_back_goes_on_for_one_who_comes_at_once() {
     let mut bench = Bench::unlinked();
@@ -300,7 +300,7 @@ fn the_end_of_a_session_on_the_port_leaves_it_sound() {
     let fresh = bench.client().termios();
     bench.expect(Event::Attached);
     bench.expect(Event::Detached);
-    // Nobody but the killed one has the port: a child would outlive it where hang-ups are ignored, as
+    // Only the killed one has the port: a child would outlive it where hang-ups are ignored, as
     // under `nohup`.
     let script = r#"exec setsid sh -c 'exec 3<>"$0"; echo there; exec sleep 1000' "$0""#;
     let mut session = Command::new("sh");

@@ -5,11 +5,10 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Client, PATIENCE};
-use rustix::time::{ClockId, clock_gettime};
-use sim_pty::{Event, Port, PtySetup, Waiter, sharpen_timers};
+use rigsim_pty::{Event, Port, PtySetup, Waiter, sharpen_timers};
 
 #[test]
-fn of_many_ports_those_with_news_are_named() {
+fn of_many_ports_those_with_events_are_named() {
     const PORTS: usize = 200;
     let mut waiter = Waiter::new().unwrap();
     let mut ports: Vec<Port> = (0..PORTS)
@@ -18,7 +17,7 @@ fn of_many_ports_those_with_news_are_named() {
     for (token, port) in ports.iter_mut().enumerate() {
         waiter.add(token, port).unwrap();
     }
-    // Each is named once at the start, whether it has news or not.
+    // Each is named once at the start, whether it has events or not.
     let all: Vec<usize> = (0..PORTS).collect();
     assert_eq!(waiter.wait(None).unwrap().ready(), all);
     assert!(
@@ -90,7 +89,7 @@ fn a_wait_is_never_too_short() {
 }
 
 #[test]
-fn a_port_is_forgotten_with_its_last_news() {
+fn a_port_is_forgotten_with_its_last_events() {
     let mut waiter = Waiter::new().unwrap();
     let mut port = Port::open_unlinked(PtySetup::raw(9_600)).unwrap();
     waiter.add(0, &mut port).unwrap();
@@ -150,71 +149,4 @@ fn something_else_to_read_ends_a_wait_and_so_does_its_end() {
     );
     drop(theirs);
     assert_eq!(waiter.wait(Some(PATIENCE)).unwrap().ready(), [7]);
-}
-
-#[test]
-fn looking_busily_finds_what_sleeping_finds() {
-    const REQUESTS: usize = 2000;
-    let mut waiter = Waiter::new().unwrap();
-    waiter.set_busy_poll(Duration::from_micros(50));
-    let mut port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
-    waiter.add(0, &mut port).unwrap();
-    let client = Client::open(port.path());
-    // The waiter looks busily while the client asks in quick succession, and sleeps through its
-    // pauses.
-    let asking = std::thread::spawn(move || {
-        for request in 0..REQUESTS {
-            client.send(&[7]);
-            while client.try_receive().is_empty() {
-                std::thread::yield_now();
-            }
-            if request % 500 == 0 {
-                std::thread::sleep(Duration::from_millis(1));
-            }
-        }
-    });
-    let start = Instant::now();
-    let mut buf = [0; 16];
-    loop {
-        assert!(start.elapsed() < PATIENCE, "the client is kept waiting");
-        if waiter.wait(Some(PATIENCE)).unwrap().ready().is_empty() {
-            continue;
-        }
-        match port.read(&mut buf).unwrap() {
-            Event::Data(n) => assert_eq!(port.write(&buf[..n]).unwrap(), n),
-            Event::Detached => break,
-            Event::Attached | Event::Idle => {}
-        }
-    }
-    asking.join().unwrap();
-    assert_eq!(port.counters().sent_bytes, REQUESTS as u64);
-}
-
-#[test]
-fn looking_busily_comes_to_an_end() {
-    let longest = Duration::from_millis(1);
-    let mut waiter = Waiter::new().unwrap();
-    waiter.set_busy_poll(longest);
-    let mut port = Port::open_unlinked(PtySetup::raw(115_200)).unwrap();
-    waiter.add(0, &mut port).unwrap();
-    let client = Client::open(port.path());
-    // News at once, so that the wait for more begins busily.
-    client.send(&[7]);
-    let mut buf = [0; 16];
-    let start = Instant::now();
-    while !matches!(port.read(&mut buf).unwrap(), Event::Data(1)) {
-        assert!(start.elapsed() < PATIENCE, "the byte never comes");
-        let _ = waiter.wait(Some(PATIENCE)).unwrap();
-    }
-    while port.read(&mut buf).unwrap() != Event::Idle {}
-    let now = || Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap();
-    let before = now();
-    let asked = Duration::from_millis(500);
-    while !waiter.wait(Some(asked)).unwrap().ready().is_empty() {
-        assert_eq!(port.read(&mut buf).unwrap(), Event::Idle);
-    }
-    // Waking now and then for nothing would be allowed; looking all the time would take it all.
-    let looked = now() - before;
-    assert!(looked < asked / 5, "looked for {looked:?} of {asked:?}");
-    drop(client);
 }

@@ -135,8 +135,12 @@ class Control:
         """The forms of all that can be asked."""
         return self.call("GET", "/v1/schema")
 
+    def publish(self, values: Mapping[str, float]) -> Json:
+        """Publishes numbers, which conditions and reports know as ``client.NAME``."""
+        return self.call("POST", "/v1/published", dict(values))
+
     def time(self, change: Json) -> Json:
-        """Lets time pass otherwise: ``"pause"``, ``"go_on"``, ``{"step": "5 ms"}``, ``{"speed": 2}``."""
+        """Lets time pass otherwise: ``"pause"``, ``"resume"``, ``{"step": "5 ms"}``, ``{"speed": 2}``."""
         return self.call("POST", "/v1/time", change)
 
     def events(

@@ -195,7 +195,7 @@ class Maker:
     def finish(self) -> None:
         """Ends what was started here, and mends what was broken in what was joined."""
         failed = self._request.node.stash.get(_FAILED, False)
-        verdicts = []
+        verdicts, skipped = [], []
         self._worlds: Dict[int, Any] = {}
         for number, simulator in enumerate(self.made, 1):
             if simulator.joined:
@@ -214,10 +214,14 @@ class Maker:
             # Whatever else it ends with, it has not passed.
             if simulator.close() != 0:
                 verdicts.append(simulator.verdict or simulator.log)
+            elif simulator.verdict:
+                skipped.append(simulator.verdict)
             if failed or verdicts:
                 self._keep(simulator, number)
         if verdicts and not failed:
             pytest.fail("\n".join(verdicts), pytrace=False)
+        if skipped and not failed:
+            pytest.skip("\n".join(skipped))
 
     def _keep(self, simulator: Simulator, number: int) -> None:
         """Log, trace and picture of a test that failed."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
-import json
 import os
 import re
 import shutil
@@ -147,7 +145,7 @@ class Device:
         return self.step({"operator": action if value is None else {action: value}}, lasts)
 
     def world(self, change: str, value: Json, lasts: Optional[Seconds] = None) -> Step:
-        """Changes something around it, as ``world("friction", 0.1)``."""
+        """Changes something around it, as ``world("remove", "crate")``."""
         return self.step({"world": {change: value}}, lasts)
 
     def step(self, step: Mapping[str, Json], lasts: Optional[Seconds] = None) -> Step:
@@ -224,7 +222,7 @@ class Simulator:
     @property
     def verdict(self) -> str:
         """What it has said of the scenario; empty without one, or before its end."""
-        found = re.search(r"^(FAILED|SPOILT): .*", self.log, re.MULTILINE | re.DOTALL)
+        found = re.search(r"^(FAILED|ERROR|skipped|aborted): .*", self.log, re.MULTILINE | re.DOTALL)
         return found.group() if found else ""
 
     @property
@@ -250,12 +248,16 @@ class Simulator:
         over = self.control.add_step(step)
         if over["state"] not in ("done", "failed"):
             self.control.clear(over["name"])
-            raise ControlError("this would never end: time stands still since pause() or step_by(); go_on() lets it go on")
+            raise ControlError("this would never end: time stands still since pause() or advance_by(); resume() lets it go on")
         return over
 
     def get(self, name: str) -> Value:
         """The value of a name now; with several devices it begins with one's, as ``car.truth.x_m``."""
         return self.control.values([name])[name]
+
+    def publish(self, **values: float) -> None:
+        """Publishes what the client believes, as ``publish(x=1.2)``: conditions and reports know it as ``client.x``."""
+        self.control.publish(values)
 
     def clear(self) -> None:
         """Undoes all that was done from here."""
@@ -266,12 +268,12 @@ class Simulator:
         self.control.time("pause")
         self._has_paused = True
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """Lets it go on."""
-        self.control.time("go_on")
+        self.control.time("resume")
         self._has_paused = False
 
-    def step_by(self, span_: Seconds) -> None:
+    def advance_by(self, span_: Seconds) -> None:
         """Lets so much pass, and then stand still; returns when it has passed."""
         self.control.time({"step": span(span_)})
         self._has_paused = True
@@ -339,7 +341,7 @@ class Simulator:
         """The rest of a scenario shows what becomes of the vehicle; if it has begun at all."""
         try:
             self.control.time({"speed": 100})
-            self.control.time("go_on")
+            self.control.time("resume")
             # A client that has just come is seen with the first question; time passes until the next.
             looks = 0
             while self.now == 0 and looks < _LOOKS:
@@ -422,34 +424,26 @@ def start(
 def _wait_for_control(process: "subprocess.Popen[bytes]", ready: Path, log: Path) -> str:
     """The URL of a simulator that has just been started."""
     end = time.monotonic() + _READY_WITHIN
-    while not ready.exists():
+    while True:
+        text = log.read_text(errors="replace")
+        url = re.search(r'http://[^\s"]+#token=\w+', text)
+        if url is not None and ready.exists():
+            return url.group()
         if process.poll() is not None:
-            raise ControlError(f"the simulator ended at once:\n{log.read_text(errors='replace')}")
+            raise ControlError(f"the simulator ended at once:\n{text}")
         if time.monotonic() > end:
-            raise ControlError(f"the simulator is not ready:\n{log.read_text(errors='replace')}")
+            raise ControlError(f"the simulator is not ready:\n{text}")
         time.sleep(0.01)
-    for session in _sessions():
-        if session["pid"] == process.pid:
-            return str(session["url"])
-    raise ControlError("the simulator has left no file that says where it is controlled")
 
 
 def find(port: Optional[PathLike] = None) -> Simulator:
     """A simulator of this user that runs with ``--control``: the one that serves ``port``, or the only
     one."""
-    sessions = _sessions()
-    if port is not None:
-        wanted = os.path.realpath(port)
-        sessions = [
-            session
-            for session in sessions
-            if any(str(port) == own or os.path.realpath(own) == wanted for own in session["ports"])
-        ]
-    if len(sessions) != 1:
-        told = "none" if not sessions else f"{len(sessions)} of them"
-        which = f" that serves {port}" if port is not None else ""
-        raise ControlError(f"one simulator with --control{which} has to run, and there is {told}")
-    return connect(sessions[0]["url"])
+    command = [program(), "ctl", *(["--port", str(port)] if port is not None else []), "url"]
+    told = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if told.returncode != 0:
+        raise ControlError(told.stderr.strip().removeprefix("error: "))
+    return connect(told.stdout.strip())
 
 
 def connect(url: Optional[str] = None) -> Simulator:
@@ -467,27 +461,3 @@ def joinable() -> bool:
     if os.environ.get("SIM_SCENARIO"):
         raise ControlError("`sim run` plays this program, but without `--control 127.0.0.1:0`; add that")
     return False
-
-
-def _sessions() -> List[Dict[str, Json]]:
-    """What running simulators have written into the folder of theirs."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
-    folder = Path(runtime) / "sim" if runtime.startswith("/") else Path(f"/tmp/sim-control-{os.geteuid()}")
-    try:
-        about = folder.lstat()
-    except FileNotFoundError:
-        return []
-    if about.st_uid != os.geteuid() or about.st_mode & 0o077 or not folder.is_dir():
-        raise ControlError(f"{folder} has to be a folder of yours that nobody else can enter")
-    found = []
-    for path in sorted(folder.glob("*.json")):
-        try:
-            with path.open() as file:
-                # A simulator holds a lock on its file as long as it runs.
-                try:
-                    fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    found.append(json.load(file))
-        except (FileNotFoundError, ValueError):
-            continue
-    return found

@@ -1,5 +1,6 @@
 """The installed package and its plugin, as users have them."""
 
+import json
 import os
 import subprocess
 import sys
@@ -47,6 +48,14 @@ def test_what_is_wrong_is_said_in_words(sim_r150):
         sim_r150.until("truth.x_m > 5", within=0.01, message="far")
 
 
+def test_what_a_client_believes_is_a_name_of_conditions(sim_r150):
+    sim_r150.publish(x=1.5, heading=-90)
+    assert sim_r150.get("client.x") == 1.5
+    sim_r150.until("client.heading + 90 == truth.x_m")
+    with pytest.raises(rigsim.Refused, match="a name has"):
+        sim_r150.publish(attached=1)
+
+
 def test_a_running_simulator_is_found_by_its_port(sim):
     one, other = sim("r150"), sim("mecanum")
     assert rigsim.find(one.port).control.url == one.control.url
@@ -66,15 +75,15 @@ def test_time_and_events(sim_mecanum):
     assert next(event for event in events if event.kind == "values").data["values"] == {"truth.x_m": 0.0}
     sim_mecanum.pause()
     before = sim_mecanum.now
-    sim_mecanum.step_by("30 ms")
+    sim_mecanum.advance_by("30 ms")
     assert sim_mecanum.now - before == pytest.approx(0.03)
     sim_mecanum.until("t > 0")
     for wait in [lambda: sim_mecanum.until("truth.x_m > 1"), lambda: sim_mecanum.advance("1 s")]:
-        with pytest.raises(rigsim.ControlError, match="go_on"):
+        with pytest.raises(rigsim.ControlError, match="resume"):
             wait()
     sim_mecanum.speed = 5
     assert sim_mecanum.speed == 5
-    sim_mecanum.go_on()
+    sim_mecanum.resume()
     sim_mecanum.advance("50 ms")
     assert next(event for event in events if event.kind == "time").data["paused"]
 
@@ -83,7 +92,7 @@ def test_a_test_that_fails_shows_and_keeps_what_happened(pytester):
     pytester.makepyfile(
         """
         def test_it(sim_r150):
-            with sim_r150.operator("push", {"ahead": "3000 N"}):
+            with sim_r150.fault("push", ahead="3000 N"):
                 sim_r150.until("truth.x_m > 0.1", within="60 s")
             sim_r150.operator("lock")
             assert False
@@ -218,7 +227,7 @@ def test_it(sim_r150):
     import os
     file = os.open(sim_r150.port, os.O_RDWR | os.O_NOCTTY)
     assert sim_r150.joined and sim_r150.time == "lockstep"
-    for change in ["pause", "go_on", lambda: sim_r150.step_by(1), lambda: sim_r150.speed]:
+    for change in ["pause", "resume", lambda: sim_r150.advance_by(1), lambda: sim_r150.speed]:
         with pytest.raises(rigsim.ControlError, match="time is the client's"):
             change() if callable(change) else getattr(sim_r150, change)()
     with sim_r150.fault("mute", direction="to-client"):
@@ -240,8 +249,9 @@ def test_the_fixtures_join_the_run_that_plays_them(tmp_path):
     ended = run("--control", "127.0.0.1:0")
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "not repeatable" not in ended.stdout
+    # No test has opened a port, so there is nothing to judge.
     ended = run()
-    assert ended.returncode == 1 and "--control 127.0.0.1:0" in ended.stdout, ended.stdout + ended.stderr
+    assert ended.returncode == 3 and "--control 127.0.0.1:0" in ended.stdout, ended.stdout + ended.stderr
 
 
 REFUSED = """
@@ -272,15 +282,15 @@ def test_what_the_run_around_a_test_does_not_have_is_refused(tmp_path):
     (tmp_path / "stand.toml").write_text(STAND % "10 min")
     (tmp_path / "test_it.py").write_text(REFUSED)
 
-    def run(*flags):
+    def run(code, *flags):
         client = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *flags, "test_it.py"]
         command = [rigsim.program(), "run", "--seed", "1", "--control", "127.0.0.1:0", "--output", "out"]
         command += ["stand.toml", "--", *client]
         ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
-        assert ended.returncode == 1, ended.stdout + ended.stderr
+        assert ended.returncode == code, ended.stdout + ended.stderr
         return (tmp_path / "out" / "stand.client.log").read_text()
 
-    said = run()
+    said = run(1)
     assert "4 failed, 1 passed, 3 errors" in said, said
     for part in [
         "asks for scenario cable.toml (its scenario marker), and cannot have it",
@@ -292,6 +302,22 @@ def test_what_the_run_around_a_test_does_not_have_is_refused(tmp_path):
         "no mecanum for this test; it has r150",
     ]:
         assert part in said, said
-    said = run("--sim-set", "world.slope=1 deg", "--sim-seed", "9", "-k", "has")
+    # The one test that is left opens no port.
+    said = run(3, "--sim-set", "world.slope=1 deg", "--sim-seed", "9", "-k", "has")
     assert "settings {'world.slope': '1 deg'} (the options of pytest)" in said, said
     assert "seed 9 (the options of pytest)" in said, said
+
+
+def test_a_failure_is_shown_on_the_line_of_its_rule(tmp_path):
+    scenario = tmp_path / "stuck.toml"
+    rule = '[[step]]\nat = "1 s"\nexpect = { that = "truth.distance_m > 1" }\n'
+    scenario.write_text(STAND.replace("Stand", "Stuck, at 100%%") % "2 s" + rule)
+    run = [rigsim.program(), "run", "--seed", "1", "--junit", "junit.xml", "stuck.toml"]
+    assert subprocess.run(run, cwd=tmp_path, check=False).returncode == 1
+    annotate = [sys.executable, "-m", "rigsim.annotate"]
+    printed = subprocess.run([*annotate, "junit.xml"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert printed.startswith("::error file=stuck.toml,line=8,title=Stuck%2C at 100%25::1.000000 s, ")
+    assert printed.count("\n") == 1
+    subprocess.run([*annotate, "--gitlab", "quality.json", "junit.xml"], cwd=tmp_path, check=True)
+    (one,) = json.loads((tmp_path / "quality.json").read_text())
+    assert one["location"] == {"path": "stuck.toml", "lines": {"begin": 8}} and "truth.distance_m > 1" in one["description"]

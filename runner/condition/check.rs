@@ -4,11 +4,18 @@ use std::collections::BTreeMap;
 
 use cel::common::ast::{CallExpr, Expr, IdedExpr, LiteralValue, operators};
 use cel::common::types::CelDouble;
-use sim_core::device::NameInfo;
-use sim_core::device::names::Unit;
+use rigsim_core::device::NameInfo;
+use rigsim_core::device::names::Unit;
+use rigsim_settings::nearest;
 
 use super::{Devices, Origin, Reading, Saved};
-use crate::suggest::{nearest, or_allowed};
+use crate::renamed::{self, Kind};
+use crate::suggest::or_allowed;
+
+/// What the names of published numbers begin with, as some names of devices do.
+pub(crate) const CLIENT: &str = "client.";
+/// Most bytes of the name of a published number behind that.
+const MOST_NAME: usize = 40;
 
 /// Kind of an expression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +93,7 @@ fn type_of_literal(literal: &mut LiteralValue) -> Result<Type, String> {
         LiteralValue::Int(whole) => {
             #[expect(
                 clippy::cast_precision_loss,
-                reason = "whoever writes more than 53 bits gets the nearest decimal number"
+                reason = "a number of more than 53 bits becomes the nearest decimal number"
             )]
             let number = *whole.inner() as f64;
             *literal = LiteralValue::Double(CelDouble::from(number));
@@ -184,7 +191,7 @@ fn qualified_name(expression: &Expr) -> Option<String> {
 }
 
 impl Scope<'_> {
-    pub(super) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
+    pub(crate) fn look_up(&self, name: &str) -> Result<(Origin, Unit), String> {
         if name == "t" {
             return Ok((Origin::Time, Unit::Number("s")));
         }
@@ -207,7 +214,49 @@ impl Scope<'_> {
                     let info = device.find_name(inner)?;
                     Some((Origin::Device(index, info.getter), info.unit))
                 });
-        candidates.next().ok_or_else(|| self.unknown(name))
+        let found = candidates.next().or_else(|| self.look_up_published(name));
+        found.ok_or_else(|| self.unknown(name))
+    }
+
+    /// A number that a client may publish: its name is unlike those that devices have.
+    fn look_up_published(&self, name: &str) -> Option<(Origin, Unit)> {
+        let own = name.strip_prefix(CLIENT)?;
+        let is_letter = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        let is_name = own.starts_with(|c: char| c.is_ascii_lowercase())
+            && own.len() <= MOST_NAME
+            && own.chars().all(is_letter);
+        let of_devices = self.devices.iter();
+        let of_devices = of_devices.flat_map(|(_, device)| device.all_names());
+        let of_devices = of_devices.filter_map(|info| info.name.strip_prefix(CLIENT));
+        let is_free = is_name && nearest(own, of_devices).is_none();
+        is_free.then_some((Origin::Published, Unit::Number("")))
+    }
+
+    /// Returns whether a client may publish a number by this name of conditions.
+    pub(crate) fn is_publishable(&self, name: &str) -> bool {
+        matches!(self.look_up(name), Ok((Origin::Published, _)))
+    }
+
+    /// What a name is called now, or the name that is meant, where one of the tables has it.
+    fn known_mistake(&self, name: &str) -> Option<String> {
+        let of_device = |(own, _): &(&str, _)| {
+            let own = format!("{}.", identifier(own));
+            Some((name.strip_prefix(&own)?, own))
+        };
+        let found = self.devices.iter().find_map(of_device);
+        let (inner, own) = found.unwrap_or((name, String::new()));
+        if let Some(renamed) = renamed::find(|kind| kind == Kind::Name, inner) {
+            return Some(renamed.to_string());
+        }
+        let meant = renamed::meant(inner)?;
+        let (not, meant) = meant
+            .strip_prefix('!')
+            .map_or(("", meant), |meant| ("!", meant));
+        let whole = format!("{own}{meant}");
+        self.look_up(&whole).ok()?;
+        Some(format!(
+            "no name `{name}`; did you mean `{not}{whole}`? (`sim names` lists them all)"
+        ))
     }
 
     fn look_up_parameter(&self, name: &str) -> Result<(Origin, Unit), String> {
@@ -244,6 +293,9 @@ impl Scope<'_> {
     }
 
     fn unknown(&self, name: &str) -> String {
+        if let Some(why) = self.known_mistake(name) {
+            return why;
+        }
         let all = self
             .devices
             .iter()

@@ -9,7 +9,7 @@ use super::{Condition, Reading, Situation};
 const FAR: f64 = 1.0;
 
 impl Condition {
-    /// Tells whether it can be nearer to holding and farther from it: it compares.
+    /// Returns whether it can be nearer to holding and farther from it: it compares.
     pub(crate) fn is_gradual(&self) -> bool {
         fn compares(part: &Expr) -> bool {
             const SIGNS: [&str; 6] = [

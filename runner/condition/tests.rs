@@ -1,8 +1,8 @@
 use super::*;
-use sim_core::SHIPPED;
-use sim_core::device::names::Unit;
-use sim_core::mecanum::MECANUM_SPEC;
-use sim_core::r150::R150_SPEC;
+use rigsim_core::SHIPPED;
+use rigsim_core::device::names::Unit;
+use rigsim_core::mecanum::MECANUM_SPEC;
+use rigsim_core::r150::R150_SPEC;
 
 /// Devices alone; with one, its name may be left out.
 fn scope<'a>(devices: &'a Devices<'a>) -> Scope<'a> {

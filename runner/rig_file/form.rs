@@ -3,13 +3,13 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
+use rigsim_core::device::{DeviceSpec, Devices};
+use rigsim_core::settings::SimSettings;
+use rigsim_physics::Pose;
+use rigsim_settings::{Angle, Length, ReadError, nearest, read};
 use schemars::{JsonSchema, SchemaGenerator};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
-use sim_core::device::{DeviceSpec, Devices};
-use sim_core::settings::SimSettings;
-use sim_physics::Pose;
-use sim_settings::{Angle, Length};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -17,8 +17,7 @@ use super::MOST_DEVICES;
 use crate::forgiving::{self, LeftOut};
 use crate::problems::Problems;
 use crate::schema;
-use crate::suggest::{nearest, or_allowed};
-use crate::tables;
+use crate::suggest::or_allowed;
 
 // Tables of settings are read a second time, with the places of their keys.
 
@@ -28,12 +27,12 @@ use crate::tables;
 #[serde(deny_unknown_fields)]
 #[schemars(title = "sim rig file", extend("required" = ["schema", "device"]))]
 pub(crate) struct RigText {
-    /// Version of the form of this file.
+    /// Version of the format.
     #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
     pub(crate) schema: Spanned<u32>,
-    /// The world file; an empty field without one.
+    /// The world file; default an empty field.
     pub(crate) world: Option<PathBuf>,
-    /// Seed of everything random; a random one is chosen and printed if not given.
+    /// Seed of all random numbers; default a random one, which is printed.
     pub(crate) seed: Option<u64>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default, rename = "settings")]
@@ -52,14 +51,14 @@ pub(crate) struct DeviceText {
     /// Kind of the device.
     #[schemars(with = "String")]
     kind: Spanned<String>,
-    /// Letters, digits, - and _; unique. The kind unless given, numbered if there are several.
+    /// Unique name of letters, digits, - and _; default the kind, numbered if there are several.
     #[schemars(with = "Option<String>", extend("pattern" = "^[A-Za-z0-9_-]{1,64}$"))]
     pub(super) name: Option<Spanned<String>>,
-    /// Place and heading at the start; at the origin, looking along x, unless given.
+    /// Place and heading at the start; default the origin, facing along x.
     #[serde(default)]
     pub(super) pose: PoseText,
     /// Path of the pseudo-terminal of its main link, or a URL to listen at: rfc2217://HOST:PORT or
-    /// tcp://HOST:PORT. Without one it is a pseudo-terminal that has the system's name only.
+    /// tcp://HOST:PORT; default a pseudo-terminal with only the system's name.
     #[schemars(with = "Option<PathBuf>")]
     port: Option<Spanned<PathBuf>>,
     /// Settings of this device, without its kind in front: `heartbeat_timeout = "5s"`.
@@ -79,7 +78,7 @@ pub(super) struct OwnText {
 }
 
 impl OwnText {
-    /// Reads a device's table and tells what is wrong with it; `None` if its kind is not known.
+    /// Reads a device's table and reports what is wrong with it; `None` if its kind is not known.
     pub(super) fn read(
         problems: &mut Problems<'_>,
         devices: Devices,
@@ -92,7 +91,7 @@ impl OwnText {
             .collect();
         let mut rest = Spanned::new(span, DeValue::Table(table));
         let left_out = &mut LeftOut::default();
-        let common: DeviceText = forgiving::read(&mut rest, left_out, problems, &tables::read)?;
+        let common: DeviceText = forgiving::read(&mut rest, left_out, problems, &read)?;
         let kind = common.kind.get_ref();
         let known = |kind: &str| devices.iter().find(|device| device.id == kind);
         let device = known(kind).or_else(|| {
@@ -134,18 +133,18 @@ impl OwnText {
         &mut self,
         value: &Spanned<DeValue<'_>>,
         key: &str,
-    ) -> Result<(), Option<toml::de::Error>> {
+    ) -> Result<(), Option<ReadError>> {
         if !has_key(self.device, key) {
             return Err(None);
         }
         if key == "start" {
-            let word: Spanned<String> = tables::read(value)?;
+            let word: Spanned<String> = read(value)?;
             let starts = self.device.starts;
             let known = starts.iter().position(|start| start.id == *word.get_ref());
             self.start = known.ok_or_else(|| {
                 let all: Vec<&str> = starts.iter().map(|start| start.id).collect();
                 let allowed = or_allowed(word.get_ref(), &all);
-                <toml::de::Error as serde::de::Error>::custom(format!(
+                <ReadError as serde::de::Error>::custom(format!(
                     "no state `{}`; {allowed}",
                     word.get_ref()
                 ))
@@ -153,8 +152,8 @@ impl OwnText {
             return Ok(());
         }
         let (id, path) = match key.strip_suffix("_port") {
-            Some(id) => (id, Some(tables::read::<Spanned<PathBuf>>(value)?)),
-            None if tables::read::<bool>(value)? => (key, None),
+            Some(id) => (id, Some(read::<Spanned<PathBuf>>(value)?)),
+            None if read::<bool>(value)? => (key, None),
             None => return Ok(()),
         };
         let index = self.device.link(id).unwrap_or(0);
@@ -196,11 +195,8 @@ pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -
         let starts = device.starts.iter().map(|start| (start.id, start.about));
         let mut words = schema::words(starts);
         let usual = device.starts[0].id;
-        words["description"] = format!(
-            "In which state {} begins; {usual} unless given.",
-            device.title
-        )
-        .into();
+        words["description"] =
+            format!("State in which {} starts; default {usual}.", device.title).into();
         more.insert("start".to_owned(), words);
     }
     for device in devices {
@@ -222,7 +218,7 @@ pub(crate) fn device_schema(devices: Devices, generator: &mut SchemaGenerator) -
     schema::add_properties(&mut table, more);
     let own = devices.iter().map(|device| {
         let settings = (device.settings)();
-        sim_settings::schema_of(&*settings).to_value()
+        rigsim_settings::schema_of(&*settings).to_value()
     });
     table["properties"]["settings"]["anyOf"] = own.collect();
     table
@@ -239,7 +235,7 @@ pub(crate) fn link_schema(devices: Devices) -> Value {
 
 /// The schema of all settings.
 pub(crate) fn settings_schema(devices: Devices) -> Value {
-    sim_settings::schema_of(&SimSettings::new(devices)).to_value()
+    rigsim_settings::schema_of(&SimSettings::new(devices)).to_value()
 }
 
 /// Settings of all devices and of the world.

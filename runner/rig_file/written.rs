@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use sim_settings::Settings;
+use rigsim_settings::Settings;
 use toml::{Table, Value};
 
 use super::{DevicePlan, RigPlan};
@@ -99,8 +99,8 @@ fn insert(settings: &mut Table, key: &str, value: &str) {
 
 #[cfg(test)]
 mod tests {
-    use sim_core::settings::SimSettings;
-    use sim_settings::Source;
+    use rigsim_core::settings::SimSettings;
+    use rigsim_settings::Source;
 
     use super::*;
 
@@ -124,7 +124,7 @@ mod tests {
         let parse = |text: &str, base: &SimSettings| {
             RigPlan::parse(Source { file: "rig", text }, base).unwrap()
         };
-        let plan = parse(text, &SimSettings::new(sim_core::SHIPPED));
+        let plan = parse(text, &SimSettings::new(rigsim_core::SHIPPED));
         let written = plan.to_toml();
         assert_eq!(parse(&written, &plan.settings), plan, "{written}");
     }

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use sim_core::SimTime;
-use sim_core::device::EffectHandle;
+use rigsim_core::SimTime;
+use rigsim_core::device::EffectHandle;
 
 /// Something planned.
 pub(super) enum Item {

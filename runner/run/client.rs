@@ -1,16 +1,15 @@
-//! Deeds of a real client.
+//! Actions of a real client.
 
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::line::{ClientLine, LineEvent};
-use sim_core::rig::PortId;
+use rigsim_core::SimTime;
+use rigsim_core::line::{ClientLine, LineEvent};
+use rigsim_core::rig::PortId;
 
-use super::lateness::burst_end;
+use super::record::{Hexed, Record};
 use super::{NANOSECOND, Run, RunError};
-use crate::trace::{Hexed, Record};
 
-/// Deeds of a real client. Each of these is dated a nanosecond after the present at least; after
+/// Actions of a real client. Each of these is dated a nanosecond after the present at least; after
 /// the end nothing happens any more.
 impl Run {
     /// A client opened the port.
@@ -94,8 +93,7 @@ impl Run {
         self.rig.tell(port, LineEvent::ModemLines { dtr, rts });
     }
 
-    /// Has [`step`](Self::step) stop at every byte that arrives, for a client that is to have it
-    /// then.
+    /// Makes [`step`](Self::step) stop at every byte that arrives, so that a client gets it then.
     pub fn follow_bytes(&mut self) {
         self.follows_bytes = true;
     }
@@ -112,20 +110,11 @@ impl Run {
         self.rig.tell(port, LineEvent::Overrun { bytes });
     }
 
-    /// The machine was late to run the simulator by so much simulated time, little as it may be:
-    /// what clients send next may come up to `by` closer together than they were sent, which does
-    /// not count as too soon.
-    pub fn late(&mut self, by: Duration) {
-        self.expect_burst(by, burst_end(self.rig.now(), by));
-    }
-
-    /// The machine held the simulator up for so long that simulated time stood still: for `real`,
-    /// in which `by` of simulated time would have passed. What that may look like is not held
-    /// against the clients.
-    pub fn held_up(&mut self, real: Duration, by: Duration) {
-        self.lateness.note(self.rig.now(), by);
-        self.rig.tell_all(LineEvent::SimulatorLate { by: real });
-        self.late(by);
+    /// The machine stalled the simulator for so long that simulated time stood still: for `real`,
+    /// in which `stood` of simulated time would have passed.
+    pub fn stalled(&mut self, real: Duration, stood: Duration) {
+        self.rig.tell_all(LineEvent::SimulatorStalled { by: real });
+        self.late(stood, stood);
     }
 
     /// The machine is too slow for what it is to compute.
@@ -133,19 +122,24 @@ impl Run {
         self.rig.tell_all(LineEvent::SimulatorTooSlow);
     }
 
-    /// Up to and including `until`, what clients send may come up to `by` closer together than they
-    /// sent it; after the end of the run that is no part of it.
-    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
+    /// The simulator was late, or paused: what the clients have sent that was not read yet may be
+    /// up to `by` of simulated time old, and simulated time stood still for `stood`. What that may
+    /// look like is not attributed to the clients. After the end of the run it has no effect.
+    pub fn late(&mut self, by: Duration, stood: Duration) {
         if self.outcome.is_some() {
             return;
         }
+        if !stood.is_zero() {
+            self.lateness.note(self.rig.now(), stood);
+        }
+        let nanos = |span: Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
         let t = self.rig.now().as_nanos();
         self.record(|| Record::Late {
             t,
-            by: u64::try_from(by.as_nanos()).unwrap_or(u64::MAX),
-            until: until.as_nanos(),
+            by: nanos(by),
+            stood: nanos(stood),
         });
-        self.rig.expect_burst(by, until);
+        self.rig.late(by, stood);
     }
 
     /// Does whatever comes before what a client does at `now`, and says when that is; `None` if the

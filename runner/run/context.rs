@@ -1,6 +1,6 @@
-//! What happened lastly, for whoever reads of a failure.
+//! What happened before a failure.
 
-use sim_core::event::{Event, Role};
+use rigsim_core::event::{Event, Role};
 
 use super::outcome::Context;
 use super::{MOST_RECENT, Run};
@@ -39,12 +39,14 @@ impl Run {
             let said = |what: &str| format!("\"{}\" ({what}), from {since} s on", step.name);
             match &step.action {
                 _ if state.effects.is_empty() => {}
-                StepAction::Fault(fault) => armed.push(said(fault.id())),
-                StepAction::Deed(deed, _) => others.push(said(deed)),
-                StepAction::Host(_)
-                | StepAction::Clear(_)
-                | StepAction::Expect { .. }
-                | StepAction::Nothing => {}
+                StepAction::Effect(effect) => {
+                    let info = effect.info();
+                    match info.is_fault() {
+                        true => armed.push(said(info.id)),
+                        false => others.push(said(&format!("{} {}", info.level.key(), info.id))),
+                    }
+                }
+                StepAction::Host(_) | StepAction::Expect { .. } | StepAction::Nothing => {}
             }
         }
         (armed, others)

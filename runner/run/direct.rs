@@ -1,16 +1,16 @@
-//! Requests of whoever drives a run, beside the steps of its file.
+//! Requests of the program that drives a run, beside the steps of its file.
 
 use std::sync::Arc;
 
-use sim_settings::{SimTime, Source};
+use rigsim_settings::{SimTime, Source};
 
 use super::agenda::Item;
+use super::record::Record;
 use super::steps::StepState;
-use super::{Run, RunError};
+use super::{Failure, Run, RunError};
 use crate::condition::{Condition, ExpressionError, Reading, Scope};
-use crate::rig_file::RigFileError;
-use crate::scenario::{MOST_STEPS, Trigger, read_step};
-use crate::trace::Record;
+use crate::error::FileErrors;
+use crate::scenario::{MOST_STEPS, StepAction, Trigger, read_step};
 
 /// Name of steps that come from no file, as errors call it.
 const FILE: &str = "step";
@@ -20,6 +20,13 @@ const FILE: &str = "step";
 pub struct StepReport<'a> {
     /// Its name.
     pub name: &'a str,
+    /// Name of the device that it is about.
+    pub device: &'a str,
+    /// Key under which a file says what it does: `fault`, `operator`, `world`, `host`, `clear` or
+    /// `expect`; empty if it does nothing.
+    pub key: &'static str,
+    /// The kind of its fault or action, its condition, or the step that it clears.
+    pub what: &'a str,
     /// Set if it was added, and is none of the file's.
     pub added: bool,
     /// Time at which it began.
@@ -40,7 +47,7 @@ pub struct StepReport<'a> {
 pub enum StepError {
     /// The text is wrong.
     #[error(transparent)]
-    Text(#[from] RigFileError),
+    Text(#[from] FileErrors),
     /// The run has come to its end.
     #[error("the run is over")]
     Over,
@@ -97,7 +104,7 @@ impl Run {
             return Err(StepError::TooMany);
         }
         let at = self.go_before(self.rig.now())?.ok_or(StepError::Over)?;
-        step.may_not_trigger = true;
+        step.optional = true;
         let index = self.place_for_step().ok_or(StepError::TooMany)?;
         self.record(|| Record::Add {
             t: at.as_nanos(),
@@ -116,8 +123,8 @@ impl Run {
         let scenario = Arc::make_mut(&mut self.scenario);
         scenario.saved = saved;
         if index < scenario.steps.len() {
-            for deed in std::mem::take(&mut self.steps[index].effects) {
-                self.rig.keep(deed);
+            for action in std::mem::take(&mut self.steps[index].effects) {
+                self.rig.keep(action);
             }
             scenario.steps[index] = step;
             self.steps[index] = state;
@@ -134,7 +141,7 @@ impl Run {
     }
 
     /// Where a further step can stand: behind all others, or in the place of the one that was over
-    /// first of those that were added and that nobody waits for.
+    /// first of those that were added and that no client waits for.
     fn place_for_step(&self) -> Option<usize> {
         if self.steps.len() < MOST_STEPS {
             return Some(self.steps.len());
@@ -201,12 +208,28 @@ impl Run {
         played.filter_map(|(index, _)| self.step_report(index))
     }
 
+    /// Failures so far, in the order in which they were found; once it is over, those of its outcome.
+    #[must_use]
+    pub fn failures(&self) -> &[Failure] {
+        let outcome = self.outcome.as_ref();
+        outcome.map_or(&self.failures, |outcome| &outcome.failures)
+    }
+
     /// Report of a step.
     #[must_use]
     pub fn step_report(&self, index: usize) -> Option<StepReport<'_>> {
         let (step, state) = (self.scenario.steps.get(index)?, self.steps.get(index)?);
+        let (key, what) = match &step.action {
+            StepAction::Effect(effect) => (effect.info().level.key(), effect.info().id),
+            StepAction::Expect { that, .. } => ("expect", that.text.as_str()),
+            StepAction::Host(_) => ("host", ""),
+            StepAction::Nothing => ("", ""),
+        };
         Some(StepReport {
             name: &step.name,
+            device: &self.scenario.rig.devices[step.device].name,
+            key,
+            what,
             added: state.added,
             begun: state.begun,
             done: state.done,

@@ -1,16 +1,16 @@
 //! The scripted client: it sends what the file says and compares what comes back.
 
-use sim_core::SimTime;
-use sim_core::device::host::{Reply, ReplyReader};
-use sim_core::event::Hex;
-use sim_core::line::ClientLine;
-use sim_core::rig::PortId;
+use rigsim_core::SimTime;
+use rigsim_core::device::host::{Reply, ReplyReader};
+use rigsim_core::event::Hex;
+use rigsim_core::line::ClientLine;
+use rigsim_core::rig::PortId;
 
 use super::agenda::Item;
+use super::record::{Hexed, Record};
 use super::{Run, RunError};
 use crate::rig_file::DevicePlan;
 use crate::scenario::{HostAction, HostDoes, ReplyWanted, Wanted, matches_fields};
-use crate::trace::{Hexed, Record};
 
 /// Most bytes kept for a comparison.
 const MOST_RAW: usize = 4096;
@@ -48,7 +48,7 @@ impl HostPort {
 
 /// What a byte or a reply means to one that waits.
 enum Verdict {
-    GoOn,
+    Continue,
     Came,
     Wrong(String),
 }
@@ -64,20 +64,20 @@ impl Waiting {
                 if self.raw.ends_with(bytes) {
                     Verdict::Came
                 } else {
-                    Verdict::GoOn
+                    Verdict::Continue
                 }
             }
             Wanted::Bytes(bytes) if !bytes.starts_with(&self.raw) => {
                 Verdict::Wrong(format!("wanted {}, {} came", Hex(bytes), Hex(&self.raw)))
             }
             Wanted::Bytes(bytes) if self.raw.len() == bytes.len() => Verdict::Came,
-            _ => Verdict::GoOn,
+            _ => Verdict::Continue,
         }
     }
 
     fn found(&mut self, found: &Reply, chatters: bool) -> Verdict {
         if self.wanted.command.is_some() && self.wanted.command != found.command {
-            return Verdict::GoOn;
+            return Verdict::Continue;
         }
         match &self.wanted.wanted {
             Wanted::Any => Verdict::Came,
@@ -85,11 +85,11 @@ impl Waiting {
                 Ok(()) => Verdict::Came,
                 Err(why) if chatters => {
                     self.so_far = format!("; in the last packet {why}");
-                    Verdict::GoOn
+                    Verdict::Continue
                 }
                 Err(why) => Verdict::Wrong(why),
             },
-            Wanted::Bytes(_) | Wanted::Silence => Verdict::GoOn,
+            Wanted::Bytes(_) | Wanted::Silence => Verdict::Continue,
         }
     }
 }
@@ -189,12 +189,12 @@ impl Run {
             host.waiting.retain_mut(|waiting| {
                 let mut verdict = waiting.byte(byte, chatters);
                 for found in &found {
-                    if matches!(verdict, Verdict::GoOn) {
+                    if matches!(verdict, Verdict::Continue) {
                         verdict = waiting.found(found, chatters);
                     }
                 }
                 let why = match verdict {
-                    Verdict::GoOn => return true,
+                    Verdict::Continue => return true,
                     Verdict::Came => None,
                     Verdict::Wrong(why) => Some(why),
                 };
@@ -241,7 +241,7 @@ impl Run {
 
 impl Waiting {
     fn missing(&self) -> String {
-        let within = sim_settings::show_duration(self.wanted.within);
+        let within = rigsim_settings::show_duration(self.wanted.within);
         let wanted = match &self.wanted.wanted {
             Wanted::Any | Wanted::Silence => "an answer".to_owned(),
             Wanted::Fields(_) => "an answer with these fields".to_owned(),

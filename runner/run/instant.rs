@@ -1,15 +1,15 @@
 //! One instant of a run, and when the next one is.
 
-use sim_core::SimTime;
-use sim_core::event::Level;
-use sim_core::rig::{PortId, Rig};
+use rigsim_core::SimTime;
+use rigsim_core::event::Level;
+use rigsim_core::rig::{PortId, Rig};
 
+use super::record::Record;
 use super::{MOST_EVENTS, MOST_ROUNDS, MOST_UNREAD, NANOSECOND, Run, RunError};
-use crate::trace::Record;
 
 impl Run {
-    /// When there is next something to look at, be it only the end; while nobody follows every
-    /// byte, that is not all that happens. Everything up to the present has happened.
+    /// When there is next something to look at, be it only the end. That is all that happens only
+    /// while every byte is followed. Everything up to the present has happened.
     pub(super) fn next_instant(&self) -> SimTime {
         let now = self.rig.now();
         let watched = self.is_watched().then(|| {
@@ -79,7 +79,7 @@ impl Run {
         u64::try_from(step).unwrap_or(u64::MAX).max(1)
     }
 
-    /// Takes note of what the rig tells; says whether it told anything.
+    /// Takes the events of the rig; returns whether there were any.
     fn take_events(&mut self) -> bool {
         let mut any = false;
         while let Some(event) = self.rig.poll_event() {
@@ -92,8 +92,8 @@ impl Run {
             }
             let excused = self.is_excused(&event);
             let distance = self.rig.distance_m(event.device);
-            if let Some(observed) = self.observed.get_mut(event.device) {
-                observed.note(&event, distance, excused);
+            if let Some(counters) = self.counters.get_mut(event.device) {
+                counters.note(&event, distance, excused);
             }
             if event.kind.level() != Level::Traffic {
                 self.record(|| Record::Event {

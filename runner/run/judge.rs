@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::event::Event;
-use sim_settings::show_duration;
+use rigsim_core::SimTime;
+use rigsim_core::event::Event;
+use rigsim_settings::show_duration;
 
 use super::Run;
 use super::agenda::Item;
+use super::outcome::FailureKind;
 use crate::condition::{Condition, ExpressionError, Situation};
 use crate::scenario::{Rule, StepAction, Trigger};
 
@@ -64,7 +65,7 @@ impl Run {
         }
     }
 
-    /// Tells whether any condition is to be looked at now and then.
+    /// Returns whether any condition is to be looked at now and then.
     pub(super) fn is_watched(&self) -> bool {
         let now = self.rig.now();
         !self.expected.is_empty()
@@ -218,11 +219,11 @@ impl Run {
                 Err(why) => why.to_string(),
             };
             self.rules[index].closed = true;
-            self.note_failure(now, None, what);
+            self.note_failure(FailureKind::Rule, now, None, what);
         }
     }
 
-    /// Tells whether a condition holds, unless it speaks of what no step has remembered yet.
+    /// Returns whether a condition holds, unless it speaks of what no step has remembered yet.
     pub(super) fn look(&self, condition: &Condition) -> Result<Option<bool>, ExpressionError> {
         let situation = self.situation();
         if !condition.is_known(situation) {
@@ -234,12 +235,13 @@ impl Run {
     pub(crate) fn situation(&self) -> Situation<'_> {
         Situation {
             rig: &self.rig,
-            observed: &self.observed,
+            counters: &self.counters,
             saved: &self.saved,
+            published: &self.published.values,
         }
     }
 
-    /// Tells whether a condition holds now.
+    /// Returns whether a condition holds now.
     ///
     /// # Errors
     /// When it has no value, which only a number that is not one (as 0/0) can bring about.
@@ -264,14 +266,14 @@ impl Run {
         with_message(message, &text)
     }
 
-    /// Tells whether what happened is not the client's fault.
+    /// Returns whether what happened is not the client's fault.
     pub(super) fn is_excused(&mut self, event: &Event) -> bool {
-        let blame = event.kind.code().blame();
+        let attribution = event.kind.code().attribution();
         let disturbed = self
             .excused_until
             .get(event.device)
-            .is_some_and(|until| event.at <= *until + blame.looks_back());
-        disturbed && blame.spares_disturbed() || self.lateness.excuses(event)
+            .is_some_and(|until| event.at <= *until + attribution.looks_back());
+        disturbed && attribution.spares_disturbed() || self.lateness.excuses(event)
     }
 }
 

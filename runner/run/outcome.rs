@@ -2,14 +2,14 @@
 
 use std::fmt;
 
+use rigsim_core::SimTime;
+use rigsim_core::report::Report;
 use serde::{Serialize, Serializer};
-use sim_core::SimTime;
-use sim_core::report::Report;
 
 /// Outcome of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcome {
-    /// Set if everything was as the file says.
+    /// Set if everything was as the file says, and the client was put to the test.
     pub passed: bool,
     /// The scenario's title.
     pub title: String,
@@ -17,7 +17,7 @@ pub struct Outcome {
     pub seed: u64,
     /// Time at which it ended.
     pub ended_at: SimTime,
-    /// Failures, in the order in which they were found.
+    /// Failures: causes first, each kind in the order of time.
     pub failures: Vec<Failure>,
     /// Number of further failures.
     pub more_failures: u64,
@@ -27,6 +27,9 @@ pub struct Outcome {
     pub devices: Vec<DeviceReport>,
     /// Rules and responses of which nothing was asked, with the reason, in words.
     pub not_judged: Vec<String>,
+    /// Parts of the scenario for which a real client gave no occasion, with the reason, in words.
+    /// Without failures, the run is then skipped: it says nothing about the client.
+    pub not_applicable: Vec<String>,
     /// Surroundings of the end.
     pub last: Context,
 }
@@ -42,9 +45,23 @@ pub struct Context {
     pub in_effect: Vec<String>,
 }
 
+/// What a failure is about. Causes come before their consequences.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FailureKind {
+    /// A rule, a response, an expectation or a demand of the file.
+    Rule,
+    /// The end of the client, or of the time that it had.
+    Client,
+    /// What did not come because the run ended, or because something before it did not come.
+    Consequence,
+}
+
 /// Something that was not as the file says.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Failure {
+    /// What it is about.
+    pub kind: FailureKind,
     /// Time at which it was found.
     #[serde(rename = "time_s", serialize_with = "seconds")]
     pub at: SimTime,
@@ -61,12 +78,22 @@ impl Outcome {
     /// Something turned out to be wrong after the end.
     pub fn fail(&mut self, what: String) {
         self.passed = false;
-        self.failures.push(Failure {
+        let after = |failure: &Failure| failure.kind <= FailureKind::Client;
+        let at = self.failures.partition_point(after);
+        let failure = Failure {
+            kind: FailureKind::Client,
             at: self.ended_at,
             step: None,
             what,
             context: std::mem::take(&mut self.last),
-        });
+        };
+        self.failures.insert(at, failure);
+    }
+
+    /// Returns `true` if nothing failed and the client gave no occasion for a part of the scenario.
+    #[must_use]
+    pub fn is_skipped(&self) -> bool {
+        self.failures.is_empty() && !self.not_applicable.is_empty()
     }
 }
 
@@ -75,6 +102,9 @@ impl Outcome {
 pub struct FaultRecord {
     /// The step that injected it.
     pub step: String,
+    /// Time at which it was injected first.
+    #[serde(rename = "from_s", serialize_with = "seconds")]
+    pub from: SimTime,
     /// Code of the fault.
     #[serde(rename = "fault")]
     pub id: &'static str,

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use sim_core::SimTime;
-use sim_settings::show_duration;
+use rigsim_core::SimTime;
+use rigsim_settings::show_duration;
 
 use super::Run;
 use super::agenda::Item;
 use super::judge::with_message;
+use super::outcome::FailureKind;
 use crate::scenario::{Cause, Response};
 
 /// How many responses to one cause are waited for at a time; further ones are not judged.
@@ -32,7 +33,7 @@ struct Pending {
 }
 
 impl Run {
-    /// Tells whether any condition is to be looked at for a response.
+    /// Returns whether any condition is to be looked at for a response.
     pub(super) fn awaits_responses(&self) -> bool {
         let all = self.scenario.responses.iter().zip(&self.responses);
         all.into_iter().any(|(response, state)| {
@@ -102,7 +103,7 @@ impl Run {
         });
         for pending in failed {
             let what = self.not_answered(response, pending);
-            self.note_failure(now, None, what);
+            self.note_failure(FailureKind::Rule, now, None, what);
         }
     }
 
@@ -114,14 +115,12 @@ impl Run {
         let rules = rules.filter_map(|(rule, state)| {
             let why = state.not_judged(rule, now)?;
             let after = rule.after.map(|after| &self.scenario.steps[after]);
-            let may_not = after.is_some_and(|step| step.may_not_trigger);
+            let may_not = after.is_some_and(|step| step.optional);
             (!may_not).then(|| format!("{}: {why}", rule.words()))
         });
         let responses = self.scenario.responses.iter().zip(&self.responses);
         let responses = responses.filter(|(response, state)| {
-            !state.was_due
-                && !response.may_not_trigger
-                && self.is_judged(response.only, response.mission)
+            !state.was_due && !response.optional && self.is_judged(response.only, response.mission)
         });
         let responses = responses.map(|(response, _)| {
             let then = &response.then.text;

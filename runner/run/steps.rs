@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::device::EffectHandle;
-use sim_core::fault::Fault;
-use sim_core::noise::Noise;
-use sim_core::rig::Rig;
+use rigsim_core::SimTime;
+use rigsim_core::device::EffectHandle;
+use rigsim_core::effect::Checked;
+use rigsim_core::noise::Noise;
+use rigsim_core::rig::Rig;
 
 use super::agenda::Item;
 use super::judge::{Expected, Nearest};
+use super::record::Record;
 use super::{MOST_ROUNDS, Run};
-use crate::scenario::{Only, Overlap, Scenario, Step, StepAction, Times, Trigger};
-use crate::trace::Record;
+use crate::scenario::{Only, Scenario, Step, StepAction, Times, Trigger};
 
 /// Progress of a step.
 #[derive(Debug)]
@@ -44,7 +44,7 @@ pub(super) struct StepState {
     times_drawn: Noise,
     /// Nearest that what it waits for has come to holding so far.
     pub(super) nearest: Option<Nearest>,
-    /// Faults that it has brought, or deeds that can be undone, that go on.
+    /// Faults that it has brought, or actions that can be undone, that go on.
     pub(super) effects: Vec<EffectHandle>,
     pub(super) counts: FaultCounts,
 }
@@ -88,7 +88,7 @@ impl StepState {
         }
     }
 
-    /// Tells whether nothing of it goes on or is still to come.
+    /// Returns whether nothing of it goes on or is still to come.
     pub(super) fn is_over(&self) -> bool {
         self.done.is_some() && self.effects.is_empty()
     }
@@ -98,7 +98,7 @@ impl StepState {
         times.draw(&mut self.times_drawn)
     }
 
-    /// Tells whether its end by a condition is waited for.
+    /// Returns whether its end by a condition is waited for.
     pub(super) fn may_end(&self) -> bool {
         self.begun.is_some() && self.done.is_none()
     }
@@ -106,7 +106,7 @@ impl StepState {
     /// Number of times that its faults have hit something until now.
     pub(super) fn hits_so_far(&self, rig: &Rig) -> u64 {
         let effects = self.effects.iter();
-        self.counts.hits + effects.map(|fault| rig.fault_hits(*fault)).sum::<u64>()
+        self.counts.hits + effects.map(|fault| rig.hits(*fault)).sum::<u64>()
     }
 }
 
@@ -126,19 +126,19 @@ impl Run {
         self.agenda.plan(SimTime::ZERO, Item::Look);
     }
 
-    /// Tells whether a step is played in this kind of run.
+    /// Returns whether a step is played in this kind of run.
     pub(super) fn is_played(&self, step: &Step) -> bool {
         let host = matches!(step.action, StepAction::Host(_));
         let replaced = host && !self.has_script(step.device);
         self.is_judged(step.only, step.mission) && !replaced
     }
 
-    /// Tells whether the script is the client of a device.
+    /// Returns whether the script is the client of a device.
     pub(super) fn has_script(&self, device: usize) -> bool {
         !self.options.live || self.scenario.is_scripted(device)
     }
 
-    /// Tells whether a verdict counts in this kind of run.
+    /// Returns whether a verdict counts in this kind of run.
     pub(super) fn is_judged(&self, only: Option<Only>, mission: bool) -> bool {
         self.counts(only) && !(mission && self.scenario.mission_may_fail)
     }
@@ -205,14 +205,8 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let step = &scenario.steps[index];
         let state = &mut self.steps[index];
-        if let Some(every) = step.every.filter(|_| state.lasting > 0) {
-            match step.overlap {
-                Overlap::Wait => state.put_off = true,
-                Overlap::Drop => {
-                    let next = now + state.draw(every);
-                    self.agenda.plan(next, Item::Occur(index));
-                }
-            }
+        if step.every.is_some() && state.lasting > 0 {
+            state.put_off = true;
             return;
         }
         if state.begun.is_none() {
@@ -272,19 +266,7 @@ impl Run {
                 self.host_acts(index, host, now);
                 None
             }
-            StepAction::Fault(fault) => self.inject(index, step, fault, now),
-            StepAction::Clear(other) => {
-                self.end_all(*other);
-                None
-            }
-            StepAction::Deed(deed, action) => {
-                let what = format!("step \"{}\": {deed}", step.name);
-                let performed = self.rig.perform(step.device, &what, action.as_ref());
-                performed.unwrap_or_else(|why| {
-                    self.fail_step(index, now, why.to_string());
-                    None
-                })
-            }
+            StepAction::Effect(effect) => self.apply(index, step, effect, now),
             StepAction::Expect { within, .. } => {
                 let due = now + within.unwrap_or_default();
                 self.expected.push(Expected { step: index, due });
@@ -305,7 +287,7 @@ impl Run {
             state.pending += 1;
             state.lasting += 1;
             self.agenda.plan(ends, Item::End(index, Some(effect)));
-        } else if matches!(step.action, StepAction::Deed(..)) {
+        } else if step.fault().is_none() {
             // Faults add up; what was done the last time goes on in what is done now.
             for last in state.effects.drain(..) {
                 self.rig.supersede(last);
@@ -314,30 +296,38 @@ impl Run {
         state.effects.push(effect);
     }
 
-    fn inject(
+    fn apply(
         &mut self,
         index: usize,
         step: &Step,
-        fault: &Fault,
+        effect: &Checked,
         now: SimTime,
     ) -> Option<EffectHandle> {
-        let number = self.steps[index].counts.armed + 1;
+        let is_fault = effect.info().is_fault();
+        let number = self.steps[index].counts.armed + u64::from(is_fault);
         // Its random numbers come from its name, and are not to be the same each time.
         let name = match number {
-            1 => step.name.clone(),
+            0 | 1 => step.name.clone(),
             number => format!("{} #{number}", step.name),
         };
-        match self.rig.inject(step.device, &name, fault) {
+        match self.rig.apply(step.device, &name, effect) {
             Ok(handle) => {
                 self.steps[index].counts.armed = number;
-                self.hang_up(step.device, now);
-                if fault.disturbs_requests() {
+                if is_fault {
+                    self.hang_up(step.device, now);
+                }
+                if effect.effect().disturbs_requests() {
                     self.excused_until[step.device] = SimTime::MAX;
                 }
-                Some(handle)
+                handle
+            }
+            Err(why) if is_fault => {
+                let why = format!("the fault {}: {why}", effect.info().id);
+                self.fail_step(index, now, why);
+                None
             }
             Err(why) => {
-                self.fail_step(index, now, format!("the fault {}: {why}", fault.id()));
+                self.fail_step(index, now, why.to_string());
                 None
             }
         }
@@ -364,14 +354,14 @@ impl Run {
         }
     }
 
-    /// Mends a fault or undoes a deed, unless that has been done.
+    /// Mends a fault or undoes a action, unless that has been done.
     fn end_effect(&mut self, index: usize, effect: EffectHandle) {
         let state = &mut self.steps[index];
         let Some(at) = state.effects.iter().position(|own| *own == effect) else {
             return;
         };
         state.effects.remove(at);
-        let hits = self.rig.fault_hits(effect);
+        let hits = self.rig.hits(effect);
         state.counts.hits += hits;
         state.counts.hit += u64::from(hits > 0);
         self.rig.clear(effect);
@@ -385,17 +375,17 @@ impl Run {
     /// By how much bytes may be late at most that were sent while a fault was there.
     fn held_back(&self, device: usize) -> Duration {
         let faults = self.faults_of(device);
-        let times = faults.map(|(fault, _)| fault.holds_back());
+        let times = faults.map(|(fault, _)| fault.effect().holds_back());
         times.max().unwrap_or_default()
     }
 
     fn is_line_disturbed(&self, device: usize) -> bool {
         self.faults_of(device)
-            .any(|(fault, state)| fault.disturbs_requests() && !state.effects.is_empty())
+            .any(|(fault, state)| fault.effect().disturbs_requests() && !state.effects.is_empty())
     }
 
     /// The faults that steps bring on a device.
-    fn faults_of(&self, device: usize) -> impl Iterator<Item = (&Fault, &StepState)> {
+    fn faults_of(&self, device: usize) -> impl Iterator<Item = (&Checked, &StepState)> {
         let steps = self.scenario.steps.iter().zip(&self.steps);
         let own = steps.filter(move |(step, _)| step.device == device);
         own.filter_map(|(step, state)| Some((step.fault()?, state)))

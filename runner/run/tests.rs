@@ -1,11 +1,12 @@
 mod faults;
 mod layers;
+mod published;
 mod rules;
 mod steps;
 mod traces;
 
 use super::*;
-use sim_core::settings::SimSettings;
+use rigsim_core::settings::SimSettings;
 
 const HEAD: &str = "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\n";
 const R150: &str = "[[device]]\nkind = \"r150\"\n";
@@ -21,7 +22,7 @@ fn scenario(text: &str) -> Arc<Scenario> {
         file: "s.toml",
         text,
     };
-    let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED));
+    let scenario = Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED));
     Arc::new(scenario.unwrap_or_else(|error| panic!("{text}\n{error}")))
 }
 

@@ -3,27 +3,58 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_settings::show_duration;
+use rigsim_core::SimTime;
+use rigsim_core::event::code;
+use rigsim_settings::show_duration;
 
 use super::Run;
-use super::outcome::{DeviceReport, Failure, FaultRecord, Outcome};
+use super::outcome::{DeviceReport, Failure, FailureKind, FaultRecord, Outcome};
+use super::record::Record;
 use super::steps::FaultCounts;
-use crate::scenario::{StepAction, Trigger};
-use crate::trace::Record;
+use crate::scenario::{Step, StepAction, Trigger};
 
-/// Most failures that are told; further ones are counted.
+/// Most failures that are reported; further ones are counted.
 const MOST_FAILURES: usize = 50;
 
 impl Run {
     pub(super) fn fail_step(&mut self, index: usize, at: SimTime, what: String) {
+        self.fail_step_by(FailureKind::Rule, index, at, what);
+    }
+
+    fn fail_step_by(&mut self, kind: FailureKind, index: usize, at: SimTime, what: String) {
         let step = Some(self.scenario.steps[index].name.clone());
         let state = &mut self.steps[index];
         state.failure.get_or_insert_with(|| what.clone());
-        self.note_failure(at, step, what);
+        self.note_failure(kind, at, step, what);
     }
 
-    pub(super) fn note_failure(&mut self, at: SimTime, step: Option<String>, what: String) {
+    /// Judges steps that did not come about. Returns those for which a real client need not give
+    /// occasion. A step of the mission is a failure, and so is any step of a file that disturbs nothing:
+    /// there is nothing in it but what the client is to do.
+    fn judge_missed(&mut self, missed: Vec<(usize, String)>, now: SimTime) -> Vec<String> {
+        let scenario = Arc::clone(&self.scenario);
+        let disturbs = |step: &Step| matches!(step.action, StepAction::Effect(_));
+        let may_lack = self.options.live && scenario.steps.iter().any(disturbs);
+        let mut not_applicable = Vec::new();
+        for (index, what) in missed {
+            let step = &scenario.steps[index];
+            if may_lack && !step.mission {
+                not_applicable.push(format!("\"{}\": {what}", step.name));
+            } else {
+                self.fail_step_by(FailureKind::Consequence, index, now, what);
+            }
+        }
+        not_applicable.extend(self.devices_without_client());
+        not_applicable
+    }
+
+    pub(super) fn note_failure(
+        &mut self,
+        kind: FailureKind,
+        at: SimTime,
+        step: Option<String>,
+        what: String,
+    ) {
         self.record(|| Record::Failure {
             t: at.as_nanos(),
             step: step.clone(),
@@ -34,6 +65,7 @@ impl Run {
         } else if self.failures.len() < MOST_FAILURES {
             let context = self.context();
             self.failures.push(Failure {
+                kind,
                 at,
                 step,
                 what,
@@ -49,10 +81,13 @@ impl Run {
         let now = self.rig.now();
         self.last_in_effect = Some(self.in_effect());
         self.fail_what_waits(now);
-        let faults = self.close_faults(now);
-        self.fail_what_never_began(now);
+        let mut missed = Vec::new();
+        let faults = self.close_faults(&mut missed);
+        self.find_what_never_began(now, &mut missed);
+        let not_applicable = self.judge_missed(missed, now);
         self.judge_reports(now);
-        let passed = self.failures.is_empty();
+        self.failures.sort_by_key(|failure| failure.kind);
+        let passed = self.failures.is_empty() && not_applicable.is_empty();
         let outcome = Outcome {
             passed,
             title: self.scenario.title.clone(),
@@ -66,19 +101,24 @@ impl Run {
                 .rig
                 .devices
                 .iter()
-                .zip(&self.observed)
+                .zip(&self.counters)
                 .enumerate()
-                .map(|(device, (plan, observed))| DeviceReport {
+                .map(|(device, (plan, counters))| DeviceReport {
                     name: plan.name.clone(),
-                    report: observed.report.clone(),
+                    report: counters.report.clone(),
                     distance_m: self.rig.distance_m(device),
                 })
                 .collect(),
             not_judged: self.not_judged(),
+            not_applicable,
             last: self.context(),
         };
         if let Some(recorder) = &mut self.recorder {
-            recorder.end(now, outcome.passed);
+            let why_skipped = match outcome.is_skipped() {
+                true => &outcome.not_applicable[..],
+                false => &[],
+            };
+            recorder.end(now, outcome.passed, why_skipped);
         }
         self.outcome = Some(outcome);
     }
@@ -97,16 +137,16 @@ impl Run {
             };
             let why = self.not_held(expected.step, that, message.as_deref());
             let why = format!("the run ended before its time was up: {why}");
-            self.fail_step(expected.step, now, why);
+            self.fail_step_by(FailureKind::Consequence, expected.step, now, why);
         }
         let unanswered = self.unanswered().into_iter();
         for (step, why) in unanswered.filter(|(step, _)| !endless(*step)) {
             let why = format!("the run ended before its time was up: {why}");
-            self.fail_step(step, now, why);
+            self.fail_step_by(FailureKind::Consequence, step, now, why);
         }
     }
 
-    fn close_faults(&mut self, now: SimTime) -> Vec<FaultRecord> {
+    fn close_faults(&mut self, missed: &mut Vec<(usize, String)>) -> Vec<FaultRecord> {
         let scenario = Arc::clone(&self.scenario);
         let mut records = Vec::new();
         for (index, step) in scenario.steps.iter().enumerate() {
@@ -119,17 +159,19 @@ impl Run {
             // One that is over by itself takes its number along.
             self.end_all(index);
             let FaultCounts { armed, hit, hits } = self.steps[index].counts;
-            if armed > 0 && hit == 0 && !step.may_not_trigger {
+            let info = fault.info();
+            let (id, counts) = (info.id, info.counts);
+            if armed > 0 && hit == 0 && !step.optional {
                 let why = format!(
-                    "the fault {} was there from {begun} s on and never hit anything; \
-                     if that is all right, say `may_not_trigger = true`",
-                    fault.id()
+                    "the fault {id} was there from {begun} s on and never hit anything; a hit is: \
+                     {counts} `optional = true` allows that"
                 );
-                self.fail_step(index, now, why);
+                missed.push((index, why));
             }
             records.push(FaultRecord {
                 step: step.name.clone(),
-                id: fault.id(),
+                from: begun,
+                id,
                 armed,
                 hit,
                 hits,
@@ -138,11 +180,11 @@ impl Run {
         records
     }
 
-    fn fail_what_never_began(&mut self, now: SimTime) {
+    fn find_what_never_began(&self, now: SimTime, missed: &mut Vec<(usize, String)>) {
         let scenario = Arc::clone(&self.scenario);
         for (index, step) in scenario.steps.iter().enumerate() {
             let begun = self.steps[index].begun.is_some();
-            if begun || step.may_not_trigger || !self.is_played(step) {
+            if begun || step.optional || !self.is_played(step) {
                 continue;
             }
             let why = match &step.trigger {
@@ -163,8 +205,25 @@ impl Run {
                 Duration::ZERO => String::new(),
                 delay => format!(", or not {} before the end", show_duration(delay)),
             };
-            self.fail_step(index, now, why + &delay);
+            missed.push((index, why + &delay));
         }
+    }
+
+    /// Vehicles of several for the client that it has left alone: it may know one only.
+    fn devices_without_client(&self) -> Vec<String> {
+        let devices = self.scenario.rig.devices.iter().zip(&self.counters);
+        let devices = devices.enumerate();
+        let live = devices.filter(|(index, _)| !self.has_script(*index));
+        let (opened, left): (Vec<_>, Vec<_>) = live.partition(|(_, (_, counters))| {
+            let events = &counters.report.events;
+            events.contains_key(code::CLIENT_ATTACHED.as_str())
+        });
+        if opened.is_empty() || self.scenario.is_endless() {
+            return Vec::new();
+        }
+        let left = left.into_iter().map(|(_, (plan, _))| &plan.name);
+        left.map(|name| format!("the client never opened a port of \"{name}\""))
+            .collect()
     }
 
     fn judge_reports(&mut self, now: SimTime) {
@@ -176,9 +235,9 @@ impl Run {
             return;
         }
         for (index, plan) in scenario.rig.devices.iter().enumerate() {
-            let found: Vec<String> = self.observed[index]
+            let found: Vec<String> = self.counters[index]
                 .report
-                .held_against_client()
+                .client_errors()
                 .filter(|(code, _)| match &demand.allowed {
                     Some(allowed) => !allowed.iter().any(|kind| kind == code),
                     None => demand.forbidden.iter().any(|kind| kind == code),
@@ -186,13 +245,13 @@ impl Run {
                 .map(|(code, tally)| {
                     format!(
                         "{code} × {}, first at {} s: {}",
-                        tally.held_against_client, tally.first_at, tally.first
+                        tally.client_errors, tally.first_at, tally.first
                     )
                 })
                 .collect();
             for what in found {
                 let what = format!("client report of {}: {what}", plan.name);
-                self.note_failure(now, None, what);
+                self.note_failure(FailureKind::Rule, now, None, what);
             }
         }
     }

@@ -1,197 +1,121 @@
-//! Deeds of operators, and changes around a vehicle.
+//! Effects of steps: faults, actions of operators, changes around a vehicle.
 
-use std::sync::Arc;
-
-use sim_core::SimTime;
-use sim_core::device::{Action, Actions, Change, Device, DeviceSpec, HANDS, Performed};
-use sim_physics::world::Obstacle;
-use sim_physics::{Ground, Pose, World, WorldMap};
+use rigsim_core::effect::{self, Checked};
+use rigsim_settings::{Part, ReadError, Wrong, nearest, read as read_value};
+use serde::de::Error as _;
 use toml::Spanned;
-use toml::de::{DeValue, ValueDeserializer};
+use toml::de::DeValue;
 
-use super::document::AnyWorldText;
-use crate::schema;
+use crate::renamed::{self, Kind, is_like};
+use crate::rig_file::DevicePlan;
 use crate::suggest::or_allowed;
 use crate::tables;
 
-/// Change around any vehicle.
-#[derive(Debug)]
-enum WorldAction {
-    Add(WorldMap),
-    Move {
-        obstacle: String,
-        place: [f64; 2],
-        heading: Option<f64>,
-    },
-    Remove(String),
-    Friction(f64),
-}
+/// The keys under which steps have effects, each with how one is written.
+const KEYS: [(&str, &str, &str); 3] = [
+    ("fault", "{ kind = \"", "\" }"),
+    ("operator", "\"", "\""),
+    ("world", "{ ", " = … }"),
+];
 
-/// Changes that there are around any vehicle.
-const AROUND: [&str; 4] = ["add", "move", "remove", "friction"];
-
-/// Reads what an operator does to a device.
-pub(super) fn read_operator(
+/// Reads what a step does under this key, and checks it for the device.
+pub(super) fn read(
+    key: &str,
     value: &Spanned<DeValue<'_>>,
-    device: &DeviceSpec,
-) -> Result<Arc<dyn Action>, toml::de::Error> {
-    let all = [Some(&HANDS), device.operator.as_ref()];
-    read_one_of(value, device, all.into_iter().flatten(), &[])
-}
-
-/// Reads an action of the first of `all` that has one of its name; others are known, too.
-fn read_one_of<'a>(
-    value: &Spanned<DeValue<'_>>,
-    device: &DeviceSpec,
-    all: impl Iterator<Item = &'a Actions>,
-    others: &[&str],
-) -> Result<Arc<dyn Action>, toml::de::Error> {
-    let name = tables::name_of(value).unwrap_or_default();
-    let mut known: Vec<String> = others.iter().map(|name| (*name).to_owned()).collect();
-    for actions in all {
-        let mut generator = schemars::SchemaGenerator::default();
-        let names = schema::names(vec![(actions.schema)(&mut generator)]);
-        if names.iter().any(|own| own == name) {
-            return (actions.read)(ValueDeserializer::from(value.clone())).map(Arc::from);
+    plan: &DevicePlan,
+) -> Result<Checked, ReadError> {
+    let name = match (key, value.get_ref()) {
+        ("fault", DeValue::Table(table)) => {
+            let kind = table.get("kind");
+            let kind = kind.ok_or_else(|| ReadError::missing_field("kind"))?;
+            read_value::<String>(kind).map_err(|error| at_kind(error, kind))?
         }
-        known.extend(names);
-    }
-    let known: Vec<&str> = known.iter().map(String::as_str).collect();
-    let why = match name {
-        "" => format!("one thing is done by a step; allowed: {}", known.join(", ")),
-        name => {
-            let allowed = or_allowed(name, &known);
-            format!("{} has no `{name}`; {allowed}", device.title)
+        ("fault", _) => {
+            let why = "a fault is a table, as in `{ kind = \"mute\" }`";
+            return Err(ReadError::custom(why));
         }
+        _ => tables::name_of(value).unwrap_or_default().to_owned(),
     };
-    Err(serde::de::Error::custom(why))
+    if name.is_empty() {
+        let known = effect::names(plan.device, key).join(", ");
+        let why = format!("one thing is done by a step; allowed: {known}");
+        return Err(ReadError::custom(why));
+    }
+    let read = effect::read(plan.device, (key, &name), value);
+    match read.map_err(|error| explained(error, (key, &name), value, plan))? {
+        Some(effect) => {
+            let checked = Checked::new(effect, plan.device, plan.ports.len());
+            checked.map_err(ReadError::custom)
+        }
+        None => {
+            let error = ReadError::custom(unknown(key, &name, plan));
+            let table = value.get_ref().as_table().filter(|_| key == "fault");
+            Err(match table.and_then(|table| table.get("kind")) {
+                Some(kind) => at_kind(error, kind),
+                None => error,
+            })
+        }
+    }
 }
 
-/// Reads what changes around a device.
-pub(super) fn read_world(
+fn at_kind(error: ReadError, kind: &Spanned<DeValue<'_>>) -> ReadError {
+    error.inside(Part::Key("kind".to_owned()), &kind.span())
+}
+
+/// Why a device has no effect of this name under this key.
+fn unknown(key: &str, name: &str, plan: &DevicePlan) -> String {
+    let of_key = |kind: Kind| matches!(kind, Kind::Effect(own) if own == key);
+    if let Some(renamed) = renamed::find(of_key, name) {
+        return renamed.to_string();
+    }
+    let (title, id) = (plan.device.title, plan.device.id);
+    for (other, before, behind) in KEYS.iter().filter(|(other, ..)| *other != key) {
+        let mut names = effect::names(plan.device, other).into_iter();
+        if let Some(name) = names.find(|known| is_like(known, name)) {
+            return format!("{title} has `{name}` as `{other} = {before}{name}{behind}`");
+        }
+    }
+    let names = effect::names(plan.device, key);
+    match (key, nearest(name, &names)) {
+        ("fault", Some(near)) => format!("{title} cannot have `{name}`; did you mean `{near}`?"),
+        ("fault", None) => format!(
+            "{title} cannot have `{name}`; `sim faults --device {id}` lists what it can have"
+        ),
+        _ => format!("{title} has no `{name}`; {}", or_allowed(name, &names)),
+    }
+}
+
+/// An error that says what an action is for that lacks its value, and of the words that are allowed
+/// those that this device takes.
+fn explained(
+    mut error: ReadError,
+    (key, name): (&str, &str),
     value: &Spanned<DeValue<'_>>,
-    device: &DeviceSpec,
-) -> Result<Arc<dyn Action>, toml::de::Error> {
-    let name = tables::name_of(value).unwrap_or_default();
-    if !AROUND.contains(&name) {
-        return read_one_of(value, device, device.surroundings.iter(), &AROUND);
-    }
-    let wrong = |why: String| serde::de::Error::custom(why);
-    Ok(Arc::new(match tables::read(value)? {
-        AnyWorldText::Add(table) => WorldAction::Add(add(&table).map_err(wrong)?),
-        AnyWorldText::Move(to) => WorldAction::Move {
-            place: [to.x.0, to.y.0],
-            heading: to.heading.map(|angle| angle.0.to_radians()),
-            obstacle: to.obstacle,
-        },
-        AnyWorldText::Remove(obstacle) => WorldAction::Remove(obstacle),
-        AnyWorldText::Friction(friction) if (0.0..=2.0).contains(&friction) => {
-            WorldAction::Friction(friction)
+    plan: &DevicePlan,
+) -> ReadError {
+    let takes = |word: &str| {
+        let mut value = value.clone();
+        let place = tables::find(&mut value, &error.path)?;
+        *place.get_mut() = DeValue::String(word.to_owned().into());
+        let effect = effect::read(plan.device, (key, name), &value).ok()??;
+        Checked::new(effect, plan.device, plan.ports.len()).ok()
+    };
+    let explained = match &error.why {
+        Wrong::NeedsValue(_) => {
+            let all = effect::of(plan.device).flat_map(|effects| effects.kinds);
+            let mut all = all.filter(|info| info.level.key() == key && info.id == name);
+            let about = all.next().map_or("", |info| info.summary);
+            Wrong::Other(format!("{}: {about}", error.why))
         }
-        AnyWorldText::Friction(friction) => {
-            return Err(wrong(format!(
-                "friction {friction} is out of range; allowed: 0 to 2"
-            )));
+        Wrong::UnknownWord(word, allowed) => {
+            let taken = allowed.iter().filter(|word| takes(word).is_some());
+            match taken.copied().collect::<Vec<_>>() {
+                none if none.is_empty() => return error,
+                taken => Wrong::UnknownWord(word.clone(), taken),
+            }
         }
-    }))
-}
-
-impl Action for WorldAction {
-    fn perform(&self, _device: &mut dyn Device, world: &mut World, _now: SimTime) -> Performed {
-        Ok(match self {
-            Self::Add(map) => {
-                world.add_map(map)?;
-                // What has no name stays.
-                let things = Change::in_world("things", false, |_| {});
-                let named = self.brings().into_iter();
-                let named = named.flat_map(|name| presence(name, None));
-                [things].into_iter().chain(named).collect()
-            }
-            Self::Move {
-                obstacle,
-                place,
-                heading,
-            } => {
-                let Pose { x, y, heading } = world.move_obstacle(obstacle, *place, *heading)?;
-                let name = obstacle.clone();
-                // It is not there if who brought it has taken it away.
-                vec![Change::in_world(place_of(obstacle), true, move |world| {
-                    let _ = world.move_obstacle(&name, [x, y], Some(heading));
-                })]
-            }
-            Self::Remove(obstacle) => {
-                let removed = world.remove_obstacle(obstacle)?;
-                presence(obstacle, Some(removed)).into()
-            }
-            Self::Friction(friction) => {
-                let before = world.ground();
-                let ground = before.with_friction_of(&Ground::flat(*friction));
-                world.set_ground(ground);
-                let restore = move |world: &mut World| world.set_ground(before);
-                vec![Change::in_world("friction", before != ground, restore)]
-            }
-        })
-    }
-
-    fn can_end(&self) -> bool {
-        let map = match self {
-            Self::Add(map) => map,
-            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => return true,
-        };
-        let WorldMap {
-            obstacles,
-            slopes,
-            frictions,
-            tags,
-            strips,
-        } = map;
-        let ground = slopes.len() + frictions.len() + tags.len() + strips.len();
-        ground == 0 && obstacles.iter().all(|obstacle| obstacle.name().is_some())
-    }
-
-    fn needs(&self) -> Option<&str> {
-        match self {
-            Self::Move { obstacle, .. } | Self::Remove(obstacle) => Some(obstacle),
-            Self::Add(_) | Self::Friction(_) => None,
-        }
-    }
-
-    fn brings(&self) -> Vec<&str> {
-        match self {
-            Self::Add(map) => {
-                let obstacles = map.obstacles.iter();
-                obstacles.filter_map(|obstacle| obstacle.name()).collect()
-            }
-            Self::Move { .. } | Self::Remove(_) | Self::Friction(_) => Vec::new(),
-        }
-    }
-}
-
-/// Coming or going of an obstacle, which was as given or not there `before`.
-fn presence(name: &str, before: Option<Obstacle>) -> [Change; 2] {
-    let owned = name.to_owned();
-    let there = Change::in_world(format!("obstacle {name}"), true, move |world| {
-        // There may be another of its name now, or none at all.
-        let _ = world.remove_obstacle(&owned);
-        if let Some(before) = before {
-            let _ = world.add_obstacle(before);
-        }
-    });
-    // Wherever one of its name was before, it is another place that counts from now on.
-    let place = Change::in_world(place_of(name), false, |_| {});
-    [there, place]
-}
-
-fn place_of(obstacle: &str) -> String {
-    format!("place of {obstacle}")
-}
-
-/// Reads a table as if it were a world file, so that there is one form for both.
-fn add(table: &toml::Table) -> Result<WorldMap, String> {
-    let mut file = table.clone();
-    file.insert("schema".to_owned(), toml::Value::Integer(1));
-    WorldMap::from_toml(&file.to_string(), "").map_err(|error| match error.key {
-        Some(key) => format!("`{key}`: {}", error.why),
-        None => error.why,
-    })
+        _ => return error,
+    };
+    error.why = explained;
+    error
 }

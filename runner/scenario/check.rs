@@ -7,25 +7,25 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::time::Duration;
 
-use sim_core::device::DeviceSpec;
-use sim_core::settings::SimSettings;
-use sim_settings::{Origin, Source, Span, parse_assignment, set};
+use rigsim_core::device::DeviceSpec;
+use rigsim_core::settings::SimSettings;
+use rigsim_settings::{Origin, Source, Span, nearest, parse_assignment, read as read_value, set};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::compose::{Parameters, Texts, put_over};
 use super::document::{ClientText, Document, StepText, TimeText};
-use super::{MOST_STEPS, Rule, Scenario, Step, StepAction, Times, Trigger};
+use super::{MOST_STEPS, Rule, Scenario, Step, Times, Trigger};
 use crate::condition::{Condition, Reading, Saved, Scope, identifier};
+use crate::error::{FileError, FileErrors};
 use crate::forgiving::{self, LeftOut};
 use crate::problems::{Problems, Put};
-use crate::rig_file::{RigFileError, RigPlan, RigText};
+use crate::rig_file::{RigPlan, RigText};
 use crate::sources::{MOST_FILES, Sources};
-use crate::suggest::nearest;
-use crate::tables::{self, Tables};
+use crate::tables::Tables;
 
 /// Reads a scenario file with those that it is based on; its settings change those of `base`.
-pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, RigFileError> {
+pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, FileErrors> {
     let sources = Sources(texts.files);
     let mut problems = Problems::new(sources);
     let (root, parameters) = composed(sources, texts, &mut problems)?;
@@ -55,12 +55,15 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         return Err(problems.into_error());
     };
     set_all(texts.set, &mut rig, &mut problems);
-    let (limit, takes) = (document.limit.get_ref().0, document.takes);
+    let (limit, nominal_duration) = (document.limit.get_ref().0, document.nominal_duration);
     if limit.is_zero() {
         problems.add(document.limit.span(), "a run takes some time");
     }
-    if let Some(takes) = takes.as_ref().filter(|takes| takes.get_ref().0 > limit) {
-        problems.add(takes.span(), "is more than `limit`");
+    if let Some(nominal) = nominal_duration
+        .as_ref()
+        .filter(|nominal| nominal.get_ref().0 > limit)
+    {
+        problems.add(nominal.span(), "is more than `limit`");
     }
     let mut checker = Checker {
         rig: &rig,
@@ -71,7 +74,7 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         tables,
         names: BTreeMap::new(),
         limit,
-        takes: takes.map_or(limit, |takes| takes.get_ref().0),
+        nominal_duration: nominal_duration.map_or(limit, |nominal| nominal.get_ref().0),
         obstacles: Vec::new(),
         brought: Vec::new(),
         unnamed_faults: BTreeMap::new(),
@@ -147,7 +150,6 @@ pub(crate) fn read(texts: Texts<'_>, base: &SimSettings) -> Result<Scenario, Rig
         good_client: document.good_client,
         tags: document.tags.into_iter().map(Spanned::into_inner).collect(),
         limit,
-        wall_limit: document.wall_limit.map(|limit| limit.0),
         base: base.clone(),
         steps: steps.into_iter().flatten().collect(),
         rules: rules.into_iter().map(|(rule, _)| rule).collect(),
@@ -165,10 +167,10 @@ fn composed<'t>(
     sources: Sources<'t>,
     texts: Texts<'t>,
     problems: &mut Problems<'_>,
-) -> Result<(DeTable<'t>, Parameters<'t>), RigFileError> {
+) -> Result<(DeTable<'t>, Parameters<'t>), FileErrors> {
     if texts.files.len() > MOST_FILES {
         let why = format!("at most {MOST_FILES} files are based on one another");
-        return Err(RigFileError(vec![why]));
+        return Err(FileError::general(why).into());
     }
     let tables = (0..texts.files.len())
         .rev()
@@ -178,11 +180,11 @@ fn composed<'t>(
     for table in tables {
         match table {
             Ok(table) => root = put_over(root, table),
-            Err(RigFileError(lines)) => wrong.extend(lines),
+            Err(FileErrors(errors)) => wrong.extend(errors),
         }
     }
     if !wrong.is_empty() {
-        return Err(RigFileError(wrong));
+        return Err(FileErrors(wrong));
     }
     let parameters = Parameters::read(&root, texts.parameters, problems);
     parameters.fill(&mut root, problems);
@@ -200,13 +202,13 @@ fn scripts(root: &mut DeTable<'_>, problems: &mut Problems<'_>) -> Vec<bool> {
             DeValue::Table(table) => table.remove("client"),
             _ => None,
         };
-        let client = client.and_then(|client| problems.read(client.span(), tables::read(&client)));
+        let client = client.and_then(|client| problems.read(client.span(), read_value(&client)));
         scripted.push(client == Some(ClientText::Script));
     }
     scripted
 }
 
-/// Puts settings over those of the file, for each device; and tells what is wrong with them.
+/// Puts settings over those of the file, for each device; reports what is wrong with them.
 fn set_all(assignments: &[String], rig: &mut RigPlan, problems: &mut Problems<'_>) {
     for text in assignments {
         let read = parse_assignment("--set", text);
@@ -216,8 +218,7 @@ fn set_all(assignments: &[String], rig: &mut RigPlan, problems: &mut Problems<'_
             let origin = || Origin::Flag(format!("--set {text}"));
             all.try_for_each(|settings| set(settings, &key, &value, origin()))
         });
-        let error = result.err().map(|error| (0, error.to_string()));
-        problems.add_all(error);
+        problems.add_settings(result.err().map(|error| (0, error)));
     }
 }
 
@@ -234,12 +235,12 @@ pub(super) fn usual_device(scripted: &[bool]) -> Option<usize> {
     }
 }
 
-/// A step that whoever drives a run of the scenario adds, and what is remembered with it; without a
+/// Reads a step that is added to a run of the scenario, and what is remembered with it; without a
 /// time it begins at zero.
 pub(crate) fn read_step(
     source: Source<'_>,
     scenario: &Scenario,
-) -> Result<(Step, Vec<Saved>), RigFileError> {
+) -> Result<(Step, Vec<Saved>), FileErrors> {
     let sources = Sources(&[source]);
     let mut problems = Problems::new(sources);
     let mut tables = Tables(sources.tables(0)?);
@@ -261,7 +262,7 @@ pub(crate) fn read_step(
         tables,
         names: names.map(|(at, step)| (step.name.clone(), at)).collect(),
         limit: scenario.limit,
-        takes: scenario.limit,
+        nominal_duration: scenario.limit,
         obstacles: Vec::new(),
         brought: Vec::new(),
         unnamed_faults: BTreeMap::new(),
@@ -280,7 +281,7 @@ pub(crate) fn read_step(
     let remember = checker.remembered(&text);
     let step = checker.step(scenario.steps.len(), &Spanned::new(whole, text));
     checker.problems.into_result()?;
-    let mut step = step.ok_or_else(|| RigFileError(vec!["it is no step".to_owned()]))?;
+    let mut step = step.ok_or_else(|| FileError::general("it is no step".to_owned()))?;
     let own = step.name.clone();
     let taken = |name: &str| scenario.steps.iter().any(|step| step.name == name);
     let mut number = 1;
@@ -304,7 +305,7 @@ struct Checker<'a> {
     names: BTreeMap<String, usize>,
     limit: Duration,
     /// How long a good client takes.
-    takes: Duration,
+    nominal_duration: Duration,
     /// Obstacles that have to be there, and where the file says so.
     obstacles: Vec<(String, String)>,
     /// Obstacles that steps bring.
@@ -378,7 +379,7 @@ impl Checker<'_> {
         }
         let not_saved = |name: &String| text.get_ref().contains(&format!("saved.{name}"));
         if condition.is_err() && self.not_saved.iter().any(not_saved) {
-            // That what it speaks of makes no sense has been told.
+            // That what it speaks of makes no sense has been reported.
             return None;
         }
         self.problems.take(text.span(), condition)
@@ -444,13 +445,6 @@ impl Checker<'_> {
                     self.problems.add(at, why);
                 }
             }
-            if let (StepAction::Clear(other), Some(name)) = (&step.action, &text.get_ref().clear)
-                && texts[*other].get_ref().fault.is_none()
-                && !self.left_out.lacks(texts[*other].span().start, &["fault"])
-            {
-                let why = format!("\"{}\" is no fault", name.get_ref());
-                self.problems.add(name.span(), &why);
-            }
         }
         let of_rules = rules
             .iter()
@@ -473,7 +467,7 @@ impl Checker<'_> {
     }
 }
 
-/// Tells whether following what a step waits for leads back to it.
+/// Returns whether following what a step waits for leads back to it.
 fn comes_back(steps: &[Option<Step>], start: usize) -> bool {
     let mut at = start;
     for _ in 0..steps.len() {

@@ -1,8 +1,9 @@
 //! One scenario from several files: what a file takes over from another one, and parameters.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
-use sim_settings::Source;
+use rigsim_settings::Source;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -24,10 +25,13 @@ pub(crate) struct Texts<'t> {
 /// Lists whose elements have names, and change those of the same name in what a file is based on.
 const NAMED: [&str; 5] = ["device", "step", "always", "never", "response"];
 
+/// Most bytes that parameters may add to the files of a scenario.
+const MOST_FILLED: usize = 1 << 20;
+
 /// Keys of a step of which one takes the place of another.
 const EXCLUSIVE: [&[&str]; 2] = [
     &["at", "when", "after"],
-    &["host", "fault", "clear", "operator", "world", "expect"],
+    &["host", "fault", "operator", "world", "expect"],
 ];
 
 /// Puts a file over the one that it is based on.
@@ -52,7 +56,7 @@ fn by_name<'t>(base: Spanned<DeValue<'t>>, over: Spanned<DeValue<'t>>) -> Spanne
     let span = over.span();
     let (base, over) = match (base.into_inner(), over.into_inner()) {
         (DeValue::Array(base), DeValue::Array(over)) => (base, over),
-        // What is no list is told when it is read.
+        // What is no list is reported when it is read.
         (_, over) => return Spanned::new(span, over),
     };
     let mut all: Vec<Spanned<DeValue<'t>>> = base.into_iter().collect();
@@ -161,8 +165,8 @@ impl<'t> Parameters<'t> {
                 None => {
                     let known: Vec<&str> = all.keys().map(String::as_str).collect();
                     let hint = or_allowed(name, &known);
-                    let why = format!("{flag}: no parameter is named `{name}`; {hint}");
-                    problems.add_all([(0, why)]);
+                    let why = format!("no parameter is named `{name}`; {hint}");
+                    problems.add_to_flag(flag, why);
                 }
             }
         }
@@ -191,24 +195,46 @@ impl<'t> Parameters<'t> {
             .collect()
     }
 
-    /// Puts values in the place of `${name}` in all texts.
+    /// Puts values in the place of `${name}` in all texts. Stops where they add more than
+    /// [`MOST_FILLED`], which is an error of the file.
     pub(super) fn fill(&self, table: &mut DeTable<'t>, problems: &mut Problems<'_>) {
-        for (_, value) in table.iter_mut() {
-            self.fill_value(value, problems);
+        let mut left = MOST_FILLED;
+        if let Err(at) = self.fill_table(table, &mut left, problems) {
+            let why = format!("parameters add more than {MOST_FILLED} bytes to the file");
+            problems.add(at, &why);
         }
     }
 
-    fn fill_value(&self, value: &mut Spanned<DeValue<'t>>, problems: &mut Problems<'_>) {
+    /// Fails with the place at which more than `left` bytes would be added.
+    fn fill_table(
+        &self,
+        table: &mut DeTable<'t>,
+        left: &mut usize,
+        problems: &mut Problems<'_>,
+    ) -> Result<(), Range<usize>> {
+        for (_, value) in table.iter_mut() {
+            self.fill_value(value, left, problems)?;
+        }
+        Ok(())
+    }
+
+    fn fill_value(
+        &self,
+        value: &mut Spanned<DeValue<'t>>,
+        left: &mut usize,
+        problems: &mut Problems<'_>,
+    ) -> Result<(), Range<usize>> {
         let span = value.span();
         match value.get_mut() {
-            DeValue::Table(table) => self.fill(table, problems),
+            DeValue::Table(table) => self.fill_table(table, left, problems)?,
             DeValue::Array(values) => {
                 for value in values.iter_mut() {
-                    self.fill_value(value, problems);
+                    self.fill_value(value, left, problems)?;
                 }
             }
-            DeValue::String(text) if text.contains("${") => match self.filled(text) {
-                Ok((filled, put, is_whole)) => {
+            DeValue::String(text) if text.contains("${") => match self.filled(text, left) {
+                Ok(None) => return Err(span),
+                Ok(Some((filled, put, is_whole))) => {
                     match is_whole {
                         true => problems.comes_from(span.start, put),
                         false => problems.comes_partly_from(span.start, put),
@@ -219,11 +245,17 @@ impl<'t> Parameters<'t> {
             },
             _ => {}
         }
+        Ok(())
     }
 
     /// A text that is one parameter has its value, be it a number; others get texts put in. Says as well
-    /// where the value, or the last of these texts, comes from, and which of both it is.
-    fn filled(&self, text: &str) -> Result<(DeValue<'t>, Put, bool), String> {
+    /// where the value, or the last of these texts, comes from, and which of both it is; `None` if more
+    /// than `left` bytes would be put in.
+    fn filled(
+        &self,
+        text: &str,
+        left: &mut usize,
+    ) -> Result<Option<(DeValue<'t>, Put, bool)>, String> {
         let mut filled = String::new();
         let mut rest = text;
         let mut from = None;
@@ -236,17 +268,22 @@ impl<'t> Parameters<'t> {
                 let hint = or_allowed(name, &known);
                 format!("no parameter is named `{name}`; {hint}")
             })?;
+            let put_in = shown(value);
+            let Some(rest_of_left) = left.checked_sub(put_in.len()) else {
+                return Ok(None);
+            };
+            *left = rest_of_left;
             if before.is_empty() && after.is_empty() && filled.is_empty() {
-                return Ok((value.clone(), put.clone(), true));
+                return Ok(Some((value.clone(), put.clone(), true)));
             }
             filled += before;
-            filled += &shown(value);
+            filled += &put_in;
             from = Some(put);
             rest = after;
         }
         filled += rest;
         let from = from.cloned().ok_or("it names no parameter")?;
-        Ok((DeValue::String(filled.into()), from, false))
+        Ok(Some((DeValue::String(filled.into()), from, false)))
     }
 }
 

@@ -3,63 +3,58 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use rigsim_core::device::parameters::LinkName;
+use rigsim_settings::{Percent, Span};
 use schemars::{JsonSchema, Schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
-use sim_core::fault::parameters::LinkName;
-use sim_settings::{Angle, Length, Percent, Span};
 use toml::Spanned;
-
-use sim_core::fault::Fault;
 
 use crate::rig_file::{DeviceText, SettingsText};
 
-/// A scenario for `sim run`: devices in a world, what happens to them, and what must come of it.
-/// Times and quantities are text with a unit, as in "250ms" or "48 V"; paths are relative to this
-/// file. Conditions are CEL expressions over the names that `sim names` lists.
+/// A scenario for `sim run`: devices in a world, what happens to them, and what must follow. Times
+/// and quantities are text with a unit, as in "250ms" or "48 V"; paths are relative to this file.
+/// Conditions are CEL expressions over the names that `sim names` lists.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "sim scenario file", transform = needs_less_with_a_base)]
 pub(crate) struct Document {
-    /// Version of the form of this file.
+    /// Version of the format.
     #[schemars(with = "u32", extend("minimum" = 1, "maximum" = 1))]
     pub schema: Spanned<u32>,
-    /// The file that this one is based on: everything in that one holds here, unless it is given
-    /// here. Devices, steps and rules of the same name are changed by what is given of them here.
+    /// The base file: this file inherits everything from it and overrides what it defines itself.
+    /// Devices, steps and rules with the name of one in the base change that one.
     #[serde(default, rename = "base")]
     pub _base: Option<PathBuf>,
-    /// Values for this file by name, as they are unless `--param` gives others: `"${pwm}"` stands
-    /// for one in texts, `param.pwm` in conditions.
+    /// Values by name, which `--param` can change: `"${pwm}"` stands for one in texts, `param.pwm` in
+    /// conditions.
     #[serde(default, rename = "parameters")]
     #[schemars(with = "std::collections::BTreeMap<String, ParameterText>")]
     pub _parameters: toml::Table,
-    /// Title: what is tried, in a few words.
+    /// Title: what the scenario tests, in a few words.
     pub title: String,
     /// Description of what happens, for readers.
     pub description: Option<String>,
-    /// Behaviour of a good client.
+    /// What a good client does.
     pub good_client: String,
-    /// Words by which runs select scenarios, as in `["drive"]`: lower-case letters, digits and `-`.
+    /// Tags for `--tag`, as in `["drive"]`: lower-case letters, digits and `-`.
     #[serde(default)]
     #[schemars(with = "Vec<String>")]
     pub tags: Vec<Spanned<String>>,
-    /// The world file; an empty field without one.
+    /// The world file; default an empty field.
     pub world: Option<PathBuf>,
-    /// Seed of everything random; the caller's if not given.
+    /// Seed of all random numbers; default a random one.
     pub seed: Option<u64>,
     /// Length of the run, in simulated time.
     #[schemars(with = "Span")]
     pub limit: Spanned<Span>,
-    /// Time that it takes a good client, of which `at = "40 %"` is a share; the limit unless given.
+    /// Time that a good client needs; `at = "40 %"` is a share of it; default the limit.
     #[schemars(with = "Option<Span>")]
-    pub takes: Option<Spanned<Span>>,
-    /// Says that what is wrong may cost the mission: verdicts with `mission = true` do not count.
+    pub nominal_duration: Option<Spanned<Span>>,
+    /// The client may give up its mission: verdicts with `mission = true` do not count.
     #[serde(default)]
     pub mission_may_fail: bool,
-    /// Time that it may take in real time with a client; no longer than simulated time needs, and a
-    /// little more, unless given.
-    pub wall_limit: Option<Span>,
     /// Settings of all devices and of the world; `sim config` lists them.
     #[serde(default)]
     #[schemars(with = "SettingsText")]
@@ -68,11 +63,11 @@ pub(crate) struct Document {
     #[serde(default)]
     #[schemars(with = "Vec<DeviceText>", extend("minItems" = 1))]
     pub device: Vec<Spanned<toml::Table>>,
-    /// Steps: what happens.
+    /// The steps.
     #[serde(default)]
     #[schemars(with = "Vec<StepText>")]
     pub step: Vec<Spanned<StepText>>,
-    /// Conditions that have to hold all the time.
+    /// Conditions that must hold at any time.
     #[serde(default)]
     #[schemars(with = "Vec<RuleText>")]
     pub always: Vec<Spanned<RuleText>>,
@@ -80,16 +75,16 @@ pub(crate) struct Document {
     #[serde(default)]
     #[schemars(with = "Vec<RuleText>")]
     pub never: Vec<Spanned<RuleText>>,
-    /// Responses that have to come each time that something happens.
+    /// Responses that must come each time that something happens.
     #[serde(default)]
     #[schemars(with = "Vec<ResponseText>")]
     pub response: Vec<Spanned<ResponseText>>,
-    /// Content that the client report may have; anything unless given.
+    /// What the client report may contain; default anything.
     #[schemars(with = "Option<DemandText>")]
     pub client_report: Option<Spanned<DemandText>>,
 }
 
-/// Lets what must be there be in the file that this one is based on.
+/// Allows the keys that must be there to stand in the base file.
 fn needs_less_with_a_base(schema: &mut Schema) {
     if let Some(required) = schema.remove("required") {
         let alone = serde_json::json!({ "required": required });
@@ -98,81 +93,73 @@ fn needs_less_with_a_base(schema: &mut Schema) {
     }
 }
 
-/// One thing that happens: one of `at`, `when` and `after` says when, and one of `host`, `fault`,
-/// `clear`, `operator`, `world` and `expect` says what. A step that only remembers, or that others
-/// wait for, needs none of these. Times may be ranges, `{ min = "1 s", max = "5 s" }`, from which
-/// one is drawn each time.
+/// A step: `at`, `when` or `after` says when it begins, and `host`, `fault`, `operator`, `world` or
+/// `expect` says what it does. A step that only remembers, or that others wait for, needs none of
+/// these. Times may be ranges, `{ min = "1 s", max = "5 s" }`, from which one is drawn each time.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StepText {
-    /// Unique; other steps and messages call it so.
+    /// Name of the step, unique; other steps and messages use it.
     #[schemars(with = "Option<String>")]
     pub name: Option<Spanned<String>>,
-    /// So long after the start; or a share of what the job takes, as in "40 %".
+    /// Begins at this time after the start, or at a share of `nominal_duration`, as in "40 %".
     #[schemars(with = "Option<AtText>")]
     pub at: Option<Spanned<TimeText>>,
-    /// As soon as this condition holds.
+    /// Begins when this condition first holds.
     #[schemars(with = "Option<String>")]
     pub when: Option<Spanned<String>>,
-    /// As soon as the step of this name is done, with all its repetitions and what they last.
+    /// Begins when the step of this name is done, with all its repetitions and their durations.
     #[schemars(with = "Option<String>")]
     pub after: Option<Spanned<String>>,
-    /// So long after `when` or `after` says.
+    /// Begins this long after `when` or `after`.
     #[schemars(with = "Option<TimeText>")]
     pub delay: Option<Spanned<TimeText>>,
-    /// Time for which it lasts: the fault is cleared then, the key released, the load taken off.
-    /// With a host's step, how long it is repeated.
+    /// Duration; then the step is reverted: the fault is cleared, the key released, the load removed. A
+    /// `host` or `expect` step is repeated for this long.
     #[serde(rename = "for")]
     #[schemars(with = "Option<TimeText>")]
     pub lasts: Option<Spanned<TimeText>>,
-    /// It ends as soon as this condition holds: it is repeated no more, and what it did is undone.
+    /// Ends as soon as this condition holds: it is not repeated again, and its action is reverted.
     #[schemars(with = "Option<String>")]
     pub until: Option<Spanned<String>>,
-    /// Once more each time that so much time has passed.
+    /// Repeated at this interval.
     #[schemars(with = "Option<TimeText>")]
     pub every: Option<Spanned<TimeText>>,
-    /// Fate of a repetition that falls into the last one's time; it waits unless given.
-    #[serde(default)]
-    pub overlap: Overlap,
-    /// Number of times altogether; without end unless given.
+    /// Number of repetitions at most; default no limit.
     #[schemars(with = "Option<u32>", extend("minimum" = 1))]
     pub count: Option<Spanned<u32>>,
-    /// Probability of each time, 0 to 1; certain unless given.
+    /// Probability of each repetition, 0 to 1; default 1.
     #[schemars(with = "Option<f64>", extend("minimum" = 0, "maximum" = 1))]
     pub probability: Option<Spanned<f64>>,
-    /// Nothing is wrong if this step never begins, or its fault never hits anything.
+    /// It is no failure if this step never begins, or its fault hits nothing.
     #[serde(default)]
-    pub may_not_trigger: bool,
-    /// In which runs it counts; in all unless given.
+    pub optional: bool,
+    /// In which runs it counts; default all.
     pub only: Option<Only>,
-    /// It is a verdict of the mission, which does not count where that may fail.
+    /// A verdict of the mission, which does not count where the mission may fail.
     #[serde(default)]
     pub mission: bool,
-    /// Values of expressions at this time, for conditions from then on: `{ x0 = "truth.x_m" }`
-    /// gives `saved.x0`.
+    /// Stores the values of expressions for later conditions: `{ x0 = "truth.x_m" }` gives
+    /// `saved.x0`.
     #[serde(default)]
     #[schemars(with = "std::collections::BTreeMap<String, String>")]
     pub remember: std::collections::BTreeMap<Spanned<String>, Spanned<String>>,
-    /// Device that it is about; may be left out when there is one.
+    /// The device; not needed if there is only one.
     #[schemars(with = "Option<String>")]
     pub device: Option<Spanned<String>>,
-    /// The scripted client does something. Where a real client is tested, these steps are left out:
-    /// it stands in their place.
+    /// Action of the scripted client. A real client replaces these steps.
     #[schemars(with = "Option<HostText>")]
     pub host: Option<Spanned<HostText>>,
-    /// Something breaks.
-    #[schemars(with = "Option<Fault>")]
-    pub fault: Option<Spanned<Fault>>,
-    /// The fault of the step of this name is mended.
-    #[schemars(with = "Option<String>")]
-    pub clear: Option<Spanned<String>>,
-    /// Somebody does something to the vehicle.
+    /// Starts a fault.
+    #[schemars(with = "Option<FaultText>")]
+    pub fault: Option<Spanned<toml::Value>>,
+    /// Action of an operator on the vehicle.
     #[schemars(with = "Option<OperatorText>")]
     pub operator: Option<Spanned<toml::Value>>,
-    /// Something changes around the vehicle.
+    /// Change around the vehicle.
     #[schemars(with = "Option<WorldText>")]
     pub world: Option<Spanned<toml::Value>>,
-    /// A condition holds now, or within a time.
+    /// Condition that must hold now, or within a time.
     pub expect: Option<ExpectText>,
 }
 
@@ -184,19 +171,19 @@ pub(crate) enum TimeText {
     Exactly(Span),
     /// Drawn each time.
     Between(RangeText),
-    /// A part of what the job takes, from 0 to 1.
+    /// A share of `nominal_duration`, from 0 to 1.
     #[schemars(skip)]
     Share(f64),
 }
 
-/// A time, a range, or a share of what the job takes.
+/// A time, a range, or a share of `nominal_duration`.
 #[derive(JsonSchema)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "only its schema is used")]
 pub(crate) enum AtText {
     /// A time or a range.
     Time(TimeText),
-    /// A share of what the job takes.
+    /// A share of `nominal_duration`.
     Share(Percent),
 }
 
@@ -213,14 +200,14 @@ pub(crate) enum ParameterText {
     Flag(bool),
 }
 
-/// Client of a device where there is a real one.
+/// Client of a device in a run with a real client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum ClientText {
-    /// The real one.
+    /// The real client.
     #[default]
     Live,
-    /// The script, also then.
+    /// The scripted client.
     Script,
 }
 
@@ -264,18 +251,7 @@ impl<'de> Deserialize<'de> for TimeText {
     }
 }
 
-/// Fate of a repetition that falls into the last one's time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Overlap {
-    /// It begins when the last one is over.
-    #[default]
-    Wait,
-    /// It is left out.
-    Drop,
-}
-
-/// With whom.
+/// In which runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Only {
@@ -285,11 +261,11 @@ pub enum Only {
     Live,
 }
 
-/// Deed of the scripted client: one of `send`, `bytes`, `port` and `baud`, and what it expects.
+/// Action of the scripted client: one of `send`, `bytes`, `port` and `baud`, and what it expects.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct HostText {
-    /// On which link of a device with several; that of the command, or the main one, unless given.
+    /// Link of a device with several; default the link of the command, or the main link.
     #[schemars(with = "Option<LinkName>")]
     pub link: Option<Spanned<String>>,
     /// Sends a command.
@@ -301,13 +277,13 @@ pub(crate) struct HostText {
     pub bytes: Option<Spanned<String>>,
     /// Opens or closes the port; it is open at the start, and closes when its cable is pulled.
     pub port: Option<PortText>,
-    /// Sets the port's speed.
+    /// Sets the baud rate of the port.
     pub baud: Option<u32>,
-    /// Reply that has to come back.
+    /// Reply that must come back.
     pub expect: Option<ReplyText>,
 }
 
-/// Deed at the port.
+/// Action at the port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum PortText {
@@ -317,16 +293,16 @@ pub(crate) enum PortText {
     Close,
 }
 
-/// A command by name and fields. Numbers are as on the wire. Each device has its own.
+/// A command by name and fields. Numbers are as on the wire. Each device has its own commands.
 #[derive(JsonSchema)]
 pub(crate) struct CommandText {}
 
-/// Reply that has to come back: any answer unless one of `reply`, `bytes` and `silence` says more.
-/// An R150's next reply to the command has to match; of a mecanum car's packets, one has to.
+/// Reply that must come back: any reply, unless `reply`, `bytes` or `silence` says more. An R150's next
+/// reply to the command must match; of a mecanum car's packets, one must match.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ReplyText {
-    /// By when.
+    /// Within this time.
     #[schemars(with = "Span")]
     pub within: Spanned<Span>,
     /// Fields of the reply with their values, as in `{ success = true }`. A number may also be a
@@ -336,61 +312,35 @@ pub(crate) struct ReplyText {
     /// The bytes themselves, hexadecimal.
     #[schemars(with = "Option<String>")]
     pub bytes: Option<Spanned<String>>,
-    /// Nothing at all may come.
+    /// No reply may come.
     #[serde(default)]
     pub silence: bool,
 }
 
-/// Deed of an operator, the app or a passer-by. Each device has its own beside those of all.
+/// A fault. Each device has its own faults, beside those of every device.
+#[derive(JsonSchema)]
+#[schemars(rename = "Fault")]
+pub(crate) struct FaultText {}
+
+/// Action of an operator, the app or a passer-by. Each device has its own actions, beside those of
+/// every device.
 #[derive(JsonSchema)]
 pub(crate) struct OperatorText {}
 
-/// A change around the vehicle, or of what hangs on it, of which each device has its own.
+/// A change around the vehicle, or of what is connected to it. Each device has its own changes.
 #[derive(JsonSchema)]
 pub(crate) struct WorldText {}
 
-/// A change around any vehicle.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum AnyWorldText {
-    /// Puts things into the world, in the form of a world file: `wall`, `box`, `circle`, `slope`,
-    /// `friction`, `tag`, `strip`. They stay; with `for`, which takes obstacles with names only,
-    /// they are taken away after that.
-    #[schemars(with = "std::collections::BTreeMap<String, serde_json::Value>")]
-    Add(toml::Table),
-    /// Moves an obstacle at once; with `for`, back after that.
-    Move(MoveText),
-    /// Takes the obstacle of this name away; with `for`, it is put back after that.
-    Remove(String),
-    /// Changes the friction of the ground wherever no area of the world has its own; with `for`,
-    /// back after that.
-    Friction(f64),
-}
-
-/// Place for an obstacle: the middle of a box or post, the first point of a wall.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct MoveText {
-    /// Its name in the world file, or in the step that added it.
-    pub obstacle: String,
-    /// East.
-    pub x: Length,
-    /// North.
-    pub y: Length,
-    /// Counter-clockwise from x; its own unless given.
-    pub heading: Option<Angle>,
-}
-
-/// A condition that is to hold.
+/// A condition that must hold.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ExpectText {
     /// The condition.
     #[schemars(with = "String")]
     pub that: Spanned<String>,
-    /// By when; at once unless given.
+    /// Within this time; default at once.
     pub within: Option<Span>,
-    /// Words for it if it does not.
+    /// Message if it does not hold.
     pub message: Option<String>,
 }
 
@@ -398,70 +348,70 @@ pub(crate) struct ExpectText {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RuleText {
-    /// Unique among rules of its kind; files that are based on this one change it by its name.
+    /// Unique among rules of its kind; files with this base change it by its name.
     pub name: Option<String>,
     /// The condition.
     #[schemars(with = "String")]
     pub that: Spanned<String>,
-    /// Words for it if it is violated.
+    /// Message if the rule is violated.
     pub message: Option<String>,
-    /// It is violated when that has gone on for longer than this; at once unless given.
+    /// It is violated when this lasts for longer than this time; default at once.
     pub longer_than: Option<Span>,
-    /// From when on: so long after the start, or after the step that `after` names is done.
+    /// Counts from this long after the start, or after the end of the step that `after` names.
     pub from: Option<Span>,
-    /// Until when: so long after the start, or after that step is done.
+    /// Counts until this long after the start, or after the end of that step.
     #[schemars(with = "Option<Span>")]
     pub until: Option<Spanned<Span>>,
-    /// Counts from when the step of this name is done.
+    /// Counts from the end of the step of this name.
     #[schemars(with = "Option<String>")]
     pub after: Option<Spanned<String>>,
-    /// In which runs it counts; in all unless given.
+    /// In which runs it counts; default all.
     pub only: Option<Only>,
-    /// It is a verdict of the mission, which does not count where that may fail.
+    /// A verdict of the mission, which does not count where the mission may fail.
     #[serde(default)]
     pub mission: bool,
 }
 
-/// Response that has to come each time that something happens: `whenever` or `step` says what.
+/// Response that must come each time that something happens: `whenever` or `step` says what.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ResponseText {
-    /// Unique among responses; files that are based on this one change it by its name.
+    /// Unique among responses; files with this base change it by its name.
     pub name: Option<String>,
-    /// Each time that this condition becomes true.
+    /// Due each time that this condition becomes true.
     #[schemars(with = "Option<String>")]
     pub whenever: Option<Spanned<String>>,
-    /// Each time that the step of this name happens.
+    /// Due each time that the step of this name acts.
     #[schemars(with = "Option<String>")]
     pub step: Option<Spanned<String>>,
-    /// The condition that has to hold then.
+    /// The condition that must hold then.
     #[schemars(with = "String")]
     pub then: Spanned<String>,
-    /// By when, after that; at once unless given.
+    /// Within this time after that; default at once.
     pub within: Option<Span>,
-    /// It has to hold on until so long after that; for a moment unless given.
+    /// It must then hold until this long after that; default for a moment.
     #[schemars(with = "Option<Span>")]
     pub until: Option<Spanned<Span>>,
-    /// Words for it if it does not.
+    /// Message if it does not hold.
     pub message: Option<String>,
-    /// Nothing is said if it is never due. Otherwise the verdict says so, and passes all the same.
+    /// If it is never due, nothing is reported. Without this, the report lists it as not judged.
     #[serde(default)]
-    pub may_not_trigger: bool,
-    /// In which runs it counts; in all unless given.
+    pub optional: bool,
+    /// In which runs it counts; default all.
     pub only: Option<Only>,
-    /// It is a verdict of the mission, which does not count where that may fail.
+    /// A verdict of the mission, which does not count where the mission may fail.
     #[serde(default)]
     pub mission: bool,
 }
 
-/// Content that the client report may have: "empty" for nothing at all, or by kind.
+/// What the client report may contain: "empty" for nothing, or by kind.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "\"empty\", or a table of `allowed` or `forbidden` kinds and perhaps `only`"
 )]
 pub(crate) enum DemandText {
-    /// Nothing at all.
+    /// Nothing.
     Word(EmptyText),
     /// By kind.
     Kinds(KindsText),
@@ -471,7 +421,7 @@ pub(crate) enum DemandText {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum EmptyText {
-    /// Nothing at all.
+    /// Nothing.
     Empty,
 }
 
@@ -479,10 +429,10 @@ pub(crate) enum EmptyText {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct KindsText {
-    /// These kinds and no others.
+    /// Only these kinds.
     pub allowed: Option<Vec<String>>,
     /// Anything but these kinds.
     pub forbidden: Option<Vec<String>>,
-    /// With whom; with anybody unless given.
+    /// In which runs; default all.
     pub only: Option<Only>,
 }

@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use sim_core::settings::SimSettings;
-use sim_settings::Source;
+use rigsim_core::settings::SimSettings;
+use rigsim_settings::Source;
 
 use super::Scenario;
 use super::check::read;
 use super::compose::Texts;
-use crate::rig_file::RigFileError;
+use crate::error::{FileError, FileErrors};
 
 /// Most files that are based on one another.
 const MOST_BASES: usize = 8;
@@ -23,8 +23,8 @@ pub struct ScenarioFiles {
     files: Vec<NamedText>,
     parameters: BTreeSet<String>,
     keys: BTreeSet<String>,
-    /// The world file that the first of them names that names one.
-    pub world: Option<PathBuf>,
+    /// The folder of the first of them that names a world file, which is relative to it.
+    world_folder: PathBuf,
     /// Set if there is a job although the first has devices of its own.
     pub is_no_fault_file: bool,
 }
@@ -35,7 +35,7 @@ impl ScenarioFiles {
     ///
     /// # Errors
     /// Those of `read`; and if files are based on one another in a circle.
-    pub fn read<E: From<RigFileError>>(
+    pub fn read<E: From<FileErrors>>(
         path: &Path,
         job: Option<&Path>,
         read: &mut dyn FnMut(&Path) -> Result<NamedText, E>,
@@ -44,10 +44,11 @@ impl ScenarioFiles {
             files: Vec::new(),
             parameters: BTreeSet::new(),
             keys: BTreeSet::new(),
-            world: None,
+            world_folder: PathBuf::new(),
             is_no_fault_file: false,
         };
         let mut wanted_job = job;
+        let mut has_world = false;
         let mut next = Some(path.to_owned());
         while let Some(path) = next.take() {
             if all.files.len() >= MOST_BASES {
@@ -55,7 +56,7 @@ impl ScenarioFiles {
                 let why = format!(
                     "{first}: more than {MOST_BASES} files are based on one another, perhaps in a circle"
                 );
-                return Err(RigFileError(vec![why]).into());
+                return Err(FileErrors::from(FileError::general(why)).into());
             }
             let (name, text) = read(&path)?;
             let glance = Glance::at(&text);
@@ -68,23 +69,31 @@ impl ScenarioFiles {
                 wanted_job = None;
                 continue;
             }
-            let beside = |other: PathBuf| path.parent().unwrap_or(Path::new("")).join(other);
-            if all.world.is_none() {
-                all.world = glance.world.map(beside);
+            let folder = path.parent().unwrap_or(Path::new(""));
+            if !has_world && glance.keys.contains("world") {
+                has_world = true;
+                all.world_folder = folder.to_owned();
             }
+            let base = glance.base.map(|base| folder.join(base));
             if all.files.is_empty() {
                 all.keys = glance.keys;
             }
             all.parameters.extend(glance.parameters);
             all.files.push((name, text));
             // Without a base it has no devices, which the job has.
-            let base = glance.base.map(beside);
             next = base.or_else(|| wanted_job.take().map(Path::to_owned));
         }
         Ok(all)
     }
 
-    /// Tells whether any of them has a parameter of this name.
+    /// Returns the path of the world file that a scenario of these files names, if it names one.
+    #[must_use]
+    pub fn world_of(&self, scenario: &Scenario) -> Option<PathBuf> {
+        let world = scenario.rig.world.as_ref()?;
+        Some(self.world_folder.join(world))
+    }
+
+    /// Returns whether any of them has a parameter of this name.
     #[must_use]
     pub fn has_parameter(&self, name: &str) -> bool {
         self.parameters.contains(name)
@@ -115,12 +124,12 @@ impl ScenarioFiles {
         parameters: &[(String, String)],
         set: &[String],
         base: &SimSettings,
-    ) -> Result<Scenario, RigFileError> {
+    ) -> Result<Scenario, FileErrors> {
         let files = self.files.iter();
         let files: Vec<Source<'_>> = files.map(|(file, text)| Source { file, text }).collect();
         if let Some(first) = files.first().filter(|_| self.is_no_fault_file) {
             let why = "has devices of its own, so it is no fault file for a job";
-            return Err(RigFileError(vec![format!("{} {why}", first.file)]));
+            return Err(FileError::general(format!("{} {why}", first.file)).into());
         }
         let texts = Texts {
             files: &files,
@@ -132,14 +141,12 @@ impl ScenarioFiles {
 }
 
 /// Parts of a file that are read before those that it is based on. Of what is no TOML nothing is
-/// known; that is told when it is read.
+/// known; that is reported when it is read.
 #[derive(Debug, Default)]
 struct Glance {
     keys: BTreeSet<String>,
     /// The file that it is based on, relative to it.
     base: Option<PathBuf>,
-    /// Its world, relative to it.
-    world: Option<PathBuf>,
     /// The names of its parameters.
     parameters: BTreeSet<String>,
 }
@@ -147,17 +154,11 @@ struct Glance {
 impl Glance {
     fn at(text: &str) -> Self {
         let table: toml::Table = text.parse().unwrap_or_default();
-        let path = |key: &str| {
-            table
-                .get(key)
-                .and_then(toml::Value::as_str)
-                .map(PathBuf::from)
-        };
+        let base = table.get("base").and_then(toml::Value::as_str);
         let parameters = table.get("parameters").and_then(toml::Value::as_table);
         let parameters = parameters.into_iter().flatten();
         Self {
-            base: path("base"),
-            world: path("world"),
+            base: base.map(PathBuf::from),
             parameters: parameters.map(|(name, _)| name.clone()).collect(),
             keys: table.into_iter().map(|(key, _)| key).collect(),
         }

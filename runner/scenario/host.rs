@@ -1,12 +1,12 @@
-//! Deeds and expectations of the scripted client.
+//! Actions and expectations of the scripted client.
 
 use std::ops::Range;
 use std::time::Duration;
 
-use sim_core::device::host::{Field, Fields, Message};
-use sim_core::event::read_hex;
-use sim_core::rig::PortId;
-use toml::de::{DeValue, ValueDeserializer};
+use rigsim_core::device::host::{Field, Fields, Message};
+use rigsim_core::event::read_hex;
+use rigsim_core::rig::PortId;
+use toml::de::DeValue;
 use toml::{Spanned, Value};
 
 use super::document::{HostText, PortText, ReplyText};
@@ -18,7 +18,7 @@ use crate::suggest::or_allowed;
 /// Most bytes that a step sends or expects.
 const MOST_BYTES: usize = 1024;
 
-/// Deed of the scripted client at a port.
+/// Action of the scripted client at a port.
 #[derive(Debug, Clone)]
 pub(crate) struct HostAction {
     pub port: PortId,
@@ -61,7 +61,7 @@ pub(crate) enum FieldWanted {
     Between(f64, f64),
 }
 
-/// Tells whether a reply is as wanted; if not, which field is not.
+/// Returns whether a reply is as wanted; if not, which field is not.
 pub(crate) fn matches_fields(
     fields: &Fields,
     wanted: &[(String, FieldWanted)],
@@ -95,7 +95,7 @@ pub(super) struct HostReader<'r, 'p> {
 }
 
 impl HostReader<'_, '_> {
-    /// Reads it, and tells all that is wrong with it.
+    /// Reads it, and reports all that is wrong with it.
     pub(super) fn read(
         mut self,
         text: &HostText,
@@ -115,7 +115,7 @@ impl HostReader<'_, '_> {
             let why = format!("this is a command of the {} link", of(message.link));
             self.problems.add(at.clone(), &why);
         } else if let Some(link) = link.filter(|link| *link >= plan.ports.len()) {
-            self.problems.add(at.clone(), &plan.lacks_link(link));
+            self.problems.add(at.clone(), &plan.device.lacks_link(link));
         }
         let command = message.as_ref().and_then(|message| message.command);
         let mut does = Vec::new();
@@ -135,7 +135,7 @@ impl HostReader<'_, '_> {
         does.extend(text.baud.map(|baud| Some(HostDoes::Baud(baud))));
         // Which fields there are is said by the command.
         let is_known = link.is_some() && (send.is_none() || matches!(does[..], [Some(_), ..]));
-        let names = is_known.then(|| (plan.device.host.fields)(link.unwrap_or(0), command));
+        let names = is_known.then(|| plan.device.reply_fields(link.unwrap_or(0), command));
         let expect = text.expect.as_ref();
         let expect = expect.map(|expect| self.reply(expect, names.as_deref(), command));
         if (does.len() > 1 || (does.is_empty() && expect.is_none())) && !self.is_cut {
@@ -158,7 +158,7 @@ impl HostReader<'_, '_> {
         let settings = plan.own_settings()?;
         let (send, left_out) = (&mut send.clone(), &mut LeftOut::default());
         forgiving::read(send, left_out, self.problems, &|send| {
-            (plan.device.host.read)(ValueDeserializer::from(send.clone()), settings)
+            (plan.device.host.read)(send, settings)
         })
     }
 

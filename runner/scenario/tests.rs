@@ -5,7 +5,8 @@ fn parse(text: &str) -> Result<Scenario, String> {
         file: "s.toml",
         text,
     };
-    Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)).map_err(|error| error.to_string())
+    Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED))
+        .map_err(|error| error.to_string())
 }
 
 /// Four lines, so that what follows begins at line 5.
@@ -16,7 +17,7 @@ const CAR: &str = "[[device]]\nkind = \"mecanum\"\n";
 #[test]
 fn a_full_scenario_is_read() {
     let text = format!(
-        "{HEAD}description = \"d\"\nworld = \"yard.toml\"\nseed = 3\ntags = [\"drive\", \"48v\"]\nwall_limit = \"1 min\"\n\
+        "{HEAD}description = \"d\"\nworld = \"yard.toml\"\nseed = 3\ntags = [\"drive\", \"48v\"]\n\
          client_report = {{ allowed = [\"over_rate\"] }}\n\
          [settings]\nr150.heartbeat_timeout = \"2s\"\n{R150}{CAR}ros = true\n\
          [[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"50ms\"\nfor = \"1s\"\ndevice = \"r150\"\n\
@@ -29,10 +30,9 @@ fn a_full_scenario_is_read() {
     assert_eq!(scenario.rig.seed, Some(3));
     assert_eq!(scenario.tags, ["drive", "48v"]);
     assert_eq!(scenario.rig.world.as_deref(), Some(Path::new("yard.toml")));
-    assert_eq!(scenario.wall_limit, Some(Duration::from_secs(60)));
     let timeout = scenario.rig.devices[0]
         .settings
-        .of::<sim_core::r150::R150Settings>()
+        .of::<rigsim_core::r150::R150Settings>()
         .unwrap()
         .firmware
         .heartbeat_timeout;
@@ -66,7 +66,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         // Fields and values.
         (
             "[[step]]\natt = \"1s\"",
-            "s.toml:8:1: `step.att`: unknown field",
+            "s.toml:8:1: `step.att`: unknown key `att`; did you mean `at`? allowed: name, at, when,",
         ),
         ("[[step]]\natt = \"1s\"", "did you mean `at`?"),
         ("[[stepp]]\nat = \"1s\"", "did you mean `step`?"),
@@ -74,7 +74,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ("[[step]]\nat = \"1 m\"", "s.toml:8:6: `step.at`: "),
         ("[[step]]\nat = \"1s\"", "exactly one of `host`"),
         (
-            &format!("{step}after = \"x\"\nclear = \"x\""),
+            &format!("{step}after = \"x\"\noperator = \"lock\""),
             "exactly one of `at`",
         ),
         (
@@ -99,7 +99,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}host = {{ send = {{ motion = {{ moving_idx = 0, s = 1, v = 1 }} }} }}"),
-            "unknown variant `motion`, expected one of `power_control`",
+            "unknown word `motion`; allowed: power_control",
         ),
         (
             &format!("{step}host = {{ send = {{ power_control = {{ on = [\"49v\"] }} }} }}"),
@@ -121,7 +121,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         // Conditions.
         (
-            "[[step]]\nwhen = \"truth.sped_mps > 1\"\nclear = \"x\"",
+            "[[step]]\nwhen = \"truth.sped_mps > 1\"\noperator = \"lock\"",
             "s.toml:8:8: `step.when`: no name `truth.sped_mps`; did you mean `truth.speed_mps`?",
         ),
         ("[[never]]\nthat = \"t > \"", "s.toml:8:8: `never.that`: "),
@@ -147,11 +147,6 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         (
             "[[step]]\nname = \"a\"\nafter = \"a\"\noperator = \"lock\"",
             "s.toml:9:9: `step.after`: the steps wait for one another in a circle",
-        ),
-        (
-            "[[step]]\nname = \"a\"\nat = \"1s\"\noperator = \"lock\"\n\
-             [[step]]\nat = \"1s\"\nclear = \"a\"",
-            "\"a\" is no fault",
         ),
         (
             "[[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"1s\"\noperator = \"lock\"\n\
@@ -194,7 +189,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
             &format!(
                 "{step}delay = {{ min = \"2s\", max = 3 }}\nhost = {{ send = \"heartbeat\" }}"
             ),
-            "a time with its unit",
+            "a time, with its unit",
         ),
         (
             &format!("{step}until = \"t > 2\"\nhost = {{ send = \"heartbeat\" }}"),
@@ -245,7 +240,7 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}operator = {{ press = \"up\" }}"),
-            "unknown variant `up`",
+            "unknown word `up`",
         ),
         (
             &format!("{step}operator = \"locked\""),
@@ -253,17 +248,25 @@ fn errors_name_file_line_key_and_what_is_allowed() {
         ),
         (
             &format!("{step}world = {{ friction = 3 }}"),
-            "allowed: 0 to 2",
+            "`friction` is now `fault = { kind = \"ice\"",
         ),
         (
             &format!("{step}world = {{ add = {{ wal = [] }} }}"),
-            "unknown field `wal`",
+            "unknown key `wal`; did you mean `wall`?",
+        ),
+        (
+            &format!("{step}fault = {{ kind = \"idle-noise\", every = \"1 ns\" }}"),
+            "\"1 ns\" is out of range; allowed: a time from 1ms to 24h",
+        ),
+        (
+            &format!("{step}fault = {{ kind = \"unsolicited-frame\", every = \"1 ns\" }}"),
+            "\"1 ns\" is out of range; allowed: a time from 1ms to 24h",
         ),
         (
             &format!(
-                "{step}world = {{ load = {{ rail = \"48v\", power = \"1 W\", short = true }} }}"
+                "{step}fault = {{ kind = \"rail-load\", rail = \"48v\", power = \"1 W\", resistance = \"1 ohm\" }}"
             ),
-            "only one of `power`",
+            "one of `power`",
         ),
         ("client_report = \"full\"", "`empty`, or a table"),
     ] {
@@ -293,7 +296,7 @@ fn folders_hold_other_files_too() {
 }
 
 #[test]
-fn what_the_whole_file_lacks_is_told() {
+fn what_the_whole_file_lacks_is_reported() {
     for (text, expected) in [
         (HEAD.to_owned(), "1 to 1000 [[device]]"),
         (
@@ -351,7 +354,7 @@ fn what_the_whole_file_lacks_is_told() {
 }
 
 #[test]
-fn several_errors_are_told_at_once() {
+fn several_errors_are_reported_at_once() {
     let bad = "[[step]]\nat = \"1s\"\nexpect = { that = \"x\" }\n".repeat(30);
     let error = parse(&format!("{HEAD}{R150}{bad}")).unwrap_err();
     let lines: Vec<&str> = error.lines().collect();
@@ -409,13 +412,13 @@ fn no_error_of_a_table_hides_another_or_brings_one_about() {
         ),
         (
             "[[step]]\nat = \"1s\"\nworld = { add = { box = [{ at_m = [1], length = \"1 V\", width = \"1 m\" }], bx = [] } }\n\
-             [[step]]\nat = \"1s\"\noperator = { push = { ahead = \"1 V\", lef = \"1 N\" } }\n",
+             [[step]]\nat = \"1s\"\noperator = { place = { x = \"1 V\", z = \"1 m\", y = \"0 m\" } }\n",
             &[
                 "9:35: `step.world.add.box.at_m`",
                 "9:49: `step.world.add.box.length`",
                 "9:74: `step.world.add.bx`",
-                "12:31: `step.operator.push.ahead`",
-                "12:38: `step.operator.push.lef`",
+                "12:28: `step.operator.place.x`",
+                "12:35: `step.operator.place.z`",
             ],
         ),
         (
@@ -441,16 +444,16 @@ fn no_error_of_a_table_hides_another_or_brings_one_about() {
                 "8:8: `always.that`",
                 "9:9: `always.after`",
                 "10:1: `always.untl`",
-                "11:1: `response`: missing field `then`",
+                "11:1: `response`: missing key `then`",
                 "12:12: `response.whenever`: no name `truth.a`",
                 "13:10: `response.within`",
             ],
         ),
         (
             "[[step]]\nname = \"a\"\nat = \"1s\"\nevery = \"1s\"\nfor = 3\nhost = { send = \"version\" }\n\
-             [[step]]\nafter = \"a\"\noperator = \"lock\"\n[[step]]\nat = \"1s\"\nclear = \"f\"\n\
+             [[step]]\nafter = \"a\"\noperator = \"lock\"\n\
              [[step]]\nname = \"f\"\nat = \"1s\"\nfault = 3\n",
-            &["11:7: `step.for`", "22:9: `step.fault`"],
+            &["11:7: `step.for`", "19:9: `step.fault`"],
         ),
     ] {
         let error = parse(&format!("{HEAD}{R150}{more}")).expect_err(more);
@@ -469,7 +472,7 @@ fn no_error_of_a_table_hides_another_or_brings_one_about() {
 }
 
 #[test]
-fn all_that_is_no_toml_is_told() {
+fn all_that_is_no_toml_is_reported() {
     let error = parse("schema = \ntitle = \"t\ngood_client = \"g\"\n[[step]\nlimit = \"9s\"\n");
     let error = error.unwrap_err();
     let places: Vec<&str> = error.lines().map(|line| &line[..9]).collect();
@@ -477,7 +480,7 @@ fn all_that_is_no_toml_is_told() {
 }
 
 #[test]
-fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
+fn what_a_parameter_makes_wrong_is_reported_where_its_value_stands() {
     let base = format!(
         "{HEAD}settings = {{ r150 = {{ heartbeat_timeout = \"${{hb}}\" }} }}\n{R150}\
          [parameters]\npwm = 300\nwait = \"1 s\"\nhb = \"5 s\"\n\
@@ -500,13 +503,13 @@ fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
         parameters: &given,
         set: &[],
     };
-    let settings = SimSettings::new(sim_core::SHIPPED);
+    let settings = SimSettings::new(rigsim_core::SHIPPED);
     let error = read(texts, &settings).unwrap_err().to_string();
     let lines: Vec<&str> = error.lines().collect();
     let expected = [
         ("--param wait=3 x: `step.at`: ", "; it is in b.toml:13:6"),
         (
-            "c.toml:4:7: `parameters.pwm`: invalid type: string \"fast\"",
+            "c.toml:4:7: `parameters.pwm`: \"fast\" is not a whole number",
             "; it is `step.host.send.set_motors.right` of b.toml:14:42",
         ),
         (
@@ -526,8 +529,71 @@ fn what_a_parameter_makes_wrong_is_told_where_its_value_stands() {
 }
 
 #[test]
+fn parameters_may_add_so_much_to_a_file_and_no_more() {
+    let text = |count: usize| {
+        let message = "${a}".repeat(count);
+        format!(
+            "{HEAD}[parameters]\na = \"{}\"\n{R150}[[always]]\nthat = \"t >= 0\"\nmessage = \"{message}\"\n\
+             [[never]]\nthat = \"t < 0\"\nmessage = \"{message}\"\n",
+            "x".repeat(1 << 10)
+        )
+    };
+    let message = parse(&text(512)).unwrap().rules[0].message.clone();
+    assert_eq!(message.map(|message| message.len()), Some(1 << 19));
+    for count in [513, 10_000] {
+        let error = parse(&text(count)).unwrap_err();
+        let why = "`never.message`: parameters add more than 1048576 bytes to the file";
+        let last = error.lines().last().unwrap();
+        let place = if count == 513 {
+            "s.toml:14:11: "
+        } else {
+            "s.toml:11:11: "
+        };
+        let why = if count == 513 {
+            why.to_owned()
+        } else {
+            why.replace("never", "always")
+        };
+        assert_eq!(last, format!("{place}{why}"), "{error}");
+    }
+}
+
+#[test]
+fn a_world_s_name_is_a_text_in_which_parameters_stand() {
+    let files = [
+        (
+            "a/one.toml",
+            "schema = 1\nbase = \"../b/two.toml\"\nparameters = { w = \"hill\" }\n",
+        ),
+        (
+            "a/../b/two.toml",
+            &format!(
+                "{HEAD}world = \"worlds/${{w}}.toml\"\nparameters = {{ w = \"yard\" }}\n{R150}"
+            ),
+        ),
+    ];
+    let mut read = |path: &Path| {
+        let path = path.to_str().unwrap();
+        let found = files.iter().find(|(name, _)| *name == path);
+        let (name, text) = found.unwrap_or_else(|| panic!("{path}"));
+        Ok::<_, FileErrors>(((*name).to_owned(), (*text).to_owned()))
+    };
+    let settings = SimSettings::new(rigsim_core::SHIPPED);
+    let files = ScenarioFiles::read(Path::new("a/one.toml"), None, &mut read).unwrap();
+    for (given, world) in [(None, "hill"), (Some("lawn"), "lawn")] {
+        let given: Vec<_> = given
+            .map(|w: &str| ("w".to_owned(), w.to_owned()))
+            .into_iter()
+            .collect();
+        let scenario = files.compose(&given, &[], &settings).unwrap();
+        let path = format!("a/../b/worlds/{world}.toml");
+        assert_eq!(files.world_of(&scenario), Some(path.into()));
+    }
+}
+
+#[test]
 fn the_schema_is_the_published_one() {
-    let schema = Scenario::json_schema(sim_core::SHIPPED);
+    let schema = Scenario::json_schema(rigsim_core::SHIPPED);
     assert!(
         schema == include_str!("../../scenarios/scenario.schema.json"),
         "scenarios/scenario.schema.json is to read:\n{schema}"
@@ -544,7 +610,7 @@ fn a_fault_that_is_added_does_not_rename_another() {
             file: "s.toml",
             text: &text,
         };
-        let scenario = Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED)).unwrap();
+        let scenario = Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED)).unwrap();
         scenario.steps.into_iter().map(|step| step.name).collect()
     };
     assert_eq!(named(flips), ["bit-flips"]);

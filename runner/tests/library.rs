@@ -10,7 +10,8 @@ mod common;
 
 use std::collections::BTreeSet;
 
-use sim_core::fault::catalogue;
+use rigsim_core::SHIPPED;
+use rigsim_core::effect::catalogue;
 
 use common::Loaded;
 
@@ -29,9 +30,10 @@ fn every_fault_of_the_catalogue_is_used() {
         .iter()
         .flat_map(|one| one.scenario.faults())
         .collect();
-    let unused: Vec<&str> = catalogue()
-        .iter()
-        .map(|fault| fault.id)
+    let unused: Vec<&str> = catalogue(SHIPPED)
+        .into_iter()
+        .filter(|info| info.is_fault())
+        .map(|info| info.id)
         .filter(|id| !used.contains(id))
         .collect();
     assert!(unused.is_empty(), "no scenario uses {unused:?}");

@@ -13,8 +13,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use sim_runner::trace::Replay;
-use sim_runner::{Outcome, RunOptions};
+use rigsim_runner::trace::Replay;
+use rigsim_runner::{Outcome, RunOptions};
 
 use common::Loaded;
 
@@ -54,7 +54,7 @@ fn check(file: &Path) -> Result<(), Failed> {
     if lines.len() != again.len() {
         return Err("a second run has another number of lines".into());
     }
-    Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str))?;
+    Replay::all(rigsim_core::SHIPPED, lines.iter().map(String::as_str))?;
     Ok(())
 }
 

@@ -1,10 +1,10 @@
 //! Looking on while a recording is played again.
 
-use sim_core::SimTime;
-use sim_core::event::Event;
+use rigsim_core::SimTime;
+use rigsim_core::event::Event;
 
-use super::Record;
 use crate::run::Run;
+use crate::run::record::Record;
 
 /// Looks on while a recording is played again ([`super::Replay::watched`]).
 ///
@@ -31,7 +31,7 @@ pub trait Onlooker {
         let _ = run;
     }
 
-    /// Tells whether the rest is of no use.
+    /// Returns whether the rest is of no use.
     fn has_enough(&self) -> bool {
         false
     }

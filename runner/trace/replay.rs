@@ -4,18 +4,17 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::device::Devices;
-use sim_core::event::Hex;
-use sim_core::line::Wire;
-use sim_core::rig::PortId;
-use sim_core::settings::SimSettings;
-use sim_settings::{Source, load_toml, shorten};
+use rigsim_core::SimTime;
+use rigsim_core::device::Devices;
+use rigsim_core::event::Hex;
+use rigsim_core::line::Wire;
+use rigsim_core::rig::PortId;
+use rigsim_core::settings::SimSettings;
+use rigsim_settings::{Source, load_toml, shorten};
 
 use super::onlooker::Onlooker;
-use super::record::{Header, PortRecord, Record, TextRecord};
-use super::{FORMAT, MOST_BYTES};
 use crate::rig_file::RigPlan;
+use crate::run::record::{FORMAT, Header, MOST_BYTES, PortRecord, Record, TextRecord};
 use crate::run::{Run, RunError, RunOptions, StepError};
 use crate::scenario::{self, Scenario, Texts};
 
@@ -150,7 +149,7 @@ impl<'o> Replay<'o> {
         })
     }
 
-    /// The same with somebody who looks on from now.
+    /// The same with an onlooker from now on.
     #[must_use]
     pub fn watched<'n>(self, onlooker: &'n mut dyn Onlooker) -> Replay<'n> {
         let onlooker = Some(onlooker);
@@ -163,7 +162,7 @@ impl<'o> Replay<'o> {
         &self.run
     }
 
-    /// Tells whether the onlooker wants no more of it.
+    /// Returns whether the onlooker wants no more of it.
     #[must_use]
     pub fn is_enough(&self) -> bool {
         let onlooker = self.onlooker.as_ref();
@@ -231,11 +230,16 @@ impl<'o> Replay<'o> {
                 };
                 self.run.clear_step(index)?;
             }
-            Record::Late { t, by, until } => {
+            Record::Publish { t, line } => {
+                let at = self.client_acts(t)?;
+                // A line that was not used then is not used now either.
+                let _ = self.run.publish(at, &line)?;
+            }
+            Record::Late { t, by, stood } => {
                 let at = self.client_acts(t)?;
                 self.run.advance(at)?;
                 self.run
-                    .expect_burst(Duration::from_nanos(by), SimTime::from_nanos(until));
+                    .late(Duration::from_nanos(by), Duration::from_nanos(stood));
             }
             Record::Out { t, dt, port, bytes } => {
                 let port = self.port(port)?;
@@ -332,7 +336,7 @@ impl<'o> Replay<'o> {
         Ok(())
     }
 
-    /// Lets the onlooker look if it is time, and says when it is time again.
+    /// Calls the onlooker if it is time, and returns when it is time again.
     fn look(&mut self) -> SimTime {
         let Some(onlooker) = &mut self.onlooker else {
             return SimTime::MAX;
@@ -340,7 +344,7 @@ impl<'o> Replay<'o> {
         if onlooker.next_look() <= self.run.rig().now() {
             onlooker.look(&self.run);
         }
-        // Whoever never looks later would stop the time.
+        // An onlooker that never looks later would stop the time.
         onlooker.next_look().max(self.run.rig().now() + NANOSECOND)
     }
 

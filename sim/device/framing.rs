@@ -1,10 +1,8 @@
 //! Frames of a link, as far as faults of the protocol spoil them.
 
-use crate::fault::resized;
-
 /// Frames of a link, as far as faults of the protocol spoil them.
 pub trait Framing: Sync {
-    /// Tells whether a frame is one of this command or type.
+    /// Returns whether a frame is one of this command or type.
     fn is_command(&self, frame: &[u8], command: u8) -> bool;
 
     /// A frame in words, for events.
@@ -64,4 +62,13 @@ pub(crate) fn with_first(mut frame: Vec<u8>, with: Option<u8>) -> Vec<u8> {
         *first = with.unwrap_or(*first ^ 1);
     }
     frame
+}
+
+/// Zeros added or bytes taken away before the last `kept`.
+pub(crate) fn resized(mut bytes: Vec<u8>, by: i8, kept: usize) -> Vec<u8> {
+    let tail = bytes.split_off(bytes.len().saturating_sub(kept));
+    let length = bytes.len().saturating_add_signed(isize::from(by));
+    bytes.resize(length, 0);
+    bytes.extend(tail);
+    bytes
 }

@@ -3,10 +3,12 @@
 use std::fmt;
 use std::time::Duration;
 
-use sim_physics::World;
-use sim_settings::SimTime;
+use rigsim_physics::World;
+use rigsim_settings::SimTime;
 
-use super::{Device, Motion, Observed};
+use super::{Counters, Device, Motion};
+use crate::event::Code;
+use crate::message::MessageInfo;
 
 /// Meaning, unit and source of a name.
 #[derive(Debug, Clone, Copy)]
@@ -49,16 +51,10 @@ pub struct View<'a> {
     /// The device itself.
     pub device: &'a dyn Device,
     /// Observations of it.
-    pub observed: &'a Observed,
+    pub counters: &'a Counters,
 }
 
-impl<'a> View<'a> {
-    /// Returns the notes of the device's own observer, if it is of this type.
-    #[must_use]
-    pub fn noted<T: super::Observer>(&self) -> Option<&'a T> {
-        (&*self.observed.own as &dyn std::any::Any).downcast_ref()
-    }
-
+impl View<'_> {
     /// Seconds since `then`; without end if it never was.
     #[must_use]
     pub fn age_s(&self, then: Option<SimTime>) -> f64 {
@@ -70,7 +66,7 @@ impl<'a> View<'a> {
     /// Path driven since motion was last asked for, m; 0 before.
     #[must_use]
     pub fn travel_since_motion_m(&self) -> f64 {
-        self.observed
+        self.counters
             .last_motion
             .map_or(0.0, |(_, from)| self.motion().distance - from)
     }
@@ -81,15 +77,16 @@ impl<'a> View<'a> {
 }
 
 /// A count as a number.
-#[expect(clippy::cast_precision_loss, reason = "nobody counts to 2^53")]
+#[expect(clippy::cast_precision_loss, reason = "no count reaches 2^53")]
 #[must_use]
 pub fn as_number(count: u64) -> f64 {
     count as f64
 }
 
-/// Names for the true pose and motion of every vehicle.
+/// Names about every vehicle: its true pose and motion, and its clients. How often an event happened is
+/// `count.` and its code.
 #[rustfmt::skip] // One line a name: a table to read.
-pub static MOTION: &[NameInfo] = &[
+pub static COMMON: &[NameInfo] = &[
     NameInfo::number("truth.x_m", "m", "true position, east of the origin", |v| v.motion().pose.x),
     NameInfo::number("truth.y_m", "m", "true position, north of the origin", |v| v.motion().pose.y),
     NameInfo::number("truth.heading_deg", "deg", "true heading, counter-clockwise from x", |v| v.motion().pose.heading.to_degrees()),
@@ -101,8 +98,12 @@ pub static MOTION: &[NameInfo] = &[
     NameInfo::number("truth.mass_kg", "kg", "mass with payload", |v| v.motion().mass),
     NameInfo::flag("truth.at_rest", "nothing moves and nothing drives", |v| v.device.plant().at_rest()),
     NameInfo::flag("truth.touching", "it touches an obstacle or another vehicle", |v| v.world.is_touching(v.device.plant().body())),
-    NameInfo::count("count.deeds", "deed_done", "times that somebody did something to it or changed something around it"),
-    NameInfo::number("truth.collisions", "", "how often it has come to touch something", |v| as_number(v.world.collisions(v.device.plant().body()))),
+    NameInfo::flag("client.attached", "a client has one of the ports open", |v| v.counters.attached > 0),
+    NameInfo::number("client.last_request_age_s", "s", "time since the last valid request arrived; infinite before", |v| v.age_s(v.counters.last_request)),
+    NameInfo::count("count.requests", "request", "valid requests, packets and lines"),
+    NameInfo::count("count.replies", "reply", "replies, packets and lines of the device"),
+    NameInfo::count("count.actions", "action_applied", "actions on the vehicle, and changes around it"),
+    NameInfo::number("truth.collisions", "", "number of collisions so far", |v| as_number(v.world.collisions(v.device.plant().body()))),
 ];
 
 /// The length of the velocity; a square root is the same on every machine.
@@ -144,6 +145,12 @@ pub enum Getter {
     Flag(fn(&View<'_>) -> bool),
     /// Number of events of a code.
     Count(&'static str),
+    /// Number in the last message that had it; 0 before.
+    Field(&'static str),
+    /// Bit or value in the last message that had it; false before.
+    Bit(&'static str),
+    /// Seconds since the last message of a kind; infinite before.
+    Age(&'static str),
 }
 
 impl Getter {
@@ -153,12 +160,52 @@ impl Getter {
         match self {
             Self::Number(get) => Reading::Number(get(view)),
             Self::Flag(get) => Reading::Flag(get(view)),
-            Self::Count(code) => Reading::Number(as_number(view.observed.count(code))),
+            Self::Count(code) => Reading::Number(as_number(view.counters.count(code))),
+            Self::Field(name) => Reading::Number(view.counters.field(name)),
+            Self::Bit(name) => Reading::Flag(view.counters.field(name) != 0.0),
+            Self::Age(name) => Reading::Number(view.age_s(view.counters.last_message(name))),
         }
     }
 }
 
+/// The names that the declaration of a message has.
+pub(super) fn of_message(message: &'static MessageInfo) -> Vec<NameInfo> {
+    let row = |name, unit, meaning: &'static str, getter| NameInfo {
+        name,
+        unit,
+        meaning: meaning.trim().trim_end_matches('.'),
+        getter,
+    };
+    let mut names = Vec::new();
+    if !message.age.is_empty() {
+        let (age, meaning) = (
+            message.age,
+            "time since the last such message; infinite before",
+        );
+        names.push(row(age, Unit::Number("s"), meaning, Getter::Age(age)));
+    }
+    for field in message.fields {
+        let unit = Unit::Number(field.unit);
+        let numbers = field.named.iter();
+        names.extend(numbers.map(|name| row(name, unit, field.text, Getter::Field(name))));
+        let flags = field.flags.iter().filter(|name| !name.is_empty());
+        names.extend(flags.map(|name| row(name, Unit::Flag, field.text, Getter::Bit(name))));
+    }
+    names
+}
+
+/// The name for the number of events of a code.
+pub(super) fn of_code(code: Code) -> NameInfo {
+    let meaning = code.about().trim_end_matches('.');
+    NameInfo::count(code.count(), code.as_str(), meaning)
+}
+
 impl NameInfo {
+    /// Returns whether it counts events of this code.
+    pub(super) fn is_count_of(&self, code: Code) -> bool {
+        matches!(self.getter, Getter::Count(counted) if counted == code.as_str())
+    }
+
     /// A number with a unit.
     #[must_use]
     pub const fn number(
@@ -190,7 +237,7 @@ impl NameInfo {
         }
     }
 
-    /// Describes the number of events of a code; `name` is `count.` and the code, or near it.
+    /// Describes the number of events of a code, where `count.` and the code is not its name.
     #[must_use]
     pub const fn count(name: &'static str, code: &'static str, meaning: &'static str) -> Self {
         Self {

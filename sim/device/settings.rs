@@ -3,36 +3,15 @@
 use std::any::Any;
 use std::fmt;
 
-use sim_settings::Settings;
+use rigsim_settings::Settings;
 
 use crate::event::Same;
 
-/// Speed and stop bits of a link; there are 8 data bits and no parity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LineSettings {
-    /// Bits per second.
-    pub baud: u32,
-    /// 1 or 2.
-    pub stop_bits: u8,
-}
-
-impl LineSettings {
-    /// At this speed with one stop bit.
-    #[must_use]
-    pub const fn at(baud: u32) -> Self {
-        Self { baud, stop_bits: 1 }
-    }
-}
-
 /// The settings of one device, all in one tree.
 pub trait DeviceSettings: Settings + Copied + Same + Any + fmt::Debug + Send + Sync {
-    /// The device's end of a link.
-    fn line(&self, link: usize) -> LineSettings;
-
-    /// Pairs of settings of which the first must not be above the second: name and value of each.
-    fn ordered(&self) -> Vec<[(&'static str, f64); 2]> {
-        Vec::new()
-    }
+    /// Returns the speed of the device's end of a link, bits per second. Bytes have 8 data bits, no parity
+    /// and one stop bit.
+    fn baud(&self, link: usize) -> u32;
 }
 
 impl dyn DeviceSettings {
@@ -85,8 +64,8 @@ macro_rules! device_settings {
             pub plant: $plant,
         }
 
-        impl ::sim_settings::Settings for $name {
-            fn list(&self, prefix: &str, entries: &mut Vec<::sim_settings::Entry>) {
+        impl ::rigsim_settings::Settings for $name {
+            fn list(&self, prefix: &str, entries: &mut Vec<::rigsim_settings::Entry>) {
                 self.firmware.list(prefix, entries);
                 self.plant.list(prefix, entries);
             }
@@ -94,10 +73,10 @@ macro_rules! device_settings {
             fn assign(
                 &mut self,
                 path: &str,
-                value: &::sim_settings::Value,
-            ) -> Result<(), ::sim_settings::Problem> {
+                value: &::rigsim_settings::Value,
+            ) -> Result<(), ::rigsim_settings::Problem> {
                 match self.firmware.assign(path, value) {
-                    Err(::sim_settings::Problem::UnknownKey) => self.plant.assign(path, value),
+                    Err(::rigsim_settings::Problem::UnknownKey) => self.plant.assign(path, value),
                     outcome => outcome,
                 }
             }

@@ -1,8 +1,8 @@
-//! Bytes that faults of the wire hold back, between the line and whoever reads it.
+//! Bytes that faults of the wire hold back, between the line and its reader.
 
 use std::collections::VecDeque;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 /// Most bytes held in one direction; further ones are lost, as in a full adapter.
 const MOST_HELD: usize = 16_384;
@@ -14,7 +14,7 @@ pub(super) struct Stage {
 }
 
 /// A byte that is held until something lets it go.
-pub(super) const HELD_UP: SimTime = SimTime::MAX;
+const HELD: SimTime = SimTime::MAX;
 
 impl Stage {
     pub(super) fn push(&mut self, at: SimTime, byte: u8) {
@@ -36,10 +36,7 @@ impl Stage {
     }
 
     pub(super) fn next(&self) -> Option<SimTime> {
-        self.held
-            .front()
-            .map(|(at, _)| *at)
-            .filter(|at| *at < HELD_UP)
+        self.held.front().map(|(at, _)| *at).filter(|at| *at < HELD)
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -51,9 +48,9 @@ impl Stage {
         self.held.retain(|(at, _)| *at <= now);
     }
 
-    /// Lets everything go that was held up.
+    /// Releases everything that was stalled.
     pub(super) fn release(&mut self, now: SimTime) {
-        for (at, _) in self.held.iter_mut().filter(|(at, _)| *at == HELD_UP) {
+        for (at, _) in self.held.iter_mut().filter(|(at, _)| *at == HELD) {
             *at = now;
         }
     }

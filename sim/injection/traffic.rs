@@ -1,11 +1,10 @@
 //! Traffic between a device and its clients while faults are armed: bytes off the line, frames
 //! on their way to it.
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
-use super::tally::Tally;
-use super::wire::{Way, WireAtWork};
-use super::{Injection, Work};
+use super::{Injection, Tally, Way, Work};
+use crate::device::OnBytes;
 use crate::line::{MOST_IN_FLIGHT, SerialLine};
 
 /// Most frames that wait for their time.
@@ -27,10 +26,9 @@ impl Injection {
                 return;
             };
             for armed in &mut self.armed {
-                if let Work::Wire(wire) = &mut armed.work
-                    && wire.link == link
-                    && let Some(byte) =
-                        wire.make_noise(now, way, idle[way.index()], &mut armed.tally)
+                if let Work::Bytes(own) = &mut armed.work
+                    && armed.link == link
+                    && let Some(byte) = own.add(now, way, idle[way.index()], &mut armed.tally)
                 {
                     stage[way.index()].push(now, byte);
                 }
@@ -47,7 +45,7 @@ impl Injection {
         }
     }
 
-    /// Tells whether all that a line carries can wait for the client of a link, who does not read.
+    /// Returns whether all that a line carries can wait for the client of a link, who does not read.
     pub(crate) fn has_room(&self, link: usize) -> bool {
         let stages = self.stages.get(link);
         stages.is_none_or(|own| own[Way::ToClient.index()].room() >= MOST_IN_FLIGHT)
@@ -97,7 +95,7 @@ impl Injection {
 
     fn note_sent(&mut self, link: usize, way: Way, bytes: usize, garbled: bool) {
         for (wire, tally) in self.wires_mut(link) {
-            if garbled || wire.pulls_cable(link) {
+            if garbled || wire.pulls_cable() {
                 wire.note_sent(way, bytes, tally);
             }
         }
@@ -142,13 +140,14 @@ impl Injection {
             })
     }
 
-    /// Tells whether bytes must be looked at when they arrive.
+    /// Returns whether bytes must be looked at when they arrive.
     pub(crate) fn act_on_wire(&self) -> bool {
-        self.wires().next().is_some()
+        let mut works = self.armed.iter().map(|armed| &armed.work);
+        works.any(|work| matches!(work, Work::Bytes(_)))
     }
 
     pub(crate) fn cable_pulled(&self, link: usize) -> bool {
-        self.wires().any(|wire| wire.pulls_cable(link))
+        self.wires(link).any(OnBytes::pulls_cable)
     }
 
     /// A cable has been pulled: what was on its way is lost.
@@ -157,7 +156,7 @@ impl Injection {
             stage.iter_mut().for_each(|way| way.cut(now));
         }
         for (wire, tally) in self.wires_mut(link) {
-            if attached && wire.pulls_cable(link) {
+            if attached && wire.pulls_cable() {
                 tally.hit(|| "a client had the port open".to_owned());
             }
         }
@@ -165,8 +164,7 @@ impl Injection {
 
     /// The wrong speed at which the device's end of a link runs.
     pub(crate) fn baud(&self, link: usize) -> Option<u32> {
-        let own = self.wires().filter(|wire| wire.link == link);
-        own.filter_map(WireAtWork::baud).last()
+        self.wires(link).filter_map(OnBytes::baud).last()
     }
 
     /// Time of the next thing that happens here, besides bytes that arrive at the device.
@@ -176,9 +174,9 @@ impl Injection {
             .iter()
             .filter_map(|stage| stage[Way::ToDevice.index()].next());
         let own = self.armed.iter().filter_map(|armed| match &armed.work {
-            Work::Wire(wire) => wire.noise_due(),
+            Work::Bytes(bytes) => bytes.due(),
             Work::Frames(frames) => frames.due(),
-            Work::Firmware(..) | Work::Device(_) | Work::Operator => None,
+            Work::Hardware(_) | Work::Done(_) => None,
         });
         let late = self.late.keys().next().map(|(at, _)| *at);
         to_device.chain(own).chain(late).min()
@@ -189,28 +187,33 @@ impl Injection {
         self.stages.get(link)?[Way::ToClient.index()].next()
     }
 
-    /// Lets go what no stall holds up any more.
+    /// Releases what no stall blocks any more.
     pub(super) fn release(&mut self, now: SimTime, link: usize) {
         for way in Way::BOTH {
-            let stalled = self.wires().any(|wire| wire.stalls_way(link, way));
+            let stalled = self.wires(link).any(|wire| wire.stalls(way));
             if let (false, Some(stage)) = (stalled, self.stages.get_mut(link)) {
                 stage[way.index()].release(now);
             }
         }
     }
 
-    fn wires(&self) -> impl Iterator<Item = &WireAtWork> {
-        self.armed.iter().filter_map(|armed| match &armed.work {
-            Work::Wire(wire) => Some(wire),
-            _ => None,
-        })
+    fn wires(&self, link: usize) -> impl Iterator<Item = &dyn OnBytes> {
+        self.armed
+            .iter()
+            .filter_map(move |armed| match &armed.work {
+                Work::Bytes(wire) if armed.link == link => Some(wire.as_ref()),
+                _ => None,
+            })
     }
 
-    fn wires_mut(&mut self, link: usize) -> impl Iterator<Item = (&mut WireAtWork, &mut Tally)> {
+    fn wires_mut(
+        &mut self,
+        link: usize,
+    ) -> impl Iterator<Item = (&mut Box<dyn OnBytes>, &mut Tally)> {
         self.armed
             .iter_mut()
             .filter_map(move |armed| match &mut armed.work {
-                Work::Wire(wire) if wire.link == link => Some((wire, &mut armed.tally)),
+                Work::Bytes(wire) if armed.link == link => Some((wire, &mut armed.tally)),
                 _ => None,
             })
     }

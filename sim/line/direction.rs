@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use super::{MOST_IN_FLIGHT, Wire};
 use crate::uart::Receiver;
@@ -23,13 +23,15 @@ pub(super) struct Ends {
 /// Bytes that one end has handed over and the other has not taken yet.
 ///
 /// The sender's shift register holds one byte at a time. A byte goes at the speeds that both ends
-/// have while it is under way, so whoever changes one has to [`settle`](Self::settle) first.
+/// have while it is under way, so a change of them has to be passed to [`change`](Self::change).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Direction {
     /// The first of them is in the shift register.
     waiting: VecDeque<Sent>,
     /// Time at which that one has gone.
     shifting: Option<SimTime>,
+    /// Speeds that differed while that byte was under way, and have changed since.
+    spoilt: Option<[u32; 2]>,
     /// Time at which the shift register was last empty.
     free_at: SimTime,
     /// The receiver that listens at another speed, and both speeds.
@@ -80,6 +82,22 @@ impl Direction {
         }
     }
 
+    /// Both ends are no longer as they have been until `now`: what is left of the byte that is under
+    /// way goes at the new speed, and a byte that met different speeds stays spoilt.
+    pub(super) fn change(&mut self, now: SimTime, old: Ends, new: Ends) {
+        self.settle(now, old);
+        let Some(gone) = &mut self.shifting else {
+            return;
+        };
+        if old.from_baud != new.from_baud && old.from_baud > 0 && new.from_baud > 0 {
+            let share = f64::from(old.from_baud) / f64::from(new.from_baud);
+            *gone = now + gone.since(now).mul_f64(share);
+        }
+        if !matches(old.from_baud, old.to_baud) {
+            self.spoilt = Some([old.from_baud, old.to_baud]);
+        }
+    }
+
     /// The first byte that waits goes into the shift register if that is empty.
     fn shift(&mut self, now: SimTime, ends: Ends) {
         if self.shifting.is_none() && !self.waiting.is_empty() {
@@ -95,13 +113,14 @@ impl Direction {
     /// The receiver has heard a byte. At another speed, what it makes of it depends on what follows
     /// without a pause, as on a cable, and not on the pieces in which bytes were handed over.
     fn hear(&mut self, sent: Sent, gone: SimTime, ends: Ends) {
-        let speeds = [ends.from_baud, ends.to_baud];
+        let spoilt = self.spoilt.take();
+        let speeds = spoilt.unwrap_or([ends.from_baud, ends.to_baud]);
         if speeds.contains(&0) {
             // A port that has hung up neither sends nor hears.
             self.garbled = None;
             return;
         }
-        if matches(ends.from_baud, ends.to_baud) {
+        if matches(speeds[0], speeds[1]) {
             self.garbled = None;
             self.arrived.push_back((gone, sent));
             return;
@@ -110,16 +129,16 @@ impl Direction {
         let kept =
             kept.filter(|(receiver, own)| *own == speeds && receiver.pending() < MOST_IN_FLIGHT);
         let (mut receiver, _) =
-            kept.unwrap_or_else(|| (Receiver::new(ends.from_baud, ends.to_baud), speeds));
+            kept.unwrap_or_else(|| (Receiver::new(speeds[0], speeds[1]), speeds));
         receiver.hear(&[sent.byte]);
         // Nothing is whole any more, so that each stands for itself.
         let heard = |byte| (gone, Sent { byte, first: true });
         let settled = std::iter::from_fn(|| receiver.next_settled());
         self.arrived.extend(settled.map(heard));
-        if self.shifting.is_some() {
+        if self.shifting.is_some() && spoilt.is_none() {
             self.garbled = Some((receiver, speeds));
         } else {
-            // Nothing follows, so that the line is idle behind it.
+            // Nothing follows at these speeds, so that the line is idle behind it.
             let last = receiver.if_idle();
             self.arrived.extend(last.into_iter().map(heard));
         }
@@ -154,7 +173,7 @@ impl Direction {
         found.is_some()
     }
 
-    /// Nobody is there to take what has arrived.
+    /// No client is there to take what has arrived.
     pub(super) fn lose_arrived(&mut self) {
         self.arrived.clear();
     }

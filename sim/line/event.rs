@@ -32,8 +32,6 @@ pub enum LineEvent {
     StopBits {
         /// The client's.
         client: u8,
-        /// The device's.
-        device: u8,
     },
     /// The client has set the modem lines of its end, which a cable of three wires does not carry.
     ModemLines {
@@ -54,12 +52,17 @@ pub enum LineEvent {
         bytes: usize,
     },
     /// The system did not run the simulator for a while, during which simulated time stood still.
-    SimulatorLate {
+    SimulatorStalled {
         /// For how long.
         by: Duration,
     },
     /// The machine is too slow for the speed that was asked for.
     SimulatorTooSlow,
+    /// The client has published a line that is not used.
+    BadPublication {
+        /// Reason.
+        why: &'static str,
+    },
     /// The client does not read; bytes for it were lost.
     Overrun {
         /// Number of bytes.
@@ -105,8 +108,9 @@ impl EventKind for OnLine {
             LineEvent::FlowControl => code::FLOW_CONTROL,
             LineEvent::HungUp => code::HUNG_UP,
             LineEvent::SentTooMuch { .. } => code::SENT_TOO_MUCH,
-            LineEvent::SimulatorLate { .. } => code::SIMULATOR_LATE,
+            LineEvent::SimulatorStalled { .. } => code::SIMULATOR_STALLED,
             LineEvent::SimulatorTooSlow => code::SIMULATOR_TOO_SLOW,
+            LineEvent::BadPublication { .. } => code::BAD_PUBLICATION,
             LineEvent::Overrun { .. } => code::OVERRUN,
             LineEvent::ReplyDropped { .. } => code::LINE_FULL,
         }
@@ -156,10 +160,9 @@ impl fmt::Display for LineEvent {
                 "the client's port is not raw: replies are echoed back as requests or changed on \
                  the way; open it raw (`stty -F PATH raw -echo`; pyserial does so by itself)",
             ),
-            Self::StopBits { client, device } => write!(
+            Self::StopBits { client } => write!(
                 f,
-                "the client has set {client} stop bits, the device uses {device}; open the port with \
-                 {device}"
+                "the client has set {client} stop bits, the device uses 1; open the port with 1"
             ),
             Self::ModemLines { dtr, rts } => {
                 let word = |set| if set { "on" } else { "off" };
@@ -186,9 +189,9 @@ impl fmt::Display for LineEvent {
                 f,
                 "{bytes} bytes lost: the client sent more than {MOST_IN_FLIGHT} bytes ahead"
             ),
-            Self::SimulatorLate { by } => write!(
+            Self::SimulatorStalled { by } => write!(
                 f,
-                "the machine was busy and held the simulator up for {} ms; simulated time stood \
+                "the machine was busy and stalled the simulator for {} ms; simulated time stood \
                  still meanwhile",
                 by.as_millis()
             ),
@@ -196,6 +199,9 @@ impl fmt::Display for LineEvent {
                 "the machine cannot keep up: simulated time runs slower than asked for; lower \
                  --speed or take longer steps",
             ),
+            Self::BadPublication { why } => {
+                write!(f, "a line that the client published is not used: {why}")
+            }
             Self::Overrun { bytes } => {
                 write!(f, "{bytes} bytes lost: the client does not read its port")
             }

@@ -1,31 +1,27 @@
-//! Deeds of people to a mecanum car.
+//! What people do to a mecanum car.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use sim_physics::World;
-use sim_settings::SimTime;
 
 use super::Mecanum;
-use crate::device::{self, Actions, Change, Device, Performed, actions};
+use crate::device::{Begin, Change, Effect, EffectError, Work};
 use crate::mecanum_device::OperatorInput;
 use crate::mecanum_device::kinematics::{Course, Movement};
 
-pub(super) const OPERATOR: Actions = actions::<Operator>();
-
-/// What an operator does.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-enum Operator {
-    /// Mecanum car: a motion key of the remote control goes down.
-    Press(CarKey),
-    /// The motion key goes up.
-    Release,
+crate::actions! {
+    /// What an operator does.
+    pub enum Operator: Operator {
+        /// Mecanum car: a motion key of the remote control goes down.
+        Press(CarKey) = "press";
+        /// The motion key goes up.
+        Release = "release";
+    }
 }
 
 /// A motion key of the car's remote control.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-enum CarKey {
+pub enum CarKey {
     Forward,
     Backward,
     TurnLeft,
@@ -56,10 +52,10 @@ impl CarKey {
     }
 }
 
-impl device::Action for Operator {
-    fn perform(&self, device: &mut dyn Device, _world: &mut World, now: SimTime) -> Performed {
-        let Some(car) = device.get_mut::<Mecanum>() else {
-            return Ok(Vec::new());
+impl Effect for Operator {
+    fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
+        let Some(car) = at.device.get_mut::<Mecanum>() else {
+            return Ok(Work::Done(Vec::new()));
         };
         let input = match self {
             Self::Press(key) => OperatorInput::Press(key.movement()),
@@ -67,9 +63,13 @@ impl device::Action for Operator {
         };
         let held = car.device().key();
         let before = held.map_or(OperatorInput::Release, OperatorInput::Press);
-        car.operate(now, input);
+        car.operate(at.now, input);
         let restore = move |car: &mut Mecanum, now| car.operate(now, before);
-        Ok(vec![Change::of_own("key", before != input, restore)])
+        Ok(Work::Done(vec![Change::of_own(
+            "key",
+            before != input,
+            restore,
+        )]))
     }
 
     fn can_end(&self) -> bool {

@@ -3,14 +3,15 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use sim_settings::show_duration;
+use rigsim_settings::show_duration;
 
 use crate::event::{Code, EventKind, Hex, Level, Role, code};
-use crate::mecanum_device::ascii::{HIGHEST, LOWEST, LineError};
+use crate::mecanum_device::ascii::{HIGHEST, LOWEST, LineError, REPORTS};
 use crate::mecanum_device::codec::Decoded;
 use crate::mecanum_device::motion::Change;
 use crate::mecanum_device::settings::OverSpeed;
 use crate::mecanum_device::{Discard, Field, Handling, Link, MAX_SPEED, MecanumEvent};
+use crate::message::{Message, MessageInfo};
 
 crate::codes! {
     /// A packet was begun and not finished.
@@ -38,17 +39,17 @@ crate::codes! {
     /// A motion was ignored because the other link drives.
     IGNORED_FOR_ROS = "ignored_for_ros", Client;
     /// A motion began.
-    MOTION_STARTED = "motion_started", Nobody;
+    MOTION_STARTED = "motion_started", NoParty;
     /// A motion came to its end.
-    MOTION_DONE = "motion_done", Nobody;
+    MOTION_DONE = "motion_done", NoParty;
     /// The link timed out.
     LINK_TIMEOUT = "link_timeout", ClientUnlessDisturbedOrLate;
     /// Motions were discarded.
-    MOTIONS_DISCARDED = "motions_discarded", Nobody;
+    MOTIONS_DISCARDED = "motions_discarded", NoParty;
     /// Change of who drives.
-    CONTROL_MODE = "control_mode", Nobody;
+    CONTROL_MODE = "control_mode", NoParty;
     /// A key that does nothing now.
-    KEY_IGNORED = "key_ignored", Nobody;
+    KEY_IGNORED = "key_ignored", NoParty;
 }
 
 impl EventKind for MecanumEvent {
@@ -90,7 +91,7 @@ impl EventKind for MecanumEvent {
             Self::BadStream(Decoded::Partial(_)) => PARTIAL_PACKET,
             Self::BadStream(_) => code::NOISE,
             Self::BadLine { error, .. } => match error {
-                LineError::Malformed | LineError::Blank => BAD_LINE,
+                LineError::Malformed => BAD_LINE,
                 LineError::OutOfRange => BAD_NUMBER,
                 LineError::TooLong => LINE_TOO_LONG,
             },
@@ -131,6 +132,16 @@ impl EventKind for MecanumEvent {
         }
     }
 
+    fn message(&self) -> Option<(&'static MessageInfo, Cow<'_, [u8]>)> {
+        Some(match self {
+            Self::Request(request, _) => (request.info(), request.payload().into()),
+            Self::Command(command) => (command.info(), command.encode().into()),
+            Self::Status(status, _) => (status.info(), status.payload().into()),
+            Self::Report(report) => (&REPORTS[0], report.encode().into()),
+            _ => return None,
+        })
+    }
+
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {
         match self {
             Self::Request(request, order) => Some(request.encode_in(*order).into()),
@@ -158,23 +169,14 @@ impl fmt::Display for MecanumEvent {
             Self::BadStream(Decoded::Noise(bytes)) => {
                 write!(f, "bytes that begin no packet: {}", Hex(bytes))
             }
-            Self::BadLine {
-                error,
-                bytes,
-                taken_for,
-            } => {
-                let line = bytes.escape_ascii();
-                match taken_for {
-                    Some(command) => write!(f, "line `{line}` taken for {command}: ")?,
-                    None => write!(f, "line `{line}` ignored: ")?,
-                }
+            Self::BadLine { error, bytes } => {
+                write!(f, "line `{}` ignored: ", bytes.escape_ascii())?;
                 match error {
                     LineError::Malformed => {
                         f.write_str("one of X, Y, Z, A, B and a whole number are wanted")
                     }
                     LineError::OutOfRange => write!(f, "{LOWEST} to {HIGHEST} is allowed"),
                     LineError::TooLong => write!(f, "{} bytes are allowed", bytes.len()),
-                    LineError::Blank => f.write_str("there is nothing on it"),
                 }
             }
             Self::SpeedOutOfRange { v, handling } => {

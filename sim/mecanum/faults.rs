@@ -1,18 +1,17 @@
-//! Faults of a mecanum car's hardware and sensors.
+//! Faults that only a mecanum car has, and what all faults together make of its hardware.
 
-use sim_physics::faults::MotorFaults;
-use sim_physics::mecanum::{
-    ECHOES, MecanumFaults, MecanumPlant, Port, PortCommand, Ultrasonic, Wheel,
-};
-use sim_settings::SimTime;
+use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::mecanum::{ECHOES, MecanumFaults, Port, PortCommand, Ultrasonic, Wheel};
+use rigsim_settings::Length;
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 use super::Mecanum;
-use crate::device::{Breakable, EffectHandle};
-use crate::fault::parameters::{EchoSensor, Motors, PortName};
-use crate::fault::{
-    ElectricalFault, Fault, FaultKind, MechanicalFault, MotorState, OperatorFault, ProtocolFault,
-    SensorFault,
+use crate::device::parameters::Scope;
+use crate::device::{
+    Begin, Declared, Device, Effect, EffectError, MotorState, OnHardware, Sum, Tally, Work,
 };
+use crate::effect::defaults;
 use crate::noise::Noise;
 
 /// Drag on a wheel unless given, N·m.
@@ -20,26 +19,11 @@ const USUAL_DRAG: f64 = 0.5;
 /// Slower than this a wheel stands, rad/s.
 const STANDING: f64 = 0.01;
 
-/// Checks that a car can have a fault with these parameters.
-pub(super) fn check(fault: &Fault) -> Result<(), String> {
-    let cannot = |why: &str| Err(format!("a mecanum car cannot have `{}`: {why}", fault.id()));
-    match &fault.kind {
-        FaultKind::Protocol(ProtocolFault::BadCrc {}) => {
-            return cannot("its packets have no checksum");
-        }
-        FaultKind::Mechanical(MechanicalFault::SidesSwapped {}) => {
-            return cannot("use `ports-swapped`");
-        }
-        FaultKind::Operator(OperatorFault::RemoteControlTakesOver { .. }) => {
-            return cannot("only its client can switch it to the remote control");
-        }
-        FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) if port == with => {
-            return Err(format!("`ports-swapped`: both ports are \"{port}\""));
-        }
-        _ => {}
-    }
-    match fault.scope.command {
-        Some(_) if fault.link().is_some_and(|link| link.as_str() == "ros") => {
+/// Checks that a car has such a target.
+pub(super) fn check_scope(scope: &Scope) -> Result<(), String> {
+    let link = scope.link.as_ref();
+    match scope.command {
+        Some(_) if link.is_some_and(|link| link.as_str() == "ros") => {
             Err("`command`: the lines of the ROS link have none".to_owned())
         }
         Some(command) if command != 0 => Err(format!(
@@ -49,222 +33,331 @@ pub(super) fn check(fault: &Fault) -> Result<(), String> {
     }
 }
 
-/// The faults that are armed on one car.
-#[derive(Debug, Default)]
-pub(super) struct Faults {
-    armed: Vec<Armed>,
-    layer: Layer,
+rigsim_settings::words! {
+    /// Ultrasonic sensors, each row counted from the left.
+    #[derive(Default, Deserialize, JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Echoes {
+        /// All eight.
+        #[default]
+        All = "all",
+        /// All in front.
+        Front = "front",
+        /// All in the rear.
+        Rear = "rear",
+        /// Leftmost in front, `ut_f[0]`.
+        #[serde(rename = "front-1")]
+        Front1 = "front-1",
+        /// `ut_f[1]`.
+        #[serde(rename = "front-2")]
+        Front2 = "front-2",
+        /// `ut_f[2]`.
+        #[serde(rename = "front-3")]
+        Front3 = "front-3",
+        /// Rightmost in front, `ut_f[3]`.
+        #[serde(rename = "front-4")]
+        Front4 = "front-4",
+        /// Leftmost in the rear, `ut_b[0]`.
+        #[serde(rename = "rear-1")]
+        Rear1 = "rear-1",
+        /// `ut_b[1]`.
+        #[serde(rename = "rear-2")]
+        Rear2 = "rear-2",
+        /// `ut_b[2]`.
+        #[serde(rename = "rear-3")]
+        Rear3 = "rear-3",
+        /// Rightmost in the rear, `ut_b[3]`.
+        #[serde(rename = "rear-4")]
+        Rear4 = "rear-4",
+    }
 }
 
-#[derive(Debug)]
-struct Armed {
-    handle: EffectHandle,
-    fault: Fault,
+impl Echoes {
+    /// Their places among the eight.
+    fn places(self) -> std::ops::Range<usize> {
+        match self {
+            Self::All => 0..ECHOES,
+            Self::Front => 0..4,
+            Self::Rear => 4..8,
+            Self::Front1 => 0..1,
+            Self::Front2 => 1..2,
+            Self::Front3 => 2..3,
+            Self::Front4 => 3..4,
+            Self::Rear1 => 4..5,
+            Self::Rear2 => 5..6,
+            Self::Rear3 => 6..7,
+            Self::Rear4 => 7..8,
+        }
+    }
+}
+
+crate::faults! {
+    /// Supply, plugs and sensors of a car.
+    pub enum MecanumFault {
+        /// Board and motors have no supply.
+        SupplyLost = "supply-lost", Electrical,
+        sees "Silence, then a board that has forgotten motions and position.",
+        counts "The board was powered.",
+        {}
+        /// Two motors are plugged into each other's ports.
+        PortsSwapped = "ports-swapped", Mechanical,
+        sees "A car that moves differently from its packets.",
+        counts "One of the two ports was driven.",
+        {
+            /// One port.
+            port: Port,
+            /// The other.
+            with: Port,
+        }
+        /// Interference disturbs encoders.
+        EncoderNoisy = "encoder-noisy", Mechanical,
+        sees "Pulses without motion: the car reports more distance than it drove, even while standing.",
+        counts "A reading was disturbed.",
+        motors "Motors, or wheels."
+        {
+            /// Additional pulses per second; default 20.
+            #[serde(default = "defaults::pulses")]
+            pulses_per_second: u16,
+        }
+        /// Ultrasonic sensors hear nothing.
+        UltrasonicMissing = "ultrasonic-missing", Sensor,
+        sees "4500 mm at any distance.",
+        counts "An echo was not heard.",
+        {
+            /// Sensors; default all.
+            #[serde(default)]
+            sensor: Echoes,
+        }
+        /// Ultrasonic sensors repeat what they read at the start.
+        UltrasonicStuck = "ultrasonic-stuck", Sensor,
+        sees "A distance that does not change.",
+        counts "The true distance differed.",
+        {
+            /// Sensors; default all.
+            #[serde(default)]
+            sensor: Echoes,
+        }
+        /// Ultrasonic sensors hear a false echo.
+        UltrasonicGhost = "ultrasonic-ghost", Sensor,
+        sees "An obstacle where there is none.",
+        counts "The false echo was nearer than any real one.",
+        {
+            /// Sensors; default all.
+            #[serde(default)]
+            sensor: Echoes,
+            /// Distance of the echo; default 0.3 m.
+            #[serde(default = "defaults::ghost")]
+            distance: Length,
+        }
+        /// The reader misreads tags.
+        TagMisread = "tag-misread", Sensor,
+        sees "A wrong number in `rfid`, or none.",
+        counts "A tag was misread.",
+        {
+            /// Number that any tag is read as; default 0, which is no tag.
+            #[serde(default)]
+            reads_as: u32,
+        }
+        /// The magnetic bar does not detect the strip.
+        StripLost = "strip-lost", Sensor,
+        sees "`magn` 0 over a strip.",
+        counts "A strip was not detected.",
+        {}
+        /// The infrared sensor has a constant output.
+        InfraredStuck = "infrared-stuck", Sensor,
+        sees "`infra` that does not change.",
+        counts "The true value differed.",
+        {
+            /// The constant output: true for an obstacle, false for none; default true.
+            #[serde(default = "defaults::yes")]
+            sees: bool,
+        }
+    }
+}
+
+impl Effect for MecanumFault {
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::PortsSwapped { port, with } if port == with => {
+                Err(format!("`ports-swapped`: both ports are \"{port}\""))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
+        let car = at.device.get::<Mecanum>();
+        Ok(Work::Hardware(Box::new(AtWork {
+            kind: self.clone(),
+            noise: (at.stream)("device"),
+            echoes: car.map_or([None; ECHOES], |car| car.plant.unspoilt().echoes),
+            pulses: [0.0; 4],
+        })))
+    }
+}
+
+/// A fault at work.
+struct AtWork {
+    kind: MecanumFault,
     noise: Noise,
-    echoes: Echoes,
+    /// What the ultrasonic sensors read when it began.
+    echoes: [Option<f64>; ECHOES],
     /// Shares of the next pulses of interference, by wheel.
     pulses: [f64; 4],
 }
 
-impl Breakable for Mecanum {
-    fn arm(&mut self, handle: EffectHandle, fault: &Fault, noise: Noise) {
-        self.faults.armed.push(Armed {
-            handle,
-            fault: fault.clone(),
-            noise,
-            echoes: self.plant.unspoilt().echoes,
-            pulses: [0.0; 4],
+impl AtWork {
+    fn add_to(&self, whole: &mut MecanumFaults) {
+        let mut spoil = |sensor: Echoes, how: &dyn Fn(usize) -> Ultrasonic| {
+            for index in sensor.places() {
+                whole.ultrasonic[index] = how(index);
+            }
+        };
+        match &self.kind {
+            MecanumFault::SupplyLost {} => whole.unsupplied = true,
+            MecanumFault::PortsSwapped { port, with } => {
+                whole.swaps = whole.swaps.and(*port, *with)
+            }
+            // It adds pulses as it acts.
+            MecanumFault::EncoderNoisy { .. } => {}
+            MecanumFault::UltrasonicMissing { sensor } => spoil(*sensor, &|_| Ultrasonic::Missing),
+            MecanumFault::UltrasonicStuck { sensor } => {
+                spoil(*sensor, &|index| Ultrasonic::Stuck(self.echoes[index]));
+            }
+            MecanumFault::UltrasonicGhost { sensor, distance } => {
+                spoil(*sensor, &|_| Ultrasonic::Ghost(distance.0));
+            }
+            MecanumFault::TagMisread { reads_as } => whole.tag_reads_as = Some(*reads_as),
+            MecanumFault::StripLost {} => whole.strip_lost = true,
+            MecanumFault::InfraredStuck { sees } => whole.infrared_stuck = Some(*sees),
+        }
+    }
+
+    /// Returns whether the sensors would read something else without it.
+    fn spoils(&self, car: &Mecanum) -> bool {
+        let unspoilt = car.plant.unspoilt();
+        let mut alone = MecanumFaults::default();
+        self.add_to(&mut alone);
+        let mut spoilt = unspoilt;
+        alone.spoil(&mut spoilt);
+        spoilt != unspoilt
+    }
+}
+
+impl OnHardware for AtWork {
+    fn add(&self, sum: &mut Sum) {
+        if let Some(whole) = sum.own_mut() {
+            self.add_to(whole);
+        }
+    }
+
+    fn watch(&mut self, device: &dyn Device, tally: &mut Tally) {
+        let Some(car) = device.get::<Mecanum>() else {
+            return;
+        };
+        let commands = car.plant.commands();
+        let acts = match &self.kind {
+            MecanumFault::SupplyLost {} => true,
+            MecanumFault::PortsSwapped { port, with } => [port, with]
+                .into_iter()
+                .any(|port| runs(commands.ports[port.index()], commands.speed_voltage)),
+            MecanumFault::EncoderNoisy { .. } => return,
+            _ => self.spoils(car),
+        };
+        tally.hit_when(acts, || match &self.kind {
+            MecanumFault::PortsSwapped { port, with } => format!("ports {port} and {with}"),
+            MecanumFault::UltrasonicMissing { sensor }
+            | MecanumFault::UltrasonicStuck { sensor }
+            | MecanumFault::UltrasonicGhost { sensor, .. } => format!("ultrasonic {sensor}"),
+            other => other.info().counts.trim_end_matches('.').to_owned(),
         });
     }
 
-    fn disarm(&mut self, handle: EffectHandle) {
-        self.faults.armed.retain(|armed| armed.handle != handle);
-    }
-
-    fn apply_faults(&mut self, _now: SimTime) {
-        let armed = self.faults.armed.iter();
-        let layer = Layer::of(armed.map(|armed| (&armed.fault, &armed.echoes)));
-        layer.apply(&self.faults.layer, &mut self.plant);
-        self.faults.layer = layer;
-    }
-
-    fn interfere(&mut self, seconds: f64, acted: &mut dyn FnMut(EffectHandle, String)) {
-        for own in &mut self.faults.armed {
-            let FaultKind::Mechanical(MechanicalFault::EncoderNoisy {
-                pulses_per_second, ..
-            }) = own.fault.kind
-            else {
-                continue;
-            };
-            let motors = own.fault.scope.motors;
-            for wheel in Wheel::ALL {
-                let mean = f64::from(pulses_per_second) * seconds;
-                let share = &mut own.pulses[wheel.index()];
-                *share += mean * 2.0 * own.noise.uniform();
-                let whole = share.floor();
-                *share -= whole;
-                if is_about(motors, wheel) && whole >= 1.0 {
-                    self.plant.add_pulses(wheel, pulses(whole));
-                    acted(own.handle, format!("wheel {}", wheel.name()));
-                }
+    fn interfere(&mut self, device: &mut dyn Device, seconds: f64, tally: &mut Tally) -> bool {
+        let (
+            MecanumFault::EncoderNoisy {
+                motors,
+                pulses_per_second,
+            },
+            Some(car),
+        ) = (&self.kind, device.get_mut::<Mecanum>())
+        else {
+            return false;
+        };
+        for (wheel, is_meant) in Wheel::ALL.into_iter().zip(motors.wheels()) {
+            let mean = f64::from(*pulses_per_second) * seconds;
+            let share = &mut self.pulses[wheel.index()];
+            *share += mean * 2.0 * self.noise.uniform();
+            let whole = share.floor();
+            *share -= whole;
+            if is_meant && whole >= 1.0 {
+                car.plant.add_pulses(wheel, pulses(whole));
+                tally.hit(|| format!("wheel {}", wheel.name()));
             }
         }
-    }
-
-    fn acts(&self, handle: EffectHandle, fault: &Fault) -> bool {
-        let plant = &self.plant;
-        let commands = plant.commands();
-        let runs = |pins: PortCommand| !pins.brake && commands.speed_voltage > 0.0;
-        match &fault.kind {
-            FaultKind::Electrical(kind) => *kind == ElectricalFault::SupplyLost {},
-            FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => [port, with]
-                .into_iter()
-                .any(|port| runs(commands.ports[port_of(*port).index()])),
-            FaultKind::Mechanical(kind) => {
-                let truth = plant.truth();
-                Wheel::ALL.into_iter().any(|wheel| {
-                    let pins = plant.wiring().command(commands, wheel);
-                    let turns = truth.wheel_speed[wheel.index()].abs() > STANDING;
-                    let state = MotorState {
-                        driven: runs(pins),
-                        turns,
-                        repeats_wrongly: turns,
-                        braked: pins.brake,
-                    };
-                    is_about(fault.scope.motors, wheel) && kind.acts_on(state)
-                })
-            }
-            FaultKind::Sensor(kind) => {
-                let unspoilt = plant.unspoilt();
-                let mut alone = MecanumFaults::default();
-                let mut armed = self.faults.armed.iter();
-                if let Some(own) = armed.find(|armed| armed.handle == handle) {
-                    add_of_sensor(&mut alone, kind, &own.echoes);
-                }
-                let mut spoilt = unspoilt;
-                alone.spoil(&mut spoilt);
-                spoilt != unspoilt
-            }
-            FaultKind::Wire(_)
-            | FaultKind::Protocol(_)
-            | FaultKind::Firmware(_)
-            | FaultKind::Operator(_) => false,
-        }
+        false
     }
 }
 
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "a cast from a float saturates, and nobody counts so many pulses"
+    reason = "a cast from a float saturates, and no wheel gives so many pulses"
 )]
 fn pulses(whole: f64) -> u32 {
     whole as u32
 }
 
-/// Tells whether a fault of these motors is about this wheel; one of none is about all.
-fn is_about(motors: Option<Motors>, wheel: Wheel) -> bool {
-    match motors.unwrap_or(Motors::All) {
-        Motors::Left => wheel.is_left(),
-        Motors::Right => !wheel.is_left(),
-        Motors::All => true,
-        Motors::LeftFront => wheel == Wheel::LeftFront,
-        Motors::RightFront => wheel == Wheel::RightFront,
-        Motors::LeftRear => wheel == Wheel::LeftRear,
-        Motors::RightRear => wheel == Wheel::RightRear,
-    }
+fn runs(pins: PortCommand, speed_voltage: f64) -> bool {
+    !pins.brake && speed_voltage > 0.0
 }
 
-fn port_of(name: PortName) -> Port {
-    Port::ALL[name as usize]
-}
-
-/// What the ultrasonic sensors gave when a fault began.
-type Echoes = [Option<f64>; ECHOES];
-
-/// Sum of the effects of all armed faults on one car.
+/// Faults that the car has.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Layer {
     wheels: [MotorFaults; 4],
     whole: MecanumFaults,
 }
 
-impl Layer {
-    fn of<'f>(faults: impl Iterator<Item = (&'f Fault, &'f Echoes)>) -> Self {
-        let mut layer = Self::default();
-        for (fault, echoes) in faults {
-            if let FaultKind::Mechanical(kind) = &fault.kind {
-                for wheel in Wheel::ALL {
-                    if is_about(fault.scope.motors, wheel) {
-                        kind.add_to_motor(&mut layer.wheels[wheel.index()], USUAL_DRAG);
-                    }
-                }
-            }
-            add(&mut layer.whole, &fault.kind, echoes);
-        }
-        layer
-    }
+pub(super) fn no_faults() -> Sum {
+    Sum::new(USUAL_DRAG, MecanumFaults::default())
+}
 
-    /// Puts this in the place of what was there `before`, and touches nothing else.
-    fn apply(&self, before: &Self, plant: &mut MecanumPlant) {
+impl Mecanum {
+    /// Puts all faults in the place of those before, and touches nothing else.
+    pub(super) fn set_layer(&mut self, sum: &Sum) {
+        let Some(whole) = sum.own::<MecanumFaults>() else {
+            return;
+        };
+        let layer = Layer {
+            wheels: sum.motors,
+            whole: *whole,
+        };
+        let before = std::mem::replace(&mut self.faults, layer);
         for wheel in Wheel::ALL {
-            let own = self.wheels[wheel.index()];
+            let own = sum.motors[wheel.index()];
             if own != before.wheels[wheel.index()] {
-                plant.set_wheel_faults(wheel, own);
+                self.plant.set_wheel_faults(wheel, own);
             }
         }
-        if self.whole != before.whole {
-            plant.set_faults(&self.whole);
+        if *whole != before.whole {
+            self.plant.set_faults(whole);
         }
     }
-}
 
-fn add(whole: &mut MecanumFaults, fault: &FaultKind, echoes: &Echoes) {
-    match fault {
-        FaultKind::Electrical(fault) => match fault {
-            ElectricalFault::SupplyLost {} => whole.unsupplied = true,
-            // A car has nothing of the kind.
-            ElectricalFault::RailLoad { .. }
-            | ElectricalFault::RailShort { .. }
-            | ElectricalFault::RailOpen { .. }
-            | ElectricalFault::SupplySag { .. }
-            | ElectricalFault::OverTemperature { .. }
-            | ElectricalFault::PowerModuleFault {}
-            | ElectricalFault::BatteryEmpty {}
-            | ElectricalFault::ChargeDrop { .. }
-            | ElectricalFault::FuseBlown { .. }
-            | ElectricalFault::CanFailing { .. } => {}
-        },
-        FaultKind::Mechanical(MechanicalFault::PortsSwapped { port, with }) => {
-            whole.swaps = whole.swaps.and(port_of(*port), port_of(*with));
-        }
-        FaultKind::Sensor(fault) => add_of_sensor(whole, fault, echoes),
-        FaultKind::Wire(_)
-        | FaultKind::Protocol(_)
-        | FaultKind::Firmware(_)
-        | FaultKind::Mechanical(_)
-        | FaultKind::Operator(_) => {}
-    }
-}
-
-fn add_of_sensor(whole: &mut MecanumFaults, fault: &SensorFault, echoes: &Echoes) {
-    let mut spoil = |sensor: EchoSensor, how: &dyn Fn(usize) -> Ultrasonic| {
-        for (index, own) in whole.ultrasonic.iter_mut().enumerate() {
-            if sensor.has(index) {
-                *own = how(index);
+    pub(super) fn motor_states(&self) -> [MotorState; 4] {
+        let plant = &self.plant;
+        let commands = plant.commands();
+        let speeds = plant.truth().wheel_speed;
+        Wheel::ALL.map(|wheel| {
+            let pins = plant.wiring().command(commands, wheel);
+            let turns = speeds[wheel.index()].abs() > STANDING;
+            MotorState {
+                driven: runs(pins, commands.speed_voltage),
+                turns,
+                repeats_wrongly: turns,
+                braked: pins.brake,
             }
-        }
-    };
-    match fault {
-        SensorFault::UltrasonicMissing { sensor } => spoil(*sensor, &|_| Ultrasonic::Missing),
-        SensorFault::UltrasonicStuck { sensor } => {
-            spoil(*sensor, &|index| Ultrasonic::Stuck(echoes[index]));
-        }
-        SensorFault::UltrasonicGhost { sensor, distance } => {
-            spoil(*sensor, &|_| Ultrasonic::Ghost(distance.0));
-        }
-        SensorFault::TagMisread { reads_as } => whole.tag_reads_as = Some(*reads_as),
-        SensorFault::StripLost {} => whole.strip_lost = true,
-        SensorFault::InfraredStuck { sees } => whole.infrared_stuck = Some(*sees),
+        })
     }
 }

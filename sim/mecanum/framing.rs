@@ -1,7 +1,6 @@
 //! Packets and lines of a mecanum car, as far as faults spoil them.
 
-use crate::device::{Framing, with_first};
-use crate::fault::resized;
+use crate::device::{Framing, resized, with_first};
 use crate::mecanum_device::packet::Status;
 
 /// Type, length, fields.

@@ -2,18 +2,20 @@
 
 use std::time::Duration;
 
+use rigsim_settings::{ReadError, SimTime};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use sim_settings::SimTime;
-use toml::de::ValueDeserializer;
+use toml::Spanned;
+use toml::de::DeValue;
 
 use super::MecanumSettings;
-use crate::device::host::{Field, Fields, Message, Reply, ReplyReader};
-use crate::device::{DeviceSettings, HostSpec};
-use crate::mecanum_device::ascii::Report;
+use crate::device::host::{Message, Reply, ReplyReader};
+use crate::device::{DeviceSettings, HostSpec, typed};
+use crate::mecanum_device::ascii::{REPORTS, Report};
 use crate::mecanum_device::codec::{Decoded, Decoder, Rules};
 use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::settings::ByteOrder;
+use crate::message::Message as _;
 
 /// Silence after which a client gives up a packet that was begun.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -22,13 +24,11 @@ const MOST_LINE: usize = 1024;
 
 pub(super) const HOST: HostSpec = HostSpec {
     read,
-    schema: Command::json_schema,
-    fields: |link, _| {
-        let fields = match link {
-            0 => status_fields(&Status::default()),
-            _ => line_fields(&Report::default()),
-        };
-        fields.into_iter().map(|(name, _)| name).collect()
+    schema: |generator| {
+        vec![
+            Request::json_schema(generator),
+            LineCommand::json_schema(generator),
+        ]
     },
     reader: |link, settings| match link {
         0 => Box::new(Packets(Decoder::by(Rules {
@@ -40,110 +40,38 @@ pub(super) const HOST: HostSpec = HostSpec {
     chatters: true,
 };
 
-/// A command by name and fields. Numbers are as on the wire.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
+/// A line, which no packet is.
+#[derive(Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-enum Command {
-    /// Mecanum car: a motion.
-    Motion(MotionText),
-    /// Mecanum car: says where it is.
-    SetPose(SetPoseText),
-    /// Mecanum car: who drives.
-    ControlMode(ModeText),
-    /// Mecanum car, ROS link: a line without its end, as in "X10".
-    Line(String),
+enum LineCommand {
+    /// ROS link: a line without its end, as in "X10".
+    Line(#[schemars(extend("examples" = ["X10", "Y-200", "Z500", "A90", "B-90"]))] String),
 }
 
-/// A motion packet.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct MotionText {
-    /// Sequence number; 0 unless given.
-    #[serde(default)]
-    seq: u8,
-    /// 1 discards what runs and waits, 0 appends; 1 unless given.
-    #[serde(default = "one")]
-    is_reset: u8,
-    /// 0 forward, 1 rotate, 2 strafe, 3 left-front, 4 right-front.
-    moving_idx: u8,
-    /// Distance, 1/10 revolution.
-    s: u16,
-    /// Speed, 1/10 r/min, -500 to 500.
-    v: i16,
-}
-
-fn one() -> u8 {
-    1
-}
-
-/// A pose packet.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct SetPoseText {
-    /// Sequence number; 0 unless given.
-    #[serde(default)]
-    seq: u8,
-    /// 1/10 revolution.
-    axis_x: i16,
-    /// 1/10 revolution.
-    axis_y: i16,
-    /// 1/10 degree, counter-clockwise.
-    ori: i16,
-}
-
-/// A control mode packet.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct ModeText {
-    /// Sequence number; 0 unless given.
-    #[serde(default)]
-    seq: u8,
-    /// 0 board, 1 remote control.
-    mode: u8,
-}
-
-fn read(
-    value: ValueDeserializer<'_>,
-    settings: &dyn DeviceSettings,
-) -> Result<Message, toml::de::Error> {
-    let packet = match Command::deserialize(value)? {
-        Command::Motion(motion) => Request::Motion {
-            seq: motion.seq,
-            is_reset: motion.is_reset,
-            moving_idx: motion.moving_idx,
-            s: motion.s,
-            v: motion.v,
-        },
-        Command::SetPose(pose) => Request::SetPose {
-            seq: pose.seq,
-            axis_x: pose.axis_x,
-            axis_y: pose.axis_y,
-            ori: pose.ori,
-        },
-        Command::ControlMode(ModeText { seq, mode }) => Request::ControlMode { seq, mode },
-        Command::Line(line) if line.len() > MOST_LINE => {
-            let why = format!("a line has at most {MOST_LINE} bytes");
-            return Err(serde::de::Error::custom(why));
-        }
-        Command::Line(line) => {
-            return Ok(Message {
-                link: 1,
-                bytes: format!("{line} \n").into_bytes(),
-                command: None,
-            });
-        }
-    };
+fn read(value: &Spanned<DeValue<'_>>, settings: &dyn DeviceSettings) -> Result<Message, ReadError> {
+    let is_line = matches!(value.get_ref(), DeValue::Table(table) if table.contains_key("line"));
+    if !is_line {
+        let bytes = rigsim_settings::read::<Request>(value)?.encode_in(byte_order(settings));
+        return Ok(Message {
+            link: 0,
+            bytes,
+            command: None,
+        });
+    }
+    let LineCommand::Line(line) = rigsim_settings::read(value)?;
+    if line.len() > MOST_LINE {
+        let why = format!("a line has at most {MOST_LINE} bytes");
+        return Err(serde::de::Error::custom(why));
+    }
     Ok(Message {
-        link: 0,
-        bytes: packet.encode_in(byte_order(settings)),
+        link: 1,
+        bytes: format!("{line} \n").into_bytes(),
         command: None,
     })
 }
 
 fn byte_order(settings: &dyn DeviceSettings) -> ByteOrder {
-    let usual = || MecanumSettings::default().firmware.byte_order;
-    let own = settings.get::<MecanumSettings>();
-    own.map_or_else(usual, |own| own.firmware.byte_order)
+    typed::<MecanumSettings>(settings).firmware.byte_order
 }
 
 struct Packets(Decoder<Status>);
@@ -156,7 +84,7 @@ impl ReplyReader for Packets {
             if let Decoded::Packet(status) = decoded {
                 found.push(Reply {
                     command: None,
-                    fields: status_fields(&status),
+                    fields: status.info().fields(&status.payload()),
                 });
             }
         });
@@ -174,38 +102,11 @@ impl ReplyReader for Lines {
             }
             return Vec::new();
         }
-        let report = Report::parse(&std::mem::take(&mut self.0));
-        let reply = report.map(|report| Reply {
+        let line = std::mem::take(&mut self.0);
+        let reply = Report::parse(&line).map(|_| Reply {
             command: None,
-            fields: line_fields(&report),
+            fields: REPORTS[0].fields(&line),
         });
         reply.into_iter().collect()
     }
-}
-
-fn status_fields(status: &Status) -> Fields {
-    vec![
-        ("seq", status.seq.into()),
-        ("v_x", status.v_x.into()),
-        ("v_y", status.v_y.into()),
-        ("axis_x", status.axis_x.into()),
-        ("axis_y", status.axis_y.into()),
-        ("ori", status.ori.into()),
-        ("rfid", status.rfid.into()),
-        ("magn", status.magn.into()),
-        ("infra", status.infra.into()),
-        ("ut_f", Field::list(status.ut_f)),
-        ("ut_b", Field::list(status.ut_b)),
-        ("moto_state", status.moto_state.into()),
-        ("mile", status.mile.into()),
-    ]
-}
-
-fn line_fields(report: &Report) -> Fields {
-    #[expect(clippy::cast_precision_loss, reason = "these stay far below 2^53")]
-    let number = |value: i64| Field::Number(value as f64);
-    vec![
-        ("speed", number(report.speed)),
-        ("mileage", number(report.mileage)),
-    ]
 }

@@ -1,8 +1,8 @@
 //! Settings of a mecanum car: of its firmware, and of the hardware around it.
 
-use sim_physics::mecanum::MecanumPlantSettings;
+use rigsim_physics::mecanum::MecanumPlantSettings;
 
-use crate::device::{DeviceSettings, LineSettings};
+use crate::device::DeviceSettings;
 use crate::mecanum_device::settings::MecanumFirmwareSettings;
 
 crate::device_settings! {
@@ -11,24 +11,10 @@ crate::device_settings! {
 }
 
 impl DeviceSettings for MecanumSettings {
-    fn line(&self, link: usize) -> LineSettings {
-        let board = &self.firmware;
-        let (baud, stop_bits) = match link {
-            0 => (board.baud, board.stop_bits),
-            _ => (board.ros_baud, board.ros_stop_bits),
-        };
-        LineSettings {
-            baud,
-            // The settings allow 1 and 2.
-            stop_bits: u8::try_from(stop_bits).unwrap_or(1),
+    fn baud(&self, link: usize) -> u32 {
+        match link {
+            0 => self.firmware.baud,
+            _ => self.firmware.ros_baud,
         }
-    }
-
-    fn ordered(&self) -> Vec<[(&'static str, f64); 2]> {
-        let board = &self.firmware;
-        vec![[
-            ("ultrasonic_nearest", board.ultrasonic_nearest),
-            ("ultrasonic_farthest", board.ultrasonic_farthest),
-        ]]
     }
 }

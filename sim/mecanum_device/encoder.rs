@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 /// Most pulse times kept to measure the speed.
 const MOST_EDGES: usize = 256;
@@ -118,7 +118,7 @@ impl Encoder {
         }
     }
 
-    /// Tells whether the motor was last driven backward.
+    /// Returns whether the motor was last driven backward.
     #[must_use]
     pub fn is_backward(&self) -> bool {
         self.backward
@@ -171,7 +171,7 @@ impl Encoder {
         }
     }
 
-    /// Tells whether the wheel should turn backward.
+    /// Returns whether the wheel should turn backward.
     fn turns_back(&mut self, now: SimTime, stopping: Stopping) -> bool {
         let share = self.expected.share(now, stopping);
         let backward = if share == 0.0 {

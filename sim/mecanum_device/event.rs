@@ -63,8 +63,6 @@ pub enum MecanumEvent {
         error: LineError,
         /// The line without its end.
         bytes: Vec<u8>,
-        /// The command that it was taken for all the same.
-        taken_for: Option<ascii::Command>,
     },
     /// A speed was outside ±500.
     SpeedOutOfRange {
@@ -102,7 +100,7 @@ pub enum MecanumEvent {
         /// The remote control drives; the board otherwise.
         remote: bool,
     },
-    /// Somebody pressed a button.
+    /// An operator pressed a button.
     Operated(OperatorInput),
     /// A key has no effect because the board drives.
     KeyIgnored(Movement),

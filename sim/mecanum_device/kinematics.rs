@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-use sim_physics::mecanum::WHEELS;
+use rigsim_physics::mecanum::WHEELS;
 
 /// Speeds of the wheels LF, RF, LR, RR that give the body its speed. `arm` is half the wheelbase
 /// plus half the track.
@@ -85,7 +85,7 @@ impl Course {
 pub struct Movement {
     /// The course.
     pub course: Course,
-    /// Tells whether it goes the course's negative way.
+    /// Returns whether it goes the course's negative way.
     pub negative: bool,
 }
 

@@ -1,15 +1,22 @@
 //! The driving half of the firmware: who drives, what the wheels do, and what their pulses say.
 
-use sim_physics::mecanum::{
+use std::time::Duration;
+
+use rigsim_physics::mecanum::{
     MecanumCommands, MecanumMeasurements, PORTS, Port, PortCommand, WHEELS, Wheel,
 };
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use super::encoder::{Counting, Encoder, SpeedWindow, Stopping};
 use super::kinematics::{Movement, body_speed};
 use super::motion::{Change, Motions};
 use super::odometry::Odometry;
 use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode};
+
+/// Time over which the speed of a wheel is measured; assumed: ten pulses at full speed.
+const SPEED_WINDOW: Duration = Duration::from_millis(200);
+/// Time without a pulse after which a wheel counts as standing: one pulse a second is 1 rpm.
+const SPEED_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Motions, remote control, encoders and dead reckoning.
 #[derive(Debug, Clone)]
@@ -36,8 +43,8 @@ impl Locomotion {
         Self {
             settings: settings.clone(),
             window: SpeedWindow {
-                window: settings.speed_window,
-                timeout: settings.speed_timeout,
+                window: SPEED_WINDOW,
+                timeout: SPEED_TIMEOUT,
             },
             motions: Motions::new(settings.clone()),
             remote: settings.start_mode == StartMode::Remote,
@@ -90,7 +97,7 @@ impl Locomotion {
         self.motions.due().filter(|_| !self.remote)
     }
 
-    /// Wheels that whoever drives has still to turn.
+    /// Wheels that the present driver has still to turn.
     pub fn driven(&self) -> [bool; WHEELS] {
         if self.remote {
             self.rotations().map(|rotation| rotation != 0)
@@ -192,7 +199,7 @@ impl Locomotion {
         })
     }
 
-    /// Wheel speed of whoever drives, as a share of the full one.
+    /// Wheel speed of the present driver, as a share of the full one.
     fn speed_share(&self) -> f64 {
         let rpm = if self.remote {
             self.settings.remote_speed
@@ -204,7 +211,7 @@ impl Locomotion {
         (rpm / self.settings.full_speed).clamp(0.0, 1.0)
     }
 
-    /// Lets the encoders count the way in which the wheels are driven now.
+    /// Makes the encoders count the way in which the wheels are driven now.
     fn follow(&mut self, now: SimTime) {
         let running = self.motions.running().map(|motion| motion.movement);
         let movement = if self.remote { self.key } else { running };

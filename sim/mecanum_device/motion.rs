@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use sim_physics::mecanum::WHEELS;
-use sim_settings::SimTime;
+use rigsim_physics::mecanum::WHEELS;
+use rigsim_settings::SimTime;
 
 use super::kinematics::Movement;
 use super::settings::{MecanumFirmwareSettings, MotionEnd, Preempt, ZeroDistance, ZeroSpeed};
@@ -44,7 +44,7 @@ struct Running {
 }
 
 impl Running {
-    /// Tells whether a wheel has still to turn.
+    /// Returns whether a wheel has still to turn.
     fn drives(&self, wheel: usize, end: MotionEnd) -> bool {
         let Some(left) = self.pulses_left else {
             return self.rotations[wheel] != 0;
@@ -217,7 +217,7 @@ impl Motions {
             changed(Change::Started(motion));
         }
     }
-    /// Tells whether a motion ends as it begins.
+    /// Returns whether a motion ends as it begins.
     fn is_nothing(&self, motion: &Motion) -> bool {
         let no_distance =
             motion.revolutions <= 0.0 && self.settings.zero_distance == ZeroDistance::End;

@@ -2,7 +2,7 @@
 //!
 //! It knows nothing but pulses, so where wheels slip it drifts from the truth.
 
-use sim_physics::mecanum::WHEELS;
+use rigsim_physics::mecanum::WHEELS;
 
 use super::kinematics::{Movement, body_speed};
 use super::settings::{Mileage, OdometrySettings};

@@ -1,6 +1,6 @@
 //! Requests of clients, and what becomes of them.
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use super::ascii::{Command, Letter, Line};
 use super::codec::Decoded;
@@ -11,7 +11,7 @@ use super::packet::Request;
 use super::settings::{
     Acknowledge, AsciiLetters, ModeChange, OrdersWithRos, OverSpeed, PositiveStrafe, PositiveTurn,
 };
-use super::{MAX_SPEED, MOST_EVENTS, MecanumDevice, keep};
+use super::{MAX_SPEED, MecanumDevice};
 
 impl MecanumDevice {
     /// Handles what the decoder of the main link has found.
@@ -111,22 +111,7 @@ impl MecanumDevice {
                 self.event(now, MecanumEvent::Command(command));
                 self.command(now, command);
             }
-            Line::Bad {
-                error,
-                bytes,
-                taken_for,
-            } => {
-                let event = MecanumEvent::BadLine {
-                    error,
-                    bytes,
-                    taken_for,
-                };
-                self.event(now, event);
-                if let Some(command) = taken_for {
-                    self.hear(now);
-                    self.command(now, command);
-                }
-            }
+            Line::Bad { error, bytes } => self.event(now, MecanumEvent::BadLine { error, bytes }),
         }
     }
 
@@ -170,9 +155,9 @@ impl MecanumDevice {
 
     /// Starts what may start.
     pub(super) fn go_on(&mut self, now: SimTime) {
-        let events = &mut self.events;
+        let shell = &mut self.shell;
         self.drive.go_on(now, &mut |change| {
-            keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
+            shell.report(now, MecanumEvent::Motion(change));
         });
     }
 
@@ -188,9 +173,9 @@ impl MecanumDevice {
             // The silence of a client counts from when its motions drive again.
             self.hear(now);
         }
-        let events = &mut self.events;
+        let shell = &mut self.shell;
         self.drive.set_remote(now, remote, &mut |change| {
-            keep(events, (now, MecanumEvent::Motion(change)), MOST_EVENTS);
+            shell.report(now, MecanumEvent::Motion(change));
         });
     }
 

@@ -4,8 +4,8 @@ mod choices;
 
 use std::time::Duration;
 
-use sim_physics::mecanum::Wiring;
-use sim_settings::settings;
+use rigsim_physics::mecanum::Wiring;
+use rigsim_settings::settings;
 
 pub use choices::*;
 
@@ -20,13 +20,6 @@ settings! {
             assumed "the article gives no speed";
         /// Speed of the ROS link.
         ros_baud: u32 = 9600, unit "baud", range 300..=4_000_000,
-            assumed "as on the same authors' sibling vehicle";
-        /// Stop bits of the main link; it has 8 data bits and no parity, since a pseudo-terminal
-        /// has nothing else.
-        stop_bits: u32 = 1, range 1..=2,
-            assumed "the article does not say; 8N1 is what serial ports start with";
-        /// Stop bits of the ROS link.
-        ros_stop_bits: u32 = 1, range 1..=2,
             assumed "as on the same authors' sibling vehicle";
         /// Order of the bytes in a field of the main link, both ways.
         byte_order: ByteOrder = ByteOrder::Little,
@@ -87,7 +80,7 @@ settings! {
             assumed "the first of the two modes";
         /// Fate of motions when the control mode changes.
         mode_change: ModeChange = ModeChange::Discard,
-            assumed "whoever drove before stops driving";
+            assumed "the previous driver stops driving";
         /// Silence of the client after which its motions are discarded; any valid packet or line on
         /// either link ends it.
         link_timeout: Option<Duration> = None, range MS(1)..=S(3600),
@@ -121,27 +114,9 @@ settings! {
         /// Meaning of the letters Y and Z there.
         ascii_letters: AsciiLetters = AsciiLetters::Table,
             documented "article, table of letters; its picture says otherwise";
-        /// Lets a line there discard the motions that run and wait.
+        /// Discards the motions that run and wait when a line arrives there.
         ascii_preempt: bool = true,
             assumed "its lines do not say";
-        /// Takes small letters for commands, too.
-        ascii_lower_case: bool = false,
-            assumed "the article writes capitals";
-        /// Reading of a number there.
-        ascii_numbers: AsciiNumbers = AsciiNumbers::Strict,
-            assumed "what is no number is a mistake that should be seen";
-        /// Places where spaces and carriage returns are skipped.
-        ascii_spaces: AsciiSpaces = AsciiSpaces::Anywhere,
-            assumed "the article's example has a space before the end of the line";
-        /// Counts a line with nothing on it as a bad line.
-        ascii_blank_is_bad: bool = false,
-            assumed "\"\\r\\n\\n\" and the like come from many programs";
-        /// The longest line there, without its end.
-        ascii_line_length: u32 = 32, range 2..=1024,
-            assumed "four times the longest command";
-        /// Meaning of a number beyond −32768 to 32768.
-        ascii_out_of_range: AsciiOutOfRange = AsciiOutOfRange::Ignore,
-            assumed "the article gives the range, not what happens beyond it";
         /// The sign of V in a report line.
         ascii_speed_sign: AsciiSpeedSign = AsciiSpeedSign::Motion,
             assumed "the article names a speed, and motions have a sign";
@@ -169,17 +144,8 @@ settings! {
         /// Keeps the number of a tag in `rfid` after it has left the reader.
         rfid_hold: bool = false,
             assumed "the article does not say how long it stands";
-        /// Time over which the speed of a wheel is measured.
-        speed_window: Duration = MS(200), range MS(1)..=S(60),
-            assumed "ten pulses at full speed";
-        /// Time without a pulse after which a wheel counts as standing.
-        speed_timeout: Duration = S(1), range MS(1)..=S(60),
-            assumed "one pulse a second is 1 rpm";
-        /// The shortest distance that an ultrasonic sensor gives; nearer things read so too.
-        ultrasonic_nearest: f64 = 0.02, unit "m", range 0.0..=65.0,
-            assumed "common sensors begin at 20 mm";
         /// The longest distance that an ultrasonic sensor gives.
-        ultrasonic_farthest: f64 = 4.5, unit "m", range 0.0..=65.0,
+        ultrasonic_farthest: f64 = 4.5, unit "m", range 0.02..=65.0,
             assumed "common sensors end at 4500 mm";
         /// Reading of an ultrasonic sensor without an echo.
         ultrasonic_no_echo: NoEcho = NoEcho::Farthest,
@@ -216,18 +182,18 @@ settings! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim_settings::Settings;
+    use rigsim_settings::Settings;
 
     #[test]
     fn every_default_is_allowed_and_reads_back() {
-        let text = sim_settings::show_toml(&MecanumFirmwareSettings::default());
+        let text = rigsim_settings::show_toml(&MecanumFirmwareSettings::default());
         let mut read = MecanumFirmwareSettings {
             baud: 9600,
             wiring: Wiring::X_Y_Z_E0,
             link_timeout: Some(S(1)),
             ..MecanumFirmwareSettings::default()
         };
-        sim_settings::load_toml(&text, "defaults", &mut read).unwrap();
+        rigsim_settings::load_toml(&text, "defaults", &mut read).unwrap();
         assert_eq!(read, MecanumFirmwareSettings::default());
     }
 
@@ -235,7 +201,7 @@ mod tests {
     fn the_documentation_names_every_setting_and_every_other_choice() {
         let page = include_str!("../../docs/mecanum.md");
         let mut missing = Vec::new();
-        let mut look = |entry: sim_settings::Entry| {
+        let mut look = |entry: rigsim_settings::Entry| {
             let group = entry.key.rsplit_once('.').map(|(group, _)| group);
             let named = page.contains(&format!("`{}`", entry.key))
                 || page.contains(&format!("`{} = ", entry.key))
@@ -257,7 +223,7 @@ mod tests {
             }
         };
         let firmware = MecanumFirmwareSettings::default().entries();
-        let plant = sim_physics::MecanumPlantSettings::default().entries();
+        let plant = rigsim_physics::MecanumPlantSettings::default().entries();
         firmware.into_iter().chain(plant).for_each(&mut look);
         assert_eq!(missing, [] as [&str; 0]);
     }

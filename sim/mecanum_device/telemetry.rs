@@ -1,7 +1,7 @@
 //! Messages of the board to its clients: the status packet and the report line.
 
-use sim_physics::mecanum::Wheel;
-use sim_settings::SimTime;
+use rigsim_physics::mecanum::Wheel;
+use rigsim_settings::SimTime;
 
 use super::ascii::Report;
 use super::motion::whole;
@@ -10,7 +10,10 @@ use super::settings::{
     AsciiMileage, AsciiSpeedSign, HeadingRange, MagnBits, MotorState, NoEcho, Overflow, StatusSeq,
     VelocityFrame,
 };
-use super::{Link, MOST_OUTPUTS, MecanumDevice, MecanumEvent, keep};
+use super::{Link, MecanumDevice, MecanumEvent};
+
+/// The shortest distance that an ultrasonic sensor gives, m: common ones begin at 20 mm.
+const ULTRASONIC_NEAREST: f64 = 0.02;
 
 impl MecanumDevice {
     /// Begins to send what is sent periodically.
@@ -24,12 +27,12 @@ impl MecanumDevice {
     /// Sends what is due by `now`.
     pub(super) fn send_due(&mut self, now: SimTime) {
         if let Some(due) = self.status_due.filter(|due| *due <= now) {
-            let period = self.settings.status_period + self.slowness();
+            let period = self.settings.status_period + self.shell.slowness();
             self.status_due = Some(due + period);
             self.send_status(now);
         }
         if let Some(due) = self.report_due.filter(|due| *due <= now) {
-            let period = self.settings.ros_report_period + self.slowness();
+            let period = self.settings.ros_report_period + self.shell.slowness();
             self.report_due = Some(due + period);
             self.send_report(now);
         }
@@ -41,13 +44,13 @@ impl MecanumDevice {
         self.seq = self.seq.wrapping_add(1);
         let order = self.settings.byte_order;
         let bytes = status.encode_in(order);
-        keep(&mut self.output, (Link::Main, bytes), MOST_OUTPUTS);
+        self.shell.send((Link::Main, bytes));
         self.event(now, MecanumEvent::Status(status, order));
     }
 
     pub(super) fn send_report(&mut self, now: SimTime) {
         let report = self.report(now);
-        keep(&mut self.output, (Link::Ros, report.encode()), MOST_OUTPUTS);
+        self.shell.send((Link::Ros, report.encode()));
         self.event(now, MecanumEvent::Report(report));
     }
 
@@ -81,7 +84,10 @@ impl MecanumDevice {
             infra: u8::from(measured.obstacle_ahead),
             ut_f: [f0, f1, f2, f3],
             ut_b: [b0, b1, b2, b3],
-            moto_state: self.stuck_status.unwrap_or_else(|| self.motor_state(now)),
+            moto_state: self
+                .shell
+                .stuck_status
+                .unwrap_or_else(|| self.motor_state(now)),
             mile: self.unsigned(odometry.mileage_m() * 1000.0),
         }
     }
@@ -151,7 +157,7 @@ impl MecanumDevice {
                 NoEcho::Max => u16::MAX,
             };
         };
-        clamp_u16(echo.max(self.settings.ultrasonic_nearest) * 1000.0)
+        clamp_u16(echo.max(ULTRASONIC_NEAREST) * 1000.0)
     }
 
     fn signed(&self, value: f64) -> i16 {

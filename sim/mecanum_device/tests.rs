@@ -1,5 +1,5 @@
 //! The board against the article. The car here is ideal: its wheels follow the pins at once and
-//! never slip, so that every number can be told where it comes from.
+//! never slip, so that the source of every number is known.
 
 mod choices;
 mod movements;
@@ -10,12 +10,13 @@ mod robustness;
 mod ros;
 mod status;
 
+use crate::firmware::Firmware as _;
 use std::time::Duration;
 
-use sim_physics::mecanum::{MecanumMeasurements, WHEELS, Wheel, Wiring};
-use sim_settings::SimTime;
+use rigsim_physics::mecanum::{MecanumMeasurements, WHEELS, Wheel, Wiring};
+use rigsim_settings::SimTime;
 
-use super::codec::Packet;
+use super::codec;
 use super::packet::{Request, Status};
 use super::settings::{MecanumFirmwareSettings, PulseDirection};
 use super::{Link, MecanumDevice, MecanumEvent};
@@ -81,7 +82,7 @@ impl Bench {
         }
     }
 
-    /// Lets the car run up to and including `at`.
+    /// Runs the car up to and including `at`.
     fn until(&mut self, at: SimTime) {
         while self.now < at {
             let next = self.now.next_multiple(TICK).min(at);
@@ -168,7 +169,7 @@ impl Bench {
         let packets = self.output(Link::Main);
         packets
             .iter()
-            .map(|bytes| Status::parse(bytes).unwrap())
+            .map(|bytes| codec::parse::<Status>(bytes).unwrap())
             .collect()
     }
 

@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use sim_settings::show_duration;
+use rigsim_settings::show_duration;
 
 use crate::event::{Code, EventKind, Hex, Level, Role, code};
-use crate::r150_device::codec::Decoded;
+use crate::message::{Message, MessageInfo};
+use crate::r150_device::codec::{self, Decoded};
 use crate::r150_device::command::{Refusal, name};
 use crate::r150_device::control::Parts;
 use crate::r150_device::group::Cause;
@@ -31,35 +32,35 @@ crate::codes! {
     /// Motor commands came faster than they can be answered.
     OVER_RATE = "over_rate", ClientUnlessHeldBack;
     /// A command was refused because the app holds control.
-    APP_IN_CONTROL = "app_in_control", Nobody;
+    APP_IN_CONTROL = "app_in_control", NoParty;
     /// A motor command does not move the vehicle.
-    NOT_DRIVING = "not_driving", Nobody;
-    /// The motor watchdog stopped the motors; held against the client if the vehicle was driving.
+    NOT_DRIVING = "not_driving", NoParty;
+    /// The motor watchdog stopped the motors; attributed to the client if the vehicle was driving.
     WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbedOrLate;
     /// The client took control.
-    CONTROL_TAKEN = "control_taken", Nobody;
+    CONTROL_TAKEN = "control_taken", NoParty;
     /// The heartbeat stopped.
     HEARTBEAT_LOST = "heartbeat_lost", ClientUnlessDisturbedOrLate;
     /// A protection switched outputs off for their current.
-    OVERCURRENT = "overcurrent", Nobody;
+    OVERCURRENT = "overcurrent", NoParty;
     /// A protection switched outputs off for their temperature.
-    OVER_TEMPERATURE = "over_temperature", Nobody;
+    OVER_TEMPERATURE = "over_temperature", NoParty;
     /// Outputs may be switched on again.
-    TRIP_CLEARED = "trip_cleared", Nobody;
+    TRIP_CLEARED = "trip_cleared", NoParty;
     /// Outputs have cooled down.
-    COOLED = "cooled", Nobody;
+    COOLED = "cooled", NoParty;
     /// The power module reports a fault.
-    POWER_MODULE_FAULT = "power_module_fault", Nobody;
+    POWER_MODULE_FAULT = "power_module_fault", NoParty;
     /// It no longer does.
-    POWER_MODULE_RECOVERED = "power_module_recovered", Nobody;
+    POWER_MODULE_RECOVERED = "power_module_recovered", NoParty;
     /// Too many replies waited.
-    REPLY_DROPPED = "reply_dropped", Nobody;
+    REPLY_DROPPED = "reply_dropped", NoParty;
     /// A fuse blew.
-    FUSE_BLOWN = "fuse_blown", Nobody;
+    FUSE_BLOWN = "fuse_blown", NoParty;
     /// A motor driver allows less current, or none, because of heat.
-    MOTOR_HOT = "motor_hot", Nobody;
+    MOTOR_HOT = "motor_hot", NoParty;
     /// It allows as much as ever.
-    MOTOR_COOLED = "motor_cooled", Nobody;
+    MOTOR_COOLED = "motor_cooled", NoParty;
 }
 
 impl EventKind for R150Event {
@@ -142,9 +143,18 @@ impl EventKind for R150Event {
         }
     }
 
-    fn blames_client(&self) -> bool {
+    fn message(&self) -> Option<(&'static MessageInfo, Cow<'_, [u8]>)> {
+        let (info, frame) = match self {
+            Self::Request { request, frame } => (request.info(), frame),
+            Self::Reply { reply, frame } => (reply.info(), frame),
+            _ => return None,
+        };
+        Some((info, codec::parameters(frame)?.into()))
+    }
+
+    fn is_client_error(&self) -> bool {
         let idle = matches!(self, Self::WatchdogFired { driving: false, .. });
-        self.code().may_blame_client() && !idle
+        self.code().may_be_client_error() && !idle
     }
 }
 

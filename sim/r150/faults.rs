@@ -1,301 +1,225 @@
-//! Faults of an R150: its hardware, and what people do to it at the worst time.
+//! Faults that only an R150 has, and what all faults together make of its hardware.
 
-use sim_physics::faults::MotorFaults;
-use sim_physics::r150::{FuseId, Load, R150Faults, R150Plant, Side, Sides};
-use sim_settings::SimTime;
+use std::time::Duration;
 
-use super::{R150, actions};
-use crate::device::{Breakable, Change, EffectHandle};
-use crate::fault::parameters::{Motors, RailName};
-use crate::fault::{ElectricalFault, Fault, FaultKind, MechanicalFault, MotorState, OperatorFault};
+use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::r150::{FuseId, Load, Pair, R150Faults, R150Plant, Rail, Side, Sides};
+use rigsim_settings::{Percent, Power, Resistance, SimTime, Span, Temperature, Voltage};
+
+use super::R150;
+use crate::device::parameters::{Motors, Scope};
+use crate::device::{
+    Begin, Declared, Device, Effect, EffectError, MotorState, OnHardware, Sum, Tally, Work,
+};
+use crate::effect::{Changed, Frames, defaults};
+use crate::message::Message;
 use crate::noise::Noise;
 use crate::r150_device::can::CanFailure;
-use crate::r150_device::command;
+use crate::r150_device::command::{self, Request};
 
 /// Drag on the wheels of a side unless given, N·m.
 const USUAL_DRAG: f64 = 100.0;
 /// Slower than this wheels stand, rad/s.
 const STANDING: f64 = 0.01;
 
-/// Checks that an R150 can have a fault with these parameters.
-pub(super) fn check(fault: &Fault) -> Result<(), String> {
-    if let Some(command) = fault.scope.command
+/// Checks that an R150 has such a target.
+pub(super) fn check_scope(scope: &Scope) -> Result<(), String> {
+    if let Some(command) = scope.command
         && command::name(command).is_none()
     {
-        let known = command::COMMANDS.map(|(known, _)| format!("0x{known:02X}"));
-        let known = known.join(", ");
+        let known = Request::INFOS
+            .iter()
+            .map(|info| format!("0x{:02X}", info.id));
+        let known = known.collect::<Vec<_>>().join(", ");
         return Err(format!(
             "`command`: the R150 has no command 0x{command:02X}; it has {known}"
         ));
     }
-    if let Some(motors) = fault.scope.motors.filter(|motors| motors.is_wheel()) {
+    if let Some(motors) = scope.motors.filter(|motors| motors.is_wheel()) {
         return Err(format!(
             "`motors`: the wheels of one side of an R150 are geared together; \"{motors}\" must \
              be \"left\", \"right\" or \"all\""
         ));
     }
-    if let FaultKind::Electrical(ElectricalFault::RailLoad {
-        power,
-        resistance,
-        current,
-        ..
-    }) = &fault.kind
-    {
-        let given = [power.is_some(), resistance.is_some(), current.is_some()];
-        if given.iter().filter(|given| **given).count() != 1 {
-            return Err("`rail-load` takes one of `power`, `resistance` and `current`".to_owned());
-        }
-    }
-    if let FaultKind::Operator(OperatorFault::AppTakesControl {
-        power: false,
-        pwm: false,
-    }) = fault.kind
-    {
-        return Err("`app-takes-control` takes power, PWM or both".to_owned());
-    }
     Ok(())
 }
 
-/// The faults that are armed on one vehicle.
-#[derive(Debug, Default)]
-pub(super) struct Faults {
-    armed: Vec<Armed>,
-    layer: Layer,
+crate::faults! {
+    /// Replies, supply, outputs, fuses and cables of an R150.
+    pub enum R150Fault {
+        /// Replies have a wrong CRC.
+        BadCrc = "bad-crc", Protocol,
+        sees "A reply that it must discard.",
+        counts "The CRC of a reply was changed.",
+        {}
+        only "Only replies to this command; default all."
+        chance "Probability for each reply; default 1." "defaults::always"
+        most "Maximum number of hits; default no limit."
+        /// Another load is connected to an output. Give its power or its resistance.
+        RailLoad = "rail-load", Electrical,
+        sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
+        counts "The output was on.",
+        {
+            /// Output.
+            rail: Rail,
+            /// Power that it draws.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            power: Option<Power>,
+            /// Resistance of the load.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            resistance: Option<Resistance>,
+        }
+        /// An output is shorted.
+        RailShort = "rail-short", Electrical,
+        sees "The output trips within a millisecond and `sysStatus` says so; 0x02 may answer false.",
+        counts "The output was on.",
+        {
+            /// Output.
+            rail: Rail,
+        }
+        /// The supply sags.
+        SupplySag = "supply-sag", Electrical,
+        sees "A lower `voltage_48v` and speed; under 39 V the power module fault and all outputs off.",
+        counts "The supply was lower by 0.1 V or more.",
+        {
+            /// Voltage drop at any current; default 10 V.
+            #[serde(default = "defaults::sag")]
+            by: Voltage,
+            /// Further resistance in series, up to 10 ohm; default none.
+            #[serde(default = "defaults::no_resistance")]
+            resistance: Resistance,
+        }
+        /// A pair of 12 V outputs gets hot.
+        OverTemperature = "over-temperature", Electrical,
+        sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
+        counts "The sensor read more than without the fault.",
+        {
+            /// Pair of outputs.
+            pair: Pair,
+            /// Minimum temperature; default 95 °C.
+            #[serde(default = "defaults::hot")]
+            temperature: Temperature,
+        }
+        /// The power module is faulty.
+        PowerModuleFault = "power-module-fault", Electrical,
+        sees "Bit 6 of `sysStatus`, and all outputs off.",
+        counts "The module was powered.",
+        {}
+        /// The battery suddenly has less charge, as with a bad cell; at the end the charge returns.
+        ChargeDrop = "charge-drop", Electrical,
+        sees "`soc` falls at once, and the voltage with it.",
+        counts "The battery had charge.",
+        {
+            /// Part of the full charge that is lost; default 50 %.
+            #[serde(default = "defaults::half")]
+            by: Percent,
+        }
+        /// A fuse is blown; it is replaced at the end.
+        FuseBlown = "fuse-blown", Electrical,
+        sees "A side that the other side drags along; without the tail supply, a silent module.",
+        counts "Current would have flowed through it.",
+        {
+            /// Fuse.
+            fuse: FuseId,
+        }
+        /// The CAN from the module to the vehicle's controller fails. The module does not notice.
+        CanFailing = "can-failing", Electrical,
+        sees "Normal replies, but speeds that do not follow commands, or follow late; after some time 0.",
+        counts "The vehicle had received another command than the module sent.",
+        {
+            /// Delay of commands to the vehicle; default they never arrive.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            delay: Option<Span>,
+        }
+        /// The cables of the two sides, motors and encoders, are swapped.
+        SidesSwapped = "sides-swapped", Mechanical,
+        sees "Left turns become right turns, although the reported speeds are as expected.",
+        counts "The sides were driven differently.",
+        {}
+        /// Interference disturbs encoders.
+        EncoderNoisy = "encoder-noisy", Mechanical,
+        sees "Speeds that jump.",
+        counts "A reading was disturbed.",
+        motors "Motors."
+        {
+            /// Spread of the readings, in r/min of the motor; default 50.
+            #[serde(default = "defaults::spread")]
+            spread_rpm: u16,
+        }
+    }
 }
 
-#[derive(Debug)]
-struct Armed {
-    handle: EffectHandle,
-    fault: Fault,
+impl Effect for R150Fault {
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::RailLoad {
+                power, resistance, ..
+            } if power.is_some() == resistance.is_some() => {
+                Err("`rail-load` takes one of `power` and `resistance`".to_owned())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn begin(&self, at: &mut Begin<'_>) -> Result<Work, EffectError> {
+        Ok(match self {
+            Self::BadCrc { .. } => Work::Frames(Box::new(Frames::new(
+                at,
+                self.scope(),
+                |_, mut frame, _| {
+                    if let Some(last) = frame.last_mut() {
+                        *last ^= 0xFF;
+                    }
+                    Changed::To(vec![(Duration::ZERO, frame)])
+                },
+            ))),
+            _ => Work::Hardware(Box::new(AtWork {
+                kind: self.clone(),
+                noise: (at.stream)("device"),
+                errors: Sides::default(),
+            })),
+        })
+    }
+}
+
+/// A fault of the hardware at work.
+struct AtWork {
+    kind: R150Fault,
     noise: Noise,
     /// Error that interference adds to the encoders now, r/min.
-    errors: [f64; 2],
+    errors: Sides<f64>,
 }
 
-impl Breakable for R150 {
-    fn arm(&mut self, handle: EffectHandle, fault: &Fault, noise: Noise) {
-        self.faults.armed.push(Armed {
-            handle,
-            fault: fault.clone(),
-            noise,
-            errors: [0.0; 2],
-        });
-    }
-
-    fn disarm(&mut self, handle: EffectHandle) {
-        self.faults.armed.retain(|armed| armed.handle != handle);
-    }
-
-    fn apply_faults(&mut self, now: SimTime) {
-        let armed = &self.faults.armed;
-        let errors = armed.iter().fold([0.0; 2], |sum: [f64; 2], own| {
-            [sum[0] + own.errors[0], sum[1] + own.errors[1]]
-        });
-        let layer = Layer::of(armed.iter().map(|armed| &armed.fault), errors);
-        layer.apply(&self.faults.layer, &mut self.plant);
-        self.device.set_can_failure(now, layer.can);
-        self.faults.layer = layer;
-    }
-
-    fn be_operated(&mut self, now: SimTime, fault: &OperatorFault) -> Vec<Change> {
-        actions::at_the_worst_time(self, now, fault)
-    }
-
-    fn interfere(&mut self, _seconds: f64, acted: &mut dyn FnMut(EffectHandle, String)) {
-        let mut errors = [0.0; 2];
-        for own in &mut self.faults.armed {
-            let FaultKind::Mechanical(MechanicalFault::EncoderNoisy { spread_rpm, .. }) =
-                own.fault.kind
-            else {
-                continue;
-            };
-            for (index, side) in Side::BOTH.into_iter().enumerate() {
-                let error = own.noise.normal() * f64::from(spread_rpm);
-                if is_about(own.fault.scope.motors, side) {
-                    own.errors[index] = error;
-                    errors[index] += error;
-                }
-            }
-            if own.errors != [0.0; 2] {
-                acted(own.handle, own.fault.in_words());
-            }
-        }
-        if self.faults.layer.set_errors(errors) {
-            self.plant.set_encoder_error(errors.into());
-        }
-    }
-
-    fn acts(&self, _handle: EffectHandle, fault: &Fault) -> bool {
-        let plant = &self.plant;
-        let commands = plant.commands();
-        match &fault.kind {
-            FaultKind::Electrical(kind) => self.acts_on_supply(kind),
-            FaultKind::Mechanical(MechanicalFault::SidesSwapped {}) => {
-                (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
-            }
-            FaultKind::Mechanical(kind) => {
-                let truth = plant.truth();
-                Side::BOTH.into_iter().any(|side| {
-                    let state = MotorState {
-                        driven: is_driven(plant, side),
-                        turns: truth.wheel_speed[side].abs() > STANDING,
-                        repeats_wrongly: plant.encoder_lag(side).abs() > 1.0,
-                        braked: commands.parking_brake,
-                    };
-                    is_about(fault.scope.motors, side) && kind.acts_on(state)
-                })
-            }
-            FaultKind::Wire(_)
-            | FaultKind::Protocol(_)
-            | FaultKind::Firmware(_)
-            | FaultKind::Operator(_)
-            | FaultKind::Sensor(_) => false,
-        }
-    }
-
-    fn acted_on(&self, fault: &Fault) -> String {
-        let FaultKind::Electrical(kind) = &fault.kind else {
-            return fault.in_words();
+impl OnHardware for AtWork {
+    fn add(&self, sum: &mut Sum) {
+        let Some(Layer { whole, can, .. }) = sum.own_mut::<Layer>() else {
+            return;
         };
-        let measured = self.plant.measurements();
-        match kind {
-            ElectricalFault::RailLoad { rail, .. }
-            | ElectricalFault::RailShort { rail }
-            | ElectricalFault::RailOpen { rail } => {
-                let index = super::rail(*rail).index();
-                format!(
-                    "output {rail}: {:.2} A at {:.2} V",
-                    measured.rail_current[index], measured.rail_voltage[index]
-                )
-            }
-            ElectricalFault::SupplySag { .. }
-            | ElectricalFault::BatteryEmpty {}
-            | ElectricalFault::ChargeDrop { .. } => {
-                let truth = self.truth();
-                let charge = truth.soc * 100.0;
-                format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
-            }
-            ElectricalFault::OverTemperature { pair, .. } => {
-                let celsius = measured.temperature[*pair as usize];
-                format!("converter {pair}: {celsius:.1} degC")
-            }
-            ElectricalFault::FuseBlown { fuse } => format!("fuse {fuse}"),
-            ElectricalFault::PowerModuleFault {}
-            | ElectricalFault::CanFailing { .. }
-            | ElectricalFault::SupplyLost {} => fault.in_words(),
-        }
-    }
-}
-
-/// Tells whether a fault of these motors is about this side; one of none is about both.
-fn is_about(motors: Option<Motors>, side: Side) -> bool {
-    match motors.unwrap_or(Motors::All) {
-        Motors::Left => side == Side::Left,
-        Motors::Right => side == Side::Right,
-        Motors::All => true,
-        // A car's.
-        Motors::LeftFront | Motors::RightFront | Motors::LeftRear | Motors::RightRear => false,
-    }
-}
-
-/// What an output should have, V.
-fn nominal_voltage(rail: RailName) -> f64 {
-    match rail {
-        RailName::V48 => 48.0,
-        RailName::V5 => 5.0,
-        RailName::V12A | RailName::V12B | RailName::V12C | RailName::V12D => 12.0,
-    }
-}
-
-/// Sum of the effects of all armed faults on one vehicle.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Layer {
-    sides: Sides<MotorFaults>,
-    whole: R150Faults,
-    can: Option<CanFailure>,
-}
-
-impl Layer {
-    /// `errors` is what interference adds to the encoders, right then left, rpm.
-    fn of<'f>(faults: impl Iterator<Item = &'f Fault>, errors: [f64; 2]) -> Self {
-        let mut layer = Self::default();
-        for fault in faults {
-            match &fault.kind {
-                FaultKind::Electrical(kind) => layer.add(kind),
-                FaultKind::Mechanical(kind) => {
-                    for side in Side::BOTH {
-                        if is_about(fault.scope.motors, side) {
-                            kind.add_to_motor(&mut layer.sides[side], USUAL_DRAG);
-                        }
-                    }
-                    if let MechanicalFault::SidesSwapped {} = kind {
-                        layer.whole.sides_swapped = !layer.whole.sides_swapped;
-                    }
-                }
-                FaultKind::Wire(_)
-                | FaultKind::Protocol(_)
-                | FaultKind::Firmware(_)
-                | FaultKind::Operator(_)
-                | FaultKind::Sensor(_) => {}
-            }
-        }
-        layer.whole.encoder_error = Sides::from(errors);
-        layer
-    }
-
-    /// Interference goes on; says whether that is news.
-    fn set_errors(&mut self, errors: [f64; 2]) -> bool {
-        let errors = Sides::from(errors);
-        errors != std::mem::replace(&mut self.whole.encoder_error, errors)
-    }
-
-    /// Puts this in the place of what was there `before`, and touches nothing else.
-    fn apply(&self, before: &Self, plant: &mut R150Plant) {
-        for side in Side::BOTH {
-            if self.sides[side] != before.sides[side] {
-                plant.set_side_faults(side, self.sides[side]);
-            }
-        }
-        if self.whole != before.whole {
-            plant.set_faults(&self.whole);
-        }
-    }
-
-    /// Adds what a fault of its supply and outputs does to the vehicle.
-    fn add(&mut self, fault: &ElectricalFault) {
-        let whole = &mut self.whole;
-        match fault {
-            ElectricalFault::RailLoad {
+        match &self.kind {
+            R150Fault::BadCrc { .. } => {}
+            R150Fault::RailLoad {
                 rail,
                 power,
                 resistance,
-                current,
             } => {
                 let resistance = resistance.map(|resistance| Load::Resistance(resistance.0));
-                let power = power.map(|power| power.0);
-                let power = power.or(current.map(|current| current.0 * nominal_voltage(*rail)));
-                whole.loads[super::rail(*rail).index()] = resistance.or(power.map(Load::Power));
+                let power = power.map(|power| Load::Power(power.0));
+                whole.loads[rail.index()] = resistance.or(power);
             }
-            ElectricalFault::RailShort { rail } => {
-                whole.loads[super::rail(*rail).index()] = Some(Load::Short)
-            }
-            ElectricalFault::RailOpen { rail } => {
-                whole.loads[super::rail(*rail).index()] = Some(Load::Open)
-            }
-            ElectricalFault::SupplySag { by, resistance } => {
+            R150Fault::RailShort { rail } => whole.loads[rail.index()] = Some(Load::Short),
+            R150Fault::SupplySag { by, resistance } => {
                 whole.supply_drop += by.0;
                 whole.supply_resistance += resistance.0;
             }
-            ElectricalFault::OverTemperature { pair, temperature } => {
-                let least = &mut whole.temperature[*pair as usize];
+            R150Fault::OverTemperature { pair, temperature } => {
+                let least = &mut whole.temperature[pair.index()];
                 *least = Some(least.map_or(temperature.0, |least| least.max(temperature.0)));
             }
-            ElectricalFault::PowerModuleFault {} => whole.power_module = true,
-            ElectricalFault::BatteryEmpty {} => whole.missing_charge = 1.0,
-            ElectricalFault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
-            ElectricalFault::FuseBlown { fuse } => whole.fuses_out[*fuse as usize] = true,
-            ElectricalFault::CanFailing { delay } => {
-                self.can = Some(match (self.can, delay) {
+            R150Fault::PowerModuleFault {} => whole.power_module = true,
+            R150Fault::ChargeDrop { by } => whole.missing_charge += by.0 / 100.0,
+            R150Fault::FuseBlown { fuse } => whole.fuses_out[fuse.index()] = true,
+            R150Fault::CanFailing { delay } => {
+                *can = Some(match (*can, delay) {
                     (Some(CanFailure::Cut), _) | (_, None) => CanFailure::Cut,
                     (None, Some(delay)) => CanFailure::Late(delay.0),
                     (Some(CanFailure::Late(before)), Some(delay)) => {
@@ -303,43 +227,147 @@ impl Layer {
                     }
                 });
             }
-            // A car's.
-            ElectricalFault::SupplyLost {} => {}
+            R150Fault::SidesSwapped {} => whole.sides_swapped = !whole.sides_swapped,
+            R150Fault::EncoderNoisy { .. } => {
+                for side in Side::BOTH {
+                    whole.encoder_error[side] += self.errors[side];
+                }
+            }
         }
     }
-}
 
-impl R150 {
-    fn acts_on_supply(&self, fault: &ElectricalFault) -> bool {
-        let plant = &self.plant;
-        let powered = plant.measurements().module_powered;
-        match fault {
-            ElectricalFault::RailLoad { rail, .. }
-            | ElectricalFault::RailShort { rail }
-            | ElectricalFault::RailOpen { rail } => {
-                powered && plant.commands().rail_on[super::rail(*rail).index()]
+    fn watch(&mut self, device: &dyn Device, tally: &mut Tally) {
+        let Some(r150) = device.get::<R150>() else {
+            return;
+        };
+        let plant = &r150.plant;
+        let (measured, commands) = (plant.measurements(), plant.commands());
+        let powered = measured.module_powered;
+        let acts = match &self.kind {
+            R150Fault::RailLoad { rail, .. } | R150Fault::RailShort { rail } => {
+                powered && commands.rail_on[rail.index()]
             }
-            ElectricalFault::SupplySag { by, resistance } => {
+            R150Fault::SupplySag { by, resistance } => {
                 by.0 + resistance.0 * plant.truth().battery_current.abs() >= 0.1
             }
-            ElectricalFault::OverTemperature { pair, temperature } => {
-                powered && temperature.0 > plant.own_temperature()[*pair as usize]
+            R150Fault::OverTemperature { pair, temperature } => {
+                powered && temperature.0 > plant.own_temperature()[pair.index()]
             }
-            ElectricalFault::PowerModuleFault {} => powered,
-            ElectricalFault::BatteryEmpty {} | ElectricalFault::ChargeDrop { .. } => {
-                plant.own_soc() > 0.0
-            }
-            ElectricalFault::FuseBlown { fuse } => match FuseId::ALL[*fuse as usize] {
+            R150Fault::PowerModuleFault {} => powered,
+            R150Fault::ChargeDrop { .. } => plant.own_soc() > 0.0,
+            R150Fault::FuseBlown { fuse } => match fuse {
                 FuseId::MotorRight => is_driven(plant, Side::Right),
                 FuseId::MotorLeft => is_driven(plant, Side::Left),
                 FuseId::Tail | FuseId::SmallModules => true,
             },
-            ElectricalFault::CanFailing { .. } => {
-                self.device.heard_set_point() != self.device.motor_set_point()
+            R150Fault::CanFailing { .. } => {
+                r150.device.heard_set_point() != r150.device.motor_set_point()
             }
-            // A car's.
-            ElectricalFault::SupplyLost {} => false,
+            R150Fault::SidesSwapped {} => {
+                (commands.motor_duty.right - commands.motor_duty.left).abs() > 1e-6
+            }
+            // Frames are counted as they are sent, interference as it acts.
+            R150Fault::BadCrc { .. } | R150Fault::EncoderNoisy { .. } => return,
+        };
+        tally.hit_when(acts, || match &self.kind {
+            R150Fault::RailLoad { rail, .. } | R150Fault::RailShort { rail } => format!(
+                "output {rail}: {:.2} A at {:.2} V",
+                measured.rail_current[rail.index()],
+                measured.rail_voltage[rail.index()]
+            ),
+            R150Fault::SupplySag { .. } | R150Fault::ChargeDrop { .. } => {
+                let truth = plant.truth();
+                let charge = truth.soc * 100.0;
+                format!("{:.1} V, {charge:.1} % charge", truth.battery_voltage)
+            }
+            R150Fault::OverTemperature { pair, .. } => {
+                let celsius = measured.temperature[pair.index()];
+                format!("converter {pair}: {celsius:.1} degC")
+            }
+            R150Fault::FuseBlown { fuse } => format!("fuse {fuse}"),
+            other => other.info().counts.trim_end_matches('.').to_owned(),
+        });
+    }
+
+    fn interfere(&mut self, _device: &mut dyn Device, _seconds: f64, tally: &mut Tally) -> bool {
+        let R150Fault::EncoderNoisy { motors, spread_rpm } = self.kind else {
+            return false;
+        };
+        for side in Side::BOTH {
+            let error = self.noise.normal() * f64::from(spread_rpm);
+            if is_about(motors, side) {
+                self.errors[side] = error;
+            }
         }
+        if self.errors != Sides::default() {
+            tally.hit(|| format!("motors {motors}"));
+        }
+        true
+    }
+}
+
+/// Returns whether a fault of these motors is about this side.
+fn is_about(motors: Motors, side: Side) -> bool {
+    let [left, right, ..] = motors.wheels();
+    match side {
+        Side::Left => left,
+        Side::Right => right,
+    }
+}
+
+/// Sum of the faults at work that only an R150 has.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Layer {
+    sides: Sides<MotorFaults>,
+    whole: R150Faults,
+    can: Option<CanFailure>,
+}
+
+pub(super) fn no_faults() -> Sum {
+    Sum::new(USUAL_DRAG, Layer::default())
+}
+
+impl R150 {
+    /// Puts all faults in the place of those before, and touches nothing else.
+    pub(super) fn set_layer(&mut self, now: SimTime, sum: &Sum) {
+        let Some(own) = sum.own::<Layer>() else {
+            return;
+        };
+        let [left, right, ..] = sum.motors;
+        let layer = Layer {
+            sides: Sides { right, left },
+            ..own.clone()
+        };
+        let before = std::mem::replace(&mut self.faults, layer);
+        let (layer, plant) = (&self.faults, &mut self.plant);
+        for side in Side::BOTH {
+            if layer.sides[side] != before.sides[side] {
+                plant.set_side_faults(side, layer.sides[side]);
+            }
+        }
+        let encoder_error = layer.whole.encoder_error;
+        let but_for_errors = R150Faults {
+            encoder_error,
+            ..before.whole
+        };
+        if layer.whole != but_for_errors {
+            plant.set_faults(&layer.whole);
+        } else if encoder_error != before.whole.encoder_error {
+            plant.set_encoder_error(encoder_error);
+        }
+        self.device.set_can_failure(now, layer.can);
+    }
+
+    pub(super) fn motor_states(&self) -> [MotorState; 4] {
+        let plant = &self.plant;
+        let turning = plant.truth().wheel_speed;
+        let [right, left] = [Side::Right, Side::Left].map(|side| MotorState {
+            driven: is_driven(plant, side),
+            turns: turning[side].abs() > STANDING,
+            repeats_wrongly: plant.encoder_lag(side).abs() > 1.0,
+            braked: plant.commands().parking_brake,
+        });
+        [left, right, left, right]
     }
 }
 

@@ -1,8 +1,7 @@
 //! Frames of an R150, as far as faults spoil them.
 
-use crate::device::Framing;
-use crate::fault::resized;
-use crate::r150_device::codec::{self, OVERHEAD};
+use crate::device::{Framing, resized};
+use crate::r150_device::codec::{self, COMMAND_AT};
 use crate::r150_device::command::{Reply, code};
 
 /// Header, length, command, parameters, CRC.
@@ -11,12 +10,12 @@ pub(super) struct Frames;
 impl Framing for Frames {
     /// A setting may have the module answer with the command's highest bit set.
     fn is_command(&self, frame: &[u8], command: u8) -> bool {
-        let byte = frame.get(3);
+        let byte = frame.get(COMMAND_AT);
         byte.is_some_and(|byte| *byte == command || *byte == command | 0x80)
     }
 
     fn name(&self, frame: &[u8]) -> String {
-        match frame.get(3) {
+        match frame.get(COMMAND_AT) {
             Some(command) => format!("the reply to 0x{command:02X}"),
             None => "a frame".to_owned(),
         }
@@ -45,13 +44,12 @@ impl Framing for Frames {
     }
 
     fn unasked(&self) -> Vec<u8> {
-        let command = code::HEARTBEAT;
+        let command = code::Heartbeat;
         let success = true;
         Reply::Bool { command, success }.encode()
     }
 }
 
 fn parts(frame: &[u8]) -> Option<(u8, &[u8])> {
-    let end = frame.len().checked_sub(OVERHEAD)?;
-    Some((*frame.get(3)?, frame.get(4..4 + end)?))
+    Some((*frame.get(COMMAND_AT)?, codec::parameters(frame)?))
 }

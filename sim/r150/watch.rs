@@ -5,11 +5,11 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::sync::Arc;
 
-use sim_physics::r150::{FuseId, R150Health, Side};
-use sim_settings::SimTime;
+use rigsim_physics::r150::{FuseId, R150Health, Side};
+use rigsim_settings::SimTime;
 
 use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
-use crate::event::{Code, EventKind, Level, Role, Told};
+use crate::event::{Code, EventKind, Level, PlainEvent, Role};
 
 /// Something that happened to the hardware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,10 +77,10 @@ impl fmt::Display for HardwareEvent {
     }
 }
 
-/// Most events kept for whoever takes them.
+/// Most events kept until they are taken.
 const MOST: usize = 64;
 
-/// Tells what has changed in the hardware since the last look.
+/// Reports what has changed in the hardware since the last look.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     last: R150Health,
@@ -112,11 +112,11 @@ impl Watch {
             self.tell(now, event);
         }
         if state.tipping && !last.tipping {
-            self.tell(now, Told::tipping());
+            self.tell(now, PlainEvent::tipping());
         }
     }
 
-    pub(super) fn has_news(&self) -> bool {
+    pub(super) fn has_output(&self) -> bool {
         !self.events.is_empty()
     }
 

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 /// Way in which it fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,7 +61,7 @@ impl Can {
 
     /// The module says this now.
     pub fn follow(&mut self, now: SimTime, said: [i16; 2]) {
-        let news = said != std::mem::replace(&mut self.said, said);
+        let is_new = said != std::mem::replace(&mut self.said, said);
         match self.failure {
             None => self.heard = said,
             Some(CanFailure::Cut) => {
@@ -71,7 +71,7 @@ impl Can {
                 }
             }
             Some(CanFailure::Late(delay)) => {
-                if news {
+                if is_new {
                     self.under_way.push_back((now + delay, said));
                 }
                 while let Some((due, set_point)) = self.under_way.front().copied()

@@ -1,86 +1,268 @@
-//! The eight commands of the R150 IO module and their replies (manual section 4.3) as types, bytes
-//! and words.
+//! The commands of the R150 IO module and their replies (manual section 4.3), each declared once.
 //!
 //! All multi-byte fields are little-endian (manual section 4.1).
 
 use std::fmt;
 
-use super::codec;
-use super::system_info::SystemInfo;
+use rigsim_physics::r150::Rail;
+use serde::{Deserialize, Deserializer};
 
-/// Command bytes.
-pub mod code {
-    /// Power control, 电源控制 (4.3.1).
-    pub const POWER_CONTROL: u8 = 0x02;
-    /// Set the four PWM outputs, 四路 PWM 输出控制 (4.3.2).
-    pub const SET_PWM_OUTPUTS: u8 = 0x03;
-    /// Get the four PWM outputs' duty (4.3.3).
-    pub const GET_PWM_OUTPUTS: u8 = 0x04;
-    /// Get the four PWM inputs (4.3.4).
-    pub const GET_PWM_INPUTS: u8 = 0x05;
-    /// System info, 系统信息 (4.3.5).
-    pub const SYSTEM_INFO: u8 = 0x06;
-    /// Heartbeat, 心跳包 (4.3.6).
-    pub const HEARTBEAT: u8 = 0x07;
-    /// Version, 版本号 (4.3.7).
-    pub const VERSION: u8 = 0xF0;
-    /// Set motor PWM, 设置电机 PWM (4.3.8).
-    pub const SET_MOTORS: u8 = 0x12;
+use super::codec;
+use crate::message::{Fields, Message, MessageInfo};
+
+/// Declares the commands of the module with their replies.
+///
+/// Requests without fields take any parameters, as the manual writes them with `xx`. A command
+/// without a reply of its own is answered by success or failure.
+macro_rules! commands {
+    ($(
+        $(#[doc = $text:literal])+
+        $variant:ident = $id:literal $name:literal $(, $key:ident $value:literal)*
+        $({ $($fields:tt)* })?
+        $(->
+            $(#[doc = $reply_text:literal])+
+            $reply:ident $(, $reply_key:ident $reply_value:literal)* { $($reply_fields:tt)* }
+        )?;
+    )+) => {
+        crate::messages! {
+            /// Request of a client to the module.
+            pub enum Request, Client, link 0 { $(
+                $(#[doc = $text])+
+                $variant = $id $name $(, $key $value)* $({ $($fields)* })?;
+            )+ }
+        }
+
+        $($( crate::messages! {
+            $(#[doc = $reply_text])+
+            pub struct $reply = $id $name, Device, link 0 $(, $reply_key $reply_value)* {
+                $($reply_fields)*
+            }
+        } )?)+
+
+        /// Reply of the module.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[non_exhaustive]
+        pub enum Reply {
+            /// To every command that has no reply of its own, and to those that are refused.
+            Bool {
+                /// The command answered.
+                command: u8,
+                /// 1 success, 0 failure.
+                success: bool,
+            },
+            $($( #[doc = concat!("To ", $name, ".")] $reply($reply), )?)+
+        }
+
+        /// Replies by command.
+        pub static REPLIES: &[MessageInfo] = &[$( commands!(@reply $id $name $(, $reply)?) ),+];
+
+        /// Command bytes.
+        #[expect(non_upper_case_globals, reason = "they are named as their commands")]
+        pub mod code { $(
+            #[doc = concat!("Byte of ", $name, ".")]
+            pub const $variant: u8 = $id;
+        )+ }
+
+        impl Reply {
+            /// The command byte, that of the request.
+            #[must_use]
+            pub fn command(&self) -> u8 {
+                match self {
+                    Self::Bool { command, .. } => *command,
+                    $($( Self::$reply(_) => commands!(@id $id $reply), )?)+
+                }
+            }
+
+            /// The parameter bytes.
+            #[must_use]
+            pub fn parameters(&self) -> Vec<u8> {
+                match self {
+                    Self::Bool { success, .. } => Success { success: *success }.payload(),
+                    $($( Self::$reply(reply) => reply.payload(), )?)+
+                }
+            }
+
+            fn read(command: u8, parameters: &mut &[u8]) -> Option<Self> {
+                match command {
+                    $($( commands!(@id $id $reply) => {
+                        Some(Self::$reply($reply::take(command, parameters)?))
+                    } )?)+
+                    _ => {
+                        let Success { success } = Success::take(command, parameters)?;
+                        Some(Self::Bool { command, success })
+                    }
+                }
+            }
+        }
+    };
+    (@reply $id:literal $name:literal) => {
+        MessageInfo { id: $id, name: $name, ..SUCCESS }
+    };
+    (@reply $id:literal $name:literal, $reply:ident) => {
+        <$reply as Message>::INFOS[0]
+    };
+    (@id $id:literal $reply:ident) => { $id };
 }
 
-/// All command bytes and their names, as events and documentation use them.
-pub const COMMANDS: [(u8, &str); 8] = [
-    (code::POWER_CONTROL, "power_control"),
-    (code::SET_PWM_OUTPUTS, "set_pwm_outputs"),
-    (code::GET_PWM_OUTPUTS, "get_pwm_outputs"),
-    (code::GET_PWM_INPUTS, "get_pwm_inputs"),
-    (code::SYSTEM_INFO, "system_info"),
-    (code::HEARTBEAT, "heartbeat"),
-    (code::VERSION, "version"),
-    (code::SET_MOTORS, "set_motors"),
-];
+crate::messages! {
+    /// Success or failure of a command.
+    pub struct Success = 0 "success", Device, link 0 {
+        /// Success; failure otherwise.
+        success: bool, flags &["reported.success"];
+    }
+}
+
+const SUCCESS: MessageInfo = Success::INFOS[0];
+
+/// Rails by their bits (4.3.1); the other bits are reserved.
+const RAILS: &[&str] = &["12v-a", "12v-b", "12v-c", "12v-d", "48v", "5v"];
+/// Outputs by their bits.
+const OUTPUTS: &[&str] = &["a", "b", "c", "d"];
+/// Who controls outputs.
+const MODES: &[&str] = &["rs232", "app"];
+
+commands! {
+    /// Switches these rails on and the others off, 电源控制 (4.3.1).
+    PowerControl = 0x02 "power_control" {
+        /// Rails to switch on; the others go off. The manual names the field status.
+        #[serde(deserialize_with = "rails")]
+        #[schemars(with = "Vec<Rail>")]
+        on: u32, bits RAILS, flags &[
+            "client.asked_v12a", "client.asked_v12b", "client.asked_v12c", "client.asked_v12d",
+            "client.asked_v48", "client.asked_v5",
+        ];
+    };
+
+    /// Sets the four PWM outputs, 四路 PWM 输出控制 (4.3.2).
+    SetPwmOutputs = 0x03 "set_pwm_outputs" {
+        /// Duty of A–D, 0–1000.
+        duty: [u16; 4], unit "0.1 %",
+            named &["client.pwm_a", "client.pwm_b", "client.pwm_c", "client.pwm_d"];
+    };
+
+    /// Asks for the duty of the four PWM outputs (4.3.3).
+    GetPwmOutputs = 0x04 "get_pwm_outputs" ->
+    /// Duty of the four PWM outputs (4.3.3).
+    PwmOutputs {
+        /// Duty of A–D.
+        duty: [u16; 4], unit "0.1 %";
+    };
+
+    /// Asks for the four PWM inputs (4.3.4).
+    GetPwmInputs = 0x05 "get_pwm_inputs" ->
+    /// The four PWM inputs (4.3.4).
+    PwmInputs {
+        /// Frequency of A–D, 0 or 10–20000; the manual names it capPeriod.
+        frequency_hz: [u32; 4], unit "Hz";
+        /// Duty of A–D.
+        duty: [u16; 4], unit "0.1 %";
+    };
+
+    /// Asks for system info, 系统信息 (4.3.5).
+    SystemInfo = 0x06 "system_info" ->
+    /// Supplies, rails, errors and modes (4.3.5).
+    SystemInfo, length 76, age "reported.info_age_s" {
+        /// Voltage of the 12 V outputs A–D.
+        voltage_12v: [u32; 4], unit "V", per 1000;
+        /// Voltage of the main supply.
+        voltage_48v: u32, unit "V", per 1000, named &["reported.supply_v"];
+        /// Current of the 12 V outputs A–D.
+        current_12v: [i32; 4], unit "A", per 1000, named &[
+            "reported.v12a_a", "reported.v12b_a", "reported.v12c_a", "reported.v12d_a",
+        ];
+        /// Current of the 48 V output.
+        current_48v: i32, unit "A", per 1000, named &["reported.v48_a"];
+        /// Temperature of the 12 V supplies AB and CD.
+        temp_12v: [i32; 2], unit "degC", per 10,
+            named &["reported.temperature_ab_c", "reported.temperature_cd_c"];
+        /// Status bits of the protections and the power module.
+        sys_status: u32, bits sys_status::NAMES, named &["reported.sys_status"], flags &[
+            "reported.overcurrent_ab", "reported.overcurrent_cd", "reported.overcurrent_48v",
+            "reported.overcurrent_5v", "reported.over_temperature_ab",
+            "reported.over_temperature_cd", "reported.power_module_fault",
+        ];
+        /// Who controls the rails.
+        power_ctrl_mode: u8, values MODES;
+        /// Who controls the PWM outputs.
+        pwm_ctrl_mode: u8, values MODES;
+        /// Rails that are on.
+        power_status: u8, bits RAILS, flags &[
+            "reported.v12a_on", "reported.v12b_on", "reported.v12c_on", "reported.v12d_on",
+            "reported.v48_on", "reported.v5_on",
+        ];
+        /// PWM outputs whose duty is above 0.
+        pwm_status: u8, bits OUTPUTS;
+    };
+
+    /// Says that the client is there, 心跳包 (4.3.6).
+    Heartbeat = 0x07 "heartbeat";
+
+    /// Asks for the versions, 版本号 (4.3.7).
+    Version = 0xF0 "version" ->
+    /// Versions (4.3.7); the most significant byte is the major one.
+    Version {
+        /// Hardware version word.
+        hardware: u32, hex true;
+        /// Software version word.
+        software: u32, hex true;
+    };
+
+    /// Sets the motors' PWM, positive forward, 设置电机 PWM (4.3.8).
+    SetMotors = 0x12 "set_motors", motion true {
+        /// Right motor, −1000 to 1000.
+        right: i16, unit "0.1 %", named &["client.motor_right"];
+        /// Left motor, −1000 to 1000.
+        left: i16, unit "0.1 %", named &["client.motor_left"];
+    } ->
+    /// Speeds of the motors' shafts, and the charge (4.3.8).
+    Motors, length 8, age "reported.motors_age_s" {
+        /// Speed of the right motor's shaft.
+        right_rpm: i16, unit "r/min", named &["reported.right_rpm"];
+        /// Speed of the left motor's shaft.
+        left_rpm: i16, unit "r/min", named &["reported.left_rpm"];
+        /// Remaining charge.
+        soc: u16, unit "%", per 10, named &["reported.soc_percent"];
+    };
+}
+
+/// Bits of `sysStatus` (manual section 4.3.5).
+pub mod sys_status {
+    /// Overcurrent of the 12 V outputs A and B.
+    pub const OVERCURRENT_AB: u32 = 1;
+    /// Overcurrent of the 12 V outputs C and D.
+    pub const OVERCURRENT_CD: u32 = 1 << 1;
+    /// Overcurrent of the 48 V output.
+    pub const OVERCURRENT_48V: u32 = 1 << 2;
+    /// Overcurrent of the 5 V outputs.
+    pub const OVERCURRENT_5V: u32 = 1 << 3;
+    /// Over-temperature of the 12 V supply AB.
+    pub const OVER_TEMPERATURE_AB: u32 = 1 << 4;
+    /// Over-temperature of the 12 V supply CD.
+    pub const OVER_TEMPERATURE_CD: u32 = 1 << 5;
+    /// Power module fault.
+    pub const POWER_MODULE_FAULT: u32 = 1 << 6;
+    /// Their names, the lowest bit first.
+    pub(super) const NAMES: &[&str] = &[
+        "overcurrent_ab",
+        "overcurrent_cd",
+        "overcurrent_48v",
+        "overcurrent_5v",
+        "over_temperature_ab",
+        "over_temperature_cd",
+        "power_module_fault",
+    ];
+}
+
+/// Reads names of rails as the bits of 0x02.
+fn rails<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let rails = Vec::<Rail>::deserialize(deserializer)?;
+    Ok(rails.iter().fold(0, |bits, rail| bits | 1 << rail.index()))
+}
 
 /// The name of a command byte.
 #[must_use]
 pub fn name(command: u8) -> Option<&'static str> {
-    let mut known = COMMANDS.iter();
-    known
-        .find(|(byte, _)| *byte == command)
-        .map(|(_, name)| *name)
-}
-
-/// Request of a client to the module.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Request {
-    /// 0x02: switch the rails on whose bits are set and the others off; bits 0–3 are 12 V A–D,
-    /// 4 is 48 V, 5 is 5 V, the rest is reserved.
-    PowerControl {
-        /// One bit a rail.
-        status: u32,
-    },
-    /// 0x03: duty of outputs A–D in 0.1 %, 0–1000.
-    SetPwmOutputs {
-        /// Duty in 0.1 %.
-        duty: [u16; 4],
-    },
-    /// 0x04.
-    GetPwmOutputs,
-    /// 0x05.
-    GetPwmInputs,
-    /// 0x06.
-    SystemInfo,
-    /// 0x07.
-    Heartbeat,
-    /// 0xF0.
-    Version,
-    /// 0x12: motor PWM in 0.1 %, −1000 to 1000, positive forward.
-    SetMotors {
-        /// Right motor.
-        right: i16,
-        /// Left motor.
-        left: i16,
-    },
+    Request::info_of(command).map(|info| info.name)
 }
 
 /// Reason for which a frame with a right CRC is no request.
@@ -100,6 +282,27 @@ pub enum Refusal {
     },
 }
 
+impl Refusal {
+    /// Reads parameters by the declaration of their message, which says their number.
+    fn or<T>(
+        command: u8,
+        info: Option<&MessageInfo>,
+        parameters: &[u8],
+        read: impl FnOnce(&mut &[u8]) -> Option<T>,
+    ) -> Result<T, Self> {
+        let wanted = info.ok_or(Self::UnknownCommand(command))?.length;
+        let found = parameters.len();
+        let fits = found == wanted;
+        let mut parameters = parameters;
+        let read = fits.then(|| read(&mut parameters)).flatten();
+        read.ok_or(Self::WrongLength {
+            command,
+            wanted,
+            found,
+        })
+    }
+}
+
 impl Request {
     /// Reads a frame's command and parameters.
     ///
@@ -108,143 +311,35 @@ impl Request {
     /// # Errors
     /// An unknown command or a length that the command does not allow.
     pub fn parse(command: u8, parameters: &[u8]) -> Result<Self, Refusal> {
-        let wrong = |wanted| Refusal::WrongLength {
-            command,
-            wanted,
-            found: parameters.len(),
-        };
-        Ok(match command {
-            code::POWER_CONTROL => {
-                let bytes = parameters.try_into().map_err(|_| wrong(4))?;
-                Self::PowerControl {
-                    status: u32::from_le_bytes(bytes),
-                }
-            }
-            code::SET_PWM_OUTPUTS => {
-                let bytes: [u8; 8] = parameters.try_into().map_err(|_| wrong(8))?;
-                Self::SetPwmOutputs {
-                    duty: four_u16(bytes),
-                }
-            }
-            code::SET_MOTORS => {
-                let [r0, r1, l0, l1] = parameters.try_into().map_err(|_| wrong(4))?;
-                Self::SetMotors {
-                    right: i16::from_le_bytes([r0, r1]),
-                    left: i16::from_le_bytes([l0, l1]),
-                }
-            }
-            code::GET_PWM_OUTPUTS => Self::GetPwmOutputs,
-            code::GET_PWM_INPUTS => Self::GetPwmInputs,
-            code::SYSTEM_INFO => Self::SystemInfo,
-            code::HEARTBEAT => Self::Heartbeat,
-            code::VERSION => Self::Version,
-            other => return Err(Refusal::UnknownCommand(other)),
-        })
+        let info = Self::info_of(command);
+        let takes_any = info.is_some_and(|info| info.fields.is_empty());
+        let parameters = if takes_any { &[] } else { parameters };
+        Refusal::or(command, info, parameters, |rest| Self::take(command, rest))
     }
 
     /// The command byte.
     #[must_use]
     pub fn command(&self) -> u8 {
-        match self {
-            Self::PowerControl { .. } => code::POWER_CONTROL,
-            Self::SetPwmOutputs { .. } => code::SET_PWM_OUTPUTS,
-            Self::GetPwmOutputs => code::GET_PWM_OUTPUTS,
-            Self::GetPwmInputs => code::GET_PWM_INPUTS,
-            Self::SystemInfo => code::SYSTEM_INFO,
-            Self::Heartbeat => code::HEARTBEAT,
-            Self::Version => code::VERSION,
-            Self::SetMotors { .. } => code::SET_MOTORS,
-        }
+        self.info().id
     }
 
     /// The whole frame as a client sends it.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        let mut parameters = Vec::new();
-        match self {
-            Self::PowerControl { status } => parameters.extend(status.to_le_bytes()),
-            Self::SetPwmOutputs { duty } => parameters.extend(duty.map(u16::to_le_bytes).concat()),
-            Self::SetMotors { right, left } => {
-                parameters.extend([right.to_le_bytes(), left.to_le_bytes()].concat());
-            }
-            _ => {}
-        }
-        codec::encode(self.command(), &parameters)
+        codec::encode(self.command(), &self.payload())
     }
-}
-
-impl fmt::Display for Request {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "0x{:02X} {}",
-            self.command(),
-            name(self.command()).unwrap_or("?")
-        )?;
-        match self {
-            Self::PowerControl { status } => write!(f, " {}", Rails(*status)),
-            Self::SetPwmOutputs { duty } => write!(f, " {duty:?}"),
-            Self::SetMotors { right, left } => write!(f, " right {right} left {left}"),
-            _ => Ok(()),
-        }
-    }
-}
-
-/// Reply of the module.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Reply {
-    /// To 0x02, 0x03 and 0x07: success or failure.
-    Bool {
-        /// The command answered.
-        command: u8,
-        /// 1 success, 0 failure.
-        success: bool,
-    },
-    /// To 0x04.
-    PwmOutputs {
-        /// Duty of A–D, 0.1 %.
-        duty: [u16; 4],
-    },
-    /// To 0x05.
-    PwmInputs {
-        /// Frequency of A–D in Hz, 0 or 10–20000; the manual names it capPeriod.
-        frequency_hz: [u32; 4],
-        /// Duty of A–D, 0.1 %.
-        duty: [u16; 4],
-    },
-    /// To 0x06.
-    SystemInfo(SystemInfo),
-    /// To 0xF0; the most significant byte is the major version.
-    Version {
-        /// Hardware version word.
-        hardware: u32,
-        /// Software version word.
-        software: u32,
-    },
-    /// To 0x12.
-    Motors {
-        /// Speed of the right motor's shaft, r/min.
-        right_rpm: i16,
-        /// Speed of the left motor's shaft, r/min.
-        left_rpm: i16,
-        /// Remaining charge, 0.1 %.
-        soc: u16,
-    },
 }
 
 impl Reply {
-    /// The command byte, that of the request.
+    /// The declaration.
     #[must_use]
-    pub fn command(&self) -> u8 {
-        match self {
-            Self::Bool { command, .. } => *command,
-            Self::PwmOutputs { .. } => code::GET_PWM_OUTPUTS,
-            Self::PwmInputs { .. } => code::GET_PWM_INPUTS,
-            Self::SystemInfo(_) => code::SYSTEM_INFO,
-            Self::Version { .. } => code::VERSION,
-            Self::Motors { .. } => code::SET_MOTORS,
-        }
+    pub fn info(&self) -> &'static MessageInfo {
+        let is_bool = matches!(self, Self::Bool { .. });
+        let known = REPLIES.iter().find(|info| info.id == self.command());
+        // What is refused is answered by success or failure, whatever its reply is otherwise.
+        known
+            .filter(|info| !is_bool || info.fields == SUCCESS.fields)
+            .unwrap_or(&Success::INFOS[0])
     }
 
     /// The whole frame as the module sends it.
@@ -253,32 +348,10 @@ impl Reply {
         codec::encode(self.command(), &self.parameters())
     }
 
-    /// The parameter bytes.
+    /// The fields by name.
     #[must_use]
-    pub fn parameters(&self) -> Vec<u8> {
-        match self {
-            Self::Bool { success, .. } => vec![u8::from(*success)],
-            Self::PwmOutputs { duty } => duty.map(u16::to_le_bytes).concat(),
-            Self::PwmInputs { frequency_hz, duty } => {
-                let mut bytes = frequency_hz.map(u32::to_le_bytes).concat();
-                bytes.extend(duty.map(u16::to_le_bytes).concat());
-                bytes
-            }
-            Self::SystemInfo(info) => info.to_bytes(),
-            Self::Version { hardware, software } => {
-                [hardware.to_le_bytes(), software.to_le_bytes()].concat()
-            }
-            Self::Motors {
-                right_rpm,
-                left_rpm,
-                soc,
-            } => {
-                let mut bytes = [right_rpm.to_le_bytes(), left_rpm.to_le_bytes()].concat();
-                bytes.extend(soc.to_le_bytes());
-                bytes.extend([0; 2]);
-                bytes
-            }
-        }
+    pub fn fields(&self) -> Fields {
+        self.info().fields(&self.parameters())
     }
 
     /// Reads a reply's command and parameters, as a client does.
@@ -286,122 +359,29 @@ impl Reply {
     /// # Errors
     /// An unknown command or a length that its reply does not have.
     pub fn parse(command: u8, parameters: &[u8]) -> Result<Self, Refusal> {
-        let wrong = |wanted| Refusal::WrongLength {
-            command,
-            wanted,
-            found: parameters.len(),
-        };
-        Ok(match command {
-            code::POWER_CONTROL | code::SET_PWM_OUTPUTS | code::HEARTBEAT => {
-                let [byte] = parameters.try_into().map_err(|_| wrong(1))?;
-                Self::Bool {
-                    command,
-                    success: byte != 0,
-                }
-            }
-            code::GET_PWM_OUTPUTS => {
-                let bytes = parameters.try_into().map_err(|_| wrong(8))?;
-                Self::PwmOutputs {
-                    duty: four_u16(bytes),
-                }
-            }
-            code::GET_PWM_INPUTS => {
-                let bytes: &[u8; 24] = parameters.try_into().map_err(|_| wrong(24))?;
-                let (words, halves) = bytes.split_at(16);
-                let frequency_hz = std::array::from_fn(|i| {
-                    let at = i * 4;
-                    u32::from_le_bytes([words[at], words[at + 1], words[at + 2], words[at + 3]])
-                });
-                let halves = halves.try_into().map_err(|_| wrong(24))?;
-                Self::PwmInputs {
-                    frequency_hz,
-                    duty: four_u16(halves),
-                }
-            }
-            code::SYSTEM_INFO => {
-                let wanted = SystemInfo::LENGTH;
-                let bytes = parameters.try_into().map_err(|_| wrong(wanted))?;
-                Self::SystemInfo(SystemInfo::from_bytes(bytes))
-            }
-            code::VERSION => {
-                let [h0, h1, h2, h3, s0, s1, s2, s3] =
-                    parameters.try_into().map_err(|_| wrong(8))?;
-                Self::Version {
-                    hardware: u32::from_le_bytes([h0, h1, h2, h3]),
-                    software: u32::from_le_bytes([s0, s1, s2, s3]),
-                }
-            }
-            code::SET_MOTORS => {
-                let [r0, r1, l0, l1, s0, s1, _, _] = parameters.try_into().map_err(|_| wrong(8))?;
-                Self::Motors {
-                    right_rpm: i16::from_le_bytes([r0, r1]),
-                    left_rpm: i16::from_le_bytes([l0, l1]),
-                    soc: u16::from_le_bytes([s0, s1]),
-                }
-            }
-            other => return Err(Refusal::UnknownCommand(other)),
-        })
+        let info = REPLIES.iter().find(|info| info.id == command);
+        Refusal::or(command, info, parameters, |rest| Self::read(command, rest))
+    }
+}
+
+impl fmt::Display for Request {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        show(f, self.command(), self.info(), &self.payload())
     }
 }
 
 impl fmt::Display for Reply {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "0x{:02X} {}",
-            self.command(),
-            name(self.command()).unwrap_or("?")
-        )?;
-        match self {
-            Self::Bool { success, .. } => write!(f, " {success}"),
-            Self::PwmOutputs { duty } => write!(f, " {duty:?}"),
-            Self::PwmInputs { frequency_hz, duty } => write!(f, " {frequency_hz:?} Hz {duty:?}"),
-            Self::Version { hardware, software } => {
-                write!(f, " hardware 0x{hardware:08X} software 0x{software:08X}")
-            }
-            Self::Motors {
-                right_rpm,
-                left_rpm,
-                soc,
-            } => write!(
-                f,
-                " right {right_rpm} rpm left {left_rpm} rpm soc {}.{} %",
-                soc / 10,
-                soc % 10
-            ),
-            Self::SystemInfo(info) => write!(
-                f,
-                " supply {} mV, on: {}, status 0x{:02X}, {} / {} mA, mode {}/{}",
-                info.voltage_48v,
-                Rails(u32::from(info.power_status)),
-                info.sys_status,
-                info.current_12v.map(|ma| ma.to_string()).join("+"),
-                info.current_48v,
-                info.power_ctrl_mode,
-                info.pwm_ctrl_mode,
-            ),
-        }
+        show(f, self.command(), self.info(), &self.parameters())
     }
 }
 
-fn four_u16(bytes: [u8; 8]) -> [u16; 4] {
-    std::array::from_fn(|i| u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]))
-}
-
-/// Names of the rails whose bits are set.
-struct Rails(u32);
-
-impl fmt::Display for Rails {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; 6] = ["12V-A", "12V-B", "12V-C", "12V-D", "48V", "5V"];
-        let on: Vec<&str> = (0..NAMES.len())
-            .filter(|bit| self.0 >> bit & 1 == 1)
-            .map(|bit| NAMES[bit])
-            .collect();
-        if on.is_empty() {
-            write!(f, "none")
-        } else {
-            write!(f, "{}", on.join(" "))
-        }
-    }
+fn show(
+    f: &mut fmt::Formatter<'_>,
+    command: u8,
+    info: &MessageInfo,
+    parameters: &[u8],
+) -> fmt::Result {
+    let name = name(command).unwrap_or("?");
+    write!(f, "0x{command:02X} {name}{}", info.show(parameters))
 }

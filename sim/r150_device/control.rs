@@ -1,7 +1,7 @@
 //! Control of power and PWM: by the client over RS232, or by the app (manual sections 4.3.5,
 //! 4.3.6).
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use super::command::Request;
 use super::settings::{
@@ -23,17 +23,6 @@ pub const POWER_BITS: u8 = 0b11_1111;
 pub const FULL_DUTY: u16 = 1000;
 
 impl Outputs {
-    /// Outputs that the app has set when the simulation begins.
-    fn of_app(settings: &R150FirmwareSettings) -> Self {
-        Self {
-            power: settings.app_power.to_le_bytes()[0],
-            pwm: settings
-                .app_pwm
-                .map(|duty| u16::try_from(duty).unwrap_or(FULL_DUTY)),
-        }
-        .within_limits()
-    }
-
     fn within_limits(self) -> Self {
         Self {
             power: self.power & POWER_BITS,
@@ -57,7 +46,7 @@ impl Parts {
         pwm: true,
     };
 
-    /// Tells whether it is at least one of them.
+    /// Returns whether it is at least one of them.
     #[must_use]
     pub fn any(self) -> bool {
         self.power || self.pwm
@@ -94,7 +83,8 @@ impl Control {
     /// The state at power-on.
     #[must_use]
     pub(super) fn new(settings: &R150FirmwareSettings) -> Self {
-        Self::powered_on(settings, Outputs::of_app(settings))
+        // Assumed: an app that has switched nothing on yet.
+        Self::powered_on(settings, Outputs::default())
     }
 
     /// Back to the state at power-on. What the app wants and whether it insists is the app's to
@@ -175,7 +165,7 @@ impl Control {
         self.heartbeat_due
     }
 
-    /// Gives control back if the heartbeat is due at `now`; says whether there was any to give.
+    /// Returns control back if the heartbeat is due at `now`; says whether there was any to give.
     pub(super) fn expire(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
         if self.heartbeat_due.is_none_or(|due| due > now) {
             return false;

@@ -90,7 +90,7 @@ pub enum R150Event {
     },
     /// The module has started.
     Started,
-    /// Somebody pressed a button.
+    /// An operator pressed a button.
     Operated(OperatorInput),
     /// Replies were dropped because too many waited.
     ReplyDropped,
@@ -126,8 +126,8 @@ impl ValueError {
             {
                 Some(Self::MotorsOutOfRange { right, left })
             }
-            Request::PowerControl { status } if status & !u32::from(POWER_BITS) != 0 => {
-                Some(Self::ReservedBits(status & !u32::from(POWER_BITS)))
+            Request::PowerControl { on } if on & !u32::from(POWER_BITS) != 0 => {
+                Some(Self::ReservedBits(on & !u32::from(POWER_BITS)))
             }
             _ => None,
         }

@@ -3,9 +3,9 @@
 use std::fmt;
 use std::ops::Range;
 
-use sim_physics::r150::R150Measurements;
+use rigsim_physics::r150::R150Measurements;
 
-use super::system_info::sys_status;
+use super::command::sys_status;
 
 /// Outputs that are protected together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
-use super::bursts::Bursts;
+use super::client_clock::{ClientClock, Sent};
 use super::settings::{OverRate, R150FirmwareSettings};
 
 /// Answer to a motor command.
@@ -26,14 +26,19 @@ pub struct Motors {
     pub set_point: [i16; 2],
     /// Time at which the watchdog fires unless a command comes.
     pub watchdog_due: Option<SimTime>,
-    last_answer: Option<SimTime>,
+    /// Time at which the next reply may begin.
+    next_answer: SimTime,
     /// Time at which a delayed answer is due.
     pub answer_due: Option<SimTime>,
     /// A watchdog that is out of order has missed its time.
     missed: bool,
-    /// Times of the last commands; as many as are allowed within [`WINDOW`], and one more.
-    recent: VecDeque<SimTime>,
-    bursts: Bursts,
+    /// When the last commands were sent; as many as are allowed within [`WINDOW`], and one more.
+    recent: VecDeque<Sent>,
+    /// Time at which the last report was that there were too many.
+    over_rate_at: Option<SimTime>,
+    /// When the last command was sent that was not ignored.
+    last_taken: Option<Sent>,
+    client_clock: ClientClock,
 }
 
 /// Over what time the rate of commands is judged.
@@ -46,29 +51,33 @@ pub const FULL: i16 = 1000;
 
 impl Motors {
     /// Takes a command that is answered if `answered`; values beyond ±1000 are clamped. Says how it
-    /// is answered, and how many have come within a second if that is more than is allowed.
+    /// is answered, by a reply that begins `delay` later, and how many commands were sent within a
+    /// second if that is more than is allowed.
     pub fn command(
         &mut self,
-        now: SimTime,
+        (now, delay): (SimTime, Duration),
         set_point: [i16; 2],
         answered: bool,
         settings: &R150FirmwareSettings,
     ) -> (Answer, Option<usize>) {
-        let over_rate = self.over_rate(now, settings);
-        (self.answer(now, set_point, answered, settings), over_rate)
+        let sent = self.client_clock.sent(now);
+        let over_rate = self.over_rate(now, sent, settings);
+        let answer = self.answer((now, delay, sent), set_point, answered, settings);
+        (answer, over_rate)
     }
 
     fn answer(
         &mut self,
-        now: SimTime,
+        (now, delay, sent): (SimTime, Duration, Sent),
         set_point: [i16; 2],
         answered: bool,
         settings: &R150FirmwareSettings,
     ) -> Answer {
-        let too_soon = self.last_answer.is_some_and(|last| {
-            now.since(last) + self.bursts.allowance(now) < settings.motor_reply_interval
-        });
-        if too_soon && settings.over_rate == OverRate::Ignore {
+        let interval = settings.motor_reply_interval;
+        let was_sent_too_soon = self
+            .last_taken
+            .is_some_and(|last| !sent.may_be_after(last, interval));
+        if was_sent_too_soon && settings.over_rate == OverRate::Ignore {
             return Answer::Never;
         }
         self.set_point = set_point.map(|pwm| pwm.clamp(-FULL, FULL));
@@ -77,58 +86,73 @@ impl Motors {
         if !answered {
             return Answer::Never;
         }
-        if !too_soon {
-            self.last_answer = Some(now);
-            // In a burst the command before may still be owed its answer.
-            self.answer_due = self.answer_due.filter(|due| *due > now);
+        self.last_taken = Some(sent);
+        // A busy machine excuses the client, and never makes the module answer faster.
+        if self.may_answer(now + delay, settings) {
+            self.answer_due = None;
             return Answer::Now;
         }
         match settings.over_rate {
-            OverRate::Silent | OverRate::Ignore => Answer::Never,
-            OverRate::Answer => {
-                self.last_answer = Some(now);
-                Answer::Now
-            }
-            OverRate::Delay => {
-                self.answer_due = self
-                    .last_answer
-                    .map(|last| last + settings.motor_reply_interval);
+            OverRate::Silent | OverRate::Answer => Answer::Never,
+            OverRate::Delay | OverRate::Ignore => {
+                self.answer_due = Some(self.next_answer - delay);
                 Answer::Later
             }
         }
     }
 
-    /// Number of commands that have come within a second, if those are too many. It is told once a
-    /// second.
-    fn over_rate(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> Option<usize> {
+    /// Returns whether a reply may begin at `at`.
+    pub fn may_answer(&self, at: SimTime, settings: &R150FirmwareSettings) -> bool {
+        at >= self.next_answer || settings.over_rate == OverRate::Answer
+    }
+
+    /// Returns when a reply begins that is ready at `at`; the next one may come an interval later.
+    pub fn pace(&mut self, at: SimTime, settings: &R150FirmwareSettings) -> SimTime {
+        let at = match self.may_answer(at, settings) {
+            true => at,
+            false => self.next_answer,
+        };
+        self.next_answer = at + settings.motor_reply_interval;
+        at
+    }
+
+    /// Returns the number of commands that were sent within a second, if those are too many, and at
+    /// most once a second. The client is judged by its own clock.
+    fn over_rate(
+        &mut self,
+        now: SimTime,
+        sent: Sent,
+        settings: &R150FirmwareSettings,
+    ) -> Option<usize> {
         let interval = settings.motor_reply_interval.as_secs_f64();
         let window = WINDOW.max(settings.motor_reply_interval * 2);
         let share = 1.0 + settings.over_rate_tolerance / 100.0;
         let most =
             super::telemetry::round::<u32>((window.as_secs_f64() / interval * share).floor());
         let most = usize::try_from(most).map_or(MOST_RECENT, |most| most.min(MOST_RECENT));
-        self.recent.push_back(now);
+        self.recent.push_back(sent);
         while self.recent.len() > most + 1 {
             self.recent.pop_front();
         }
         let first = *self.recent.front()?;
-        let span = now.since(first) + self.bursts.allowance(now);
-        if most == MOST_RECENT || self.recent.len() <= most || span >= window {
+        let is_many = most < MOST_RECENT && self.recent.len() > most;
+        let is_reported = self.over_rate_at.is_some_and(|at| now.since(at) < window);
+        if !is_many || is_reported || sent.may_be_after(first, window) {
             return None;
         }
-        self.recent.clear();
+        self.over_rate_at = Some(now);
         Some(most + 1)
     }
 
-    /// See [`super::R150Device::expect_burst`].
-    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
-        self.bursts.expect(by, until);
+    /// See [`super::R150Device::late`].
+    pub fn late(&mut self, now: SimTime, by: Duration, stood: Duration, baud: u32) {
+        self.client_clock.late(now, by, stood, baud);
     }
 
     /// Forgets everything that was commanded.
     pub fn restart(&mut self) {
         *self = Self {
-            bursts: std::mem::take(&mut self.bursts),
+            client_clock: std::mem::take(&mut self.client_clock),
             ..Self::default()
         };
     }
@@ -143,7 +167,7 @@ impl Motors {
         (cleared != [0, 0]).then_some(cleared)
     }
 
-    /// Lets the time of the watchdog pass without effect; says whether that left the motors on.
+    /// Passes over the time of the watchdog without effect; says whether that left the motors on.
     pub fn miss_watchdog(&mut self, now: SimTime) -> bool {
         if self.watchdog_due.is_none_or(|due| due > now) {
             return false;
@@ -165,7 +189,6 @@ impl Motors {
         let due = self.answer_due.is_some_and(|due| due <= now);
         if due {
             self.answer_due = None;
-            self.last_answer = Some(now);
         }
         due
     }

@@ -3,14 +3,34 @@
 //! They see measured currents, temperatures and voltages only, and act by withholding outputs.
 //! Where the settings say so they report only, for as long as what they report lasts.
 
-use sim_physics::r150::R150Measurements;
-use sim_settings::SimTime;
+use std::time::Duration;
 
+use rigsim_physics::r150::R150Measurements;
+use rigsim_settings::SimTime;
+
+use super::command::sys_status;
 use super::earlier;
 use super::event::R150Event;
 use super::group::{Cause, Group};
 use super::settings::{OvercurrentRecovery, ProtectionAction, ProtectionSettings};
-use super::system_info::sys_status;
+
+/// Multiple of its limit, as a current, above which any rail trips almost at once: a short pulls the
+/// voltage down, so power does not show it. The manual promises the protection without figures.
+const SHORT_MULTIPLE: f64 = 3.0;
+/// Time for which a rail may stay above that multiple; likewise.
+const SHORT_DELAY: Duration = Duration::from_millis(1);
+/// Time for which the 5 V outputs may stay above their limit; the manual gives none.
+const DELAY_5V: Duration = Duration::from_millis(100);
+/// Voltages by which limits become currents, V (manual sections 3a and 3b).
+const NOMINAL_12V: f64 = 12.0;
+const NOMINAL_48V: f64 = 48.0;
+/// A report of heat ends so far below its threshold, K.
+const OVER_TEMPERATURE_HYSTERESIS: f64 = 10.0;
+/// Time for which the supply may be too low: longer than a short takes to trip, which pulls the
+/// supply down too.
+const UNDERVOLTAGE_DELAY: Duration = Duration::from_millis(5);
+/// That report ends so far above its threshold, V, so that the bit does not flutter.
+const UNDERVOLTAGE_HYSTERESIS: f64 = 2.0;
 
 /// A protection that has switched its group off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,7 +117,7 @@ impl Protection {
 
     /// The client or the app asks for these outputs at `now`, as bits of `powerStatus`. That ends
     /// the latch of every group of which it asks for nothing; what it asks of a group that is
-    /// withheld stays off until it is asked for anew.
+    /// withheld stays off until it is asked for again.
     pub fn requested(&mut self, now: SimTime, requested: u8, event: &mut impl FnMut(R150Event)) {
         for group in Group::ALL {
             let withheld = self.withholds(self.groups[group as usize].hot);
@@ -142,7 +162,7 @@ impl Protection {
                     state.withhold(now);
                 }
                 event(R150Event::Tripped(group, Cause::OverTemperature, action));
-            } else if state.hot && celsius < limits.over_temperature_clear {
+            } else if state.hot && celsius < limits.over_temperature - OVER_TEMPERATURE_HYSTERESIS {
                 state.hot = false;
                 event(R150Event::Cooled(group));
             }
@@ -213,14 +233,14 @@ impl Protection {
         let delay = match group {
             Group::Ab | Group::Cd => limits.delay_12v,
             Group::V48 => limits.delay_48v,
-            Group::V5 => limits.delay_5v,
+            Group::V5 => DELAY_5V,
         };
         let over = state.over.map(|since| since + delay);
-        let short = state.short.map(|since| since + limits.short_delay);
+        let short = state.short.map(|since| since + SHORT_DELAY);
         earlier(over, short)
     }
 
-    /// Tells whether the group is above its threshold, and above the short-circuit multiple.
+    /// Returns whether the group is above its threshold, and above the short-circuit multiple.
     ///
     /// The short-circuit rule looks at current, because a short collapses the voltage and with it
     /// the power.
@@ -235,10 +255,10 @@ impl Protection {
                     current_a + current,
                 )
             });
-        let short_a = limits.short_multiple
+        let short_a = SHORT_MULTIPLE
             * match group {
-                Group::Ab | Group::Cd => limits.limit_12v / limits.nominal_12v,
-                Group::V48 => limits.limit_48v / limits.nominal_48v,
+                Group::Ab | Group::Cd => limits.limit_12v / NOMINAL_12V,
+                Group::V48 => limits.limit_48v / NOMINAL_48V,
                 Group::V5 => limits.limit_5v,
             };
         let over = match group {
@@ -259,7 +279,7 @@ impl Protection {
         let supply_v = measured.bus_voltage;
         let limits = &self.settings;
         let floor = if self.fault {
-            limits.undervoltage_clear
+            limits.undervoltage + UNDERVOLTAGE_HYSTERESIS
         } else {
             limits.undervoltage
         };
@@ -277,7 +297,7 @@ impl Protection {
         }
     }
 
-    /// Tells whether a group stays off whatever is asked for, being as `hot` as it is.
+    /// Returns whether a group stays off whatever is asked for, being as `hot` as it is.
     fn withholds(&self, hot: bool) -> bool {
         let switches_off = |action| action == ProtectionAction::SwitchOff;
         (hot && switches_off(self.settings.on_over_temperature))
@@ -314,7 +334,6 @@ impl Protection {
     }
 
     fn supply_deadline(&self) -> Option<SimTime> {
-        self.low
-            .map(|(since, _)| since + self.settings.undervoltage_delay)
+        self.low.map(|(since, _)| since + UNDERVOLTAGE_DELAY)
     }
 }

@@ -1,10 +1,12 @@
 //! From what the decoder found to what changes, and to the reply.
 
-use sim_settings::SimTime;
+use std::time::Duration;
+
+use rigsim_settings::SimTime;
 
 use super::R150Device;
 use super::codec::{self, Decoded, Frame};
-use super::command::{Refusal, Reply, Request, code};
+use super::command::{PwmOutputs, Refusal, Reply, Request, Version, code};
 use super::control::FULL_DUTY;
 use super::event::{R150Event, ValueError};
 use super::motors::{Answer, FULL};
@@ -28,8 +30,8 @@ impl R150Device {
     }
 
     fn frame(&mut self, now: SimTime, frame: &Frame) {
-        let bytes = codec::encode(frame.command, &frame.parameters);
-        match Request::parse(frame.command, &frame.parameters) {
+        let bytes = frame.bytes().to_vec();
+        match Request::parse(frame.command(), frame.parameters()) {
             Ok(request) => self.request(now, request, bytes),
             Err(refusal) => self.refuse(now, refusal, bytes),
         }
@@ -56,7 +58,7 @@ impl R150Device {
         let (command, choice) = match refusal {
             Refusal::UnknownCommand(command) => (command, self.settings.on_unknown_command),
             Refusal::WrongLength {
-                command: code::SET_MOTORS,
+                command: code::SetMotors,
                 ..
             } => return self.refuse_motors(now),
             Refusal::WrongLength { command, .. } => (command, self.settings.on_wrong_length),
@@ -66,10 +68,21 @@ impl R150Device {
         }
     }
 
+    /// Returns how long after its request a reply begins at least.
+    fn least_delay(&self) -> Duration {
+        self.settings.reply_delay + self.shell.defects.slow
+    }
+
     fn refuse_motors(&mut self, now: SimTime) {
+        if !self
+            .motors
+            .may_answer(now + self.least_delay(), &self.settings)
+        {
+            return;
+        }
         match self.settings.on_motors_refused {
             MotorsRefusalReply::Silent => {}
-            MotorsRefusalReply::False => self.refusal_reply(now, code::SET_MOTORS),
+            MotorsRefusalReply::False => self.refusal_reply(now, code::SetMotors),
             MotorsRefusalReply::Speeds => {
                 let reply = self.motor_reply();
                 self.reply(now, reply);
@@ -117,11 +130,11 @@ impl R150Device {
         let command = request.command();
         let answered = |success| Reply::Bool { command, success };
         Some(match request {
-            Request::PowerControl { status } => answered(self.set_power(now, status)?),
+            Request::PowerControl { on } => answered(self.set_power(now, on)?),
             Request::SetPwmOutputs { duty } => answered(self.set_pwm(now, duty)?),
-            Request::GetPwmOutputs => Reply::PwmOutputs {
+            Request::GetPwmOutputs => Reply::PwmOutputs(PwmOutputs {
                 duty: self.pwm_outputs(),
-            },
+            }),
             Request::GetPwmInputs => self.pwm_inputs(),
             Request::SystemInfo => Reply::SystemInfo(self.system_info()),
             Request::Heartbeat => answered(true),
@@ -137,16 +150,16 @@ impl R150Device {
 
     fn version(&self) -> Reply {
         let order = self.settings.version_order;
-        Reply::Version {
+        Reply::Version(Version {
             hardware: self.settings.hardware_version.word(order),
             software: self.settings.software_version.word(order),
-        }
+        })
     }
 
     /// Says whether it succeeded, if that is answered.
     fn set_power(&mut self, now: SimTime, status: u32) -> Option<bool> {
         if !self.control.by_client.power {
-            return self.refuse_for_app(now, code::POWER_CONTROL);
+            return self.refuse_for_app(now, code::PowerControl);
         }
         self.control.set_power(status.to_le_bytes()[0]);
         self.power_requested(now);
@@ -157,7 +170,7 @@ impl R150Device {
     /// Says whether it succeeded, if that is answered.
     fn set_pwm(&mut self, now: SimTime, mut duty: [u16; 4]) -> Option<bool> {
         if !self.control.by_client.pwm {
-            return self.refuse_for_app(now, code::SET_PWM_OUTPUTS);
+            return self.refuse_for_app(now, code::SetPwmOutputs);
         }
         if duty.iter().any(|duty| *duty > FULL_DUTY) {
             if self.settings.on_duty_out_of_range == OutOfRange::Refuse {
@@ -189,9 +202,10 @@ impl R150Device {
         let obstacles = self.vehicle.obstacles(self.battery_empty());
         let answered =
             self.settings.motors_answered == MotorsAnswered::Always || obstacles.is_empty();
-        let (answer, over_rate) = self
-            .motors
-            .command(now, set_point, answered, &self.settings);
+        let delay = self.least_delay();
+        let (answer, over_rate) =
+            self.motors
+                .command((now, delay), set_point, answered, &self.settings);
         if let Some(commands) = over_rate {
             self.event(now, R150Event::OverRate { commands });
         }
@@ -201,19 +215,34 @@ impl R150Device {
         answer
     }
 
-    pub(super) fn reply(&mut self, now: SimTime, reply: Reply) {
-        if self.replies.len() >= MOST_REPLIES {
-            self.event(now, R150Event::ReplyDropped);
+    fn reply(&mut self, now: SimTime, reply: Reply) {
+        if self.replies.len() < MOST_REPLIES {
+            let spread = self.reply_time.uniform();
+            self.reply_after(now, self.settings.reply_spread.mul_f64(spread), reply);
         } else {
-            let spread = self
-                .settings
-                .reply_spread
-                .mul_f64(self.reply_time.uniform());
-            let delay = self.settings.reply_delay + spread + self.slowness();
-            // One never overtakes another.
-            let before = self.replies.back().map_or(now, |(due, _)| *due);
-            self.replies.push_back((before.max(now + delay), reply));
+            self.event(now, R150Event::ReplyDropped);
         }
+    }
+
+    /// Sends the reply to motor commands that has waited for its time, and is ready.
+    pub(super) fn send_held_reply(&mut self, now: SimTime) {
+        if self.replies.len() < MOST_REPLIES {
+            let reply = self.motor_reply();
+            self.reply_after(now, Duration::ZERO, reply);
+        } else {
+            self.event(now, R150Event::ReplyDropped);
+        }
+    }
+
+    fn reply_after(&mut self, now: SimTime, spread: Duration, reply: Reply) {
+        let delay = self.settings.reply_delay + spread + self.shell.slowness();
+        // One never overtakes another.
+        let before = self.replies.back().map_or(now, |(due, _)| *due);
+        let mut due = before.max(now + delay);
+        if reply.command() == code::SetMotors {
+            due = self.motors.pace(due, &self.settings);
+        }
+        self.replies.push_back((due, reply));
     }
 
     /// Sends the replies whose time has come.
@@ -224,7 +253,7 @@ impl R150Device {
                 ReplyCommand::HighBit => reply.command() | 0x80,
             };
             let frame = codec::encode(command, &reply.parameters());
-            self.output.push_back(frame.clone());
+            self.shell.send(frame.clone());
             // One that waited behind a slower one is late.
             self.event(now, R150Event::Reply { reply, frame });
         }

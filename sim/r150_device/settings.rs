@@ -5,7 +5,7 @@ mod version;
 
 use std::time::Duration;
 
-use sim_settings::settings;
+use rigsim_settings::settings;
 
 pub use choices::*;
 pub use version::Version;
@@ -85,12 +85,6 @@ settings! {
         control_taken_by: ControlTakenBy = ControlTakenBy::OwnCommand,
             assumed "the manual names the modes, not what changes them; a client that only looks \
                      then sees the app's control";
-        /// Rails that the app has on at the start, as bits of `powerStatus`.
-        app_power: u32 = 0, range 0..=0b11_1111,
-            assumed "an app that has switched nothing on yet";
-        /// Duty of the PWM outputs A to D that the app has set at the start, 0.1 %.
-        app_pwm: [u32; 4] = [0; 4], range 0..=1000,
-            assumed "an app that has switched nothing on yet";
         /// Answer to 0x02 and 0x03 while the app insists on control of what they set.
         on_app_in_control: RefusalReply = RefusalReply::False,
             assumed "their reply is a boolean that means success";
@@ -109,7 +103,7 @@ settings! {
         /// Treatment of a motor command that comes sooner.
         over_rate: OverRate = OverRate::Delay,
             assumed "a limit on replies is no limit on commands";
-        /// By how much a client may be faster than that, over a second, before it is blamed.
+        /// By how much a client may be faster than that, over a second, before it is reported.
         over_rate_tolerance: f64 = 5.0, unit "%", range 0.0..=1000.0,
             assumed "clocks of computers are better, their schedulers are not";
         /// Hardware version that 0xF0 reports.
@@ -140,7 +134,7 @@ settings! {
         /// Cuts the tail supply, on which the module hangs, at the emergency stop.
         emergency_stop_cuts_tail: bool = false,
             assumed "the manual's sentence about it is garbled; the module then keeps answering";
-        /// Lets 0x12 drive only while the parking brake is released; else it releases the brake
+        /// 0x12 drives only while the parking brake is released; else it releases the brake
         /// for as long as it drives.
         driving_needs_release: bool = true,
             assumed "the manual mentions the release only for pushing by hand";
@@ -150,23 +144,35 @@ settings! {
         /// Silence on the CAN after which the vehicle's controller stops the motors.
         can_timeout: Duration = MS(500), range MS(1)..=S(3600),
             assumed "as long as the module itself waits for its client";
-        /// Pulses of a motor's encoder for one turn of its shaft.
-        speed_pulses: u32 = 1024, range 1..=1_000_000,
-            assumed "a magnetic encoder of ten bits; the manual gives the unit only";
         /// Time over which pulses are counted for a speed.
         speed_window: Duration = MS(20), range MS(1)..=S(10),
-            assumed "a speed is measured more often than it is told";
+            assumed "a speed is measured more often than it is reported";
         /// Time constant of the filter behind that.
         speed_filter: Duration = MS(20), range Duration::ZERO..=S(60),
             assumed "a filter of first order, as such firmware has";
-        /// Random relative error, one standard deviation, of the voltages and currents that 0x06
-        /// reports and of the speeds that 0x12 does.
-        measurement_noise: f64 = 0.0, unit "%", range 0.0..=50.0,
-            assumed "the manual gives no accuracy; 0 makes replies easy to compare";
     }
     groups {
+        /// Random errors of readings.
+        noise: NoiseSettings,
         /// The module's protections.
         protection: ProtectionSettings,
+    }
+
+    /// Random errors of what 0x06 and 0x12 report: one standard deviation of white noise, before the
+    /// reading is rounded to the step of its field. 0 turns it off.
+    pub struct NoiseSettings {
+        /// Of every voltage.
+        voltage: f64 = 0.01, unit "V", range 0.0..=10.0,
+            assumed "a step of a converter with 12 bits over 60 V is 15 mV, and a module averages some";
+        /// Of every current, also of one that is 0.
+        current: f64 = 0.01, unit "A", range 0.0..=10.0,
+            assumed "a step of a converter with 12 bits over 50 A is 12 mA, and a module averages some";
+        /// Of every temperature.
+        temperature: f64 = 0.1, unit "K", range 0.0..=50.0,
+            assumed "a thermistor at the same converter";
+        /// Of the speed of a motor that turns. One that stands gives no pulses and reads 0.
+        speed: f64 = 1.0, unit "rpm", range 0.0..=1000.0,
+            assumed "a clock of the module that is off by 10 us over a window of 20 ms at full speed";
     }
 
     /// Protections by which the module switches outputs off.
@@ -198,22 +204,6 @@ settings! {
         /// Time for which the 48 V output may stay above its threshold.
         delay_48v: Duration = MS(100), range Duration::ZERO..=S(60),
             assumed "the manual gives no time";
-        /// Time for which the 5 V outputs may stay above their limit.
-        delay_5v: Duration = MS(100), range Duration::ZERO..=S(60),
-            assumed "the manual gives no time";
-        /// Voltage by which the limit of a 12 V pair becomes a current.
-        nominal_12v: f64 = 12.0, unit "V", range 1.0..=100.0,
-            documented "manual section 3b";
-        /// Voltage by which the limit of the 48 V output becomes a current.
-        nominal_48v: f64 = 48.0, unit "V", range 1.0..=100.0,
-            documented "manual section 3a";
-        /// Multiple of its limit, as a current, above which any rail trips almost at once; a short
-        /// pulls the voltage down, so power would not tell.
-        short_multiple: f64 = 3.0, unit "", range 1.0..=1000.0,
-            assumed "the manual promises short-circuit protection without figures";
-        /// Time for which a rail may stay above that multiple.
-        short_delay: Duration = MS(1), range Duration::ZERO..=S(60),
-            assumed "the manual promises short-circuit protection without figures";
         /// Reaction of the module to an overloaded 12 V pair.
         on_overcurrent_12v: ProtectionAction = ProtectionAction::SwitchOff,
             assumed "the manual names the bit; it promises protection for 48 V and 5 V";
@@ -226,17 +216,8 @@ settings! {
         /// Temperature above which a 12 V pair reports over-temperature.
         over_temperature: f64 = 85.0, unit "degC", range -40.0..=200.0,
             assumed "the manual names the bit, not the temperature";
-        /// Temperature below which that report ends.
-        over_temperature_clear: f64 = 75.0, unit "degC", range -40.0..=200.0,
-            assumed "the manual names the bit, not the temperature";
         /// Supply voltage below which the module reports a power module fault.
         undervoltage: f64 = 39.0, unit "V", range 0.0..=100.0,
             assumed "3 V a cell; the manual names the bit, not its cause";
-        /// Time for which the supply may stay below that voltage.
-        undervoltage_delay: Duration = MS(5), range Duration::ZERO..=S(60),
-            assumed "longer than a short circuit takes to trip, which pulls the supply down too";
-        /// Supply voltage above which that report ends.
-        undervoltage_clear: f64 = 41.0, unit "V", range 0.0..=100.0,
-            assumed "some hysteresis, so that the bit does not flutter";
     }
 }

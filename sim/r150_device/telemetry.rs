@@ -1,21 +1,21 @@
 //! From what the sensors read to the fields of replies.
 
-use sim_physics::r150::{R150Measurements, RAILS, Rail};
-use sim_settings::SimTime;
+use rigsim_physics::r150::{R150Measurements, RAILS, Rail};
+use rigsim_settings::SimTime;
 
 use super::R150Device;
-use super::command::Reply;
-use super::settings::{Current48v, Voltage12v, Voltage48v};
+use super::command::{Motors, PwmInputs, Reply, SystemInfo};
+use super::settings::{Current48v, NoiseSettings, Voltage12v, Voltage48v};
 use super::speed::Speedometer;
-use super::system_info::SystemInfo;
+use crate::noise::Noise;
 
 impl R150Device {
     /// The reply to 0x05.
     pub(super) fn pwm_inputs(&self) -> Reply {
-        Reply::PwmInputs {
+        Reply::PwmInputs(PwmInputs {
             frequency_hz: self.measured.pwm_in.map(|input| round(input.frequency)),
             duty: self.measured.pwm_in.map(|input| round(input.duty * 1000.0)),
-        }
+        })
     }
 
     /// Counts the pulses of the motors' encoders into their speeds. Without a supply nothing
@@ -33,21 +33,18 @@ impl R150Device {
 
     /// The reply to 0x12.
     pub(super) fn motor_reply(&mut self) -> Reply {
-        let spread = self.settings.measurement_noise / 100.0;
+        let deviation = self.settings.noise.speed;
         let noise = &mut self.noise;
         let [right_rpm, left_rpm] = self.speeds.each_ref().map(|speed| {
-            let rpm = speed.rpm;
-            round(if spread > 0.0 {
-                rpm * (1.0 + spread * noise.normal())
-            } else {
-                rpm
-            })
+            let turns = speed.rpm.round() != 0.0;
+            let deviation = if turns { deviation } else { 0.0 };
+            round(spoilt(noise, speed.rpm, deviation))
         });
-        Reply::Motors {
+        Reply::Motors(Motors {
             right_rpm,
             left_rpm,
             soc: round(self.measured.soc * 1000.0),
-        }
+        })
     }
 
     /// The reply to 0x06.
@@ -57,25 +54,26 @@ impl R150Device {
             Voltage48v::Supply => self.measured.bus_voltage,
             Voltage48v::Output => self.measured.rail_voltage[Rail::V48.index()],
         };
-        let spread = self.settings.measurement_noise / 100.0;
+        let NoiseSettings {
+            voltage,
+            current,
+            temperature,
+            ..
+        } = self.settings.noise;
         let noise = &mut self.noise;
-        let mut spoil = |value: f64| {
-            if spread > 0.0 {
-                value * (1.0 + spread * noise.normal())
-            } else {
-                value
-            }
-        };
-        let [v12a, v12b, v12c, v12d, ..] = volts.map(|volts| round(spoil(volts) * 1000.0));
+        let [v12a, v12b, v12c, v12d, ..] =
+            volts.map(|volts| round(spoilt(noise, volts, voltage) * 1000.0));
         let [i12a, i12b, i12c, i12d, i48, _] =
-            amperes.map(|amperes| round(spoil(amperes) * 1000.0));
+            amperes.map(|amperes| round(spoilt(noise, amperes, current) * 1000.0));
+        let voltage_48v = round(spoilt(noise, volts_48v, voltage) * 1000.0);
         let celsius = self.measured.temperature;
+        let temp_12v = celsius.map(|celsius| round(spoilt(noise, celsius, temperature) * 10.0));
         let info = SystemInfo {
             voltage_12v: [v12a, v12b, v12c, v12d],
-            voltage_48v: round(spoil(volts_48v) * 1000.0),
+            voltage_48v,
             current_12v: [i12a, i12b, i12c, i12d],
             current_48v: i48,
-            temp_12v: celsius.map(|celsius| round(celsius * 10.0)),
+            temp_12v,
             ..self.system_status()
         };
         self.stick(info)
@@ -110,6 +108,15 @@ impl R150Device {
             pwm_status: (0..4).fold(0, |bits, i| bits | u8::from(pwm[i] > 0) << i),
             ..SystemInfo::default()
         }
+    }
+}
+
+/// A reading with white noise of this standard deviation.
+fn spoilt(noise: &mut Noise, value: f64, deviation: f64) -> f64 {
+    if deviation > 0.0 {
+        value + deviation * noise.normal()
+    } else {
+        value
     }
 }
 

@@ -1,5 +1,5 @@
 //! The module against its datasheet. The hardware here is a table of readings, so that every
-//! number in a reply can be told where it comes from.
+//! number in a reply has a known source.
 
 mod choices;
 mod commands;
@@ -8,14 +8,15 @@ mod motion;
 mod protections;
 mod robustness;
 
+use crate::firmware::Firmware as _;
 use std::time::Duration;
 
-use sim_physics::r150::{PwmReading, R150Measurements, Sides};
-use sim_settings::SimTime;
+use rigsim_physics::r150::{PwmReading, R150Measurements, Sides};
+use rigsim_settings::SimTime;
 
 use super::codec::{Decoded, Decoder};
 use super::command::{Reply, Request};
-use super::settings::{R150FirmwareSettings, Resync};
+use super::settings::{NoiseSettings, R150FirmwareSettings, Resync};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
 use crate::event::EventKind as _;
@@ -59,10 +60,16 @@ pub(super) fn readings() -> R150Measurements {
     }
 }
 
-/// The default settings, but for replies that begin at once.
+/// The default settings, but for replies that begin at once and report what is.
 fn at_once() -> R150FirmwareSettings {
     R150FirmwareSettings {
         reply_spread: Duration::ZERO,
+        noise: NoiseSettings {
+            voltage: 0.0,
+            current: 0.0,
+            temperature: 0.0,
+            speed: 0.0,
+        },
         ..R150FirmwareSettings::default()
     }
 }
@@ -96,7 +103,7 @@ impl Bench {
         }
     }
 
-    /// Lets time pass up to and including `at`.
+    /// Advances time up to and including `at`.
     fn until(&mut self, at: SimTime) {
         self.now = at;
         self.device.advance(at);
@@ -127,7 +134,7 @@ impl Bench {
         for byte in frame {
             decoder.push(self.now, byte, &mut |decoded| {
                 if let Decoded::Frame(frame) = decoded {
-                    reply = Some(Reply::parse(frame.command, &frame.parameters).unwrap());
+                    reply = Some(Reply::parse(frame.command(), frame.parameters()).unwrap());
                 }
             });
         }
@@ -139,13 +146,13 @@ impl Bench {
     }
 
     fn power(&mut self, status: u32) -> bool {
-        match self.ask(Request::PowerControl { status }) {
+        match self.ask(Request::PowerControl { on: status }) {
             Some(Reply::Bool { success, .. }) => success,
             other => panic!("{other:?}"),
         }
     }
 
-    fn info(&mut self) -> super::system_info::SystemInfo {
+    fn info(&mut self) -> super::command::SystemInfo {
         match self.ask(Request::SystemInfo) {
             Some(Reply::SystemInfo(info)) => info,
             other => panic!("{other:?}"),
@@ -158,7 +165,7 @@ impl Bench {
         self.device.sense(self.now, &self.readings);
     }
 
-    /// Lets the motors turn as they read for so long that their speeds are measured.
+    /// Turns the motors as they read for so long that their speeds are measured.
     fn spin(&mut self) {
         let span = Duration::from_secs(10);
         self.after(span);

@@ -3,20 +3,26 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 use super::control::Outputs;
 use super::settings::{R150FirmwareSettings, RemoteKeyDrives};
 
-/// A motion key of the remote control.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Key {
-    /// Forward, 向前.
-    Forward,
-    /// Backward, 向后.
-    Backward,
-    /// Turn left on the spot, 左转.
-    Left,
-    /// Turn right on the spot, 右转.
-    Right,
+rigsim_settings::words! {
+    /// A motion key of the remote control.
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Key {
+        /// Forward, 向前.
+        Forward = "forward",
+        /// Backward, 向后.
+        Backward = "backward",
+        /// Turn left on the spot, 左转.
+        Left = "left",
+        /// Turn right on the spot, 右转.
+        Right = "right",
+    }
 }
 
 /// Input of an operator or the app.
@@ -58,10 +64,7 @@ impl fmt::Display for OperatorInput {
             Self::ReleaseParking => f.write_str("release the parking brake"),
             Self::Park => f.write_str("put the parking brake on"),
             Self::Autonomous => f.write_str("autonomous mode"),
-            Self::Press(Key::Forward) => f.write_str("forward key down"),
-            Self::Press(Key::Backward) => f.write_str("backward key down"),
-            Self::Press(Key::Left) => f.write_str("left key down"),
-            Self::Press(Key::Right) => f.write_str("right key down"),
+            Self::Press(key) => write!(f, "{key} key down"),
             Self::ReleaseKey => f.write_str("motion key up"),
             Self::EmergencyStop(true) => f.write_str("emergency stop pushed in"),
             Self::EmergencyStop(false) => f.write_str("emergency stop pulled out"),
@@ -200,7 +203,7 @@ impl Vehicle {
         !self.locked && !self.autonomous
     }
 
-    /// Tells whether a motion key goes on driving after it is let go.
+    /// Returns whether a motion key goes on driving after it is let go.
     #[must_use]
     pub fn key_outlasts_press(&self) -> bool {
         self.settings.remote_key_drives == RemoteKeyDrives::UntilNextButton
@@ -214,14 +217,14 @@ impl Vehicle {
         held.map_or(OperatorInput::ReleaseKey, OperatorInput::Press)
     }
 
-    /// Tells whether the parking brake holds while the client wants this of the motors.
+    /// Returns whether the parking brake holds while the client wants this of the motors.
     #[must_use]
     pub fn holds(&self, set_point: [i16; 2]) -> bool {
         let drives = !self.locked && !self.brake_hinders() && set_point != [0, 0];
         self.parked && !drives
     }
 
-    /// Tells whether the parking brake keeps commands from driving.
+    /// Returns whether the parking brake keeps commands from driving.
     fn brake_hinders(&self) -> bool {
         let gives_way = self.autonomous && !self.settings.driving_needs_release;
         self.parked && !gives_way

@@ -1,6 +1,6 @@
 //! Times at which each device next has something to do.
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 /// A time for each device, with the earliest at hand however many there are.
 ///

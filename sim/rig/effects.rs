@@ -1,17 +1,21 @@
-//! Deeds in a rig, and the end of whatever goes on in it.
+//! Effects in a rig: their beginning and their end.
 //!
-//! What a deed or an operator's fault changes lies over what was before, in layers: of each thing
-//! the latest that is in effect counts. A layer brings back what was before it. If one ends that has
-//! others above it, the next above it takes that over, so that nothing is seen of its end but that
-//! it is not brought back later.
+//! What an action changes lies over what was before, in layers: of each thing the latest that is in
+//! effect counts. A layer brings back what was before it. If one ends that has others above it, the
+//! next above it takes that over, so that nothing is seen of its end but that it is not brought back
+//! later.
 
 use std::collections::BTreeMap;
 
-use sim_physics::world::ObstacleError;
-
 use super::Rig;
-use crate::device::{Action, Change, EffectHandle, Restore};
-use crate::event::{Code, Role, Told, code};
+use crate::device::{
+    Begin, Change, EffectError, EffectHandle, MOST_ARMED, MOST_EVER, Restore, Tally, Work,
+};
+use crate::effect::{Checked, FaultPhase};
+use crate::event::{Code, PlainEvent, Role, code};
+use crate::injection::Injection;
+use crate::line::SerialLine;
+use crate::noise::Noise;
 
 /// Change of something that is in effect.
 struct Layer {
@@ -27,64 +31,123 @@ struct Layer {
 #[derive(Default)]
 pub(super) struct Effects {
     begun: u64,
-    /// Device that each deed is about, and the deed in words.
-    deeds: BTreeMap<EffectHandle, (usize, String)>,
+    /// Device that each action is about, the action in words, and whether it changed anything.
+    actions: BTreeMap<EffectHandle, (usize, String, bool)>,
     layers: Vec<Layer>,
 }
 
 impl Rig {
-    /// Does something to a device or to the world around it, and tells of it; `what` is the deed in
-    /// words. Gives what [`clear`](Self::clear) undoes, if it is anything.
+    /// Begins an effect on a device now; `name` is its step's. It tells the effect apart in events
+    /// and gives its random numbers: the same ones in every run with the same seed, whatever else is
+    /// at work. Returns what [`clear`](Self::clear) ends, if it can end.
     ///
     /// # Errors
-    /// When the world cannot be changed so.
-    pub fn perform(
+    /// When there is no such device, it or its world does not allow this, or too many faults are at
+    /// work.
+    pub fn apply(
         &mut self,
         device: usize,
-        what: &str,
-        action: &dyn Action,
-    ) -> Result<Option<EffectHandle>, ObstacleError> {
-        let now = self.now;
+        name: &str,
+        effect: &Checked,
+    ) -> Result<Option<EffectHandle>, EffectError> {
+        let (info, link, now, seed) = (effect.info(), effect.link(), self.now, self.settings.seed);
+        if device >= self.slots.len() {
+            return Err(EffectError::NoDevice(device));
+        }
+        let faults = &self.slots[device].faults;
+        let armed = faults.as_ref().map_or(0, |faults| faults.count());
+        if info.is_fault() && (armed >= MOST_ARMED || self.fault_hits.len() >= MOST_EVER) {
+            return Err(EffectError::TooMany);
+        }
+        // Begun again under the same name, a fault draws other numbers than the first time.
+        let times = 1 + self.fault_names.get(name).copied().unwrap_or(0);
         self.rest_to_grid(device);
-        let Some(slot) = self.slots.get_mut(device) else {
-            return Ok(None);
-        };
-        let changes = action.perform(slot.device.as_mut(), &mut self.world, now)?;
-        self.tell_deed(device, code::DEED_DONE, what.to_owned());
-        if changes.iter().any(|change| change.in_world) {
-            self.with_world(|_| {});
+        let slot = &mut self.slots[device];
+        let mut tally = Tally::default();
+        let work = effect.effect().begin(&mut Begin {
+            now,
+            device: slot.device.as_mut(),
+            world: &mut self.world,
+            link,
+            tally: &mut tally,
+            stream: &|purpose| Noise::new(seed, &format!("fault.{name}.{times}.{purpose}")),
+        })?;
+        let handle = self.effects.begin();
+        if info.is_fault() {
+            self.fault_names.insert(name.to_owned(), times);
+            self.fault_hits.insert(handle, 0);
+            self.fault_event(device, name, info.id, FaultPhase::Armed);
         } else {
-            self.after_change(device);
+            let what = format!("step \"{name}\": {} {}", info.level.key(), info.id);
+            self.tell_action(device, code::ACTION_APPLIED, what.clone());
+            let changes = match &work {
+                Work::Done(changes) => changes.iter().any(|change| change.restore.is_some()),
+                _ => true,
+            };
+            self.effects.actions.insert(handle, (device, what, changes));
         }
-        if changes.is_empty() {
-            return Ok(None);
+        match work {
+            Work::Done(changes) => {
+                if changes.iter().any(|change| change.in_world) {
+                    self.with_world(|_| {});
+                } else {
+                    self.after_change(device);
+                }
+                if changes.is_empty() {
+                    self.effects.actions.remove(&handle);
+                    return Ok(None);
+                }
+                self.effects.add(handle, device, changes);
+            }
+            work => {
+                let slot = &mut self.slots[device];
+                let links = slot.lines.len();
+                let attached = slot.lines.get(link).is_some_and(SerialLine::is_attached);
+                slot.faults
+                    .get_or_insert_with(|| Box::new(Injection::new(links, now)));
+                // What has arrived already has arrived whole.
+                self.pump(device);
+                let slot = &mut self.slots[device];
+                let Some(faults) = &mut slot.faults else {
+                    return Ok(None);
+                };
+                faults.arm(now, (handle, name), info, (link, attached), (work, tally));
+                faults.apply(now, slot.device.as_mut(), &mut self.world);
+                slot.follow_baud(now);
+                self.after_change(device);
+            }
         }
-        let effect = self.effects.begin();
-        self.effects.deeds.insert(effect, (device, what.to_owned()));
-        self.effects.add(effect, device, changes);
-        Ok(Some(effect))
+        Ok(Some(handle))
     }
 
-    /// Ends a fault, and hardware goes back to what it was; or undoes a deed. What has ended already
-    /// stays so.
+    /// Ends an effect, and brings back what was before it. What has ended already stays so.
     pub fn clear(&mut self, effect: EffectHandle) {
         self.disarm(effect);
-        if let Some((device, what)) = self.effects.deeds.remove(&effect) {
-            self.tell_deed(device, code::DEED_UNDONE, format!("{what}, undone"));
+        if let Some((device, what, _)) = self.effects.actions.remove(&effect) {
+            self.tell_action(device, code::ACTION_REVERTED, format!("{what}, undone"));
         }
         self.restore(effect);
     }
 
-    /// Ends a deed without a word: it goes on in the same one that was done after it.
-    pub fn supersede(&mut self, deed: EffectHandle) {
-        self.effects.deeds.remove(&deed);
-        self.restore(deed);
+    /// Ends an action without an event: it goes on in the same one that came after it.
+    pub fn supersede(&mut self, action: EffectHandle) {
+        self.effects.actions.remove(&action);
+        self.restore(action);
     }
 
-    /// Lets a deed last for good: what was before it does not come back.
-    pub fn keep(&mut self, deed: EffectHandle) {
-        self.effects.deeds.remove(&deed);
-        self.effects.keep(deed);
+    /// Makes an action permanent: what was before it does not come back.
+    pub fn keep(&mut self, action: EffectHandle) {
+        self.effects.actions.remove(&action);
+        self.effects.keep(action);
+    }
+
+    /// Number of hits of an effect so far; its declaration says what counts.
+    #[must_use]
+    pub fn hits(&self, effect: EffectHandle) -> u64 {
+        let action = self.effects.actions.get(&effect);
+        let changed = action.map(|(_, _, changed)| u64::from(*changed));
+        let hits = self.fault_hits.get(&effect).copied();
+        hits.or(changed).unwrap_or(0)
     }
 
     /// Brings back what was covered by an effect alone.
@@ -105,10 +168,10 @@ impl Rig {
         }
     }
 
-    fn tell_deed(&mut self, device: usize, code: Code, text: String) {
+    fn tell_action(&mut self, device: usize, code: Code, text: String) {
         let role = Role::Other;
         self.events
-            .keep(self.now, device, Told { code, role, text });
+            .keep(self.now, device, PlainEvent { code, role, text });
     }
 }
 
@@ -145,7 +208,7 @@ impl Effects {
         due
     }
 
-    /// Lets an effect last for good: what is below it does not come back.
+    /// Makes an effect permanent: what is below it does not come back.
     fn keep(&mut self, effect: EffectHandle) {
         while let Some(index) = self.position(effect) {
             let above = self.layers.split_off(index + 1);

@@ -1,9 +1,9 @@
-//! The events of a rig, until somebody takes them.
+//! The events of a rig, until they are taken.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use crate::event::{Event, EventKind};
 
@@ -18,7 +18,7 @@ pub(super) struct Events {
 }
 
 impl Events {
-    /// Keeps it for whoever takes events.
+    /// Keeps it until it is taken.
     pub(super) fn keep(&mut self, at: SimTime, device: usize, kind: impl EventKind) {
         let kind = Arc::new(kind);
         self.keep_event(Event { at, device, kind });
@@ -38,12 +38,12 @@ impl Events {
         self.kept.pop_front()
     }
 
-    /// Tells whether there is none to take.
+    /// Returns whether there is none to take.
     pub(super) fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }
 
-    /// Number of events that were lost because nobody took them.
+    /// Number of events that were lost because they were not taken.
     pub(super) fn lost(&self) -> u64 {
         self.lost
     }

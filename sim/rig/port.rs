@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use super::{Rig, RigError};
 use crate::injection::Injection;
@@ -17,7 +17,7 @@ pub struct PortId {
     pub link: usize,
 }
 
-/// Deeds of clients to a port. A port that does not exist is a client that nobody hears.
+/// Actions of clients to a port. A port that does not exist is a client that no device hears.
 impl Rig {
     /// A client opened the port at `now`, to which the rig advances first.
     ///
@@ -61,16 +61,15 @@ impl Rig {
         self.reschedule(port.device);
     }
 
-    /// The simulator was late by `by` of simulated time, so that up to and including `until` what
-    /// clients send may come up to `by` closer together than they sent it, without counting as too
-    /// soon.
-    pub fn expect_burst(&mut self, by: Duration, until: SimTime) {
+    /// The simulator was late: what waits for the lines now may have been sent up to `by` of
+    /// simulated time before, and simulated time stood still for `stood`.
+    pub fn late(&mut self, by: Duration, stood: Duration) {
         for slot in &mut self.slots {
-            slot.device.expect_burst(by, until);
+            slot.device.late(self.now, by, stood);
         }
     }
 
-    /// Something that only whoever serves the port knows happened on it.
+    /// Something that only the server of the port knows happened on it.
     pub fn tell(&mut self, port: PortId, event: LineEvent) {
         if self.line(port).is_some() {
             self.line_event(port, Some(event));
@@ -84,14 +83,14 @@ impl Rig {
         }
     }
 
-    /// Tells whether the device may have something to say, or to hear, by `now`.
+    /// Returns whether the device may have something to say, or to hear, by `now`.
     #[must_use]
     pub fn is_due(&self, port: PortId, now: SimTime) -> bool {
         let arrival = self.next_for_client(port).unwrap_or(SimTime::MAX);
         self.deadlines.of(port.device).min(arrival) <= now
     }
 
-    /// Time at which something next arrives at whoever has the port open.
+    /// Time at which something next arrives at the client that has the port open.
     #[must_use]
     pub fn next_for_client(&self, port: PortId) -> Option<SimTime> {
         self.line(port).and_then(SerialLine::next_for_client)
@@ -141,7 +140,7 @@ impl Rig {
         let before = bytes.len();
         faults.take_for_client(now, port.link, bytes);
         if !line.is_attached() {
-            // Nobody is there to hear what was delayed.
+            // No client is there to hear what was delayed.
             bytes.truncate(before);
         }
     }

@@ -1,7 +1,7 @@
 //! Service of one device at one instant: it takes what has arrived, serves its deadlines, and what
 //! it has to say goes onto its lines.
 
-use sim_settings::SimTime;
+use rigsim_settings::SimTime;
 
 use super::events::Events;
 use super::{PortId, Rig, Slot};
@@ -21,10 +21,10 @@ impl Rig {
         let slot = &mut self.slots[device];
         let unit = slot.device.as_mut();
         let faults = slot.faults.as_deref_mut();
-        let mut told = 0;
+        let mut reported = 0;
         receive(now, unit, &mut slot.lines, faults, &mut |unit| {
-            told += 1;
-            if told % BYTES_BETWEEN == 0 {
+            reported += 1;
+            if reported % BYTES_BETWEEN == 0 {
                 take_events(device, unit, &mut self.events);
             }
         });
@@ -33,7 +33,7 @@ impl Rig {
             unit.advance(now);
         }
         // Most bytes do no more than to lengthen a frame.
-        if due || told >= BYTES_BETWEEN || unit.has_news() {
+        if due || reported >= BYTES_BETWEEN || unit.has_output() {
             self.settle(device);
         }
         self.follow_up(device);
@@ -45,7 +45,7 @@ impl Rig {
         self.follow_up(device);
     }
 
-    /// Lets firmware and hardware of a device answer to one another.
+    /// Passes pins and measurements between firmware and hardware of a device.
     fn settle(&mut self, device: usize) {
         self.rest_to_grid(device);
         let now = self.now;

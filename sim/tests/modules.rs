@@ -1,4 +1,4 @@
-//! Dependencies between the modules of this crate and of the one below it.
+//! Dependencies between the modules of each crate.
 
 #![expect(clippy::unwrap_used, reason = "a test")]
 
@@ -17,7 +17,7 @@ impl Modules {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
         let mut sources = BTreeMap::new();
         read_folder(&root, &[], &mut sources);
-        assert!(sources.len() > 40, "{:?}", sources.keys());
+        assert!(sources.len() > 5, "{:?}", sources.keys());
         let named =
             |(module, text): (&Names, &String)| (module.clone(), named(module, text, &sources));
         Self(sources.iter().map(named).collect())
@@ -129,22 +129,72 @@ fn paths(text: &str) -> (Vec<Names>, &str) {
     (ends.into_iter().map(whole).collect(), rest)
 }
 
+/// The folders of all crates.
+const CRATES: [&str; 10] = [
+    "settings", "physics", "sim", "runner", "pty", "embed", "control", "lockstep", "cli", "testkit",
+];
+
+/// Modules that form circles, by the folder in which they lie. None may be added.
+const CIRCLES: [(&str, &[&str]); 3] = [
+    (
+        "lockstep/traced",
+        &[
+            "descriptor",
+            "ending",
+            "entry",
+            "one_processor",
+            "processor",
+            "signals",
+            "timer",
+            "tracer",
+            "tree",
+            "wait",
+            "words",
+        ],
+    ),
+    (
+        "cli",
+        &[
+            "args",
+            "campaign",
+            "config",
+            "plan",
+            "run",
+            "scenario_files",
+        ],
+    ),
+    ("cli/campaign", &["engine", "merge", "shard", "summary"]),
+];
+
+/// The modules of which each leads back to itself.
+fn circles(uses: &BTreeMap<&str, BTreeSet<String>>) -> BTreeSet<String> {
+    let leads_back = |start: &&&str| {
+        let mut seen = BTreeSet::new();
+        let mut next: Vec<&str> = vec![**start];
+        while let Some(module) = next.pop() {
+            let used = uses.get(module).into_iter().flatten();
+            next.extend(used.map(String::as_str).filter(|used| seen.insert(*used)));
+        }
+        seen.contains(**start)
+    };
+    let modules = uses.keys().filter(leads_back);
+    modules.map(|module| (*module).to_owned()).collect()
+}
+
 #[test]
 fn modules_form_no_circle() {
-    for folder in [".", "../physics"] {
-        let modules = Modules::of(folder);
+    for folder in CRATES {
+        let modules = Modules::of(&format!("../{folder}"));
         for parent in modules.0.keys() {
-            let mut left = modules.within(parent);
-            while let Some(free) = left.iter().find(|(_, uses)| uses.is_empty()) {
-                let free = (*free.0).to_owned();
-                left.remove(&*free);
-                for uses in left.values_mut() {
-                    uses.remove(&free);
-                }
-            }
+            let uses = modules.within(parent);
+            let place = [&[folder.to_owned()], &parent[..]].concat().join("/");
+            let known = CIRCLES.iter().find(|(folder, _)| *folder == place);
+            let mut found = circles(&uses);
+            found
+                .retain(|module| !known.is_some_and(|(_, known)| known.contains(&module.as_str())));
             assert!(
-                left.is_empty(),
-                "in {folder}, {parent:?}, these form a circle, or hang on one: {left:#?}"
+                found.is_empty(),
+                "in {place}, {found:?} are in a circle: {uses:#?}"
             );
         }
     }
@@ -157,7 +207,7 @@ fn firmware_knows_nothing_of_its_surroundings() {
     for firmware in ["r150_device", "mecanum_device"] {
         for module in &uses[firmware] {
             assert!(
-                ["defects", "uart"].contains(&module.as_str()),
+                ["defects", "firmware", "message", "scanner", "uart"].contains(&module.as_str()),
                 "{firmware} uses {module}"
             );
         }

@@ -1,14 +1,12 @@
 //! Promises of a session at any time.
 
 use std::hash::Hash as _;
-use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::device::names::Reading;
-use sim_core::device::{Observed, View};
-use sim_core::line::{ClientLine, MOST_IN_FLIGHT};
-use sim_core::mecanum_device::Link;
-use sim_core::rig::{PortId, Rig};
+use rigsim_core::SimTime;
+use rigsim_core::device::names::Reading;
+use rigsim_core::device::{Counters, DeviceSpec, View};
+use rigsim_core::line::{ClientLine, MOST_IN_FLIGHT, Wire};
+use rigsim_core::rig::{PortId, Rig};
 
 use super::Player;
 use crate::stream;
@@ -26,16 +24,18 @@ impl Player {
             let distance = self.rig.distance_m(device);
             assert!(distance >= self.distance[device], "{distance} m");
             self.distance[device] = distance;
-            if let Some(r150) = self.rig.device::<sim_core::r150::R150>(device) {
-                let soc = r150.truth().soc;
-                assert!((0.0..=1.0).contains(&soc), "charge of {soc}");
-            }
+            let charge = named(&self.rig, device, |name| name == "truth.soc_percent");
+            let is_sane = charge.iter().all(|soc| (0.0..=100.0).contains(soc));
+            assert!(is_sane, "charge of {charge:?} %");
         }
         while let Some(event) = self.rig.poll_event() {
-            let (told, now) = (self.told, self.now);
-            let in_order = told <= event.at && event.at <= now;
-            assert!(in_order, "{event:?} is told after {told} s, at {now} s");
-            self.told = event.at;
+            let (reported, now) = (self.reported, self.now);
+            let in_order = reported <= event.at && event.at <= now;
+            assert!(
+                in_order,
+                "{event:?} is reported after {reported} s, at {now} s"
+            );
+            self.reported = event.at;
             let words = event.kind.to_string();
             assert!(!words.is_empty());
             (event.at, event.device, words).hash(&mut self.seen);
@@ -44,31 +44,19 @@ impl Player {
     }
 }
 
-/// Expectation of a client of its port.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Says {
-    /// An R150 that speaks when it is spoken to.
-    Replies,
-    /// A car that speaks so often, and to each packet or line if it acknowledges them.
-    Reports {
-        link: Link,
-        period: Duration,
-        acknowledges: bool,
-    },
-}
-
 /// A client, or the place of one.
 pub(super) struct Client {
     pub(super) port: PortId,
-    says: Says,
+    device: &'static DeviceSpec,
     pub(super) baud: u32,
+    wire: Wire,
     pub(super) attached: bool,
     pub(super) line: ClientLine,
     /// Set if nothing has disturbed its line since it came.
     pub(super) undisturbed: bool,
     pub(super) since: SimTime,
     pub(super) sent: usize,
-    /// Somebody before it has sent something.
+    /// A client before it has sent something.
     heir: bool,
     read: usize,
     /// The beginning of something that is not whole yet.
@@ -76,11 +64,12 @@ pub(super) struct Client {
 }
 
 impl Client {
-    pub(super) fn new(port: PortId, baud: u32, says: Says) -> Self {
+    pub(super) fn new(port: PortId, device: &'static DeviceSpec, baud: u32, wire: Wire) -> Self {
         Self {
             port,
-            says,
+            device,
             baud,
+            wire,
             attached: false,
             line: ClientLine::at(baud),
             undisturbed: true,
@@ -102,81 +91,52 @@ impl Client {
             undisturbed: undisturbed && !heir && self.line.baud == self.baud,
             since: now,
             line: self.line,
-            ..Self::new(self.port, self.baud, self.says)
+            ..Self::new(self.port, self.device, self.baud, self.wire)
         };
     }
 
     /// Looks at what it has read.
     pub(super) fn gets(&mut self, bytes: &[u8], now: SimTime) {
         assert!(bytes.len() <= MOST_WAITING, "{} bytes at once", bytes.len());
-        assert!(self.attached || bytes.is_empty(), "bytes for nobody");
+        assert!(self.attached || bytes.is_empty(), "bytes for no client");
         self.read += bytes.len();
         if self.undisturbed {
             self.unread.extend(bytes);
-            let whole = self.whole();
-            assert!(self.says_well(whole), "{:02X?}", self.unread);
-            self.unread.drain(..whole);
+            let whole = stream::whole(self.device, self.port.link, &self.unread);
+            assert!(whole.is_some(), "{:02X?}", self.unread);
+            self.unread.drain(..whole.unwrap_or_default());
             let most = self.most(now);
             assert!(self.read <= most, "{} bytes of {most}", self.read);
         }
     }
 
-    /// Length of the whole frames, packets or lines in what has come, if all is well.
-    fn whole(&self) -> usize {
-        let bytes = &self.unread;
-        match self.says {
-            Says::Replies => {
-                let mut at = 0;
-                while let Some(&length) = bytes.get(at + 2)
-                    && at + 6 + usize::from(length) <= bytes.len()
-                {
-                    at += 6 + usize::from(length);
-                }
-                at
-            }
-            Says::Reports {
-                link: Link::Main, ..
-            } => bytes.len() / 39 * 39,
-            Says::Reports {
-                link: Link::Ros, ..
-            } => {
-                let end = bytes.iter().rposition(|byte| *byte == b'\n');
-                end.map_or(0, |end| end + 1)
-            }
-        }
-    }
-
-    fn says_well(&self, whole: usize) -> bool {
-        let bytes = &self.unread[..whole];
-        match self.says {
-            Says::Replies => stream::frames_cover(bytes),
-            Says::Reports { link, .. } => stream::sends_well(link, bytes),
-        }
-    }
-
     /// Most that the device can have said to it by `now`.
     fn most(&self, now: SimTime) -> usize {
-        match self.says {
-            // The longest reply, of 82 bytes, is to the shortest request, of 6.
-            Says::Replies => 14 * self.sent,
-            // Whether bytes take time or not, it speaks no oftener; a line is never longer than 60
-            // bytes, and the shortest that is answered has 2.
-            Says::Reports {
-                period,
-                acknowledges,
-                ..
-            } => {
-                let periods = now.since(self.since).as_nanos() / period.as_nanos();
-                let periods = usize::try_from(periods).unwrap_or(usize::MAX / 100);
-                60 * (periods + 2) + if acknowledges { 30 * self.sent } else { 0 }
-            }
-        }
+        let bits = now.since(self.since).as_nanos() * u128::from(self.baud) / 1_000_000_000;
+        let carried = match self.wire {
+            Wire::Paced => usize::try_from(bits / 10).unwrap_or(usize::MAX) + 1,
+            Wire::Instant => usize::MAX,
+        };
+        // The longest reply, of 82 bytes, is to the shortest request, of 6.
+        let asked = match self.device.host.chatters {
+            true => usize::MAX,
+            false => 14 * self.sent,
+        };
+        carried.min(asked)
     }
 }
 
 /// The numbers of a device's truth.
 #[must_use]
 pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
+    let groups = ["truth.", "wheel.", "rail."];
+    named(rig, index, |name| {
+        groups.iter().any(|group| name.starts_with(group))
+    })
+}
+
+/// The numbers that a device has under some names of conditions.
+fn named(rig: &Rig, index: usize, is_meant: impl Fn(&str) -> bool) -> Vec<f64> {
     let (Some(spec), Some(device)) = (rig.spec(index), rig.any_device(index)) else {
         return Vec::new();
     };
@@ -184,11 +144,9 @@ pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
         now: rig.now(),
         world: rig.world(),
         device,
-        observed: &Observed::new(spec),
+        counters: &Counters::default(),
     };
-    let groups = ["truth.", "wheel.", "rail."];
-    let names = spec.all_names();
-    let names = names.filter(|info| groups.iter().any(|group| info.name.starts_with(group)));
+    let names = spec.all_names().filter(|info| is_meant(info.name));
     let numbers = names.filter_map(|info| match info.getter.read(&view) {
         Reading::Number(number) => Some(number),
         Reading::Flag(_) => None,

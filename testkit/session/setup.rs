@@ -1,53 +1,39 @@
 //! Setup at the start of a session.
 
 use std::sync::LazyLock;
-use std::time::Duration;
 
-use sim_core::line::Wire;
-use sim_core::mecanum::MecanumSettings;
-use sim_core::mecanum_device::Link;
-use sim_core::mecanum_device::settings::Acknowledge;
-use sim_core::r150::R150Settings;
-use sim_core::r150_device::vehicle::Start;
-use sim_core::rig::{PortId, Rig, RigSettings};
-use sim_core::settings::SimSettings;
-use sim_physics::{Pose, WorldMap};
+use rigsim_core::device::{self, Devices};
+use rigsim_core::line::Wire;
+use rigsim_core::rig::{PortId, Rig, RigSettings};
+use rigsim_core::settings::SimSettings;
+use rigsim_physics::{Pose, WorldMap};
 
-use super::promises::{Client, Says};
+use super::promises::Client;
 
 /// Setup at the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub struct Setup {
-    /// Devices.
-    pub devices: Devices,
     /// Bytes take no time.
     pub instant: bool,
-    /// A car has its ROS link.
-    pub ros: bool,
-    /// An R150 starts as the hardware does.
-    pub locked: bool,
+    /// Devices have their optional links.
+    pub all_links: bool,
+    /// Index of the states in which devices start.
+    pub start: u8,
     /// There are walls, slopes, a strip and a tag.
     pub yard: bool,
     /// Of everything random.
     pub seed: u8,
 }
 
-/// Devices of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, arbitrary::Arbitrary)]
-#[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
-pub enum Devices {
-    /// An R150.
-    R150,
-    /// A car.
-    Mecanum,
-    /// One of each, in each other's way.
-    Both,
-}
-
 impl Setup {
-    /// The rig, and a client for each of its ports.
-    pub(super) fn begin(self, settings: &SimSettings) -> (Rig, Vec<Client>) {
+    /// A rig with these devices in each other's way, and a client for each of its ports.
+    pub(super) fn begin(self, devices: Devices, settings: &SimSettings) -> (Rig, Vec<Client>) {
+        let wire = if self.instant {
+            Wire::Instant
+        } else {
+            Wire::Paced
+        };
         let mut rig = Rig::new(RigSettings {
             world: settings.world.clone(),
             map: if self.yard {
@@ -55,51 +41,35 @@ impl Setup {
             } else {
                 WorldMap::default()
             },
-            wire: if self.instant {
-                Wire::Instant
-            } else {
-                Wire::Paced
-            },
+            wire,
             seed: self.seed.into(),
         });
         let mut clients = Vec::new();
-        let mut serve = |device, link, baud, says| {
-            clients.push(Client::new(PortId { device, link }, baud, says));
-        };
-        if self.devices != Devices::Mecanum {
-            let settings: R150Settings = settings.of().cloned().unwrap_or_default();
-            let start = if self.locked {
-                Start::Locked
-            } else {
-                Start::Ready
+        for (device, x) in devices.iter().zip([0.0, 1.2, 2.4]) {
+            let settings = settings
+                .of_device(device)
+                .unwrap_or_else(|| panic!("{device:?} has no settings"));
+            let there = |link: &&device::LinkSpec| self.all_links || link.optional.is_none();
+            let links = device.links.iter().filter(there).count();
+            let setup = device::Setup {
+                name: device.id,
+                settings,
+                start: usize::from(self.start) % device.starts.len().max(1),
+                links,
+                pose: Pose {
+                    x,
+                    ..Pose::default()
+                },
+                seed: 0,
             };
-            let device = sim_core::r150::add(&mut rig, "r150", &settings, start, Pose::default());
-            serve(device, 0, settings.firmware.baud, Says::Replies);
-        }
-        if self.devices != Devices::R150 {
-            let mut settings: MecanumSettings = settings.of().cloned().unwrap_or_default();
-            let firmware = &mut settings.firmware;
-            if self.locked && firmware.link_timeout.is_none() {
-                // There is a watchdog that can fail only then.
-                firmware.link_timeout = Some(Duration::from_millis(400));
-            }
-            let pose = Pose {
-                x: 1.2,
-                ..Pose::default()
-            };
-            let device = sim_core::mecanum::add(&mut rig, "car", &settings, self.ros, pose);
-            let firmware = &settings.firmware;
-            let reports = |link, period| Says::Reports {
-                link,
-                period,
-                acknowledges: firmware.acknowledge == Acknowledge::Status,
-            };
-            let main = reports(Link::Main, firmware.status_period);
-            serve(device, 0, firmware.baud, main);
-            if self.ros {
-                let ros = reports(Link::Ros, firmware.ros_report_period);
-                serve(device, 1, firmware.ros_baud, ros);
-            }
+            let index = rig.add(device, &setup);
+            clients.extend((0..links).map(|link| {
+                let port = PortId {
+                    device: index,
+                    link,
+                };
+                Client::new(port, device, settings.baud(link), wire)
+            }));
         }
         (rig, clients)
     }

@@ -3,10 +3,12 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::mecanum_device::codec::{Decoded as Packets, Decoder as PacketDecoder, Packet};
-use sim_core::mecanum_device::settings::ByteOrder;
-use sim_core::r150_device::codec::{Decoded, Decoder, encode};
+use rigsim_core::SimTime;
+use rigsim_core::mecanum_device::codec::{Decoded as Packets, reorder};
+use rigsim_core::mecanum_device::settings::ByteOrder;
+use rigsim_core::message::Message;
+use rigsim_core::r150_device::codec::{Decoded, encode};
+use rigsim_core::scanner::{Format, Scanner};
 
 use super::Stream;
 
@@ -24,79 +26,38 @@ pub(super) enum Found {
     Bad(usize),
 }
 
-/// A decoder that keeps a beginning until it is whole or given up.
-pub(super) trait Decode {
-    fn push(&mut self, now: SimTime, byte: u8, found: &mut Vec<Found>);
-    fn expire(&mut self, now: SimTime, found: &mut Vec<Found>);
-    fn deadline(&self) -> Option<SimTime>;
-}
-
-impl Decode for Decoder {
-    fn push(&mut self, now: SimTime, byte: u8, found: &mut Vec<Found>) {
-        self.push(now, byte, &mut |decoded| found.push(of_frame(&decoded)));
-    }
-
-    fn expire(&mut self, now: SimTime, found: &mut Vec<Found>) {
-        self.expire(now, &mut |decoded| found.push(of_frame(&decoded)));
-    }
-
-    fn deadline(&self) -> Option<SimTime> {
-        self.deadline()
-    }
-}
-
-fn of_frame(decoded: &Decoded) -> Found {
+/// What a frame of an R150 covers.
+pub(super) fn of_frame(decoded: Decoded) -> Found {
     match decoded {
-        Decoded::Frame(frame) => Found::Good(encode(frame.command, &frame.parameters)),
+        Decoded::Frame(frame) => Found::Good(encode(frame.command(), frame.parameters())),
         Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
             Found::Bad(bytes.len())
         }
     }
 }
 
-/// The decoder of one direction of the main link, and how its packets are written.
-pub(super) struct Direction<P> {
-    pub(super) decoder: PacketDecoder<P>,
-    pub(super) encode: fn(&P) -> Vec<u8>,
-    pub(super) order: ByteOrder,
-}
-
-impl<P: Packet> Direction<P> {
-    fn found(encode: fn(&P) -> Vec<u8>, order: ByteOrder, decoded: &Packets<P>) -> Found {
-        match decoded {
-            Packets::Packet(packet) => {
-                let mut bytes = encode(packet);
-                P::reorder(&mut bytes, order);
-                Found::Good(bytes)
-            }
-            Packets::Partial(bytes) | Packets::Noise(bytes) => Found::Bad(bytes.len()),
+/// What a packet covers that is written so.
+pub(super) fn of_packet<P: Message>(
+    encode: fn(&P) -> Vec<u8>,
+    order: ByteOrder,
+    decoded: Packets<P>,
+) -> Found {
+    match decoded {
+        Packets::Packet(packet) => {
+            let mut bytes = encode(&packet);
+            reorder::<P>(&mut bytes, order);
+            Found::Good(bytes)
         }
-    }
-}
-
-impl<P: Packet> Decode for Direction<P> {
-    fn push(&mut self, now: SimTime, byte: u8, found: &mut Vec<Found>) {
-        let (encode, order) = (self.encode, self.order);
-        let mut take = |decoded| found.push(Self::found(encode, order, &decoded));
-        self.decoder.push(now, byte, &mut take);
-    }
-
-    fn expire(&mut self, now: SimTime, found: &mut Vec<Found>) {
-        let (encode, order) = (self.encode, self.order);
-        let mut take = |decoded| found.push(Self::found(encode, order, &decoded));
-        self.decoder.expire(now, &mut take);
-    }
-
-    fn deadline(&self) -> Option<SimTime> {
-        self.decoder.deadline()
+        Packets::Partial(bytes) | Packets::Noise(bytes) => Found::Bad(bytes.len()),
     }
 }
 
 /// Plays a stream to a decoder: it finds what `wanted` finds in each part, passes none of the bytes
 /// over in silence, reports none of the others twice, and holds nothing for ever.
-pub(super) fn decodes(
+pub(super) fn decodes<F: Format>(
     stream: &Stream<'_>,
-    decoder: &mut impl Decode,
+    decoder: &mut Scanner<F>,
+    of: impl Fn(F::Decoded) -> Found,
     wanted: impl Fn(&[u8]) -> Vec<Range<usize>>,
 ) {
     let parts = stream.parts();
@@ -108,10 +69,10 @@ pub(super) fn decodes(
     let mut now = SimTime::ZERO;
     for (piece, long) in stream.pieces() {
         for &byte in piece {
-            decoder.push(now, byte, &mut found);
+            decoder.push(now, byte, &mut |decoded| found.push(of(decoded)));
         }
         now += if long { TIMEOUT } else { BREATH };
-        decoder.expire(now, &mut found);
+        decoder.expire(now, &mut |decoded| found.push(of(decoded)));
         if long {
             assert_eq!(decoder.deadline(), None, "something is held for ever");
         }

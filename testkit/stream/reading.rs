@@ -3,13 +3,11 @@
 
 use std::ops::Range;
 
-use sim_core::mecanum_device::Link;
-use sim_core::mecanum_device::ascii::Syntax;
-use sim_core::mecanum_device::codec::Rules;
-use sim_core::mecanum_device::settings::{
-    AsciiNumbers, AsciiOutOfRange, AsciiSpaces, Framing, PartialPacket,
-};
-use sim_core::r150_device::settings::Resync;
+use rigsim_core::device::DeviceSpec;
+use rigsim_core::mecanum_device::Link;
+use rigsim_core::mecanum_device::codec::Rules;
+use rigsim_core::mecanum_device::settings::{Framing, PartialPacket};
+use rigsim_core::r150_device::settings::Resync;
 
 /// The longest line of the ROS link.
 pub(super) const LONGEST: usize = 32;
@@ -56,9 +54,34 @@ pub(super) fn frames(bytes: &[u8], resync: Resync) -> Vec<Range<usize>> {
     found
 }
 
-/// Tells whether `bytes` are whole frames of the R150, one after the other.
-#[must_use]
-pub fn frames_cover(bytes: &[u8]) -> bool {
+/// Returns the length of the whole frames, packets or lines of a device at the beginning of what it
+/// has sent on a link; `None` if they are something else.
+pub(crate) fn whole(device: &DeviceSpec, link: usize, bytes: &[u8]) -> Option<usize> {
+    match (device.id, link) {
+        ("r150", _) => {
+            let mut end = 0;
+            while let Some(&length) = bytes.get(end + 2)
+                && end + 6 + usize::from(length) <= bytes.len()
+            {
+                end += 6 + usize::from(length);
+            }
+            frames_cover(&bytes[..end]).then_some(end)
+        }
+        ("mecanum", 0) => {
+            let end = bytes.len() / 39 * 39;
+            sends_well(Link::Main, &bytes[..end]).then_some(end)
+        }
+        ("mecanum", _) => {
+            let end = bytes.iter().rposition(|byte| *byte == b'\n');
+            let end = end.map_or(0, |end| end + 1);
+            sends_well(Link::Ros, &bytes[..end]).then_some(end)
+        }
+        _ => panic!("nothing is known of what {device:?} sends"),
+    }
+}
+
+/// Returns whether `bytes` are whole frames of the R150, one after the other.
+pub(super) fn frames_cover(bytes: &[u8]) -> bool {
     let frames = frames(bytes, Resync::SecondByte);
     frames.iter().map(ExactSizeIterator::len).sum::<usize>() == bytes.len()
 }
@@ -86,9 +109,8 @@ pub(super) fn packets(bytes: &[u8], headers: &[[u8; 2]], rules: Rules) -> Vec<Ra
     found
 }
 
-/// Tells whether `bytes` are what the board sends on this link, whole.
-#[must_use]
-pub fn sends_well(link: Link, bytes: &[u8]) -> bool {
+/// Returns whether `bytes` are what the board sends on this link, whole.
+pub(super) fn sends_well(link: Link, bytes: &[u8]) -> bool {
     match link {
         Link::Main => bytes
             .chunks(39)
@@ -111,61 +133,35 @@ fn is_report(line: &[u8]) -> bool {
     numbers.is_some_and(|(speed, mileage)| is_number(speed) && is_number(mileage))
 }
 
-/// Reading of a line: the line, if it is a bad one, and the letter and number of a command that
-/// comes of it.
-pub(super) type Line<'b> = (Option<&'b [u8]>, Option<(u8, i32)>);
+/// Reading of a line: the letter and number of a command, or the bytes of a bad line.
+pub(super) type Line<'b> = Result<(u8, i32), &'b [u8]>;
 
 /// Reads the lines in `bytes`.
-pub(super) fn lines(bytes: &[u8], syntax: Syntax) -> Vec<Line<'_>> {
+pub(super) fn lines(bytes: &[u8]) -> Vec<Line<'_>> {
     let mut lines = bytes.split(|byte| *byte == b'\n');
     let last = lines.next_back().unwrap_or_default();
-    let told = lines.filter_map(|bytes| line(bytes, syntax));
+    let whole = lines.filter_map(line);
     // A line that goes on counts only once it is too long.
-    let begun = (last.len() > LONGEST).then(|| line(last, syntax)).flatten();
-    told.chain(begun).collect()
+    let begun = (last.len() > LONGEST).then(|| line(last)).flatten();
+    whole.chain(begun).collect()
 }
 
 /// Meaning of a line without its end; nothing of a blank one.
-fn line(bytes: &[u8], syntax: Syntax) -> Option<Line<'_>> {
+fn line(bytes: &[u8]) -> Option<Line<'_>> {
     if bytes.len() > LONGEST {
-        return Some((Some(&bytes[..LONGEST]), None));
+        return Some(Err(&bytes[..LONGEST]));
     }
     let meant: String = bytes.iter().copied().map(char::from).collect();
-    let meant = match syntax.spaces {
-        AsciiSpaces::Anywhere => meant.replace([' ', '\r'], ""),
-        AsciiSpaces::Trailing => meant.trim_end_matches([' ', '\r']).to_owned(),
-    };
-    let Some(first) = meant.chars().next() else {
-        return syntax.blank_is_bad.then_some((Some(bytes), None));
-    };
+    let meant = meant.replace([' ', '\r'], "");
+    let first = meant.chars().next()?;
     let number = &meant[first.len_utf8()..];
-    let first = match first {
-        'x' | 'y' | 'z' | 'a' | 'b' if syntax.lower_case => first.to_ascii_uppercase(),
-        _ => first,
-    };
-    let number = match syntax.numbers {
-        // A plus sign is no part of the article's numbers.
-        AsciiNumbers::Strict if number.starts_with('+') => None,
-        AsciiNumbers::Strict => number.parse::<i128>().ok(),
-        AsciiNumbers::Atoi => {
-            let signed = number.strip_prefix(['+', '-']).unwrap_or(number);
-            let end = signed.find(|c: char| !c.is_ascii_digit());
-            let digits = &signed[..end.unwrap_or(signed.len())];
-            let size = digits.parse::<i128>().unwrap_or(0);
-            Some(if number.starts_with('-') { -size } else { size })
-        }
-    };
-    let letter = u8::try_from(first)
+    // A plus sign is no part of the article's numbers.
+    let number = number
+        .parse::<i32>()
         .ok()
-        .filter(|letter| b"XYZAB".contains(letter));
-    let command = letter.zip(number);
-    let cut = command.map(|(letter, number)| (letter, number.clamp(-32_768, 32_768)));
-    let shown = |(letter, number)| i32::try_from(number).ok().map(|number| (letter, number));
-    Some(if cut == command && command.is_some() {
-        (None, cut.and_then(shown))
-    } else if syntax.out_of_range == AsciiOutOfRange::Clamp {
-        (Some(bytes), cut.and_then(shown))
-    } else {
-        (Some(bytes), None)
-    })
+        .filter(|_| !number.starts_with('+'));
+    let number = number.filter(|number| (-32_768..=32_768).contains(number));
+    let letter = u8::try_from(first).ok();
+    let letter = letter.filter(|letter| b"XYZAB".contains(letter));
+    Some(letter.zip(number).ok_or(bytes))
 }

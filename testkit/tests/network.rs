@@ -1,7 +1,7 @@
 //! Any bytes are legal on the network, and how they are split changes nothing.
 
 use proptest::prelude::*;
-use sim_testkit::network;
+use rigsim_testkit::network;
 
 const IAC: u8 = 255;
 

@@ -1,7 +1,7 @@
 //! Any bytes may come to the control socket, and how they are split changes nothing.
 
 use proptest::prelude::*;
-use sim_testkit::request;
+use rigsim_testkit::request;
 
 const PIECES: &[&str] = &[
     "GET ",

@@ -30,10 +30,10 @@ fn without_a_cpp_compiler_nothing_is_built_and_the_check_is_passed_over() {
     let programs = ["bash", "dirname", "uname"];
     for (name, code) in [("build", 3), ("check", 0)] {
         let output = script(name, &programs);
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(code), "{name}: {told}");
-        assert!(told.contains("cannot be built"), "{name}: {told}");
-        assert!(told.contains("there is no `c++`"), "{name}: {told}");
-        assert_eq!(told.lines().count(), 1, "{name}: {told}");
+        let reported = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{name}: {reported}");
+        assert!(reported.contains("cannot be built"), "{name}: {reported}");
+        assert!(reported.contains("there is no `c++`"), "{name}: {reported}");
+        assert_eq!(reported.lines().count(), 1, "{name}: {reported}");
     }
 }

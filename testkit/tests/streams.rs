@@ -1,9 +1,9 @@
 //! Every decoder finds what an independent reading of the stream finds, however it is split.
 
 use proptest::prelude::*;
-use sim_core::mecanum_device::packet::Status;
-use sim_core::r150_device::codec::encode;
-use sim_testkit::stream::{Stream, ascii, mecanum, r150};
+use rigsim_core::mecanum_device::packet::Status;
+use rigsim_core::r150_device::codec::encode;
+use rigsim_testkit::stream::{Stream, ascii, mecanum, r150};
 
 /// Bytes made of pieces that mean something to a decoder, whole and torn.
 fn bytes_of(

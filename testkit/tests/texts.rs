@@ -1,10 +1,10 @@
-//! Files as they are shipped, with something wrong in them, and files as nobody writes them.
+//! Files as they are shipped, with something wrong in them, and files as no one writes them.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::Path;
 
-use sim_testkit::text;
+use rigsim_testkit::text;
 
 /// Numbers in the place of others.
 const NUMBERS: &[&str] = &[
@@ -205,7 +205,7 @@ fn monsters_are_refused_by_every_reader() {
         ("world", text::world),
         ("rig", text::rig),
         ("scenario", text::scenario),
-        ("trace", sim_testkit::trace::play),
+        ("trace", rigsim_testkit::trace::play),
     ];
     for (what, monster) in monsters() {
         for (reader, read) in readers {
@@ -249,7 +249,7 @@ fn conditions_without_bottom_are_refused() {
 fn traces_without_bottom_are_refused() {
     for deep in [100, 1000, 100_000] {
         for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
-            sim_testkit::trace::play(
+            rigsim_testkit::trace::play(
                 &[open.repeat(deep), "1".to_owned(), close.repeat(deep)].concat(),
             );
         }

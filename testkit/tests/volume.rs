@@ -2,7 +2,7 @@
 //! times as many inputs a second. They are ignored unless asked for:
 //!
 //! ```sh
-//! SIM_TESTKIT_MILLIONS=100 cargo test --release -p sim-testkit --test volume -- --ignored --nocapture
+//! SIM_TESTKIT_MILLIONS=100 cargo test --release -p rigsim-testkit --test volume -- --ignored --nocapture
 //! ```
 
 #![expect(
@@ -12,9 +12,10 @@
 )]
 
 use arbitrary::{Arbitrary as _, Unstructured};
-use sim_core::noise::Noise;
-use sim_testkit::session::{Session, play};
-use sim_testkit::stream::{Stream, ascii, mecanum, r150};
+use rigsim_core::noise::Noise;
+use rigsim_testkit::groups;
+use rigsim_testkit::session::{Session, play};
+use rigsim_testkit::stream::{Stream, ascii, mecanum, r150};
 
 /// How many inputs of each decoder, and ten times how many operations.
 fn inputs() -> u64 {
@@ -124,7 +125,8 @@ fn operations() {
         let session = Session::arbitrary(&mut Unstructured::new(&data)).unwrap();
         done += u64::try_from(session.operations.len()).unwrap();
         sessions += 1;
-        let _ = play(&session);
+        let groups: Vec<_> = groups().collect();
+        let _ = play(groups[usize::from(noise.byte()) % groups.len()], &session);
         if sessions.is_multiple_of(50_000) {
             println!("{sessions} sessions, {done} operations");
         }

@@ -1,4 +1,4 @@
-"""Floods of connections and requests, and readers that do not read: nobody else is kept waiting for long."""
+"""Floods of connections and requests, and readers that do not read: no other client is kept waiting for long."""
 
 import socket
 import time
@@ -49,13 +49,13 @@ for _ in range(5):
 for _ in range(50):
     assert patiently(lambda: status(request(token="wrong"))) == 401
 
-# Connections that are broken off at any point.
+# Connections that are aborted at any point.
 for length in range(0, len(good), 7):
     with socket.create_connection(ADDRESS, timeout=PATIENCE) as one:
         one.sendall(good[:length])
 state()
 
-# A reader that does not read costs nobody anything, and one that reads slowly is told what it lost.
+# A reader that does not read costs the others nothing, and one that reads slowly learns what it lost.
 names = ",".join(one["name"] for one in patiently(lambda: call("GET", "/v1/names"))["names"][:64])
 wanted = f"?names={names}&rate=60&picture=60"
 deaf = [patiently(lambda: Events(f"{wanted}&traffic=true", buffer=4096)) for _ in range(3)]

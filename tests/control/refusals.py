@@ -52,7 +52,7 @@ for body in ["", "{", "nonsense", "\xff\xfe", "[" * 60000, '{"fault": ' * 5000]:
 assert status(request("PUT /v1/steps HTTP/1.1")) == 405
 assert status(request("TRACE /v1/state HTTP/1.1")) == 405
 assert status(request("GET /v1/state?x=1 HTTP/1.1")) == 400
-# Half a request, and then nothing more: told so, after a while.
+# Half a request, and then nothing more: refused, after a while.
 assert status(b"GET /v1/state HTTP/1.1\r\nHost: ") == 408
 
 # Many wrong ones later everything is as before.

@@ -4,6 +4,7 @@ use std::fs;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::PathBuf;
 use std::process::Command;
+use std::time::Instant;
 
 use crate::harness::live::{DRIVE, Folder};
 use crate::harness::{self, Sim, command, until};
@@ -16,6 +17,8 @@ sys.path.insert(0, sys.argv[1])
 from simulator import call, step, until
 port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
 begun = time.monotonic()
+with open("again.toml", "w") as file:
+    file.write(call("GET", "/v1/schema")["file"] + "[[step]]\nat = '1 s'\noperator = 'lock'\n")
 step({"fault": {"kind": "bit-flips", "probability": 0.01, "direction": "to-client"}})
 until("t > 0.5", "2 s")
 step({"operator": {"emergency_stop": True}}, wait=True)
@@ -58,6 +61,11 @@ fn a_client_controls_the_run_that_plays_it() {
         let path = folder.file(&format!("{output}/drive.trace.jsonl"));
         let again = harness::run(&["replay", path.to_str().unwrap()]);
         assert_eq!(again.code(), Some(0), "{}{}", again.out, again.err);
+        // What was done by hand can be added to the file that is played.
+        assert!(folder.read("again.toml").contains("base = \"/"));
+        let path = folder.file("again.toml");
+        let checked = harness::run(&["check", path.to_str().unwrap()]);
+        assert_eq!(checked.code(), Some(0), "{}{}", checked.out, checked.err);
         (trace, folder.read(&format!("{output}/drive.client.log")))
     };
     run("real", "real");
@@ -65,6 +73,42 @@ fn a_client_controls_the_run_that_plays_it() {
     let first = run("lockstep", "first");
     assert!(first.1.starts_with("lockstep "), "{}", first.1);
     assert_eq!(first, run("lockstep", "second"));
+}
+
+/// A client that waits for conditions while a thread of it drives.
+const WAITING: &str = r#"
+import os, sys, threading, time
+sys.path.insert(0, sys.argv[1])
+from simulator import until
+port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+done = threading.Event()
+def drive():
+    while not done.wait(0.06):
+        os.write(port, bytes.fromhex("AA55041200000000BF6D"))
+driver = threading.Thread(target=drive)
+driver.start()
+for second in range(1, 100):
+    until(f"t > {second}", "2 s")
+done.set()
+driver.join()
+"#;
+
+#[test]
+fn waits_for_conditions_take_no_real_time() {
+    if !has("python3") {
+        return;
+    }
+    let scripts = folder();
+    let long = STAND.replace("30 min", "100 s");
+    let place = Folder::with(&[("stand.toml", &long), ("client.py", WAITING)]);
+    let begun = Instant::now();
+    let args = ["run", "--time", "lockstep", "--control", "127.0.0.1:0"];
+    let client = ["stand.toml", "--", "python3", "-B", "client.py"];
+    let client = [&client[..], &[scripts.to_str().unwrap()]].concat();
+    let ended = place.sim(&[&args[..], &client].concat());
+    assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
+    // It is a few seconds.
+    assert!(begun.elapsed().as_secs() < 30, "{}", ended.out);
 }
 
 const STAND: &str = r#"
@@ -93,7 +137,7 @@ fn what_is_expected_in_vain_fails_the_run() {
 
 const NONBLOCK: i32 = rustix::fs::OFlags::NONBLOCK.bits().cast_signed();
 
-/// A client that begins when somebody opens its gate, and then waits for time to pass.
+/// A client that begins when its gate is opened, and then waits for time to pass.
 const WAITS: &str = r#"
 import os, time
 port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -170,6 +214,7 @@ fn a_flood_takes_no_simulated_time_of_a_client_in_lockstep() {
     });
     let ended = run.wait();
     assert_eq!(ended.code(), Some(0), "{}{}", ended.out, ended.err);
-    assert_eq!(place.read("out/stand.client.log").trim(), "0.1");
+    // The sleep, and the slack of its timer.
+    assert_eq!(place.read("out/stand.client.log").trim(), "0.10005");
     drop(flood);
 }

@@ -6,6 +6,7 @@ Needs `pip install playwright` and a Chromium of the system.
 import atexit
 import json
 import os
+import re
 import shutil
 import signal
 import struct
@@ -50,7 +51,7 @@ def frame(command, parameters=b""):
 class Simulator:
     """A simulator of a rig, which ends well and whose recording is the same again."""
 
-    def __init__(self, program, folder, rig, *arguments):
+    def __init__(self, program, folder, rig, *arguments, flag="--rig"):
         self.program, self.folder = program, folder.absolute()
         shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(parents=True, mode=0o700)
@@ -58,7 +59,7 @@ class Simulator:
         self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
         self.environment.pop("SIM_CONTROL", None)
         self.trace, ready = self.folder / "trace.jsonl", self.folder / "ready"
-        command = [program, "--rig", self.folder / "rig.toml", "--control", "127.0.0.1:0", "--seed", "1"]
+        command = [program, flag, self.folder / "rig.toml", "--control", "127.0.0.1:0", "--seed", "1"]
         command += ["--ready-file", ready, "--trace", self.trace, *arguments]
         self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=self.environment)
         atexit.register(self.process.kill)
@@ -113,9 +114,24 @@ def chromium():
         yield launch(play)
 
 
+def from_folder(context):
+    """The files of the page as they are in the folder, for work on them without builds."""
+    def answer(route):
+        file = ROOT / "control/page" / (route.request.url.split("/")[-1] or "index.html")
+        answered = route.fetch()
+        kind = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}[file.suffix]
+        headers = {**answered.headers, "content-type": kind}
+        route.fulfill(status=200, headers=headers, body=file.read_text())
+
+    context.route(re.compile(r":\d+/([a-z]+\.(js|css))?$"), answer)
+
+
 def open_page(browser, simulator, **options):
     """The page when it is drawn, and a list of what goes wrong on it."""
-    page = browser.new_context(**options).new_page()
+    context = browser.new_context(**options)
+    if "SIM_PAGE_FROM_FOLDER" in os.environ:
+        from_folder(context)
+    page = context.new_page()
     page.set_default_timeout(PATIENCE * 1000)
     wrong = []
     page.on("pageerror", lambda error: wrong.append(str(error)))

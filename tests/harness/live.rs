@@ -68,7 +68,7 @@ impl Folder {
         let real = args.contains(&"--") && !args.contains(&"--time");
         let (run, rest) = args.split_at(usize::from(real));
         let time: &[&str] = if real {
-            &["--time", "real", "--max-hold-up", "1h"]
+            &["--time", "real", "--max-stall", "1h"]
         } else {
             &[]
         };
@@ -107,19 +107,20 @@ impl Folder {
         self.read(name).lines().map(parse).collect()
     }
 
-    /// How many folders for ports of runs in lockstep are there now.
-    pub fn ports_left(&self) -> usize {
-        let user = rustix::process::geteuid().as_raw();
-        let entries = fs::read_dir(self.path().join(format!("sim-{user}")));
-        entries.map_or(0, Iterator::count)
+    /// Where runs have the folders of their ports.
+    pub fn ports_folder(&self) -> PathBuf {
+        self.path()
+            .join(format!("sim-{}", rustix::process::geteuid().as_raw()))
     }
 
-    /// The folders for ports that are there now.
+    /// What runs have put into the folder for temporary files and not removed.
     pub fn leftovers(&self) -> Vec<PathBuf> {
+        let ports = self.ports_folder();
         let entries = fs::read_dir(self.path()).unwrap();
+        let entries = entries.chain(fs::read_dir(&ports).into_iter().flatten());
         let paths = entries.map(|entry| entry.unwrap().path());
         paths
-            .filter(|path| path.is_dir() && path.to_string_lossy().contains("/sim-"))
+            .filter(|path| path.to_string_lossy().contains("/sim-") && *path != ports)
             .collect()
     }
 }

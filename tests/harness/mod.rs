@@ -62,13 +62,13 @@ pub fn run(args: &[&str]) -> Finished {
     Sim::spawn(command().args(args), PathBuf::new(), None).wait()
 }
 
-/// A running simulator; killed when dropped, so that a failing test leaves nobody behind.
+/// A running simulator; killed when dropped, so that a failing test leaves no process behind.
 pub struct Sim {
     process: Process,
     port: PathBuf,
     out: Transcript,
     err: Transcript,
-    // Dropped last: the files go when nobody uses them any more.
+    // Dropped last: the files go when no process uses them any more.
     dir: Option<TempDir>,
 }
 

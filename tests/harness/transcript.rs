@@ -12,7 +12,7 @@ pub struct Transcript(Arc<Shared>);
 #[derive(Default)]
 struct Shared {
     heard: Mutex<Heard>,
-    news: Condvar,
+    changed: Condvar,
 }
 
 #[derive(Default)]
@@ -32,7 +32,7 @@ impl Transcript {
                 let mut heard = own.heard.lock().unwrap();
                 heard.bytes.extend_from_slice(&chunk[..count]);
                 heard.ended = count == 0;
-                own.news.notify_all();
+                own.changed.notify_all();
                 if heard.ended {
                     return;
                 }
@@ -62,7 +62,7 @@ impl Transcript {
             if heard.ended {
                 return None;
             }
-            heard = self.0.news.wait_timeout(heard, left).unwrap().0;
+            heard = self.0.changed.wait_timeout(heard, left).unwrap().0;
         }
     }
 
@@ -77,10 +77,10 @@ impl Transcript {
         let heard = self.0.heard.lock().unwrap();
         let wait = self
             .0
-            .news
+            .changed
             .wait_timeout_while(heard, PATIENCE, |heard| !heard.ended);
         let (heard, timeout) = wait.unwrap();
-        assert!(!timeout.timed_out(), "somebody keeps the pipe open");
+        assert!(!timeout.timed_out(), "a process keeps the pipe open");
         text(&heard.bytes)
     }
 }

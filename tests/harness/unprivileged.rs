@@ -1,4 +1,4 @@
-//! Running a test once more in a process of its own, not as root, to whom exclusive ports and
+//! Running a test once more in a process of its own, not as root, to which exclusive ports and
 //! file permissions mean nothing.
 
 use std::fs;
@@ -9,14 +9,14 @@ use std::process::Command;
 
 /// Names the copy of the program that such a test may execute.
 pub const BINARY: &str = "SIM_TEST_BINARY";
-/// The user and group called nobody, which own nothing.
+/// The user and group that own nothing.
 const NOBODY: u32 = 65_534;
 
-/// A command that runs one ignored test of this binary. Root becomes nobody; anybody else is
+/// A command that runs one ignored test of this binary. Root becomes that user; any other is
 /// unprivileged already.
 pub fn rerun(test: &str, dir: &Path) -> Command {
     let sim = copy_of_sim(dir);
-    // The build directory may be one that nobody may not enter.
+    // The build directory may be one that this user may not enter.
     let binary = copy(&std::env::current_exe().unwrap(), &dir.join("test-binary"));
     let mut command = Command::new(binary);
     command
@@ -29,7 +29,7 @@ pub fn rerun(test: &str, dir: &Path) -> Command {
     command
 }
 
-/// Whether this process was started by [`rerun`] and not by somebody who runs ignored tests.
+/// Whether this process was started by [`rerun`] and not by a user who runs ignored tests.
 pub fn is_rerun() -> bool {
     std::env::var_os(BINARY).is_some()
 }

@@ -148,3 +148,26 @@ fn several_tests_of_pytest_are_one_client() {
 fn a_client_in_shell() {
     drives(&folder(), &["bash", &client("script.sh")]);
 }
+
+/// Clients that one program of the system plays.
+macro_rules! played {
+    ($($name:ident: $program:literal $file:literal;)+) => {$(
+        #[test]
+        fn $name() {
+            // Not all of them can be asked for their version.
+            if has("sh", &["-c", concat!("command -v ", $program)]) {
+                drives(&folder(), &[$program, &client($file)]);
+            }
+        }
+    )+};
+}
+
+played! {
+    a_client_in_ruby_with_timeouts: "ruby" "client.rb";
+    a_client_in_erlang_with_processes: "escript" "client.escript";
+    a_client_in_perl_with_select: "perl" "client.pl";
+    a_client_in_php_with_stream_select: "php" "client.php";
+    a_client_in_tcl_with_events: "tclsh" "client.tcl";
+    a_client_in_lua_with_children: "lua5.4" "client.lua";
+    a_client_in_java_with_threads: "java" "Client.java";
+}

@@ -18,8 +18,10 @@ use std::process::Command;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use rigsim_lockstep::{
+    Broken, ClientLine, End, Ending, Error, Options, Port, Program, Step, World,
+};
 use rustix::process::{PidfdFlags, PidfdGetfdFlags};
-use sim_lockstep::{Broken, End, Ending, Error, LineSettings, Options, Port, Program, Step, World};
 
 /// How long the device takes to answer.
 pub const ANSWER: u64 = 50_000_000;
@@ -35,8 +37,10 @@ pub struct Device {
     pub answers: VecDeque<(u64, Vec<u8>)>,
     /// When the cable is pulled, and when it is back.
     pub cable: Option<(u64, u64)>,
-    /// How long somebody else keeps the other end of the port when the cable is pulled.
+    /// How long another thread keeps the other end of the port when the cable is pulled.
     pub kept: Option<Duration>,
+    /// Real time in which the machine does nothing for it, each time something happens.
+    pub stalls: Duration,
     /// Bytes that there is room for at a time; all of them if that is 0.
     pub room: usize,
     /// Everything that has happened.
@@ -63,7 +67,7 @@ impl World for Device {
     fn sent(
         &mut self,
         _port: usize,
-        line: LineSettings,
+        line: ClientLine,
         now: u64,
         bytes: &[u8],
     ) -> Result<usize, Broken> {
@@ -106,6 +110,7 @@ impl World for Device {
         let Some(next) = next else {
             return Ok(Step::Never);
         };
+        std::thread::sleep(self.stalls);
         let next = next.max(now);
         if next >= END {
             return Ok(Step::Over);
@@ -170,6 +175,7 @@ pub struct Played {
 /// How to play it.
 pub struct Stage {
     pub seed: Option<u64>,
+    pub schedule: Option<u64>,
     pub device: Device,
     pub environment: Vec<(String, OsString)>,
     pub allowed: Duration,
@@ -179,6 +185,7 @@ impl Default for Stage {
     fn default() -> Self {
         Self {
             seed: Some(7),
+            schedule: None,
             device: Device::default(),
             environment: Vec::new(),
             allowed: Duration::from_secs(60),
@@ -205,12 +212,14 @@ pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
     let stop = AtomicBool::new(false);
     let options = Options {
         seed: stage.seed,
+        schedule: stage.schedule,
         date: DATE,
-        until: Some(begun + stage.allowed),
+        allowed: Some(stage.allowed),
+        until: Some(begun + 10 * stage.allowed),
         stop: &stop,
     };
     let mut device = stage.device;
-    let ending = sim_lockstep::run(program, &options, &mut ports, &mut device)?;
+    let ending = rigsim_lockstep::run(program, &options, &mut ports, &mut device)?;
     let took = begun.elapsed();
     let mut text = Vec::new();
     output.rewind().expect("the beginning");

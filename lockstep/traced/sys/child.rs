@@ -1,4 +1,4 @@
-//! Deeds of a child between fork and exec.
+//! Actions of a child between fork and exec.
 
 use super::{Tid, check};
 use std::ffi::{CString, c_char};
@@ -12,7 +12,6 @@ pub(crate) struct Image<'a> {
     words: Vec<*const c_char>,
     environment: Vec<*const c_char>,
     filter: Vec<libc::sock_filter>,
-    fixed_addresses: bool,
 }
 
 impl<'a> Image<'a> {
@@ -21,7 +20,6 @@ impl<'a> Image<'a> {
         words: &'a [CString],
         environment: &'a [CString],
         filter: Vec<libc::sock_filter>,
-        fixed_addresses: bool,
     ) -> Self {
         let pointers = |strings: &[CString]| {
             let pointers = strings.iter().map(|string| string.as_ptr());
@@ -32,7 +30,6 @@ impl<'a> Image<'a> {
             words: pointers(words),
             environment: pointers(environment),
             filter,
-            fixed_addresses,
         }
     }
 }
@@ -111,14 +108,6 @@ unsafe fn prepare(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<
         let mut none = std::mem::MaybeUninit::<libc::sigset_t>::uninit();
         libc::sigemptyset(none.as_mut_ptr());
         libc::sigprocmask(libc::SIG_SETMASK, none.as_ptr(), ptr::null_mut());
-        let mut persona = libc::personality(0xFFFF_FFFF);
-        // The tracer writes how much time is left of `select`, and not the system.
-        persona |= libc::STICKY_TIMEOUTS;
-        if image.fixed_addresses {
-            persona |= libc::ADDR_NO_RANDOMIZE;
-        }
-        let persona = libc::c_ulong::from(persona.unsigned_abs());
-        check(libc::personality(persona).into())?;
         check(libc::prctl(libc::PR_SET_TSC, libc::PR_TSC_SIGSEGV).into())?;
         check(libc::prctl(libc::PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0).into())?;
         let set = libc::SECCOMP_SET_MODE_FILTER;

@@ -9,7 +9,6 @@ const ENOSYS: u32 = libc::ENOSYS.cast_unsigned();
 /// Action of the filter on a call that matters; all others are let through.
 #[derive(Debug, Clone, Copy)]
 enum Rule {
-    /// The tracer sees it.
     Stop,
     /// The tracer sees it if that argument is one of these.
     If(u32, &'static [u64]),
@@ -38,6 +37,9 @@ calls! {
     Settimeofday [libc::SYS_settimeofday] Rule::Stop;
     Time [libc::SYS_time] Rule::Stop;
     Times [libc::SYS_times] Rule::Stop;
+    Adjtimex [libc::SYS_adjtimex] Rule::Stop;
+    ClockAdjtime [libc::SYS_clock_adjtime] Rule::Stop;
+    Sysinfo [libc::SYS_sysinfo] Rule::Stop;
     // Sleeps and waits.
     Nanosleep [libc::SYS_nanosleep] Rule::Stop;
     ClockNanosleep [libc::SYS_clock_nanosleep] Rule::Stop;
@@ -52,6 +54,9 @@ calls! {
     Pause [libc::SYS_pause] Rule::Stop;
     Sigsuspend [libc::SYS_rt_sigsuspend] Rule::Stop;
     Sigtimedwait [libc::SYS_rt_sigtimedwait] Rule::Stop;
+    // Of SIGSEGV.
+    Sigaction [libc::SYS_rt_sigaction] Rule::If(0, &[11]);
+    Signalfd [libc::SYS_signalfd, libc::SYS_signalfd4] Rule::Stop;
     Wait4 [libc::SYS_wait4] Rule::Stop;
     Waitid [libc::SYS_waitid] Rule::Stop;
     Flock [libc::SYS_flock] Rule::Stop;
@@ -86,6 +91,7 @@ calls! {
     Preadv2 [libc::SYS_preadv2] Rule::Stop;
     Write [libc::SYS_write] Rule::Stop;
     Writev [libc::SYS_writev] Rule::Stop;
+    Pwritev2 [libc::SYS_pwritev2] Rule::Stop;
     Recvfrom [libc::SYS_recvfrom] Rule::Stop;
     Recvmsg [libc::SYS_recvmsg] Rule::Stop;
     Recvmmsg [libc::SYS_recvmmsg] Rule::Stop;
@@ -94,8 +100,14 @@ calls! {
     Sendmmsg [libc::SYS_sendmmsg] Rule::Stop;
     Accept [libc::SYS_accept, libc::SYS_accept4] Rule::Stop;
     Splice [libc::SYS_splice] Rule::Stop;
+    Tee [libc::SYS_tee] Rule::Stop;
+    Vmsplice [libc::SYS_vmsplice] Rule::Stop;
     Sendfile [libc::SYS_sendfile] Rule::Stop;
     Ioctl [libc::SYS_ioctl] Rule::If(1, REQUESTS);
+    // What takes descriptors away.
+    Close [libc::SYS_close] Rule::Stop;
+    CloseRange [libc::SYS_close_range] Rule::Stop;
+    Dup [libc::SYS_dup2, libc::SYS_dup3] Rule::Stop;
     // What is random.
     Getrandom [libc::SYS_getrandom] Rule::Stop;
     // Processes.
@@ -104,28 +116,20 @@ calls! {
     PidfdSendSignal [libc::SYS_pidfd_send_signal] Rule::Stop;
     Exit [libc::SYS_exit] Rule::Stop;
     ExitGroup [libc::SYS_exit_group] Rule::Stop;
-    // Nobody leaves the tree.
+    // No process leaves the tree.
     Clone [libc::SYS_clone] Rule::IfBits(0, 0x0080_0000);
     Ptrace [libc::SYS_ptrace] Rule::Stop;
+    // Answered as by a system that lacks them. futex_waitv, futex_wake, futex_wait and futex_requeue:
+    Missing [449, 454, 455, 456,
+        // It would tell in memory on which processor a thread runs.
+        libc::SYS_rseq,
+        // Its flags lie in memory.
+        libc::SYS_clone3,
+        // They wait for the kernel's own work, in its time.
+        libc::SYS_io_uring_setup, libc::SYS_io_uring_enter, libc::SYS_io_uring_register,
+        libc::SYS_io_setup] Rule::Stop;
 }
 
-/// Calls that the filter itself answers, as a system that lacks them; programs do without.
-const REFUSED: &[i64] = &[
-    // futex_waitv, futex_wake, futex_wait and futex_requeue.
-    449,
-    454,
-    455,
-    456,
-    // It would tell in memory on which processor a thread runs.
-    libc::SYS_rseq,
-    // Its flags lie in memory.
-    libc::SYS_clone3,
-    libc::SYS_io_uring_setup,
-    libc::SYS_io_uring_enter,
-    libc::SYS_io_uring_register,
-];
-
-/// Call of a number.
 pub(crate) fn call(number: i64) -> Option<Call> {
     let rule = RULES.iter().find(|rule| rule.0.contains(&number))?;
     Some(rule.1)
@@ -168,9 +172,6 @@ pub(crate) fn filter(random: bool) -> Vec<sock_filter> {
         program.push(jump(BPF_JEQ, number, 0, block.len()));
         program.extend(block);
     };
-    for number in REFUSED {
-        add(*number, vec![give(libc::SECCOMP_RET_ERRNO | ENOSYS)]);
-    }
     for (numbers, call, rule) in RULES {
         if *call == Call::Getrandom && !random {
             continue;

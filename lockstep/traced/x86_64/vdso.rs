@@ -16,8 +16,6 @@ use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 
-use super::Registers;
-
 // The functions find the page of the clocks through the word at the beginning. In the page:
 //    0  how often may be asked before it costs a call
 //    8  seconds and nanoseconds of the real-time clock
@@ -229,14 +227,14 @@ impl Image {
 
 /// The vDSO of a program that has just been loaded.
 pub(crate) struct Vdso {
-    /// Address at which the program is told of it.
+    /// Address at which the program finds its own.
     entry: u64,
     base: u64,
     functions: Vec<Function>,
     /// Address at which its code begins, all of which is dead once its functions lead elsewhere.
     first: usize,
     /// Some instruction `syscall` in it.
-    call: u64,
+    pub(crate) gate: u64,
 }
 
 impl Vdso {
@@ -255,7 +253,7 @@ impl Vdso {
                 base,
                 functions,
                 first: Some(first).filter(|_| code(0).len() <= room)?,
-                call: base + image.call()? as u64,
+                gate: base + image.call()? as u64,
             })
         });
         if found.is_none() {
@@ -264,22 +262,12 @@ impl Vdso {
         Ok(found)
     }
 
-    /// The registers with which the program asks for a page; it is at the end of a call.
-    pub(crate) fn ask_for_page(&self, before: Registers) -> Registers {
-        const LENGTH: u64 = 4096;
+    /// The syscall with which the program asks for a page: its number and arguments.
+    pub(crate) fn page_call() -> (i64, [u64; 6]) {
         let rights = libc::PROT_READ | libc::PROT_WRITE;
         let kind = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
-        let mut registers = before;
-        let r = &mut registers.0;
-        r.rip = self.call;
-        r.rax = libc::SYS_mmap.cast_unsigned();
-        (r.rdi, r.rsi) = (0, LENGTH);
-        (r.rdx, r.r10) = (
-            u64::from(rights.unsigned_abs()),
-            u64::from(kind.unsigned_abs()),
-        );
-        (r.r8, r.r9) = (u64::MAX, 0);
-        registers
+        let [rights, kind] = [rights, kind].map(|bits| u64::from(bits.unsigned_abs()));
+        (libc::SYS_mmap, [0, 4096, rights, kind, u64::MAX, 0])
     }
 
     /// Replaces the functions, now that the system has given this page; where it is. `None` if
@@ -309,7 +297,7 @@ impl Vdso {
     }
 }
 
-/// Takes it out of what a program is told, so that it asks the system for the time.
+/// Takes it out of what a program is given, so that it asks the system for the time.
 fn hide(memory: Memory, entry: u64) -> io::Result<()> {
     const AT_IGNORE: u64 = 1;
     memory.write(entry, &AT_IGNORE.to_ne_bytes())

@@ -7,8 +7,8 @@
 use std::convert::Infallible;
 use std::fmt;
 
+use rigsim_settings::{Bounds, SettingValue, Value};
 use schemars::{Schema, json_schema};
-use sim_settings::{Bounds, SettingValue, Value};
 
 use super::{MecanumCommands, PORTS, Port, PortCommand, WHEELS, Wheel};
 
@@ -48,7 +48,7 @@ impl Wiring {
         self.ports[wheel.index()]
     }
 
-    /// Tells whether FR low rolls this wheel backward, instead of forward.
+    /// Returns whether FR low rolls this wheel backward, instead of forward.
     #[must_use]
     pub fn is_reversed(&self, wheel: Wheel) -> bool {
         self.reversed[wheel.index()]
@@ -132,7 +132,7 @@ impl fmt::Display for Wiring {
         for wheel in Wheel::ALL {
             let dash = if wheel == Wheel::ALL[0] { "" } else { "-" };
             let polarity = if self.is_reversed(wheel) { "!" } else { "" };
-            write!(f, "{dash}{polarity}{}", self.port(wheel).name())?;
+            write!(f, "{dash}{polarity}{}", self.port(wheel))?;
         }
         Ok(())
     }
@@ -157,7 +157,7 @@ impl SettingValue for Wiring {
             let bare = bare.unwrap_or(name);
             ports[at] = Port::ALL
                 .into_iter()
-                .find(|port| port.name() == bare)
+                .find(|port| port.as_str() == bare)
                 .ok_or_else(|| format!("the board has no motor port `{bare}`"))?;
         }
         Self::new(ports, reversed).ok_or_else(|| format!("{value} names a port twice"))
@@ -167,10 +167,6 @@ impl SettingValue for Wiring {
         format!("\"{self}\"")
     }
 
-    fn within(&self, bounds: &Bounds<Infallible>) -> bool {
-        match *bounds.start() {}
-    }
-
     fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
         "ports of LF, RF, LR, RR joined by \"-\", each of x, y, z, e0, e1, none twice, with \"!\" \
          before one that turns the other way: \"x-y-e0-e1\", \"x-y-z-e0\", \"x-!y-e0-e1\", …"
@@ -178,14 +174,15 @@ impl SettingValue for Wiring {
     }
 
     fn schema(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
-        json_schema!({"type": "string", "pattern": "^!?(x|y|z|e0|e1)(-!?(x|y|z|e0|e1)){3}$"})
+        json_schema!({"type": "string", "pattern": "^!?(x|y|z|e0|e1)(-!?(x|y|z|e0|e1)){3}$",
+            "examples": ["x-!y-e0-e1"]})
     }
 }
 
 /// Wiring of the motors as it really is.
 ///
 /// It is not the wiring that the firmware expects, so that a miswired car can be had; but where
-/// nobody says otherwise it follows that, so that either documented wiring is one setting.
+/// no setting says otherwise it follows that, so that either documented wiring is one setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Plugs {
     /// As the firmware expects.
@@ -221,10 +218,6 @@ impl SettingValue for Plugs {
             Self::AsExpected => format!("\"{AS_EXPECTED}\""),
             Self::Like(wiring) => wiring.show(unit),
         }
-    }
-
-    fn within(&self, bounds: &Bounds<Self::Bound>) -> bool {
-        match *bounds.start() {}
     }
 
     fn allowed(unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
@@ -286,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn plugs_follow_the_firmware_unless_told() {
+    fn plugs_follow_the_firmware_unless_configured() {
         let expected = Wiring::X_Y_Z_E0;
         assert_eq!(Plugs::AsExpected.wiring(expected), expected);
         let other = read("y-x-e0-e1").unwrap();

@@ -2,7 +2,7 @@
 #![allow(unreachable_pub, reason = "shared by including the file")]
 
 use proptest::prelude::*;
-use sim_physics::faults::{BodyFaults, EncoderState, MotorFaults};
+use rigsim_physics::faults::{BodyFaults, EncoderState, MotorFaults};
 
 /// Mostly sensible, sometimes absurd; often within ±2, and less often within ±`usual`.
 pub fn any_number(usual: f64) -> impl Strategy<Value = f64> {

@@ -3,9 +3,9 @@
 #![allow(unreachable_pub, reason = "shared by including the file")]
 #![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
-use sim_physics::faults::MotorFaults;
-use sim_physics::mecanum::{Plugs, WHEELS, Wheel, Wiring};
-use sim_physics::{
+use rigsim_physics::faults::MotorFaults;
+use rigsim_physics::mecanum::{Plugs, WHEELS, Wheel, Wiring};
+use rigsim_physics::{
     Ground, MecanumCommands, MecanumPlant, MecanumPlantSettings, Plant as _, Pose, World,
     WorldSettings,
 };

@@ -1,8 +1,8 @@
 //! What holds of the wheels of any vehicle and of its energy, whatever it does.
 #![allow(unreachable_pub, reason = "shared by including the file")]
 
-use sim_physics::Energy;
-use sim_physics::traction::GroundForce;
+use rigsim_physics::Energy;
+use rigsim_physics::traction::GroundForce;
 
 /// No wheel pushes harder than friction allows under its load, and none is pulled down.
 pub fn check_friction(wheels: [GroundForce; 4]) {

@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use sim_physics::r150::Sides;
-use sim_physics::{
+use rigsim_physics::r150::Sides;
+use rigsim_physics::{
     Ground, Plant as _, Pose, R150Commands, R150Plant, R150PlantSettings, World, WorldSettings,
 };
 

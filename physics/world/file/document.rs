@@ -3,11 +3,10 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use rigsim_settings::Friction;
 use toml::Spanned;
 
-use super::quantity::{
-    Direction, Friction, Line, Name, Point, Radius, Size, Steepness, TagNumber, Version,
-};
+use super::quantity::{Direction, Line, Name, Point, Radius, Size, Steepness, TagNumber, Version};
 use crate::world::{self, Disc, Obstacle, ObstacleShape, Obstacles, WorldMap};
 
 /// The contents of a world for `sim --world`: what stands and lies on the plane. x points east, y
@@ -17,8 +16,8 @@ use crate::world::{self, Disc, Obstacle, ObstacleShape, Obstacles, WorldMap};
 #[schemars(title = "sim world file")]
 pub(super) struct Document {
     /// Version of the form of this file.
-    #[expect(dead_code, reason = "reading it checks it")]
-    schema: Version,
+    #[schemars(required)]
+    pub(super) schema: Option<Version>,
     /// Purpose of this world; free text.
     #[expect(dead_code, reason = "for readers of the file")]
     description: Option<String>,
@@ -71,7 +70,7 @@ struct Block {
     name: Option<Spanned<Name>>,
     /// Its middle, in metres.
     at_m: Point,
-    /// Direction of its length; along x unless given.
+    /// Direction of its length; default along x.
     heading: Option<Direction>,
     /// From end to end along its heading.
     length: Size,
@@ -98,7 +97,7 @@ struct Post {
 struct Rectangle {
     /// Its middle, in metres.
     at_m: Point,
-    /// Direction of its length; along x unless given.
+    /// Direction of its length; default along x.
     heading: Option<Direction>,
     /// From end to end along its heading.
     length: Size,
@@ -167,12 +166,12 @@ struct Strip {
     /// Set if it comes back to its first point.
     #[serde(default)]
     closed: bool,
-    /// With what radius it goes around its points; sharp unless given.
+    /// Radius of its corners; default sharp.
     corner_radius: Option<Radius>,
 }
 
 impl Document {
-    /// The contents, or the byte that is to blame and why.
+    /// The contents, or the byte that is wrong and why.
     pub(super) fn into_map(self) -> Result<WorldMap, (usize, String)> {
         let walls = self.wall.into_iter().map(Wall::obstacle);
         let boxes = self.boxes.into_iter().map(Block::obstacle);

@@ -71,7 +71,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
     for (text, wanted) in [
         (
             "gate = 1",
-            &["test.toml:2:1", "`gate`", "`wall`", "`strip`"][..],
+            &["test.toml:2:1", "`gate`", "wall, box", "strip"][..],
         ),
         (
             "[[wall]]\npoints_m = [[0, 0], [1, 0]]\nthicknes = \"1 m\"",
@@ -83,7 +83,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
                 "test.toml:4:13",
                 "`wall.thickness`",
                 "\"0.5 m\"",
-                "0.001 to 10000 m",
+                "in m from 0.001 to 10000",
             ],
         ),
         (
@@ -112,19 +112,23 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
         ),
         (
             "[[circle]]\nat_m = [0, 1]",
-            &["test.toml:2:", "`circle`", "missing field `radius`"],
+            &["test.toml:2:", "`circle`", "missing key `radius`"],
         ),
         (
             "[[slope]]\narea.square = 1\nslope = \"3 deg\"\nuphill = \"0 deg\"",
-            &["test.toml:3:", "`slope.area", "`rectangle`", "`circle`"],
+            &["test.toml:3:", "`slope.area.square`", "rectangle, circle"],
         ),
         (
             "[[slope]]\narea.circle = { at_m = [0, 0], radius = \"1 m\" }\nslope = \"80 deg\"\nuphill = \"0 deg\"",
-            &["test.toml:4:9", "`slope.slope`", "-45 to 45 deg"],
+            &["test.toml:4:9", "`slope.slope`", "-45 to 45"],
         ),
         (
             "[[slope]]\narea.circle = { at_m = [0, 0], size = \"1 m\" }\nslope = \"8 deg\"\nuphill = \"0 deg\"",
-            &["test.toml:3:32", "`slope.area.circle.size`", "`radius`"],
+            &[
+                "test.toml:3:32",
+                "`slope.area.circle.size`",
+                "allowed: at_m, radius",
+            ],
         ),
         (
             "[[friction]]\narea.circle = { at_m = [0, 0], radius = \"1 m\" }\nfriction = 3",
@@ -157,7 +161,7 @@ fn what_is_refused_is_named_with_its_line_its_key_and_what_is_allowed() {
         "{found}"
     );
     let found = read("").unwrap_err().to_string();
-    assert!(found.contains("missing field `schema`"), "{found}");
+    assert!(found.contains("missing key `schema`"), "{found}");
 }
 
 #[test]

@@ -13,11 +13,11 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use rigsim_pty::{Event, Port, PtySetup, Waiter};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
-use sim_pty::{Event, Port, PtySetup, Waiter};
 
 /// How long a test waits for what must happen before it calls it a failure.
 /// Generous, since it is spent only on failure.
@@ -107,13 +107,19 @@ pub fn until(what: &str, mut done: impl FnMut() -> bool) {
 pub struct Bench {
     pub waiter: Waiter,
     pub port: Port,
+    /// With zero the port is polled without a sleep.
+    pub longest_wait: Duration,
 }
 
 impl Bench {
     pub fn new(mut port: Port) -> Self {
         let mut waiter = Waiter::new().unwrap();
         waiter.add(7, &mut port).unwrap();
-        Self { waiter, port }
+        Self {
+            waiter,
+            port,
+            longest_wait: PATIENCE,
+        }
     }
 
     pub fn unlinked() -> Self {
@@ -130,7 +136,7 @@ impl Bench {
         let start = Instant::now();
         let mut buf = [0; 4096];
         while start.elapsed() < PATIENCE {
-            if self.waiter.wait(Some(PATIENCE)).unwrap().ready() != [7] {
+            if self.waiter.wait(Some(self.longest_wait)).unwrap().ready() != [7] {
                 continue;
             }
             match self.port.read(&mut buf).unwrap() {

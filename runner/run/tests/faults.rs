@@ -34,25 +34,25 @@ fn a_fault_begins_hits_and_ends() {
 }
 
 #[test]
-fn a_fault_is_ended_by_another_step_or_stays() {
-    let ends = |more: &str, within: &str, silent: bool| {
+fn a_fault_ends_by_its_condition_or_stays() {
+    let ends = |until: &str, within: &str, silent: bool| {
         let expect = if silent {
             "silence = true"
         } else {
             "reply = { success = true }"
         };
         passes(&fault(
-            "at = \"1s\"\n",
+            &format!("at = \"1s\"\n{until}"),
             "kind = \"missing-reply\"",
             &format!(
-                "{more}[[step]]\nat = \"{within}\"\nhost = {{ send = \"heartbeat\", expect = {{ within = \"100ms\", {expect} }} }}\n"
+                "[[step]]\nat = \"{within}\"\nhost = {{ send = \"heartbeat\", expect = {{ within = \"100ms\", {expect} }} }}\n"
             ),
         ));
     };
-    let clear = "[[step]]\nat = \"3s\"\nclear = \"f\"\n";
+    let until = "until = \"t >= 2.95\"\n";
     ends("", "6s", true);
-    ends(clear, "2900ms", true);
-    ends(clear, "3s", false);
+    ends(until, "2800ms", true);
+    ends(until, "3s", false);
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn a_fault_that_never_hits_fails_the_run_unless_it_may() {
     );
     assert_eq!(never.faults[0].hits, 0);
     passes(&fault(
-        &format!("{timing}may_not_trigger = true\n"),
+        &format!("{timing}optional = true\n"),
         "kind = \"missing-reply\"",
         "",
     ));
@@ -89,7 +89,7 @@ fn a_fault_comes_and_goes_as_often_as_it_is_to() {
 }
 
 #[test]
-fn what_goes_on_is_told_with_the_time_since_which_it_does() {
+fn what_goes_on_is_reported_with_the_time_since_which_it_does() {
     let last = "[[step]]\nat = \"3.2s\"\nexpect = { that = \"truth.x_m > 1\" }\n";
     let repeated = |more: &str, what: &str| {
         let step = "[[step]]\nname = \"again\"\nat = \"1s\"\nevery = \"1s\"\n";
@@ -97,20 +97,14 @@ fn what_goes_on_is_told_with_the_time_since_which_it_does() {
         let context = &outcome.failures[0].context;
         [context.armed.clone(), context.in_effect.clone()].concat()
     };
-    let ice = "fault = { kind = \"ice\" }\nmay_not_trigger = true";
-    let load = "operator = { payload = \"50 kg\" }";
-    for (what, called) in [(ice, "ice"), (load, "operator payload")] {
-        let told = |since| [format!("\"again\" ({called}), from {since} s on")];
-        assert_eq!(repeated("for = \"500ms\"\n", what), told("3.000000"));
+    let ice = "fault = { kind = \"ice\" }\noptional = true";
+    let load = "operator = { app_holds = { pwm = true } }";
+    for (what, called) in [(ice, "ice"), (load, "operator app_holds")] {
+        let since = |since| [format!("\"again\" ({called}), from {since} s on")];
+        assert_eq!(repeated("for = \"500ms\"\n", what), since("3.000000"));
         // Without an end, the first time goes on.
-        assert_eq!(repeated("", what), told("1.000000"));
+        assert_eq!(repeated("", what), since("1.000000"));
     }
-    // One that another step clears before its time.
-    let clear = "[[step]]\nat = \"2.5s\"\nclear = \"f\"\n";
-    let timing = "at = \"1s\"\nevery = \"1s\"\n";
-    let outcome = fault(timing, "kind = \"ice\"", &format!("{clear}{last}"));
-    let armed = &outcome.failures[0].context.armed;
-    assert_eq!(*armed, ["\"f\" (ice), from 3.000000 s on"]);
 }
 
 #[test]
@@ -125,14 +119,13 @@ fn a_fault_that_the_device_cannot_have_is_refused_with_its_line() {
             file: "s.toml",
             text: &text,
         };
-        Scenario::parse(source, &SimSettings::new(sim_core::SHIPPED))
+        Scenario::parse(source, &SimSettings::new(rigsim_core::SHIPPED))
             .unwrap_err()
             .to_string()
     };
     let strip = refused(R150, "kind = \"strip-lost\"");
     assert!(
-        strip.starts_with("s.toml:9:9: `step.fault`: a R150 cannot have")
-            || strip.contains("9:9: `step.fault`: "),
+        strip.starts_with("s.toml:9:18: `step.fault.kind`: an R150 cannot have `strip-lost`"),
         "{strip}"
     );
     assert!(refused(R150, "kind = \"bit-flip\"").contains("did you mean `bit-flips`?"));
@@ -144,7 +137,7 @@ fn a_fault_that_the_device_cannot_have_is_refused_with_its_line() {
 }
 
 #[test]
-fn a_client_is_not_blamed_for_a_disturbed_line() {
+fn a_disturbed_line_is_not_attributed_to_the_client() {
     let spoilt = |direction: &str| {
         let outcome = fault(
             "at = \"1s\"\nfor = \"4s\"\n",
@@ -156,7 +149,7 @@ fn a_client_is_not_blamed_for_a_disturbed_line() {
         let report = &outcome.devices[0].report;
         (
             report.events.contains_key("bad_crc"),
-            report.held_against_client().count(),
+            report.client_errors().count(),
         )
     };
     assert_eq!(spoilt("to-device"), (false, 0));
@@ -164,7 +157,7 @@ fn a_client_is_not_blamed_for_a_disturbed_line() {
 
 #[test]
 fn a_run_with_every_kind_of_chance_is_repeated_from_its_trace() {
-    let more = "[[step]]\nname = \"noise\"\nat = \"1s\"\nevery = \"1s\"\nfor = \"400ms\"\nprobability = 0.7\nmay_not_trigger = true\nfault = { kind = \"bit-flips\", probability = 0.1 }\n";
+    let more = "[[step]]\nname = \"noise\"\nat = \"1s\"\nevery = \"1s\"\nfor = \"400ms\"\nprobability = 0.7\noptional = true\nfault = { kind = \"bit-flips\", probability = 0.1 }\n";
     let text = text(R150, "6s", &format!("{ON}{DRIVE}{more}"));
     let options = RunOptions {
         trace: true,
@@ -173,5 +166,5 @@ fn a_run_with_every_kind_of_chance_is_repeated_from_its_trace() {
     let mut run = Run::new(scenario(&text), None, options).unwrap();
     let mut lines = Vec::new();
     run.play(&mut |line| lines.push(line.to_owned())).unwrap();
-    crate::trace::Replay::all(sim_core::SHIPPED, lines.iter().map(String::as_str)).unwrap();
+    crate::trace::Replay::all(rigsim_core::SHIPPED, lines.iter().map(String::as_str)).unwrap();
 }

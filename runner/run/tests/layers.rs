@@ -1,6 +1,6 @@
 use super::*;
-use sim_core::r150::R150 as R150Unit;
-use sim_core::r150_device::vehicle::{Key, OperatorInput};
+use rigsim_core::r150::R150 as R150Unit;
+use rigsim_core::r150_device::vehicle::{Key, OperatorInput};
 
 /// Steps of `text` in lines: each a time, one for how long or nothing, and what is done.
 fn steps(lines: &[(&str, &str, &str)]) -> String {
@@ -67,10 +67,14 @@ fn flags(device: &str, flag: &str, added: &[&str], cleared: &[usize], expected: 
 fn what_was_before_comes_back_when_a_step_ends() {
     let payload =
         "[[device]]\nkind = \"r150\"\nsettings = { \"body.payload\" = \"100 kg\" }\n".to_owned();
-    let during = expect("truth.mass_kg == 180");
+    let during = expect("truth.mass_kg == 280");
     let after = expect("truth.mass_kg == 230");
     let lines = [
-        ("0.5s", "1s", "operator = { payload = \"50 kg\" }"),
+        (
+            "0.5s",
+            "1s",
+            "fault = { kind = \"payload\", mass = \"50 kg\" }\noptional = true",
+        ),
         ("1s", "", during.as_str()),
         ("2s", "", after.as_str()),
     ];
@@ -94,8 +98,16 @@ fn what_was_before_comes_back_when_a_step_ends() {
     let slides = expect("truth.speed_mps > 0.1");
     let lines = [
         ("0s", "", "operator = { emergency_stop = true }"),
-        ("0.5s", "", "operator = { push = { ahead = \"2000 N\" } }"),
-        ("1s", "200ms", "operator = { push = { left = \"50 N\" } }"),
+        (
+            "0.5s",
+            "",
+            "fault = { kind = \"push\", ahead = \"2000 N\" }",
+        ),
+        (
+            "1s",
+            "200ms",
+            "fault = { kind = \"push\", left = \"50 N\" }",
+        ),
         ("5s", "", slides.as_str()),
     ];
     passes(&r150("6s", &steps(&lines)));
@@ -106,10 +118,14 @@ fn friction_for_a_while_gives_way_to_friction_for_good() {
     let drive = "[[step]]\nat = \"1s\"\nevery = \"50ms\"\nfor = \"2s\"\n\
         host = { send = { set_motors = { right = 1000, left = 1000 } } }\n\
         [[never]]\nthat = \"truth.speed_mps > 0.6\"\n";
-    let slippery = [("100ms", "", "world = { friction = 0.02 }")];
+    let slippery = [("100ms", "", "fault = { kind = \"ice\", friction = 0.02 }")];
     let both = [
         slippery[0],
-        ("300ms", "200ms", "world = { friction = 0.3 }"),
+        (
+            "300ms",
+            "200ms",
+            "fault = { kind = \"ice\", friction = 0.3 }\noptional = true",
+        ),
     ];
     passes(&r150("3s", &format!("{}{drive}", steps(&slippery))));
     passes(&r150("3s", &format!("{}{drive}", steps(&both))));
@@ -145,20 +161,15 @@ fn clearing_brings_back_what_is_below() {
     flags(R150, "rail.v12a_on", &[on, off], &[0, 1], "01000");
 }
 
-/// A fault as a step that is added.
-fn fault(parameters: &str) -> String {
-    format!("fault = {{ {parameters} }}\nmay_not_trigger = true")
-}
-
 #[test]
-fn faults_of_operators_lie_over_what_operators_do_and_over_one_another() {
-    let of = |kind: &str| fault(&format!("kind = \"{kind}\""));
+fn actions_that_change_the_same_lie_over_one_another() {
+    let (lock, park) = ("operator = \"lock\"", "operator = \"park\"");
     let stop_in = "operator = { emergency_stop = true }";
     let cases = [
-        ("mode.emergency_stop", [stop_in, &of("emergency-stop")]),
-        ("mode.locked", ["operator = \"lock\"", &of("locked")]),
-        ("mode.parked", [&of("locked"), &of("parked")]),
-        ("mode.parked", [&of("parked"), &of("locked")]),
+        ("mode.emergency_stop", [stop_in, stop_in]),
+        ("mode.locked", [lock, lock]),
+        ("mode.parked", [lock, park]),
+        ("mode.parked", [park, lock]),
     ];
     for (flag, steps) in cases {
         flags(R150, flag, &steps, &[0, 1], "01110");
@@ -190,22 +201,16 @@ fn what_the_app_and_the_remote_control_hold_goes_back_to_what_it_was() {
     };
     let let_go = OperatorInput::ReleaseKey;
     let power = "operator = { app_holds = { power = true } }";
-    let all = fault("kind = \"app-takes-control\"");
+    let all = "operator = { app_holds = { power = true, pwm = true } }";
     let app = |held: [[bool; 2]; 4]| held.map(|held| (let_go, held));
     let (half, whole, none) = ([true, false], [true; 2], [false; 2]);
     assert_eq!(
-        states([power, &all], [0, 1]),
+        states([power, all], [0, 1]),
         app([half, whole, whole, none])
     );
-    assert_eq!(
-        states([power, &all], [1, 0]),
-        app([half, whole, half, none])
-    );
-    let [ahead, left] = ["forward", "left"].map(|key| {
-        fault(&format!(
-            "kind = \"remote-control-takes-over\", key = \"{key}\""
-        ))
-    });
+    assert_eq!(states([power, all], [1, 0]), app([half, whole, half, none]));
+    let [ahead, left] =
+        ["forward", "left"].map(|key| format!("operator = {{ press = \"{key}\" }}"));
     let keys = |keys: [OperatorInput; 4]| keys.map(|key| (key, none));
     let (forward, left_key) = (
         OperatorInput::Press(Key::Forward),
@@ -223,9 +228,11 @@ fn what_the_app_and_the_remote_control_hold_goes_back_to_what_it_was() {
 }
 
 #[test]
-fn of_three_payloads_the_latest_in_effect_counts() {
-    let payload = ["20", "50", "70"].map(|kg| format!("operator = {{ payload = \"{kg} kg\" }}"));
-    let payload: Vec<&str> = payload.iter().map(String::as_str).collect();
+fn of_three_loads_the_latest_in_effect_counts() {
+    let load = ["20", "50", "70"].map(|watts| {
+        format!("fault = {{ kind = \"rail-load\", rail = \"48v\", power = \"{watts} W\" }}")
+    });
+    let load: Vec<&str> = load.iter().map(String::as_str).collect();
     let orders: [([usize; 3], [f64; 3]); 6] = [
         ([0, 1, 2], [70.0, 70.0, 0.0]),
         ([0, 2, 1], [70.0, 50.0, 0.0]),
@@ -236,22 +243,49 @@ fn of_three_payloads_the_latest_in_effect_counts() {
     ];
     for (order, after) in orders {
         let mut run = served(R150);
-        let found = values(&mut run, "truth.mass_kg", &payload, &order);
+        run.add_step("operator = { app_sets = { on = [\"48v\"] } }")
+            .unwrap();
+        let watts = "rail.v48_a * rail.v48_v";
+        let found = values(&mut run, watts, &load, &order);
         let expected = [0.0, 20.0, 50.0, 70.0].into_iter().chain(after);
-        let expected: Vec<Reading> = expected.map(|kg| Reading::Number(130.0 + kg)).collect();
-        assert_eq!(found, expected, "{order:?}");
+        for (found, expected) in found.iter().zip(expected) {
+            let Reading::Number(found) = found else {
+                panic!("{found:?}");
+            };
+            assert!(
+                (found - expected).abs() < 0.01,
+                "{order:?}: {found} {expected}"
+            );
+        }
     }
 }
 
 #[test]
-fn a_repeated_step_lies_there_once() {
+fn payloads_add_up() {
+    let payload =
+        ["20", "50"].map(|kg| format!("fault = {{ kind = \"payload\", mass = \"{kg} kg\" }}"));
+    let payload: Vec<&str> = payload.iter().map(String::as_str).collect();
+    for (order, between) in [([0, 1], 50.0), ([1, 0], 20.0)] {
+        let mut run = served(R150);
+        let found = values(&mut run, "truth.mass_kg", &payload, &order);
+        let expected = [0.0, 20.0, 70.0, between, 0.0];
+        assert_eq!(
+            found,
+            expected.map(|kg| Reading::Number(130.0 + kg)),
+            "{order:?}"
+        );
+    }
+}
+
+#[test]
+fn a_repeated_action_lies_there_once() {
     let mut run = served(R150);
-    let repeated = "every = \"10ms\"\ncount = 3\noperator = { payload = \"50 kg\" }";
+    let repeated = "every = \"10ms\"\ncount = 3\noperator = \"lock\"";
     let index = run.add_step(repeated).unwrap();
     run.advance(SimTime::from_nanos(100_000_000)).unwrap();
-    assert_eq!(value(&run, "truth.mass_kg"), Reading::Number(180.0));
+    assert_eq!(value(&run, "mode.locked"), Reading::Flag(true));
     run.clear_step(index).unwrap();
-    assert_eq!(value(&run, "truth.mass_kg"), Reading::Number(130.0));
+    assert_eq!(value(&run, "mode.locked"), Reading::Flag(false));
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn always_and_never_hold_in_their_windows_only() {
     ));
     // What a rule waits for never comes, so it never counts.
     let waits = rule(
-        "[[step]]\nname = \"n\"\nwhen = \"t > 9\"\nmay_not_trigger = true\noperator = \"lock\"\n\
+        "[[step]]\nname = \"n\"\nwhen = \"t > 9\"\noptional = true\noperator = \"lock\"\n\
          [[never]]\nthat = \"true\"\nafter = \"n\"\n",
     );
     passes(&waits);

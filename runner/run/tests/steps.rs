@@ -75,7 +75,7 @@ fn operators_work_the_r150() {
          [[step]]\nname = \"stop\"\nat = \"4s\"\nfor = \"1s\"\noperator = { emergency_stop = true }\n\
          [[step]]\nat = \"4.5s\"\nexpect = { that = \"mode.emergency_stop\" }\n\
          [[step]]\nafter = \"stop\"\nexpect = { that = \"!mode.emergency_stop && t == 5\" }\n\
-         [[step]]\nat = \"6s\"\nfor = \"1s\"\noperator = { payload = \"100 kg\" }\n\
+         [[step]]\nat = \"6s\"\nfor = \"1s\"\noptional = true\nfault = { kind = \"payload\", mass = \"100 kg\" }\n\
          [[step]]\nat = \"6.5s\"\nexpect = { that = \"truth.mass_kg > 200\" }\n\
          [[step]]\nat = \"6.6s\"\noperator = { place = { x = \"3 m\", y = \"-2 m\" } }\n\
          [[step]]\nat = \"6.7s\"\nexpect = { that = \"abs(truth.x_m - 3) < 0.01 && abs(truth.y_m + 2) < 0.01\" }\n\
@@ -91,46 +91,46 @@ fn a_push_lasts_as_long_as_it_is_to() {
     passes(&r150(
         "3s",
         "[[step]]\nat = \"0s\"\noperator = { emergency_stop = true }\n\
-         [[step]]\nat = \"1s\"\nfor = \"500ms\"\noperator = { push = { ahead = \"2000 N\" } }\n\
+         [[step]]\nat = \"1s\"\nfor = \"500ms\"\nfault = { kind = \"push\", ahead = \"2000 N\" }\n\
          [[step]]\nat = \"1.4s\"\nexpect = { that = \"truth.speed_mps > 0.01\" }\n",
     ));
 }
 
 #[test]
-fn what_is_done_to_a_vehicle_and_its_world_is_told() {
-    let deeds = "[[step]]\nname = \"p\"\nat = \"1s\"\nfor = \"1s\"\noperator = { push = { ahead = \"1 N\" } }\n\
-         [[step]]\nname = \"f\"\nat = \"1500ms\"\nworld = { friction = 0.3 }\n\
-         [[step]]\nat = \"1600ms\"\nexpect = { that = \"count.deeds == 2\" }\n\
-         [[step]]\nname = \"again\"\nat = \"2s\"\nevery = \"100ms\"\ncount = 3\noperator = { payload = \"1 kg\" }\n";
+fn what_is_done_to_a_vehicle_and_its_world_is_an_event() {
+    let actions = "[[step]]\nname = \"p\"\nat = \"1s\"\nfor = \"1s\"\noperator = \"lock\"\n\
+         [[step]]\nname = \"f\"\nat = \"1500ms\"\nworld = { pwm_signal = { input = \"A\", frequency = \"50 Hz\" } }\n\
+         [[step]]\nat = \"1600ms\"\nexpect = { that = \"count.actions == 2\" }\n\
+         [[step]]\nname = \"again\"\nat = \"2s\"\nevery = \"100ms\"\ncount = 3\noperator = { press = \"left\" }\n";
     let options = RunOptions {
         trace: true,
         ..RunOptions::scripted(1)
     };
-    let mut run = Run::new(scenario(&text(R150, "3s", deeds)), None, options).unwrap();
+    let mut run = Run::new(scenario(&text(R150, "3s", actions)), None, options).unwrap();
     let mut trace = String::new();
     passes(run.play(&mut |line| trace += line).unwrap());
-    let told: Vec<String> = std::iter::from_fn(|| run.poll_event())
-        .filter(|event| event.kind.code().as_str().starts_with("deed_"))
+    let events: Vec<String> = std::iter::from_fn(|| run.poll_event())
+        .filter(|event| event.kind.code().as_str().starts_with("action_"))
         .map(|event| format!("{} {}", event.at, event.kind))
         .collect();
-    let again = |at| format!("{at} step \"again\": operator payload");
+    let again = |at| format!("{at} step \"again\": operator press");
     let expected = [
-        "1.000000 step \"p\": operator push".to_owned(),
-        "1.500000 step \"f\": world friction".to_owned(),
-        "2.000000 step \"p\": operator push, undone".to_owned(),
+        "1.000000 step \"p\": operator lock".to_owned(),
+        "1.500000 step \"f\": world pwm_signal".to_owned(),
+        "2.000000 step \"p\": operator lock, undone".to_owned(),
         again("2.000000"),
         again("2.100000"),
         again("2.200000"),
     ];
-    assert_eq!(told, expected);
-    let line = r#""code":"deed_undone","text":"step \"p\": operator push, undone""#;
+    assert_eq!(events, expected);
+    let line = r#""code":"action_reverted","text":"step \"p\": operator lock, undone""#;
     assert!(trace.contains(line), "{trace}");
     // What the world refuses was not done.
     let gone = "[[step]]\nat = \"1s\"\nworld = { remove = \"b\" }\n".repeat(2);
     let brought = "[[step]]\nat = \"1s\"\nworld = { add = { circle = [{ name = \"b\", at_m = [9, 0], radius = \"0.2 m\" }] } }\n";
     let outcome = r150("2s", &format!("{brought}{gone}"));
     fails(&outcome, "no obstacle");
-    assert_eq!(outcome.devices[0].report.events["deed_done"].count, 2);
+    assert_eq!(outcome.devices[0].report.events["action_applied"].count, 2);
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn the_world_changes() {
             "{DRIVE}\
              [[step]]\nat = \"0s\"\nworld = {{ add = {{ wall = [{{ points_m = [[1, -2], [1, 2]], thickness = \"10 cm\" }}] }} }}\n\
              [[step]]\nat = \"0s\"\nhost = {{ send = {{ power_control = {{ on = [\"48v\"] }} }} }}\n\
-             [[step]]\nat = \"500ms\"\nfor = \"1s\"\nworld = {{ load = {{ rail = \"48v\", power = \"100 W\" }} }}\n\
+             [[step]]\nat = \"500ms\"\nfor = \"1s\"\nfault = {{ kind = \"rail-load\", rail = \"48v\", power = \"100 W\" }}\n\
              [[step]]\nat = \"1s\"\nexpect = {{ that = \"rail.v48_a > 1.5 && rail.v48_a < 2.5\" }}\n\
              [[step]]\nat = \"1.6s\"\nexpect = {{ that = \"rail.v48_a == 0\" }}\n\
              [[step]]\nat = \"1s\"\nworld = {{ pwm_signal = {{ input = \"B\", frequency = \"1 kHz\", duty = \"25 %\" }} }}\n\
@@ -178,7 +178,7 @@ fn obstacles_come_move_and_go() {
 }
 
 #[test]
-fn an_obstacle_that_nobody_has_put_there_is_refused_with_its_line() {
+fn an_obstacle_that_is_not_there_is_refused_with_its_line() {
     let remove = "[[step]]\nat = \"1s\"\nworld = { remove = \"gaet\" }\n";
     let scenario = scenario(&text(CAR, "3s", remove));
     let world =
@@ -209,9 +209,10 @@ fn ice_makes_the_way_longer() {
         run.rig().distance_m(0)
     };
     let dry = stopped_at("");
-    let ice = "[[step]]\nat = \"1.9s\"\nworld = { friction = 0.02 }\n";
+    let ice = "[[step]]\nat = \"1.9s\"\nfault = { kind = \"ice\", friction = 0.02 }\n";
     assert!(stopped_at(ice) > dry + 0.05);
-    let thawed = "[[step]]\nat = \"3.5s\"\nfor = \"1s\"\nworld = { friction = 0.02 }\n";
+    let thawed =
+        "[[step]]\nat = \"3.5s\"\nfor = \"1s\"\nfault = { kind = \"ice\", friction = 0.02 }\n";
     // Looking again whether it can stand moves a resting vehicle by less than a hair.
     assert!((stopped_at(thawed) - dry).abs() < 1e-5);
 }
@@ -301,7 +302,7 @@ fn what_never_begins_fails_unless_it_may() {
         )
     };
     fails(&never("when = \"t > 2\"\n"), "`t > 2` never held");
-    passes(&never("when = \"t > 2\"\nmay_not_trigger = true\n"));
+    passes(&never("when = \"t > 2\"\noptional = true\n"));
     passes(&never("when = \"t > 2\"\nonly = \"live\"\n"));
     let chained = r150(
         "1s",
@@ -327,7 +328,7 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
         run.play(&mut |_| {}).unwrap();
         let locked = run
             .rig()
-            .device::<sim_core::r150::R150>(0)
+            .device::<rigsim_core::r150::R150>(0)
             .unwrap()
             .device()
             .vehicle()
@@ -341,8 +342,8 @@ fn steps_of_one_instant_come_in_the_order_of_the_file_and_before_anything_else()
     let (locked, events) = order("lock", "unlock");
     assert!(!locked);
     let at = SimTime::from_millis(500);
-    let told = |what: &str| (at, format!("operator: {what}"));
-    assert_eq!(events, [told("lock"), told("unlock")]);
+    let event = |what: &str| (at, format!("operator: {what}"));
+    assert_eq!(events, [event("lock"), event("unlock")]);
     assert!(order("unlock", "lock").0);
 }
 
@@ -391,7 +392,7 @@ fn a_repeated_step_is_done_when_its_time_is_over() {
 }
 
 #[test]
-fn whoever_drives_a_run_may_stop_after_any_instant() {
+fn a_run_can_be_stopped_after_any_instant() {
     let dense = "[[step]]\nat = \"1ms\"\nevery = \"1ns\"\nhost = { send = \"heartbeat\" }\n";
     let options = RunOptions::scripted(1);
     let mut run = Run::new(scenario(&text(R150, "1s", dense)), None, options).unwrap();

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use sim_core::device::client_report_codes;
+use rigsim_core::device::client_report_codes;
 use toml::Spanned;
 
 use super::Checker;
@@ -12,7 +12,7 @@ use crate::scenario::{Cause, Demand, Response, Rule};
 use crate::suggest::or_allowed;
 
 impl Checker<'_> {
-    /// Those that a file changes by name have to be told apart.
+    /// Those that a file changes by name need different names.
     pub(super) fn check_rule_names<'n>(&mut self, names: impl Iterator<Item = &'n str>) {
         let mut seen = BTreeSet::new();
         for name in names.filter(|name| !seen.insert(*name)) {
@@ -42,7 +42,7 @@ impl Checker<'_> {
         Some(Response {
             to: to?,
             then: then?,
-            may_not_trigger: text.may_not_trigger,
+            optional: text.optional,
             within,
             until: text.until.as_ref().map(|until| until.get_ref().0),
             message: text.message.clone(),

@@ -1,16 +1,13 @@
 //! What a step says.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use sim_core::device::{Action, DeviceSpec};
 use toml::Spanned;
-use toml::de::DeValue;
 
 use super::{Checker, usual_device};
 use crate::condition::{Condition, Saved};
 use crate::forgiving::{self, LeftOut};
-use crate::scenario::actions::{read_operator, read_world};
+use crate::scenario::actions;
 use crate::scenario::document::{StepText, TimeText};
 use crate::scenario::host::HostReader;
 use crate::scenario::{Only, Step, StepAction, Times, Trigger};
@@ -21,23 +18,21 @@ use crate::tables;
 type Timing = (Option<Times>, Option<u32>, Option<Times>);
 
 /// The keys of which one says what a step does.
-const ACTIONS: [&str; 6] = ["host", "fault", "clear", "operator", "world", "expect"];
-
-/// Reads what a step does to a device, or what changes around it.
-type ReadDeed = fn(&Spanned<DeValue<'_>>, &DeviceSpec) -> Result<Arc<dyn Action>, toml::de::Error>;
+const ACTIONS: [&str; 5] = ["host", "fault", "operator", "world", "expect"];
 
 impl Checker<'_> {
     /// What a step without a name is called. Faults draw their chances by name, so a fault that is
     /// added must not change what others are called: they are counted by kind.
     fn name_for(&mut self, index: usize, action: &StepAction) -> String {
-        let StepAction::Fault(fault) = action else {
-            return format!("step {}", index + 1);
+        let id = match action {
+            StepAction::Effect(effect) if effect.info().is_fault() => effect.info().id,
+            _ => return format!("step {}", index + 1),
         };
-        let count = self.unnamed_faults.entry(fault.id()).or_insert(0);
+        let count = self.unnamed_faults.entry(id).or_insert(0);
         *count += 1;
         match *count {
-            1 => fault.id().to_owned(),
-            count => format!("{} {count}", fault.id()),
+            1 => id.to_owned(),
+            count => format!("{id} {count}"),
         }
     }
 
@@ -66,13 +61,12 @@ impl Checker<'_> {
             trigger: trigger?,
             delay: delay.unwrap_or_default(),
             every,
-            overlap: text.overlap,
             count,
             lasts,
             until: until.flatten(),
             remember: Vec::new(),
             probability: text.probability.as_ref().map(|p| *p.get_ref()),
-            may_not_trigger: text.may_not_trigger,
+            optional: text.optional,
             only: text.only,
             mission: text.mission,
             device: device?,
@@ -127,7 +121,7 @@ impl Checker<'_> {
     fn start(&mut self, time: &Spanned<TimeText>) -> Option<Times> {
         let times = match time.get_ref() {
             TimeText::Share(share) => {
-                let at = self.takes.mul_f64(*share);
+                let at = self.nominal_duration.mul_f64(*share);
                 Times { min: at, max: at }
             }
             _ => self.times(time)?,
@@ -168,39 +162,32 @@ impl Checker<'_> {
                 self.problems.add(host.span(), why);
             }
         }
-        if let Some(fault) = &text.fault {
-            let checked = plan.and_then(|(_, plan)| {
-                let checked = plan.check_fault(fault.get_ref());
-                self.problems.take(fault.span(), checked)
-            });
-            actions.push(checked.map(|()| StepAction::Fault(fault.get_ref().clone())));
-        }
-        if let Some(name) = &text.clear {
-            actions.push(self.step_named(name).map(StepAction::Clear));
-        }
-        let deeds: [(&str, _, ReadDeed); 2] = [
-            ("operator", &text.operator, read_operator),
-            ("world", &text.world, read_world),
+        let effects = [
+            ("fault", &text.fault),
+            ("operator", &text.operator),
+            ("world", &text.world),
         ];
-        for (key, text, read) in deeds {
+        for (key, text) in effects {
             let (Some(text), Some(value)) = (text, table.get(key)) else {
                 continue;
             };
-            let action = plan.and_then(|(_, plan)| {
+            let checked = plan.and_then(|(_, plan)| {
                 let (value, left_out) = (&mut value.clone(), &mut LeftOut::default());
-                forgiving::read(value, left_out, &mut self.problems, &|value| {
-                    read(value, plan.device)
-                })
+                let read = forgiving::read(value, left_out, &mut self.problems, &|value| {
+                    actions::read(key, value, plan)
+                });
+                // Without what was left out it may be another effect.
+                read.filter(|_| left_out.is_empty())
             });
-            actions.push(action.map(|action| {
+            actions.push(checked.map(|checked| {
+                let effect = checked.effect();
                 let place = self.problems.origin(text.span().start);
-                let needed = action.needs().into_iter();
+                let needed = effect.needs().into_iter();
                 let needed = needed.map(|name| (name.to_owned(), place.to_string()));
                 self.obstacles.extend(needed);
-                let brought = action.brings().into_iter().map(str::to_owned);
+                let brought = effect.brings().into_iter().map(str::to_owned);
                 self.brought.extend(brought);
-                let name = tables::name_of(value).unwrap_or_default();
-                StepAction::Deed(format!("{key} {name}"), action)
+                StepAction::Effect(checked)
             }));
         }
         if let Some(expect) = &text.expect {
@@ -215,8 +202,8 @@ impl Checker<'_> {
             return Some(StepAction::Nothing);
         }
         if actions.len() != 1 && !self.left_out.lacks(at.start, &ACTIONS) {
-            let why = "exactly one of `host`, `fault`, `clear`, `operator`, `world` and `expect` \
-                       says what the step does";
+            let why = "exactly one of `host`, `fault`, `operator`, `world` and `expect` says what \
+                       the step does";
             self.problems.add(at, why);
         }
         actions.pop().flatten()
@@ -251,9 +238,8 @@ impl Checker<'_> {
                     }
                     true
                 }
-                StepAction::Fault(_) => true,
-                StepAction::Clear(_) | StepAction::Nothing => false,
-                StepAction::Deed(_, action) => action.can_end(),
+                StepAction::Nothing => false,
+                StepAction::Effect(effect) => effect.effect().can_end(),
             };
             if !can_end {
                 let why = "this cannot be undone after a time";

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use sim_core::mecanum::Mecanum;
-use sim_core::r150::R150;
-use sim_physics::mecanum::WHEELS;
-use sim_physics::traction::GroundForce;
-use sim_physics::{Energy, R150PlantSettings};
-use sim_runner::Run;
+use rigsim_core::mecanum::Mecanum;
+use rigsim_core::r150::R150;
+use rigsim_physics::mecanum::WHEELS;
+use rigsim_physics::traction::GroundForce;
+use rigsim_physics::{Energy, R150PlantSettings};
+use rigsim_runner::Run;
 
 /// A step of the physics.
 pub const STEP: Duration = Duration::from_millis(5);
@@ -29,6 +29,13 @@ pub struct Books {
 }
 
 impl Books {
+    /// Before a run, whose device keeps the balance of its energy from then on.
+    pub fn open(run: &mut Run) {
+        let rig = run.rig_mut();
+        rig.with_device(0, |r150: &mut R150, _, _| r150.plant_mut().keep_energy());
+        rig.with_device(0, |car: &mut Mecanum, _, _| car.plant_mut().keep_energy());
+    }
+
     /// After a step.
     pub fn look(&mut self, run: &Run) {
         let rig = run.rig();
@@ -76,6 +83,7 @@ impl Books {
             (_, Some(plant)) => (plant.energy(), 0.0),
             _ => return Err("no such device".to_owned()),
         };
+        let energy = energy.ok_or("its balance was not kept")?;
         let speed = rig.motion(0).map_or(0.0, |motion| {
             motion.forward_speed.hypot(motion.leftward_speed)
         });

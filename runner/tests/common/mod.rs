@@ -10,10 +10,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sim_core::settings::SimSettings;
-use sim_runner::scenario::{NamedText, ScenarioFiles, is_scenario_file};
-use sim_runner::{Run, RunOptions, Scenario};
-use sim_settings::Source;
+use rigsim_core::settings::SimSettings;
+use rigsim_runner::scenario::{NamedText, ScenarioFiles, is_scenario_file};
+use rigsim_runner::{Run, RunOptions, Scenario};
+use rigsim_settings::Source;
 
 /// The folders of the library, one for each kind of device.
 pub const FOLDERS: [&str; 2] = ["r150", "mecanum"];
@@ -58,11 +58,11 @@ impl Loaded {
         let files =
             ScenarioFiles::read(path, None, &mut read).map_err(|error| error.to_string())?;
         let scenario = files
-            .compose(&[], &[], &SimSettings::new(sim_core::SHIPPED))
+            .compose(&[], &[], &SimSettings::new(rigsim_core::SHIPPED))
             .map_err(|errors| errors.to_string())?;
-        let world = match files.world.as_deref() {
+        let world = match files.world_of(&scenario) {
             Some(world) => {
-                let text = fs::read_to_string(world)
+                let text = fs::read_to_string(&world)
                     .map_err(|error| format!("{}: {error}", world.display()))?;
                 Some((world.display().to_string(), text))
             }

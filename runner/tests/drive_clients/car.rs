@@ -3,10 +3,10 @@
 
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::mecanum_device::ascii::{Command, Letter};
-use sim_core::mecanum_device::codec::{Decoded, Decoder};
-use sim_core::mecanum_device::packet::{Request, Status};
+use rigsim_core::SimTime;
+use rigsim_core::mecanum_device::ascii::{Command, Letter};
+use rigsim_core::mecanum_device::codec::{Decoded, Decoder};
+use rigsim_core::mecanum_device::packet::{Request, Status};
 
 use super::{Client, millis};
 use crate::Ask;
@@ -119,7 +119,7 @@ struct Car<'c> {
     count: u32,
     /// One that did not fit it.
     odd: Option<Status>,
-    /// Where the car was when its board began anew.
+    /// Where the car was when its board began again.
     lost: Option<(i16, i16)>,
 }
 
@@ -303,7 +303,7 @@ impl Car<'_> {
             };
             nearest = nearest.min(left);
             if by_line && strayed >= 2 && left >= way.abs() && self.status.ori.abs() <= 80 {
-                // It goes aside alone where it was told something else than it was to be.
+                // It goes aside alone where it was sent another value than it should have.
                 return Ok(Pause::Doubt);
             }
             if strayed == 3 || stuck == 15 {

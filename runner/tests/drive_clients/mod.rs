@@ -6,7 +6,7 @@ pub(crate) mod r150;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use sim_core::SimTime;
+use rigsim_core::SimTime;
 
 use crate::{Answer, Ask};
 

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use sim_core::SimTime;
-use sim_core::r150_device::codec::{Decoded, Decoder};
-use sim_core::r150_device::command::{Reply, Request};
-use sim_core::r150_device::settings::Resync;
+use rigsim_core::SimTime;
+use rigsim_core::r150_device::codec::{Decoded, Decoder};
+use rigsim_core::r150_device::command::{Motors, Reply, Request};
+use rigsim_core::r150_device::settings::Resync;
 
 use super::{Client, millis};
 use crate::Ask;
@@ -16,8 +16,8 @@ const AHEAD: Request = Request::SetMotors {
     left: 357,
 };
 const STOP: Request = Request::SetMotors { right: 0, left: 0 };
-const CAMERA_ON: Request = Request::PowerControl { status: 1 };
-const ALL_OFF: Request = Request::PowerControl { status: 0 };
+const CAMERA_ON: Request = Request::PowerControl { on: 1 };
+const ALL_OFF: Request = Request::PowerControl { on: 0 };
 const DRIVE: Duration = Duration::from_secs(6);
 
 /// Sends, waits for as many bytes as the answer should have, and takes everything for granted.
@@ -75,8 +75,8 @@ impl<'c> Link<'c> {
             for byte in bytes {
                 self.decoder.push(now, byte, &mut |decoded| {
                     if let Decoded::Frame(frame) = decoded
-                        && frame.command == request.command()
-                        && let Ok(reply) = Reply::parse(frame.command, &frame.parameters)
+                        && frame.command() == request.command()
+                        && let Ok(reply) = Reply::parse(frame.command(), frame.parameters())
                     {
                         fitting = Some(reply);
                     }
@@ -145,11 +145,11 @@ fn drive(link: &mut Link<'_>) -> Option<()> {
     let mut wrong_speeds = 0;
     while link.now < begun + DRIVE {
         let reply = link.request(AHEAD, millis(60))?;
-        if let Some(Reply::Motors {
+        if let Some(Reply::Motors(Motors {
             right_rpm,
             left_rpm,
             soc,
-        }) = reply
+        })) = reply
         {
             let slow = link.now > begun + millis(800) && right_rpm.min(left_rpm) < 250;
             wrong_speeds = if slow { wrong_speeds + 1 } else { 0 };
@@ -174,8 +174,8 @@ fn drive(link: &mut Link<'_>) -> Option<()> {
 /// Stops, makes sure of it, and leaves.
 fn halt(link: &mut Link<'_>) -> Option<()> {
     let stands = |reply: &Reply| {
-        matches!(reply, Reply::Motors { right_rpm, left_rpm, .. }
-            if right_rpm.abs() < 10 && left_rpm.abs() < 10)
+        matches!(reply, Reply::Motors(motors)
+            if motors.right_rpm.abs() < 10 && motors.left_rpm.abs() < 10)
     };
     link.insist(STOP, Duration::from_secs(3), stands)?;
     link.insist(ALL_OFF, Duration::from_secs(1), |_| true)?;

@@ -1,6 +1,6 @@
 //! Settings of the firmware that are one of a few words.
 
-use sim_settings::choices;
+use rigsim_settings::choices;
 
 choices! {
     /// Order of the bytes in a field.
@@ -174,31 +174,6 @@ choices! {
         Wheels = "wheels",
         /// Way of the middle of the car.
         Path = "path",
-    }
-
-    /// Reading of a number on the ROS link.
-    pub enum AsciiNumbers {
-        /// Digits, perhaps after a minus, and nothing else.
-        Strict = "strict",
-        /// As C's `atoi` does: perhaps a sign, then digits up to whatever else comes; without any
-        /// it is 0.
-        Atoi = "atoi",
-    }
-
-    /// Places in a line where spaces and carriage returns are skipped.
-    pub enum AsciiSpaces {
-        /// Anywhere.
-        Anywhere = "anywhere",
-        /// Before its end.
-        Trailing = "trailing",
-    }
-
-    /// Meaning of a number beyond its range.
-    pub enum AsciiOutOfRange {
-        /// Its line is ignored.
-        Ignore = "ignore",
-        /// The end of the range.
-        Clamp = "clamp",
     }
 
     /// The sign of a reported speed.

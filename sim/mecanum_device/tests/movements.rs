@@ -1,8 +1,8 @@
 //! The ten movements of the article's picture, from packet to port to wheel, for both wirings.
 
 use proptest::prelude::*;
-use sim_physics::mecanum::{MecanumCommands, Port, PortCommand, Wheel, Wiring};
-use sim_settings::{SettingValue, Value};
+use rigsim_physics::mecanum::{MecanumCommands, Port, PortCommand, Wheel, Wiring};
+use rigsim_settings::{SettingValue, Value};
 
 use super::super::kinematics::{Course, Movement, body_speed};
 use super::super::settings::AsciiLetters;

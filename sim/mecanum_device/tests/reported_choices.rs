@@ -152,7 +152,7 @@ fn a_reported_speed_may_have_no_sign() {
 }
 
 #[test]
-fn a_reported_mileage_may_count_down_or_begin_anew() {
+fn a_reported_mileage_may_count_down_or_begin_again() {
     for (choice, reads) in [
         (AsciiMileage::Total, "V0 S150 \n"),
         (AsciiMileage::Signed, "V0 S-50 \n"),
@@ -176,26 +176,11 @@ fn status_packets_may_come_more_often() {
 }
 
 #[test]
-fn a_wheel_may_count_as_standing_sooner() {
-    // At 5 r/min a pulse comes every 200 ms, and none after the last.
-    let speed_after = |timeout, millis| {
-        let mut bench = with(|s| s.speed_timeout = Duration::from_millis(timeout));
-        bench.go(0, 1000, 50);
-        bench.run_ms(2000);
-        bench.stuck = [true; WHEELS];
-        bench.run_ms(millis);
-        bench.last_status().v_x
-    };
-    assert_ne!(speed_after(1000, 500), 0);
-    assert_eq!(speed_after(300, 500), 0);
-}
-
-#[test]
 fn an_ultrasonic_sensor_may_begin_and_end_elsewhere() {
-    let mut bench = with(|s| (s.ultrasonic_nearest, s.ultrasonic_farthest) = (0.1, 2.0));
+    let mut bench = with(|s| s.ultrasonic_farthest = 2.0);
     bench.read(|r| {
-        r.echoes[..4].copy_from_slice(&[Some(0.05), Some(1.5), Some(3.0), None]);
+        r.echoes[..4].copy_from_slice(&[Some(0.005), Some(1.5), Some(3.0), None]);
     });
     bench.run_ms(100);
-    assert_eq!(bench.last_status().ut_f, [100, 1500, 2000, 2000]);
+    assert_eq!(bench.last_status().ut_f, [20, 1500, 2000, 2000]);
 }

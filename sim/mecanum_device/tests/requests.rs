@@ -131,8 +131,8 @@ fn sixteen_wait_and_one_more_is_refused() {
 }
 
 #[test]
-fn speeds_beyond_500_are_clamped_and_told() {
-    for (v, told) in [(500, false), (501, true), (-500, false), (i16::MIN, true)] {
+fn speeds_beyond_500_are_clamped_and_reported() {
+    for (v, reported) in [(500, false), (501, true), (-500, false), (i16::MIN, true)] {
         let mut bench = Bench::new();
         bench.go(0, 10, v);
         assert_eq!(bench.device.commands().speed_voltage, 1.0);
@@ -141,7 +141,7 @@ fn speeds_beyond_500_are_clamped_and_told() {
             handling: OverSpeed::Clamp,
         };
         let events = bench.events();
-        assert_eq!(events.contains(&(MS(0), clamped)), told, "{v}");
+        assert_eq!(events.contains(&(MS(0), clamped)), reported, "{v}");
         let sign = if v < 0 { -1 } else { 1 };
         assert_eq!(bench.device.rotations(), [sign; 4]);
     }
@@ -158,7 +158,7 @@ fn the_speed_voltage_is_the_share_of_the_full_speed() {
 }
 
 #[test]
-fn fields_out_of_range_are_told() {
+fn fields_out_of_range_are_reported() {
     let mut bench = Bench::new();
     bench.go(0, 10, 100);
     bench.events();
@@ -184,7 +184,7 @@ fn fields_out_of_range_are_told() {
         value: 5,
         handling: Handling::Ignored,
     };
-    assert!(event.blames_client());
+    assert!(event.is_client_error());
 }
 
 #[test]
@@ -208,10 +208,10 @@ fn a_partial_packet_is_dropped_at_the_timeout() {
         assert_eq!(bench.is_driving(), drives);
         let dropped = (MS(50), "partial_packet");
         let events = bench.events();
-        let told = events
+        let reported = events
             .iter()
             .any(|(at, e)| (*at, e.code().as_str()) == dropped);
-        assert_eq!(told, !drives);
+        assert_eq!(reported, !drives);
     }
 }
 

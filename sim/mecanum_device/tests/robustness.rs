@@ -1,5 +1,6 @@
 //! Any bytes at any time, in any pieces.
 
+use crate::firmware::Firmware as _;
 use proptest::prelude::*;
 
 use super::super::OperatorInput;
@@ -53,7 +54,7 @@ fn fed(bytes: &[u8], cuts: &[usize]) -> Bench {
 }
 
 #[test]
-fn queues_are_bounded_when_nobody_takes_what_is_in_them() {
+fn queues_are_bounded_when_nothing_is_taken_from_them() {
     let mut bench = Bench::with_ros();
     bench.device.advance(SimTime::from_secs(1000));
     for _ in 0..5000 {
@@ -99,15 +100,15 @@ fn every_event_has_words_and_a_code() {
 
 proptest! {
     #[test]
-    fn bytes_that_change_a_pin_are_news(bytes in stream()) {
+    fn bytes_that_change_a_pin_are_output(bytes in stream()) {
         let mut bench = Bench::with_ros();
         for link in Link::ALL {
             for &byte in &bytes {
                 while bench.device.poll_output().is_some() || bench.device.poll_event().is_some() {}
-                prop_assert!(!bench.device.has_news());
+                prop_assert!(!bench.device.has_output());
                 let before = bench.device.commands();
                 bench.device.receive(bench.now, link, &[byte]);
-                prop_assert!(bench.device.has_news() || bench.device.commands() == before);
+                prop_assert!(bench.device.has_output() || bench.device.commands() == before);
             }
         }
     }
@@ -153,7 +154,7 @@ proptest! {
         }
         for (_, event) in bench.events() {
             prop_assert!(!event.to_string().is_empty() && !event.code().as_str().is_empty());
-            let _ = (event.level(), event.bytes(), event.blames_client());
+            let _ = (event.level(), event.bytes(), event.is_client_error());
         }
     }
 

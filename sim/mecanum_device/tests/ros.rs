@@ -47,7 +47,7 @@ fn the_speed_has_the_sign_of_the_motion_and_the_mileage_has_none() {
 }
 
 #[test]
-fn a_line_preempts_unless_told_otherwise() {
+fn a_line_preempts_unless_configured_otherwise() {
     let mut bench = Bench::with_ros();
     bench.line("X1000\n");
     bench.line("B-5\n");
@@ -81,7 +81,7 @@ fn the_speed_is_a_setting() {
 }
 
 #[test]
-fn bad_lines_are_told_and_change_nothing() {
+fn bad_lines_are_reported_and_change_nothing() {
     let mut bench = Bench::with_ros();
     bench.line("X10\n");
     bench.events();
@@ -91,7 +91,7 @@ fn bad_lines_are_told_and_change_nothing() {
     assert_eq!(bench.device.rotations(), [1; 4]);
     bench.line("Q\u{FF}\n");
     let event = bench.events().pop().unwrap().1;
-    assert!(event.blames_client());
+    assert!(event.is_client_error());
     assert_eq!(event.bytes().unwrap(), "Q\u{FF}".as_bytes());
     assert!(matches!(event, MecanumEvent::BadLine { .. }));
 }

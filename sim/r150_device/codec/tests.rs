@@ -1,4 +1,5 @@
 use proptest::prelude::*;
+use rigsim_settings::SimTime;
 
 use super::*;
 
@@ -25,10 +26,7 @@ fn whole(bytes: &[u8]) -> Vec<Decoded> {
 }
 
 fn frame(command: u8, parameters: &[u8]) -> Decoded {
-    Decoded::Frame(Frame {
-        command,
-        parameters: parameters.to_vec(),
-    })
+    Decoded::Frame(Frame(encode(command, parameters)))
 }
 
 #[test]
@@ -186,7 +184,7 @@ fn reported_bytes(found: &[Decoded]) -> usize {
     found
         .iter()
         .map(|decoded| match decoded {
-            Decoded::Frame(frame) => OVERHEAD + frame.parameters.len(),
+            Decoded::Frame(frame) => frame.bytes().len(),
             Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
                 bytes.len()
             }

@@ -1,6 +1,6 @@
 //! Settings of the firmware that are one of a few words.
 
-use sim_settings::choices;
+use rigsim_settings::choices;
 
 choices! {
     /// Treatment of a motor command that comes sooner than the reply interval allows.

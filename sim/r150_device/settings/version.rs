@@ -3,8 +3,8 @@
 use std::convert::Infallible;
 use std::fmt;
 
+use rigsim_settings::{Bounds, SettingValue, Value};
 use schemars::{Schema, json_schema};
-use sim_settings::{Bounds, SettingValue, Value};
 
 use super::VersionOrder;
 
@@ -50,15 +50,11 @@ impl SettingValue for Version {
         format!("\"{self}\"")
     }
 
-    fn within(&self, bounds: &Bounds<Infallible>) -> bool {
-        match *bounds.start() {}
-    }
-
     fn allowed(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> String {
         "\"major.minor.region.build\", each 0 to 255".to_owned()
     }
 
     fn schema(_unit: &str, _bounds: Option<&Bounds<Infallible>>) -> Schema {
-        json_schema!({"type": "string", "pattern": "^[0-9]{1,3}(\\.[0-9]{1,3}){3}$"})
+        json_schema!({"type": "string", "pattern": "^[0-9]{1,3}(\\.[0-9]{1,3}){3}$", "examples": ["1.2.3.4"]})
     }
 }

@@ -32,7 +32,7 @@ fn falsehood(command: u8) -> Option<Vec<u8>> {
 #[test]
 fn a_bad_crc_may_be_answered_false_once_and_still_changes_nothing() {
     let mut bench = Bench::with(|s| s.on_bad_crc = RefusalReply::False);
-    let mut frame = Request::PowerControl { status: 1 }.encode();
+    let mut frame = Request::PowerControl { on: 1 }.encode();
     frame[9] ^= 1;
     assert_eq!(bench.send(&frame), falsehood(0x02));
     assert_eq!(bench.reply(), None);
@@ -75,15 +75,21 @@ fn a_refused_motor_command_may_be_answered() {
             s.on_motors_out_of_range = OutOfRange::Refuse;
         });
         assert_eq!(bench.send(&encode(0x12, &[1])), expected, "{choice:?}");
+        // These replies are no more frequent than others to motor commands.
+        assert_eq!(bench.send(&encode(0x12, &[1])), None, "{choice:?}");
+        bench.after(INTERVAL);
         let beyond = Request::SetMotors {
             right: 9,
             left: -2000,
         };
         assert_eq!(bench.send(&beyond.encode()), expected, "{choice:?}");
         assert_eq!(bench.duty(), [0.0, 0.0], "{choice:?}");
-        // Neither counts as the last answered command.
+        bench.after(INTERVAL);
         assert!(bench.drive(10, 10).is_some());
-        assert_eq!(bench.codes(), ["wrong_length", "motors_out_of_range"]);
+        assert_eq!(
+            bench.codes(),
+            ["wrong_length", "wrong_length", "motors_out_of_range"]
+        );
     }
 }
 
@@ -221,10 +227,13 @@ fn it_may_start_in_rs232_mode_and_keep_it_until_a_first_heartbeat_is_lost() {
 
 #[test]
 fn the_app_may_have_switched_things_on() {
-    let mut bench = Bench::with(|s| {
-        s.app_power = 0b10_0010;
-        s.app_pwm = [1, 2, 3, 1000];
-    });
+    let mut bench = Bench::with(|_| {});
+    let outputs = Outputs {
+        power: 0b10_0010,
+        pwm: [1, 2, 3, 1000],
+    };
+    let sets = OperatorInput::AppSets(outputs);
+    bench.device.operate(bench.now, sets);
     assert_eq!(bench.device.power_status(), 0b10_0010);
     assert_eq!(bench.device.control().outputs.pwm, [1, 2, 3, 1000]);
     assert!(bench.power(0b1));
@@ -236,8 +245,12 @@ fn the_app_may_have_switched_things_on() {
 fn off_on_a_lost_heartbeat_leaves_what_the_app_holds() {
     let mut bench = Bench::with(|s| {
         s.on_heartbeat_loss = OnHeartbeatLoss::Off;
-        s.app_pwm = [7; 4];
     });
+    let sets = OperatorInput::AppSets(Outputs {
+        power: 0,
+        pwm: [7; 4],
+    });
+    bench.device.operate(bench.now, sets);
     let app_holds_pwm = OperatorInput::AppHolds {
         power: false,
         pwm: true,
@@ -260,7 +273,7 @@ fn what_the_app_refuses_may_be_silent() {
         pwm: true,
     };
     bench.device.operate(bench.now, app_holds);
-    assert_eq!(bench.ask(Request::PowerControl { status: 1 }), None);
+    assert_eq!(bench.ask(Request::PowerControl { on: 1 }), None);
     assert_eq!(bench.ask(Request::SetPwmOutputs { duty: [1; 4] }), None);
     assert!(bench.ask(Request::GetPwmOutputs).is_some());
     assert_eq!(

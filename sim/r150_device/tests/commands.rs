@@ -1,11 +1,9 @@
 //! Every command, byte by byte, and every refusal.
 
-use std::collections::BTreeSet;
-
 use super::*;
 use crate::event::EventKind;
 use crate::r150_device::codec::encode;
-use crate::r150_device::command;
+use crate::r150_device::command::{self, SystemInfo};
 use crate::r150_device::settings::{
     OutOfRange, RefusalReply, ReplyCommand, Version, VersionOrder, Voltage48v,
 };
@@ -129,11 +127,11 @@ fn negative_readings_keep_their_sign_and_absurd_ones_saturate() {
     assert_eq!(info.temp_12v, [-123, 0]);
     assert_eq!(info.current_12v[0], -500);
     assert_eq!(info.voltage_12v[0], 0);
-    let expected = Reply::Motors {
+    let expected = Reply::Motors(command::Motors {
         right_rpm: i16::MAX,
         left_rpm: -700,
         soc: 0,
-    };
+    });
     assert_eq!(bench.drive(0, 0), Some(expected));
 }
 
@@ -223,7 +221,7 @@ fn an_unknown_command_gets_no_reply_and_changes_nothing() {
 fn a_bad_crc_gets_no_reply_and_changes_nothing() {
     for bit in 0..8 * 6 {
         let mut bench = Bench::new();
-        let mut frame = Request::PowerControl { status: 1 }.encode();
+        let mut frame = Request::PowerControl { on: 1 }.encode();
         let at = frame.len() - 6 + bit / 8; // the parameters and the CRC
         frame[at] ^= 1 << (bit % 8);
         assert_eq!(bench.send(&frame), None);
@@ -283,7 +281,7 @@ fn events_carry_the_bytes_as_they_were() {
         assert!(
             events
                 .iter()
-                .any(|e| e.blames_client() && e.bytes().as_deref() == Some(&bad[..])),
+                .any(|e| e.is_client_error() && e.bytes().as_deref() == Some(&bad[..])),
             "{events:?}"
         );
     }
@@ -300,30 +298,108 @@ fn a_reply_begins_after_the_reply_delay() {
     assert_eq!(bench.reply(), answer(0x07, &[1]));
 }
 
-#[test]
-fn measurement_noise_is_off_by_default_and_spreads_as_it_says() {
-    let mut bench = Bench::new();
-    assert_eq!(bench.info().voltage_48v, 51_250);
-    let mut bench = Bench::with(|s| s.measurement_noise = 1.0);
-    let seen: Vec<u32> = (0..200).map(|_| bench.info().voltage_48v).collect();
-    let spread = seen
-        .iter()
-        .map(|mv| (f64::from(*mv) / 51_250.0 - 1.0).powi(2))
-        .sum::<f64>();
-    let deviation = (spread / 200.0).sqrt();
-    assert!((0.007..0.013).contains(&deviation), "{deviation}");
+/// Mean and standard deviation of what was read.
+fn spread(read: &[f64]) -> [f64; 2] {
+    let count = read.len() as f64;
+    let mean = read.iter().sum::<f64>() / count;
+    let square = read.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
+    [mean, (square / count).sqrt()]
 }
 
 #[test]
-fn measurement_noise_reaches_the_speeds() {
-    for (noise, even) in [(0.0, true), (2.0, false)] {
-        let mut bench = Bench::with(|s| s.measurement_noise = noise);
-        bench.spin();
-        let replies: BTreeSet<_> = (0..50)
-            .map(|_| bench.device.motor_reply().encode())
-            .collect();
-        assert_eq!(replies.len() == 1, even, "{noise}");
+fn by_default_every_reading_of_0x06_has_the_noise_of_its_kind() {
+    let defaults = NoiseSettings::default();
+    let mut bench = Bench::with(|s| s.noise = defaults.clone());
+    bench.power(0b11_1111);
+    let seen: Vec<_> = (0..500).map(|_| bench.info()).collect();
+    let of = |read: &dyn Fn(&SystemInfo) -> f64| seen.iter().map(read).collect::<Vec<_>>();
+    let mut cases = vec![
+        (
+            of(&|i| f64::from(i.voltage_48v) / 1e3),
+            51.25,
+            defaults.voltage,
+        ),
+        (
+            of(&|i| f64::from(i.current_48v) / 1e3),
+            7.0,
+            defaults.current,
+        ),
+        (
+            of(&|i| f64::from(i.temp_12v[0]) / 10.0),
+            31.25,
+            defaults.temperature,
+        ),
+        (
+            of(&|i| f64::from(i.temp_12v[1]) / 10.0),
+            40.0,
+            defaults.temperature,
+        ),
+    ];
+    for (rail, (volts, amperes)) in [(12.01, 1.5), (0.0, 0.0), (11.98, 0.25), (12.0, 3.125)]
+        .into_iter()
+        .enumerate()
+    {
+        if volts > 0.0 {
+            let read = of(&|i| f64::from(i.voltage_12v[rail]) / 1e3);
+            cases.push((read, volts, defaults.voltage));
+        }
+        // No current is no quiet zero either, and may read a little below it.
+        let read = of(&|i| f64::from(i.current_12v[rail]) / 1e3);
+        cases.push((read, amperes, defaults.current));
     }
+    for (read, value, deviation) in cases {
+        let [mean, spread] = spread(&read);
+        assert!((mean - value).abs() < 0.2 * deviation, "{mean} for {value}");
+        // The step of the field of temperatures is as large as the noise.
+        let ratio = spread / deviation;
+        assert!((0.85..1.2).contains(&ratio), "{spread} for {value}");
+    }
+    // A voltage cannot be negative, so an output that is off reads 0 half of the time.
+    let off: Vec<_> = seen.iter().map(|info| info.voltage_12v[1]).collect();
+    let zeros = off.iter().filter(|mv| **mv == 0).count();
+    assert!((150..350).contains(&zeros), "{zeros}");
+    assert!(off.iter().all(|mv| *mv < 60), "{off:?}");
+}
+
+#[test]
+fn each_kind_of_noise_is_a_setting_of_its_own() {
+    type Change = fn(&mut NoiseSettings);
+    let kinds: [(Change, &str); 3] = [
+        (|noise| noise.voltage = 1.0, "voltages"),
+        (|noise| noise.current = 1.0, "currents"),
+        (|noise| noise.temperature = 1.0, "temperatures"),
+    ];
+    for (change, wanted) in kinds {
+        let mut bench = Bench::with(|s| change(&mut s.noise));
+        let exact = Bench::new().info();
+        let info = bench.info();
+        let differ = [
+            ("voltages", info.voltage_48v != exact.voltage_48v),
+            ("currents", info.current_12v != exact.current_12v),
+            ("temperatures", info.temp_12v != exact.temp_12v),
+        ];
+        let found: Vec<_> = differ.iter().filter(|(_, differs)| *differs).collect();
+        assert_eq!(found, [&(wanted, true)]);
+    }
+}
+
+#[test]
+fn speeds_have_noise_while_a_motor_turns_and_none_while_it_stands() {
+    let defaults = NoiseSettings::default();
+    let mut bench = Bench::with(|s| s.noise = defaults.clone());
+    let replies = |bench: &mut Bench| -> Vec<f64> {
+        let one = |bench: &mut Bench| match bench.device.motor_reply() {
+            Reply::Motors(motors) => f64::from(motors.right_rpm),
+            other => panic!("{other:?}"),
+        };
+        (0..500).map(|_| one(bench)).collect()
+    };
+    assert_eq!(replies(&mut bench), [0.0; 500]);
+    bench.spin();
+    let [mean, deviation] = spread(&replies(&mut bench));
+    assert!((mean - 1512.6).abs() < 3.0, "{mean}");
+    let ratio = deviation / defaults.speed;
+    assert!((0.85..1.2).contains(&ratio), "{deviation}");
 }
 
 #[test]

@@ -27,13 +27,13 @@ fn at_power_on_the_app_is_in_control_until_a_command_sets_something() {
     assert_eq!(modes(&bench), [false, false]);
     bench.send(&[0xAA, 0x55, 0x00, 0x07, 0x00, 0x00]);
     assert_eq!(modes(&bench), [false, false], "a bad CRC takes nothing");
-    let modes_told = |bench: &mut Bench| {
+    let modes_reported = |bench: &mut Bench| {
         let info = bench.info();
         (info.power_ctrl_mode, info.pwm_ctrl_mode)
     };
-    assert_eq!(modes_told(&mut bench), (1, 1), "looking takes nothing");
+    assert_eq!(modes_reported(&mut bench), (1, 1), "looking takes nothing");
     assert!(bench.power(0));
-    assert_eq!(modes_told(&mut bench), (0, 1));
+    assert_eq!(modes_reported(&mut bench), (0, 1));
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn a_frame_at_the_last_moment_counts() {
 #[test]
 fn every_command_counts_as_a_heartbeat() {
     let commands = [
-        Request::PowerControl { status: 0b11 },
+        Request::PowerControl { on: 0b11 },
         Request::SetPwmOutputs { duty: [9999; 4] },
         Request::GetPwmOutputs,
         Request::GetPwmInputs,
@@ -195,7 +195,7 @@ fn while_the_app_holds_control_power_and_pwm_commands_fail() {
 }
 
 #[test]
-fn a_module_without_supply_is_silent_and_starts_anew() {
+fn a_module_without_supply_is_silent_and_starts_again() {
     let mut bench = switched_on(|_| {});
     bench.drive(500, 500);
     bench.read(|r| r.module_powered = false);

@@ -1,8 +1,13 @@
 //! Motor watchdog, reply rate, and what keeps the vehicle from moving.
 
+use crate::firmware::Firmware as _;
+use proptest::prelude::*;
+
 use super::*;
+use crate::defects::Defects;
 use crate::event::EventKind;
-use crate::r150_device::settings::{OutOfRange, OverRate, RemoteKeyDrives};
+use crate::r150_device::codec::encode;
+use crate::r150_device::settings::{MotorsRefusalReply, OutOfRange, OverRate, RemoteKeyDrives};
 use crate::r150_device::vehicle::{Key, Obstacle, OperatorInput};
 
 const WATCHDOG: Duration = Duration::from_millis(500);
@@ -33,7 +38,7 @@ fn only_motor_commands_feed_the_watchdog() {
     for request in [
         Request::Heartbeat,
         Request::SystemInfo,
-        Request::PowerControl { status: 0 },
+        Request::PowerControl { on: 0 },
     ] {
         bench.ask(request);
     }
@@ -58,7 +63,7 @@ fn a_watchdog_that_stops_what_did_not_drive_is_not_the_clients_fault() {
     let mut bench = Bench::start(at_once(), Start::Locked);
     bench.drive(300, 300);
     bench.after(WATCHDOG);
-    let faults = |bench: &mut Bench| bench.events().iter().any(EventKind::blames_client);
+    let faults = |bench: &mut Bench| bench.events().iter().any(EventKind::is_client_error);
     assert!(!faults(&mut bench));
     let mut bench = Bench::new();
     bench.drive(300, 300);
@@ -77,27 +82,50 @@ fn a_refused_motor_command_feeds_nothing() {
 }
 
 #[test]
-fn a_watchdog_over_standing_motors_is_no_news() {
+fn a_watchdog_over_standing_motors_is_no_event() {
     let mut bench = Bench::new();
     bench.drive(0, 0);
     bench.after(WATCHDOG * 2);
     assert_eq!(bench.codes(), [""; 0]);
 }
 
-#[test]
-fn a_delayed_answer_comes_although_a_burst_follows() {
-    let mut bench = Bench::with(|s| s.over_rate = OverRate::Delay);
-    assert!(bench.drive(100, 100).is_some());
-    bench.after(QUANTUM);
-    assert_eq!(bench.drive(200, 200), None);
-    bench
-        .device
-        .expect_burst(INTERVAL, bench.now + INTERVAL * 2);
-    assert!(bench.drive(300, 300).is_some());
-    bench.after(INTERVAL - QUANTUM * 2);
-    assert_eq!(bench.reply(), None);
-    bench.after(QUANTUM);
-    assert!(bench.reply().is_some());
+proptest! {
+    #[test]
+    fn no_flood_and_no_excuse_makes_replies_more_frequent_than_the_manual_allows(
+        acts in prop::collection::vec((0_u32..80_000, 0_u8..4, 0_u64..600), 1..200),
+        choice in 0_usize..3,
+        spread in 0_u64..5,
+    ) {
+        let mut bench = Bench::with(|s| {
+            s.over_rate = [OverRate::Delay, OverRate::Silent, OverRate::Ignore][choice];
+            s.on_motors_refused = MotorsRefusalReply::Speeds;
+            s.reply_spread = Duration::from_millis(spread);
+        });
+        for (wait, act, by) in acts {
+            let span = Duration::from_millis(by);
+            match act {
+                0 => bench.device.late(bench.now, span, Duration::ZERO),
+                1 => bench.device.late(bench.now, span, span),
+                2 => {
+                    let defects = Defects { slow: span, ..Defects::default() };
+                    bench.device.set_defects(bench.now, defects);
+                }
+                _ => bench.after(Duration::from_micros(wait.into())),
+            }
+            for frame in [encode(0x12, &[1, 0, 1, 0]), encode(0x12, &[1])] {
+                bench.device.receive(bench.now, &frame);
+            }
+        }
+        bench.after(Duration::from_secs(2));
+        let mut last = None;
+        while let Some((at, event)) = bench.device.poll_event() {
+            if matches!(event, R150Event::Reply { .. }) {
+                let gap = last.replace(at).map(|last| at.since(last));
+                prop_assert!(gap.is_none_or(|gap| gap >= INTERVAL), "{gap:?}");
+            }
+        }
+        prop_assert!(last.is_some());
+    }
 }
 
 #[test]
@@ -127,9 +155,9 @@ fn a_client_at_20_hz_gets_every_reply_however_its_commands_jitter() {
 }
 
 #[test]
-fn a_client_is_blamed_for_a_rate_over_a_second_and_not_for_a_command() {
+fn a_rate_over_a_second_is_the_clients_error_and_a_command_is_not() {
     // 22 within a second are more than 20 and 5 %; 21 are not.
-    for (period_us, blamed) in [(47_700, false), (47_500, true), (20_000, true)] {
+    for (period_us, reported) in [(47_700, false), (47_500, true), (20_000, true)] {
         let mut bench = Bench::new();
         for _ in 0..60 {
             bench.drive(100, 100);
@@ -137,7 +165,7 @@ fn a_client_is_blamed_for_a_rate_over_a_second_and_not_for_a_command() {
         }
         assert_eq!(
             bench.codes().contains(&"over_rate"),
-            blamed,
+            reported,
             "{period_us} us"
         );
     }
@@ -169,17 +197,141 @@ fn replies_may_be_further_apart_or_nearer() {
     }
 }
 
-#[test]
-fn what_the_machine_was_late_by_is_not_held_against_the_client() {
+/// A stall: simulated time stands still from a time of the client's clock on, for so long.
+type Stall = (Duration, Duration);
+
+/// Returns the times at which `over_rate` was reported for commands that a client sent at `times`,
+/// by its own clock.
+fn over_rates(times: impl IntoIterator<Item = Duration>, stalls: &[Stall]) -> Vec<SimTime> {
     let mut bench = Bench::new();
-    bench
-        .device
-        .expect_burst(Duration::from_millis(300), SimTime::from_secs(2));
-    for _ in 0..30 {
-        bench.drive(100, 100);
-        bench.after(Duration::from_millis(40));
+    let (mut left, mut stood) = (stalls.iter().copied().peekable(), Duration::ZERO);
+    let mut times = times.into_iter().peekable();
+    while let Some(&sent) = times.peek() {
+        match left.next_if(|(from, _)| *from <= sent) {
+            Some((from, by)) => {
+                let now = SimTime::ZERO + (from - stood);
+                bench.until(now.max(bench.now));
+                bench.device.late(bench.now, by, by);
+                stood += by;
+                while times.next_if(|sent| *sent <= from + by).is_some() {
+                    bench.drive(100, 100);
+                }
+            }
+            None => {
+                bench.until(SimTime::ZERO + (sent - stood));
+                bench.drive(100, 100);
+                times.next();
+            }
+        }
     }
-    assert_eq!(bench.codes(), [""; 0]);
+    let events = std::iter::from_fn(|| bench.device.poll_event());
+    events
+        .filter(|(_, event)| event.code().as_str() == "over_rate")
+        .map(|(at, _)| at)
+        .collect()
+}
+
+/// Times from a second on, `period` apart.
+fn every(period: Duration, count: u32) -> impl Iterator<Item = Duration> {
+    (0..count).map(move |n| Duration::from_secs(1) + period * n)
+}
+
+#[test]
+fn a_stall_excuses_what_piled_up_in_it_as_long_as_that_is_in_the_second() {
+    let ms = Duration::from_millis;
+    // An 18 Hz client, and one stall of 300 ms.
+    let stall = [(ms(1510), ms(300))];
+    assert_eq!(over_rates(every(ms(55), 100), &stall), []);
+    // A client at exactly 20 Hz, and stalls that no one of them would be too much.
+    for by in [30, 52, 100, 240, 900, 3000] {
+        let many: Vec<Stall> = (0..3).map(|n| (ms(1510 + 1000 * n), ms(by))).collect();
+        let many: Vec<Stall> = many.into_iter().filter(|_| by < 1000).collect();
+        assert_eq!(over_rates(every(INTERVAL, 200), &many), [], "{by} ms");
+        let one = [(ms(1510), ms(by))];
+        assert_eq!(over_rates(every(INTERVAL, 200), &one), [], "{by} ms");
+    }
+    // A pause of a minute in which a port holds no more.
+    let pause = [(ms(1510), ms(60_000))];
+    assert_eq!(over_rates(every(INTERVAL, 1500), &pause), []);
+}
+
+#[test]
+fn a_stall_within_the_second_excuses_no_quantum_more_than_it_took() {
+    // 22 commands in a second by the client's clock, but for a quantum or not, over a stall.
+    let second = Duration::from_secs(1);
+    for by in [1, 50, 300, 600].map(Duration::from_millis) {
+        let stall = [(Duration::from_millis(1310), by)];
+        let with_last = |last| every(Duration::from_millis(47), 21).chain([last]);
+        assert_eq!(over_rates(with_last(second * 2), &stall), [], "{by:?}");
+        let at = second * 2 - QUANTUM;
+        let found = over_rates(with_last(at), &stall);
+        assert_eq!(found, [SimTime::ZERO + (at - by)], "{by:?}");
+    }
+    // The client that is too fast is found again once the stall is a second ago.
+    let stall = [(Duration::from_millis(1310), Duration::from_millis(300))];
+    assert!(!over_rates(every(Duration::from_millis(40), 100), &stall).is_empty());
+}
+
+#[test]
+fn what_waits_may_be_as_old_as_the_machine_was_late_and_not_one_quantum_older() {
+    let late = Duration::from_millis(15);
+    for (early, reported) in [(Duration::ZERO, false), (QUANTUM, true)] {
+        let mut bench = Bench::new();
+        for n in 0..22 {
+            // The first is read late, so that the others seem to follow sooner.
+            if n == 0 {
+                bench.until(SimTime::from_secs(1) + late);
+                bench.device.late(bench.now, late, Duration::ZERO);
+            } else {
+                let span = Duration::from_secs(1) / 21 * n;
+                bench.until(SimTime::from_secs(1) + span);
+            }
+            if n == 21 {
+                bench.until(SimTime::from_secs(2) - early);
+            }
+            bench.drive(100, 100);
+        }
+        assert_eq!(bench.codes().contains(&"over_rate"), reported, "{early:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_stalls_make_a_client_at_20_hz_seem_too_fast(
+        stalls in prop::collection::vec((1_u64..1500, 1_u64..700), 0..12),
+    ) {
+        let mut from = Duration::ZERO;
+        let stalls: Vec<Stall> = stalls
+            .into_iter()
+            .map(|(wait, by)| {
+                let by = Duration::from_millis(by);
+                let begins = from + Duration::from_millis(wait);
+                from = begins + by;
+                (begins, by)
+            })
+            .collect();
+        prop_assert_eq!(over_rates(every(INTERVAL, 300), &stalls), []);
+    }
+}
+
+#[test]
+fn seconds_are_counted_in_which_a_client_is_too_fast() {
+    let found = over_rates(every(Duration::from_millis(10), 500), &[]);
+    assert_eq!(found.len(), 5, "{found:?}");
+}
+
+#[test]
+fn a_choice_that_ignores_commands_takes_those_that_piled_up() {
+    let mut bench = Bench::with(|s| s.over_rate = OverRate::Ignore);
+    bench.after(Duration::from_secs(1));
+    assert!(bench.drive(100, 100).is_some());
+    bench.device.late(bench.now, INTERVAL, INTERVAL);
+    // Its reply is held all the same.
+    assert_eq!(bench.drive(200, 200), None);
+    assert_eq!(bench.duty(), [0.2, 0.2]);
+    assert_eq!(bench.drive(300, 300), None);
+    bench.until(SimTime::from_secs(1) + INTERVAL);
+    assert!(bench.reply().is_some());
 }
 
 #[test]

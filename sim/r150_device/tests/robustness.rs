@@ -1,5 +1,6 @@
 //! Any bytes, any split, any order of calls.
 
+use crate::firmware::Firmware as _;
 use proptest::prelude::*;
 
 use super::*;
@@ -128,15 +129,15 @@ proptest! {
     }
 
     #[test]
-    fn bytes_that_change_a_pin_are_news(bytes in stream()) {
+    fn bytes_that_change_a_pin_are_output(bytes in stream()) {
         let mut bench = Bench::new();
         bench.device.advance(bench.now);
         for byte in bytes {
             while bench.device.poll_output().is_some() || bench.device.poll_event().is_some() {}
-            prop_assert!(!bench.device.has_news());
+            prop_assert!(!bench.device.has_output());
             let before = bench.device.commands();
             bench.device.receive(bench.now, &[byte]);
-            prop_assert!(bench.device.has_news() || bench.device.commands() == before);
+            prop_assert!(bench.device.has_output() || bench.device.commands() == before);
         }
     }
 
@@ -147,7 +148,7 @@ proptest! {
         let mut bad = Vec::new();
         for byte in replies {
             decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
-                Decoded::Frame(frame) if Reply::parse(frame.command, &frame.parameters).is_ok() => {}
+                Decoded::Frame(frame) if Reply::parse(frame.command(), frame.parameters()).is_ok() => {}
                 other => bad.push(other),
             });
         }
@@ -158,7 +159,7 @@ proptest! {
     #[test]
     fn what_a_request_encodes_it_parses(status: u32, duty: [u16; 4], right: i16, left: i16) {
         for request in [
-            Request::PowerControl { status },
+            Request::PowerControl { on: status },
             Request::SetPwmOutputs { duty },
             Request::SetMotors { right, left },
         ] {

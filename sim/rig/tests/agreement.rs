@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use sim_physics::noise::Noise;
+use rigsim_physics::noise::Noise;
 
 use super::*;
 use crate::mecanum::MecanumSettings;
@@ -189,7 +189,7 @@ fn at_20_hz(duties: impl Fn(usize) -> (i16, i16)) -> Vec<(SimTime, Vec<u8>)> {
     (0..399).map(command).collect()
 }
 
-/// Anything that drives, drawn anew for each.
+/// Anything that drives, drawn again for each.
 #[test]
 fn any_drive_of_either() {
     for seed in 0..8 {

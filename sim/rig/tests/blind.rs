@@ -16,7 +16,7 @@ fn empty() -> Rig {
     })
 }
 
-/// Lets a client say this every 100 ms until the way is gone; how far to the left of its line it ends.
+/// Sends this from a client every 100 ms until the way is gone; how far to the left of its line it ends.
 fn beside(mut rig: Rig, bytes: &[u8]) -> f64 {
     rig.attach(PORT, SimTime::ZERO).unwrap();
     for tick in 0..5_000 {

@@ -1,0 +1,245 @@
+//! What a campaign plays: the same for all its shards, so that results of two campaigns never mix.
+
+use std::fs::{self, File};
+use std::hash::Hasher as _;
+use std::io::Read as _;
+use std::path::Path;
+
+use rigsim_runner::RunOptions;
+use serde::{Deserialize, Serialize};
+use siphasher::sip128::{Hasher128 as _, SipHasher13};
+
+use crate::exit::Failure;
+use crate::run::Case;
+use crate::scenario_files::Loaded;
+use crate::visible;
+
+use super::shard::Shard;
+
+/// Version of the form of results.
+const FORMAT: u32 = 1;
+
+/// Most bytes of a file of the client that are looked at.
+const MOST_CLIENT: u64 = 64 << 20;
+
+/// Most cases of a campaign.
+pub(crate) const MOST_CASES: usize = 10_000_000;
+
+/// Everything that decides what is played.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Plan {
+    pub(crate) format: u32,
+    /// Version of the program.
+    pub(crate) program: String,
+    /// Number of shards.
+    pub(crate) shards: u32,
+    /// Number of times that each file is played.
+    pub(crate) repeat: u32,
+    /// Words of the client's command; none for scripted clients.
+    pub(crate) client: Vec<String>,
+    /// Digests of those words that are files.
+    pub(crate) client_files: Vec<String>,
+    /// Settings that win over those of the files.
+    pub(crate) set: Vec<String>,
+    pub(crate) files: Vec<PlannedFile>,
+}
+
+/// A scenario file with one combination of its parameters.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct PlannedFile {
+    /// Path of the file, as it was given.
+    pub(crate) file: String,
+    pub(crate) parameters: Vec<(String, String)>,
+    /// Seed of the first time.
+    pub(crate) seed: u64,
+    /// Digest of the files and settings that it is played with.
+    pub(crate) digest: String,
+    pub(crate) title: String,
+    /// The command that plays it again, behind `sim run --seed N`: the first time, and the others, which
+    /// have other vehicles of the same make.
+    pub(crate) commands: [String; 2],
+}
+
+impl Plan {
+    /// The plan of these files, of each of which the first two cases are given.
+    pub(crate) fn new(shard: Shard, cases: &[[Case<'_>; 2]]) -> Result<Self, Failure> {
+        let args = cases.first().map(|[first, _]| first.args);
+        let client = args.map_or(&[][..], |args| &args.client);
+        let files = cases.iter().map(|[first, second]| {
+            let command = |case: &Case<'_>| {
+                let again = format!("sim run --seed {} ", case.seed);
+                let command = case.command();
+                command.strip_prefix(&again).unwrap_or(&command).to_owned()
+            };
+            Ok(PlannedFile {
+                file: visible::name(&first.loaded.path),
+                parameters: first.loaded.parameters.clone(),
+                seed: first.seed,
+                digest: digest(first.loaded, first.is_live())?,
+                title: first.loaded.scenario.title.clone(),
+                commands: [command(first), command(second)],
+            })
+        });
+        Ok(Self {
+            format: FORMAT,
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            shards: shard.of,
+            repeat: args.map_or(1, |args| args.repeat),
+            client: client.iter().map(visible::name).collect(),
+            client_files: client
+                .iter()
+                .filter_map(|word| file_digest(Path::new(word)))
+                .collect(),
+            set: args.map_or_else(Vec::new, |args| args.settings.set.clone()),
+            files: files.collect::<Result<_, Failure>>()?,
+        })
+    }
+
+    /// Number of cases.
+    pub(crate) fn cases(&self) -> usize {
+        self.files.len().saturating_mul(self.repeat as usize)
+    }
+
+    /// Place of a case among all.
+    pub(crate) fn place(&self, file: usize, repeat: u32) -> Option<usize> {
+        let is_planned = file < self.files.len() && repeat < self.repeat;
+        is_planned.then(|| file * self.repeat as usize + repeat as usize)
+    }
+
+    /// The file of the case at a place, and its seed.
+    pub(crate) fn at(&self, place: usize) -> (&PlannedFile, u64) {
+        let repeat = self.repeat.max(1) as usize;
+        let file = &self.files[place / repeat];
+        (file, file.seed.wrapping_add((place % repeat) as u64))
+    }
+
+    /// Number of the shard that has the case at a place.
+    pub(crate) fn owner(&self, place: usize) -> u32 {
+        let (file, seed) = self.at(place);
+        Shard::owner(self.shards, &file.file, &file.parameters, &self.set, seed)
+    }
+
+    /// Name of the case at a place, as `sim run` prints it.
+    pub(crate) fn name(&self, place: usize) -> String {
+        let (file, seed) = self.at(place);
+        let name = file.name();
+        match self.repeat {
+            1 => name,
+            _ => format!("{name} #{}", seed.wrapping_sub(file.seed) + 1),
+        }
+    }
+
+    /// Command that plays the case at a place again.
+    pub(crate) fn command(&self, place: usize) -> String {
+        let (file, seed) = self.at(place);
+        let [first, others] = &file.commands;
+        let command = if seed == file.seed { first } else { others };
+        format!("sim run --seed {seed} {command}")
+    }
+
+    /// Returns what makes another plan of `other`, in words; `None` if nothing does.
+    pub(crate) fn difference(&self, other: &Self) -> Option<String> {
+        let both = |what: &str, ours: &str, theirs: &str| {
+            Some(format!(
+                "{what}: {} and {}",
+                visible::line(ours),
+                visible::line(theirs)
+            ))
+        };
+        if self == other {
+            return None;
+        }
+        if (self.format, &self.program) != (other.format, &other.program) {
+            return both("the version of sim", &self.program, &other.program);
+        }
+        if self.shards != other.shards {
+            return both(
+                "the number of shards",
+                &self.shards.to_string(),
+                &other.shards.to_string(),
+            );
+        }
+        if self.repeat != other.repeat {
+            return both(
+                "--repeat",
+                &self.repeat.to_string(),
+                &other.repeat.to_string(),
+            );
+        }
+        if self.client != other.client {
+            return both(
+                "the client",
+                &self.client.join(" "),
+                &other.client.join(" "),
+            );
+        }
+        if self.client_files != other.client_files {
+            return Some("a file of the client has changed".to_owned());
+        }
+        let mut pairs = self.files.iter().zip(&other.files);
+        let Some((ours, theirs)) = pairs.find(|(ours, theirs)| ours != theirs) else {
+            return both(
+                "the number of files",
+                &self.files.len().to_string(),
+                &other.files.len().to_string(),
+            );
+        };
+        if ours.name() != theirs.name() {
+            return both("the files", &ours.name(), &theirs.name());
+        }
+        if ours.seed != theirs.seed {
+            return both("the seed", &ours.seed.to_string(), &theirs.seed.to_string());
+        }
+        if ours.digest == theirs.digest {
+            return both("the flags", &ours.commands[0], &theirs.commands[0]);
+        }
+        Some(format!(
+            "{}, its base or world, or the settings have changed",
+            ours.name()
+        ))
+    }
+}
+
+impl PlannedFile {
+    pub(crate) fn name(&self) -> String {
+        let given = self
+            .parameters
+            .iter()
+            .map(|(name, value)| format!(" {name}={value}"));
+        format!("{}{}", self.file, visible::line(&given.collect::<String>()))
+    }
+}
+
+/// Digest of all that a scenario is played with: the first line of a trace has it.
+fn digest(loaded: &Loaded, live: bool) -> Result<String, Failure> {
+    if loaded.broken.is_some() {
+        return Ok(String::new());
+    }
+    let mut run = loaded.run(RunOptions {
+        live,
+        trace: true,
+        ..RunOptions::scripted(0)
+    })?;
+    let mut hasher = SipHasher13::new();
+    hasher.write(run.poll_trace().unwrap_or_default().as_bytes());
+    Ok(hex(&hasher))
+}
+
+fn file_digest(path: &Path) -> Option<String> {
+    let size = fs::metadata(path).ok().filter(fs::Metadata::is_file)?.len();
+    let mut bytes = Vec::new();
+    File::open(path)
+        .ok()?
+        .take(MOST_CLIENT)
+        .read_to_end(&mut bytes)
+        .ok()?;
+    let mut hasher = SipHasher13::new();
+    hasher.write_u64(size);
+    hasher.write(&bytes);
+    Some(hex(&hasher))
+}
+
+/// A digest, in hexadecimal digits.
+pub(crate) fn hex(hasher: &SipHasher13) -> String {
+    format!("{:032x}", hasher.finish128().as_u128())
+}

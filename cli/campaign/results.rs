@@ -1,0 +1,388 @@
+//! Results of a shard: a line of JSON for each case, in a file of its own for each attempt.
+//!
+//! The file is a row of gzip members, each written at once. A process that is killed loses what came
+//! after the last member, and every prefix can be read.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use flate2::Compression;
+use flate2::bufread::MultiGzDecoder;
+use flate2::write::GzEncoder;
+use serde::{Deserialize, Serialize};
+
+use crate::exit::Failure;
+use crate::run::{Case, CaseResult, Verdict};
+use crate::visible;
+
+use super::plan::{MOST_CASES, Plan};
+use super::shard::Shard;
+
+/// Longest time for which results are kept in memory.
+const FLUSH: Duration = Duration::from_secs(2);
+/// Bytes at which they are written earlier.
+const FULL: usize = 1 << 20;
+/// Most bytes of a line.
+const MOST_LINE: u64 = 64 << 20;
+/// Most attempts of a shard.
+const MOST_ATTEMPTS: u32 = 10_000;
+/// Number of traces that are kept of each failure.
+pub(crate) const TRACES: usize = 3;
+/// Ending of the files.
+const ENDING: &str = ".jsonl.gz";
+
+/// First line of a file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Header {
+    pub(crate) shard: u32,
+    pub(crate) attempt: u32,
+    pub(crate) plan: Plan,
+}
+
+/// Result of a case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Line {
+    /// Number of the file in the plan, from 0.
+    pub(crate) file: usize,
+    /// Which time it was played, from 0.
+    pub(crate) repeat: u32,
+    /// For those who read it without the plan.
+    pub(crate) name: String,
+    pub(crate) seed: u64,
+    pub(crate) verdict: Verdict,
+    /// What failed, without what differs from seed to seed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) signature: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) reason: Option<String>,
+    /// Simulated time that it took.
+    pub(crate) simulated_s: f64,
+    /// Digest of its trace.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) trace: Option<String>,
+    /// Real time that it took: the only part that differs when it is played again.
+    pub(crate) took_s: f64,
+}
+
+impl Line {
+    /// Returns the line as it is the same each time.
+    pub(crate) fn repeatable(&self) -> String {
+        let mut same = self.clone();
+        same.took_s = 0.0;
+        serde_json::to_string(&same).unwrap_or_default()
+    }
+
+    /// Returns whether it is a verdict, and not an error of the machine.
+    pub(crate) fn is_verdict(&self) -> bool {
+        self.verdict < Verdict::Error
+    }
+}
+
+/// Results that are being written.
+pub(crate) struct Results {
+    folder: PathBuf,
+    path: PathBuf,
+    file: File,
+    pending: Vec<u8>,
+    flushed: Instant,
+    /// Number of failures of each signature, of those whose traces are kept.
+    failures: BTreeMap<String, usize>,
+    /// Traces of cases that have no verdict yet.
+    scratch: tempfile::TempDir,
+}
+
+impl Results {
+    /// Begins a new attempt in a folder. Returns also which cases of the plan are known already.
+    ///
+    /// # Errors
+    /// When the folder has results of another plan, or cannot be written.
+    pub(crate) fn begin(
+        folder: &Path,
+        shard: Shard,
+        plan: &Plan,
+    ) -> Result<(Self, Vec<bool>), Failure> {
+        let cannot = || format!("cannot keep results in {}", visible::name(folder));
+        fs::create_dir_all(folder)
+            .with_context(cannot)
+            .map_err(Failure::usage)?;
+        let mut known = vec![false; plan.cases()];
+        let mut failures = BTreeMap::new();
+        for path in files(folder).with_context(cannot).map_err(Failure::usage)? {
+            let take = |part| match part {
+                Part::Header(header) => match plan.difference(&header.plan) {
+                    Some(what) => Err(anyhow!(
+                        "{} has results of another plan, in {}. They differ in {what}. Take an empty \
+                         folder, or remove this one",
+                        visible::name(folder),
+                        visible::name(&path)
+                    )),
+                    None => Ok(header.shard == shard.index),
+                },
+                Part::Line(line) => {
+                    let place = plan
+                        .place(line.file, line.repeat)
+                        .filter(|_| line.is_verdict());
+                    if let Some(place) = place.filter(|place| !known[*place]) {
+                        known[place] = true;
+                        if let Some(signature) =
+                            line.signature.filter(|_| line.verdict == Verdict::Failed)
+                        {
+                            *failures.entry(signature).or_default() += 1;
+                        }
+                    }
+                    Ok(true)
+                }
+            };
+            // A file that ends before its first line has nothing to be taken over.
+            read(&path, take).map_err(Failure::usage)?;
+        }
+        let (path, file, attempt) = create(folder, shard)
+            .with_context(cannot)
+            .map_err(Failure::usage)?;
+        let mut results = Self {
+            folder: folder.to_owned(),
+            path,
+            file,
+            pending: Vec::new(),
+            flushed: Instant::now(),
+            failures,
+            scratch: tempfile::Builder::new()
+                .prefix("sim-results-")
+                .tempdir()
+                .context("cannot make a folder for traces")
+                .map_err(Failure::system)?,
+        };
+        let header = Header {
+            shard: shard.index,
+            attempt,
+            plan: plan.clone(),
+        };
+        results.add(&header)?;
+        results.flush()?;
+        Ok((results, known))
+    }
+
+    /// Folder for traces until it is known whether they are kept.
+    pub(crate) fn scratch(&self) -> &Path {
+        self.scratch.path()
+    }
+
+    /// Adds the result of a case.
+    pub(crate) fn known(
+        &mut self,
+        file: usize,
+        case: &Case<'_>,
+        result: &CaseResult,
+    ) -> Result<(), Failure> {
+        if result.verdict == Verdict::Aborted {
+            return Ok(());
+        }
+        let played = result.played.as_ref();
+        let failure = played.and_then(|played| played.outcome.failures.first());
+        let reason = result
+            .why
+            .clone()
+            .or_else(|| failure.map(ToString::to_string));
+        let text = result
+            .why
+            .as_deref()
+            .or_else(|| failure.map(|failure| failure.what.as_str()));
+        self.add(&Line {
+            file,
+            repeat: case.repeat.unwrap_or_default(),
+            name: case.name(),
+            seed: case.seed,
+            verdict: result.verdict,
+            signature: text.map(signature),
+            reason,
+            simulated_s: played.map_or(0.0, |played| played.outcome.ended_at.as_secs_f64()),
+            trace: played.and_then(|played| played.trace.clone()),
+            took_s: played.map_or(0.0, |played| played.took.as_secs_f64()),
+        })?;
+        self.catch_up()
+    }
+
+    /// Keeps the trace of a case if it is among the first of its failure; called in the order of cases.
+    pub(crate) fn keep_trace(
+        &mut self,
+        case: &Case<'_>,
+        result: &CaseResult,
+    ) -> Result<(), Failure> {
+        let Some(trace) = case
+            .recording()
+            .filter(|trace| trace.starts_with(self.scratch()))
+        else {
+            return Ok(());
+        };
+        let failure = result
+            .played
+            .as_ref()
+            .and_then(|played| played.outcome.failures.first());
+        if let Some(failure) = failure.filter(|_| result.verdict == Verdict::Failed) {
+            let count = self.failures.entry(signature(&failure.what)).or_default();
+            *count += 1;
+            if *count <= TRACES
+                && let Some(name) = trace.file_name()
+            {
+                let to = self.folder.join("traces").join(name);
+                fs::create_dir_all(self.folder.join("traces"))
+                    .and_then(|()| fs::copy(&trace, &to))
+                    .with_context(|| format!("cannot keep the trace {}", visible::name(&to)))
+                    .map_err(Failure::system)?;
+            }
+        }
+        // Of a case that was not played there is none.
+        let _ = fs::remove_file(trace);
+        Ok(())
+    }
+
+    /// Writes what has waited for long.
+    pub(crate) fn catch_up(&mut self) -> Result<(), Failure> {
+        if self.pending.len() > FULL || self.flushed.elapsed() > FLUSH {
+            return self.flush();
+        }
+        Ok(())
+    }
+
+    /// Writes all.
+    pub(crate) fn flush(&mut self) -> Result<(), Failure> {
+        self.flushed = Instant::now();
+        if self.pending.is_empty() {
+            return Ok(());
+        }
+        let write = |pending: &[u8], mut file: &File| {
+            let mut member = GzEncoder::new(Vec::new(), Compression::fast());
+            member.write_all(pending)?;
+            file.write_all(&member.finish()?)
+        };
+        write(&self.pending, &self.file)
+            .with_context(|| format!("cannot write results to {}", visible::name(&self.path)))
+            .map_err(Failure::system)?;
+        self.pending.clear();
+        Ok(())
+    }
+
+    fn add<T: Serialize>(&mut self, line: &T) -> Result<(), Failure> {
+        serde_json::to_writer(&mut self.pending, line).map_err(Failure::system)?;
+        self.pending.push(b'\n');
+        Ok(())
+    }
+}
+
+/// Makes the file of the next attempt; none is ever written over.
+fn create(folder: &Path, shard: Shard) -> io::Result<(PathBuf, File, u32)> {
+    for attempt in 1..=MOST_ATTEMPTS {
+        let name = format!(
+            "shard-{}-of-{}.attempt-{attempt}{ENDING}",
+            shard.index, shard.of
+        );
+        let path = folder.join(name);
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(file) => return Ok((path, file, attempt)),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Err(io::Error::other(format!(
+        "{MOST_ATTEMPTS} attempts of shard {shard} are there"
+    )))
+}
+
+/// The files of results in a folder, by their names.
+pub(crate) fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned());
+        if name.is_some_and(|name| name.starts_with("shard-") && name.ends_with(ENDING)) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// How a file of results ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tail {
+    Whole,
+    /// It ends within a member or a line, as after a crash.
+    Torn,
+}
+
+/// A line of a file.
+pub(crate) enum Part {
+    Header(Box<Header>),
+    Line(Line),
+}
+
+/// Reads a file of results: hands each line to `take`, which returns whether to go on. Of a torn file
+/// these are the lines before the tear.
+///
+/// # Errors
+/// When the file cannot be opened, or is no file of results, or `take` refuses it.
+pub(crate) fn read(
+    path: &Path,
+    mut take: impl FnMut(Part) -> anyhow::Result<bool>,
+) -> anyhow::Result<Tail> {
+    let shown = || format!("cannot read the results {}", visible::name(path));
+    let file = File::open(path).with_context(shown)?;
+    let mut text = BufReader::new(MultiGzDecoder::new(BufReader::new(file)));
+    let mut line = Vec::new();
+    let mut next = |line: &mut Vec<u8>| {
+        line.clear();
+        match text.by_ref().take(MOST_LINE).read_until(b'\n', line) {
+            Ok(0) => Some(Tail::Whole),
+            Ok(_) if line.ends_with(b"\n") => None,
+            Ok(_) | Err(_) => Some(Tail::Torn),
+        }
+    };
+    if next(&mut line).is_some() {
+        return Ok(Tail::Torn);
+    }
+    let first: Header =
+        serde_json::from_slice(&line).with_context(|| format!("{}: no header", shown()))?;
+    if first.plan.cases() > MOST_CASES {
+        return Err(anyhow!("{}: more than {MOST_CASES} cases", shown()));
+    }
+    let mut goes_on = take(Part::Header(Box::new(first)))?;
+    while goes_on {
+        if let Some(tail) = next(&mut line) {
+            return Ok(tail);
+        }
+        let line = serde_json::from_slice(&line);
+        goes_on = take(Part::Line(
+            line.with_context(|| format!("{}: a malformed line", shown()))?,
+        ))?;
+    }
+    Ok(Tail::Whole)
+}
+
+/// What failed, without the values that it was found by and other numbers outside of conditions, so
+/// that the same failure of two seeds has the same.
+pub(crate) fn signature(what: &str) -> String {
+    let what = what.split(", but ").next().unwrap_or(what);
+    let mut text = String::new();
+    let mut quoted = false;
+    let mut in_number = false;
+    for c in what.chars() {
+        quoted ^= c == '`';
+        let is_digit = !quoted && (c.is_ascii_digit() || in_number && c == '.');
+        match (is_digit, in_number) {
+            (true, false) => text.push('#'),
+            (true, true) => {}
+            (false, _) => text.push(c),
+        }
+        in_number = is_digit;
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,313 @@
+//! The report of `sim run --report`: a page to look at, in one file that needs nothing else.
+//!
+//! Recordings are played again for what is shown: so a run with a real client is shown like one
+//! without, and nothing is gathered while it has to be in time.
+
+mod case;
+mod film;
+mod map;
+mod plots;
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
+
+use anyhow::Context as _;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use rigsim_core::device::Devices;
+use rigsim_pty::paths::Results;
+
+use crate::args::RunArgs;
+use crate::exit::Failure;
+use crate::visible::{self, lines as readable};
+
+use super::case::{Case, CaseResult, Verdict};
+use super::view::View;
+use case::{Detail, shown};
+
+pub(crate) const STYLE: &str = include_str!("page/style.css");
+/// By this a report is known, which may be replaced.
+pub(crate) const MARK: &str = "<meta name=\"generator\" content=\"sim\">";
+/// Most cases that failed of which everything is shown.
+const MOST_FULL: usize = 30;
+/// Most cases of which the map is shown.
+const MOST_MAPS: usize = 1500;
+
+/// A page that is being made.
+pub(crate) struct Page {
+    devices: Devices,
+    path: PathBuf,
+    to: Results,
+    /// What was played, and how.
+    about: Vec<(&'static str, String)>,
+    /// Folder of recordings that are for the page alone.
+    folder: tempfile::TempDir,
+    shown: Mutex<Shown>,
+}
+
+/// Shown parts of cases, by their names.
+#[derive(Default)]
+struct Shown {
+    /// In the table, by the places of their cases.
+    rows: BTreeMap<usize, Row>,
+    cases: BTreeMap<String, String>,
+    full: usize,
+    maps: usize,
+}
+
+impl Page {
+    /// Makes sure that it can be written later on.
+    pub(crate) fn begin(devices: Devices, path: &Path, args: &RunArgs) -> Result<Self, Failure> {
+        let cannot = || format!("cannot write the report {}", visible::name(path));
+        let to = Results::at(path, &[MARK])
+            .with_context(cannot)
+            .map_err(Failure::usage)?;
+        if !to.is_stream() {
+            // Emptied, so that a former report is not taken for this one's if it is killed.
+            to.write(b"").with_context(cannot).map_err(Failure::usage)?;
+        }
+        let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
+        let folder = folder.context("cannot make a folder for recordings");
+        Ok(Self {
+            devices,
+            path: path.to_owned(),
+            to,
+            about: about(args),
+            folder: folder.map_err(Failure::system)?,
+            shown: Mutex::default(),
+        })
+    }
+
+    /// Folder of recordings that only this page needs.
+    pub(crate) fn scratch(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Adds a case that was played, whose recording is there. Without a picture when `stop` becomes
+    /// true meanwhile.
+    pub(crate) fn add(&self, case: &Case<'_>, result: &CaseResult, stop: &AtomicBool) {
+        let Some(played) = &result.played else {
+            return;
+        };
+        let detail = self.shown().detail(played.outcome.failures.is_empty());
+        let text = shown(self.devices, case, result, played, detail, stop).into_string();
+        self.shown().cases.insert(case.name(), text);
+        if let Some(trace) = case
+            .recording()
+            .filter(|trace| trace.starts_with(self.scratch()))
+        {
+            // A thousand of them need not be there at a time.
+            let _ = std::fs::remove_file(trace);
+        }
+    }
+
+    fn shown(&self) -> MutexGuard<'_, Shown> {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A case has a result.
+    pub(crate) fn known(&self, index: usize, case: &Case<'_>, result: &CaseResult) {
+        self.shown()
+            .rows
+            .insert(index, Row::new(case, Some(result)));
+    }
+
+    /// Writes the page, also of an aborted run.
+    pub(crate) fn write(&self, cases: &[Case<'_>]) -> Result<(), Failure> {
+        let mut shown = self.shown();
+        let row = |(index, case)| {
+            let known = shown.rows.remove(&index);
+            known.unwrap_or_else(|| Row::new(case, None))
+        };
+        let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
+        let text = page(&self.about, &rows, &shown.cases).into_string();
+        let written = self.to.write(text.as_bytes());
+        written
+            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
+            .map_err(Failure::system)
+    }
+}
+
+impl Shown {
+    /// Detail in which the next case is shown.
+    fn detail(&mut self, passed: bool) -> Detail {
+        if !passed && self.full < MOST_FULL {
+            self.full += 1;
+            return Detail::Full;
+        }
+        self.maps += 1;
+        match self.maps > MOST_MAPS {
+            true => Detail::Words,
+            false => Detail::Map,
+        }
+    }
+}
+
+/// What was played, and how, in words.
+fn about(args: &RunArgs) -> Vec<(&'static str, String)> {
+    let client = match args.client.is_empty() {
+        true => "the scripted ones".to_owned(),
+        false => visible::command(args.client.iter().map(OsString::as_os_str)),
+    };
+    let seed = args.seed.map(|seed| seed.to_string());
+    let date = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+    let file = |path: &PathBuf| visible::name(path);
+    let files: Vec<String> = args.files.iter().map(file).collect();
+    let time = (!args.client.is_empty()).then(|| args.time.word().to_owned());
+    let all = [
+        ("Client", Some(client)),
+        ("Time", time),
+        ("Files", Some(files.join(" "))),
+        ("Job", args.given.job.as_ref().map(file)),
+        ("World", args.given.world.as_ref().map(file)),
+        ("Settings", Some(args.settings.set.join(" "))),
+        ("Parameters", Some(args.given.param.join(" "))),
+        ("Filter", args.filter.clone()),
+        ("Tags", Some(args.tag.join(" "))),
+        ("Seed", seed.or(Some("of each file, or random".to_owned()))),
+        ("Date", Some(date)),
+        (
+            "Program",
+            Some(format!("sim {}", env!("CARGO_PKG_VERSION"))),
+        ),
+    ];
+    let said = all
+        .into_iter()
+        .filter_map(|(name, value)| Some((name, value?)));
+    said.filter(|(_, value)| !value.is_empty()).collect()
+}
+
+/// A case in the table.
+struct Row {
+    name: String,
+    seed: u64,
+    title: String,
+    verdict: Verdict,
+    /// Reason for the verdict, or a summary of what passed.
+    says: String,
+    /// Simulated, s.
+    time: Option<f64>,
+}
+
+impl Row {
+    fn new(case: &Case<'_>, result: Option<&CaseResult>) -> Self {
+        let view = View::new(&case.loaded.scenario, result, case.is_live());
+        let played = result.and_then(|result| result.played.as_ref());
+        Self {
+            name: case.name(),
+            seed: case.seed,
+            title: case.loaded.scenario.title.clone(),
+            verdict: view.verdict,
+            says: view.reason.or(view.summary).unwrap_or_default(),
+            time: played.map(|played| played.outcome.ended_at.as_secs_f64()),
+        }
+    }
+}
+
+/// The whole page.
+fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>) -> Markup {
+    let mut counts = BTreeMap::new();
+    for row in rows {
+        *counts.entry(row.verdict).or_insert(0_usize) += 1;
+    }
+    let passed = counts.get(&Verdict::Passed).copied().unwrap_or_default();
+    let title = format!("{passed} of {} passed", rows.len());
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="generator" content="sim";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                // Nothing is fetched and nothing is executed, whatever anybody's titles say.
+                meta http-equiv="Content-Security-Policy"
+                    content="default-src 'none'; style-src 'unsafe-inline'";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (title) }
+                dl.run {
+                    @for (name, value) in about { div { dt { (name) } dd { (readable(value)) } } }
+                }
+                (filter(&counts, rows.len()))
+                (table(rows))
+                @for failed in [true, false] {
+                    @for (index, row) in rows.iter().enumerate() {
+                        @if (row.verdict != Verdict::Passed) == failed
+                            && let Some(inside) = cases.get(&row.name) {
+                            (shown_case(index, row, inside))
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Buttons that show cases of one verdict; the style sheet does what they say.
+fn filter(counts: &BTreeMap<Verdict, usize>, all: usize) -> Markup {
+    html! {
+        fieldset.filter {
+            label { input type="radio" name="show" id="show-all" checked; (all) " in all" }
+            @for (verdict, count) in counts {
+                @let word = verdict.word();
+                label { input type="radio" name="show" id=(format!("show-{word}")); (count) " " (word) }
+            }
+        }
+    }
+}
+
+fn table(rows: &[Row]) -> Markup {
+    html! {
+        table.cases {
+            thead { tr { th { "verdict" } th { "case" } th { "reason" } th.number { "seed" } th.number { "time" } } }
+            tbody {
+                @for (index, row) in rows.iter().enumerate() {
+                    tr class=(row.verdict.word()) {
+                        td { (badge(row.verdict)) }
+                        td {
+                            a href=(format!("#case-{index}")) { (readable(&row.title)) }
+                            br;
+                            small { (readable(&row.name)) }
+                        }
+                        td { (readable(&row.says)) }
+                        td.number { (row.seed) }
+                        td.number { @if let Some(time) = row.time { (format!("{time:.1} s")) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn badge(verdict: Verdict) -> Markup {
+    let word = verdict.word();
+    html! { span class=(format!("badge {word}")) { (word) } }
+}
+
+/// A case that failed is open, one that passed is folded.
+fn shown_case(index: usize, row: &Row, inside: &str) -> Markup {
+    let id = format!("case-{index}");
+    let head = html! {
+        (badge(row.verdict)) " " (readable(&row.title)) " " small { (readable(&row.name)) }
+    };
+    let inside = PreEscaped(inside);
+    html! {
+        @if row.verdict == Verdict::Passed {
+            details.case.passed {
+                summary { (head) }
+                div id=(id) { (inside) }
+            }
+        } @else {
+            article class=(format!("case {}", row.verdict.word())) id=(id) {
+                h2 { (head) }
+                (inside)
+            }
+        }
+    }
+}

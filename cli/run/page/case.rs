@@ -1,0 +1,227 @@
+//! One case in a report.
+
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use maud::{Markup, html};
+use rigsim_core::SimTime;
+use rigsim_core::device::Devices;
+use rigsim_runner::Outcome;
+use rigsim_runner::run::{Context, Failure as Failed};
+
+use super::super::case::{Case, CaseResult, Played};
+use super::super::view::View;
+use super::film::{Film, Wanted, Window};
+use super::map;
+use super::plots;
+use crate::recording;
+use crate::visible::lines as readable;
+
+/// Number of looks that make the way of a case that passed.
+const FEW: u32 = 96;
+/// Number of looks that make the plots of one that failed.
+const MANY: u32 = 480;
+/// Time before and after a failure that its plots show, s.
+const BEFORE: f64 = 4.0;
+const AFTER: f64 = 2.0;
+/// Time after which a fault is no longer what a failure is about, s.
+const LONG_AGO: f64 = 20.0;
+/// Part of a run that is as good as all of it.
+const MOSTLY: f64 = 0.6;
+/// Most lines that are shown of what the client wrote.
+const MOST_OUTPUT: usize = 200;
+
+/// Detail in which a case is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Detail {
+    /// The verdict alone.
+    Words,
+    /// The map as well.
+    Map,
+    /// The plots and the traffic as well.
+    Full,
+}
+
+/// Shows a case.
+pub(super) fn shown(
+    devices: Devices,
+    case: &Case<'_>,
+    result: &CaseResult,
+    played: &Played,
+    detail: Detail,
+    stop: &AtomicBool,
+) -> Markup {
+    let outcome = &played.outcome;
+    let whole = Window {
+        from: 0.0,
+        to: outcome.ended_at.as_secs_f64(),
+    };
+    let focus = focus(outcome, whole);
+    let wanted = Wanted {
+        ended_at: outcome.ended_at,
+        failed_at: outcome.failures.first().map(|failure| failure.at),
+        looks: if detail == Detail::Full { MANY } else { FEW },
+        focus: focus.filter(|_| detail == Detail::Full),
+        values: detail == Detail::Full,
+        // As long as the run itself was allowed to take.
+        patience: Instant::now().checked_add(case.allowed),
+        stop,
+    };
+    let film = (detail != Detail::Words).then(|| film(devices, case, wanted));
+    let title = readable(&outcome.title);
+    let view = View::new(&case.loaded.scenario, Some(result), case.is_live());
+    html! {
+        div.overview {
+            @if let Some(Ok(film)) = &film {
+                figure.world {
+                    (map::map(film, &format!("{title}, from above")))
+                    figcaption { (map::legend(film)) }
+                }
+            }
+            div {
+                @if let Some(why) = &result.why { p { (readable(why)) } }
+                @if !view.failures.is_empty() { (failures(&view, outcome.more_failures, detail)) }
+                @if let Some(expected) = view.expected { p { b { "Expected: " } (readable(expected)) } }
+                @if let Some(text) = &case.loaded.scenario.description { p.about { (readable(text)) } }
+                (faults(outcome))
+                @for note in &view.notes { p.note { (readable(&note.to_string())) } }
+                @if let Some(Err(why)) = &film {
+                    p.note { "No picture: the recording could not be played again, " (readable(why)) }
+                }
+                p.about { "Again: " code { (readable(&case.command())) } }
+            }
+        }
+        @if let Some(Ok(film)) = film.as_ref().filter(|_| detail == Detail::Full) {
+            @match focus {
+                Some(focus) => {
+                    (plots::plots(film, focus))
+                    (traffic(film))
+                    details { summary { "The whole run over time" } (plots::plots(film, whole)) }
+                }
+                None => { (plots::plots(film, whole)) (traffic(film)) }
+            }
+            @if let Some(client) = &played.client { (output(&client.output)) }
+        }
+        @if detail == Detail::Words {
+            p.note { "Too many cases have a picture already; played alone, this one has one, too." }
+        }
+    }
+}
+
+/// The times around a failure, from before the last fault if that is not long ago; `None` if that is
+/// nearly all.
+fn focus(outcome: &Outcome, whole: Window) -> Option<Window> {
+    let at = outcome.failures.first()?.at.as_secs_f64();
+    let begun = outcome.faults.iter().map(|fault| fault.from.as_secs_f64());
+    let begun = begun.filter(|from| (at - LONG_AGO..=at).contains(from));
+    let from = begun.reduce(f64::max).unwrap_or(at).min(at - BEFORE) - BEFORE / 4.0;
+    let focus = Window {
+        from: from.max(0.0),
+        to: (at + AFTER).min(whole.to),
+    };
+    (focus.to - focus.from < MOSTLY * whole.to).then_some(focus)
+}
+
+/// The run again, as far as it is shown; or why it could not be played again.
+fn film<'a>(devices: Devices, case: &Case<'_>, wanted: Wanted<'a>) -> Result<Film<'a>, String> {
+    let Some(trace) = case.recording() else {
+        return Err("there is none".to_owned());
+    };
+    match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {
+        Ok((film, Ok(()))) if film.is_cut.get() => Err("which took too long".to_owned()),
+        Ok((film, Ok(()))) => Ok(film),
+        Ok((_, Err(why))) => Err(why.to_string()),
+        Err(failure) => Err(format!("{:#}", failure.error)),
+    }
+}
+
+fn failures(view: &View<'_>, more: u64, detail: Detail) -> Markup {
+    let (causes, consequences) = view.causes();
+    let one = |failure: &Failed| {
+        html! {
+            b { (seconds(failure.at)) }
+            @if let Some(step) = &failure.step { " “" (readable(step)) "”" }
+            ": " (readable(&failure.what))
+        }
+    };
+    html! {
+        ul.failures {
+            @for (index, failure) in causes.iter().enumerate() {
+                li {
+                    (one(failure))
+                    // The traffic around the first is shown with the plots.
+                    @if detail == Detail::Full { (context(&failure.context, index > 0)) }
+                }
+            }
+        }
+        @if !consequences.is_empty() { p.head { "In consequence" } }
+        ul { @for failure in consequences { li { (one(failure)) } } }
+        @if more > 0 { p.note { "and " (more) " more" } }
+    }
+}
+
+/// Circumstances of a failure and, if it is wanted, what came before it.
+fn context(context: &Context, wants_before: bool) -> Markup {
+    let before = context.before.iter().filter(|_| wants_before);
+    let before: Vec<&String> = before.collect();
+    html! {
+        @for fault in &context.armed { p.note { "armed then: " (readable(fault)) } }
+        @for deed in &context.in_effect { p.note { "in effect then: " (readable(deed)) } }
+        @if !before.is_empty() {
+            details {
+                summary { "What happened before, since the failure above" }
+                pre { @for line in before { (readable(line)) "\n" } }
+            }
+        }
+    }
+}
+
+fn seconds(at: SimTime) -> String {
+    format!("{:.3} s", at.as_secs_f64())
+}
+
+fn faults(outcome: &Outcome) -> Markup {
+    html! {
+        @if !outcome.faults.is_empty() {
+            table.faults {
+                thead { tr { th { "fault" } th { "step" } th { "armed" } th { "hit" } } }
+                @for fault in &outcome.faults {
+                    tr {
+                        td { (fault.id) }
+                        td { (readable(&fault.step)) }
+                        td.number { (fault.armed) }
+                        td.number { (fault.hit) @if fault.hits > fault.hit { " (" (fault.hits) "×)" } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn traffic(film: &Film) -> Markup {
+    html! {
+        @let lines = film.lines();
+        @if !lines.is_empty() {
+            details {
+                summary {
+                    "Traffic and events around " (format!("{:.2} s", film.failed_at().unwrap_or(0.0)))
+                }
+                pre { @for line in lines { (readable(line)) "\n" } }
+                @if film.more_lines > 0 { p.note { (film.more_lines) " lines more" } }
+            }
+        }
+    }
+}
+
+fn output(text: &str) -> Markup {
+    let lines: Vec<&str> = text.lines().collect();
+    let last = &lines[lines.len().saturating_sub(MOST_OUTPUT)..];
+    html! {
+        @if !last.is_empty() {
+            details {
+                summary { "What the client wrote last" }
+                pre { @for line in last { (readable(line)) "\n" } }
+            }
+        }
+    }
+}

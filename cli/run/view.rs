@@ -1,0 +1,183 @@
+//! What there is to say of a case, for everything that shows it: terminal, JUnit, JSON, page.
+
+use std::fmt;
+
+use rigsim_embed::serve::Stalls;
+use rigsim_runner::run::{Failure, FailureKind};
+use rigsim_runner::{Outcome, Scenario};
+
+use crate::summary::counted;
+
+use super::case::{CaseResult, PlayedClient, Verdict};
+
+/// A case that has a result, or that was not played.
+pub(crate) struct View<'a> {
+    pub(crate) verdict: Verdict,
+    /// Reason for a verdict other than `passed`, in a line: the first cause, if there are several.
+    pub(crate) reason: Option<String>,
+    /// Behaviour of a good client, of a failure.
+    pub(crate) expected: Option<&'a str>,
+    /// Failures, causes first.
+    pub(crate) failures: &'a [Failure],
+    /// What is so besides.
+    pub(crate) notes: Vec<Note>,
+    /// Counts of what happened, of what was played.
+    pub(crate) summary: Option<String>,
+    pub(crate) client: Option<&'a PlayedClient>,
+}
+
+/// Something that is so besides the failures.
+pub(crate) struct Note {
+    pub(crate) label: &'static str,
+    pub(crate) text: String,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.label, self.text)
+    }
+}
+
+impl<'a> View<'a> {
+    /// `is_live` says that there is a real client.
+    pub(crate) fn new(
+        scenario: &'a Scenario,
+        result: Option<&'a CaseResult>,
+        is_live: bool,
+    ) -> Self {
+        let mut view = Self {
+            verdict: result.map_or(Verdict::Skipped, |result| result.verdict),
+            reason: result.and_then(|result| result.why.clone()),
+            expected: None,
+            failures: &[],
+            notes: Vec::new(),
+            summary: None,
+            client: None,
+        };
+        let Some(result) = result else {
+            view.reason = Some("the run ended before this was played".to_owned());
+            return view;
+        };
+        let Some(played) = &result.played else {
+            return view;
+        };
+        let outcome = &played.outcome;
+        view.client = played.client.as_ref();
+        view.summary = Some(summary(outcome));
+        if !outcome.failures.is_empty() {
+            view.failures = &outcome.failures;
+            view.expected = Some(scenario.good_client.as_str());
+        }
+        let first = || {
+            let failure = outcome.failures.first().map(ToString::to_string);
+            failure.or_else(|| outcome.not_applicable.first().cloned())
+        };
+        view.reason = view.reason.or_else(first);
+        view.note(
+            "not applicable",
+            outcome.not_applicable.iter().map(String::clone),
+        );
+        if let Some(client) = view.client {
+            let outside = client.outside.iter();
+            let addresses = client.random_addresses.then_some("addresses are random");
+            view.note(
+                "not repeatable",
+                outside
+                    .map(|what| format!("it waited for {what}"))
+                    .chain(addresses.map(str::to_owned)),
+            );
+            view.note("refused", client.refused.iter().map(String::clone));
+            // Every client tries some of them, and starts helpers.
+            let failed = |names: &[String]| {
+                let names = Some(names.join(", ")).filter(|names| !names.is_empty());
+                names.filter(|_| !outcome.passed).into_iter()
+            };
+            view.note(
+                "missing",
+                failed(&client.missing).map(|calls| format!("{calls} (ENOSYS)")),
+            );
+            let left = failed(&client.left);
+            let left = left
+                .map(|names| format!("{names} still ran when the client ended, and ended with it"));
+            view.note("left behind", left);
+        }
+        for device in &outcome.devices {
+            let name = &device.name;
+            let damage = device.report.damage();
+            let words = damage
+                .map(|(code, tally)| format!("{name}: {}", counted(code, tally.count, tally)));
+            view.note("damage", words);
+            // What a scripted client does wrong, its file says.
+            let own = device.report.client_errors();
+            let own = own.filter(|_| is_live || !outcome.passed);
+            let words = own.map(|(code, tally)| {
+                format!("{name}: {}", counted(code, tally.client_errors, tally))
+            });
+            view.note("client report", words);
+        }
+        view.note("not judged", outcome.not_judged.iter().map(String::clone));
+        view.note("stalled", played.stalled.and_then(stall).into_iter());
+        view
+    }
+
+    fn note(&mut self, label: &'static str, texts: impl Iterator<Item = String>) {
+        self.notes.extend(texts.map(|text| Note { label, text }));
+    }
+
+    /// Failures by whether they are causes, or consequences of these.
+    pub(crate) fn causes(&self) -> (&'a [Failure], &'a [Failure]) {
+        let is_cause = |failure: &Failure| failure.kind < FailureKind::Consequence;
+        let causes = self.failures.partition_point(is_cause);
+        match causes {
+            0 => (self.failures, &[]),
+            causes => self.failures.split_at(causes),
+        }
+    }
+
+    /// The failures in lines, without what happened before them.
+    pub(crate) fn lines(&self) -> Vec<String> {
+        let expected = self.expected.map(|text| format!("expected: {text}"));
+        let (causes, consequences) = self.causes();
+        let causes = causes.iter().map(ToString::to_string);
+        let consequences = consequences
+            .iter()
+            .map(|one| format!("in consequence: {one}"));
+        expected
+            .into_iter()
+            .chain(causes)
+            .chain(consequences)
+            .collect()
+    }
+}
+
+/// Counts of an outcome: `3 of 3 faults hit, 214 requests, 9.3 m`.
+fn summary(outcome: &Outcome) -> String {
+    let faults = outcome.faults.iter();
+    let armed: u64 = faults.clone().map(|fault| fault.armed).sum();
+    let hit: u64 = faults.map(|fault| fault.hit).sum();
+    let devices = outcome.devices.iter();
+    let requests: u64 = devices.clone().map(|device| device.report.requests).sum();
+    let distance: f64 = devices.map(|device| device.distance_m).sum();
+    let plural = |count: u64| if count == 1 { "" } else { "s" };
+    let faults = match armed {
+        0 => String::new(),
+        armed => format!("{hit} of {armed} fault{} hit, ", plural(armed)),
+    };
+    format!(
+        "{faults}{requests} request{}, {distance:.1} m",
+        plural(requests)
+    )
+}
+
+/// For how long the machine stalled the run, in words; `None` if it did not.
+fn stall(stalled: Stalls) -> Option<String> {
+    let seconds = |time: std::time::Duration| time.as_secs_f64();
+    (stalled.times > 0).then(|| {
+        format!(
+            "the machine was busy: simulated time stood still for {:.2} s in all, {:.2} s at the \
+             longest, while the client's clock went on",
+            seconds(stalled.total),
+            seconds(stalled.longest)
+        )
+    })
+}

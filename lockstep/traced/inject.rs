@@ -1,0 +1,153 @@
+//! Syscalls that a program makes for the tracer, and sees nothing of.
+
+use rustix::event::PollFlags;
+
+use crate::traced::arch::Registers;
+use crate::traced::descriptor::members_of_epoll;
+use crate::traced::memory::Memory;
+use crate::traced::sys::{self, Tid};
+use crate::traced::tracer::{Halt, Tracer};
+use crate::traced::tree::{name_of, path_of};
+
+impl Tracer<'_> {
+    /// Makes a syscall by a stopped thread, and returns its result. Afterwards the thread has the
+    /// registers that it had, and is at the end of a call.
+    ///
+    /// # Errors
+    /// `ENOSYS` if no instruction for it is known, and `ESRCH` if the thread is killed.
+    pub(crate) fn inject(
+        &mut self,
+        tid: Tid,
+        number: i64,
+        arguments: [u64; 6],
+    ) -> Result<i64, Halt> {
+        let process = self.processes.get(&self.process_of(tid));
+        let Some(gate) = process.and_then(|process| process.gate) else {
+            return Ok(-i64::from(libc::ENOSYS));
+        };
+        let before = Registers::of(tid)?;
+        // A signal would come first.
+        let blocked = sys::set_blocked(tid, u64::MAX)?;
+        before.call(gate, number, arguments).set(tid)?;
+        let mut has_begun = false;
+        let result = loop {
+            sys::go_on_to_end_of_call(tid, 0)?;
+            let is_call = self.wait_for_stop(tid)?;
+            let registers = Registers::of(tid)?;
+            // Else it is the end of the call at which the thread was, which is not made.
+            if is_call && registers.number() == number {
+                if has_begun {
+                    break registers.result();
+                }
+                has_begun = true;
+            }
+        };
+        before.set(tid)?;
+        sys::set_blocked(tid, blocked)?;
+        Ok(result)
+    }
+
+    /// The same with these bytes at a place in its memory, which is put back.
+    pub(crate) fn inject_with(
+        &mut self,
+        tid: Tid,
+        number: i64,
+        bytes: impl Fn(u64) -> Vec<u8>,
+        arguments: impl Fn(u64) -> [u64; 6],
+    ) -> Result<i64, Halt> {
+        // There is memory in any case.
+        let place = Registers::of(tid)?.stack() & !15;
+        let bytes = bytes(place);
+        let mut before = vec![0; bytes.len()];
+        Memory(tid).read(place, &mut before)?;
+        Memory(tid).write(place, &bytes)?;
+        let result = self.inject(tid, number, arguments(place));
+        Memory(tid).write(place, &before)?;
+        result
+    }
+
+    /// Returns whether it has stopped at the beginning or the end of a call.
+    fn wait_for_stop(&mut self, tid: Tid) -> Result<bool, Halt> {
+        loop {
+            match sys::wait(Some(tid), true) {
+                Ok(Some((_, status))) if libc::WIFSTOPPED(status) => {
+                    return Ok(status >> 8 == libc::SIGTRAP | 0x80);
+                }
+                Ok(Some((_, status))) => {
+                    self.gone(tid, status);
+                    return Err(Halt::Gone);
+                }
+                Ok(None) => {}
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
+    /// Passes those of these descriptors that are not known, by a thread that is at a syscall, where that
+    /// is needed.
+    ///
+    /// # Errors
+    /// [`Halt::Again`] if there were any.
+    pub(crate) fn pass(
+        &mut self,
+        tid: Tid,
+        fds: impl IntoIterator<Item = i32>,
+    ) -> Result<(), Halt> {
+        if self.passage.is_none() {
+            return Ok(());
+        }
+        let process = self.process_of(tid);
+        let mut any = false;
+        for fd in fds {
+            if self.is_known(process, fd) || path_of(process, fd).is_none() {
+                continue;
+            }
+            any = true;
+            let file = self.passed(tid, fd)?;
+            if file.is_none() {
+                let what = format!(
+                    "descriptor {fd} of {}, which cannot be polled",
+                    name_of(tid)
+                );
+                self.report.outside.insert(what);
+            }
+            self.keep(process, fd, file);
+        }
+        if any { Err(Halt::Again) } else { Ok(()) }
+    }
+
+    /// The same for descriptors that are polled, and those that are polled through them.
+    pub(crate) fn pass_polled(&mut self, tid: Tid, set: &[(i32, PollFlags)]) -> Result<(), Halt> {
+        if self.passage.is_none() {
+            return Ok(());
+        }
+        let process = self.process_of(tid);
+        let members = set
+            .iter()
+            .flat_map(|(fd, _)| members_of_epoll(process, *fd));
+        let all: Vec<i32> = set
+            .iter()
+            .copied()
+            .chain(members)
+            .map(|(fd, _)| fd)
+            .collect();
+        self.pass(tid, all)
+    }
+
+    fn passed(&mut self, tid: Tid, fd: i32) -> Result<Option<std::os::fd::OwnedFd>, Halt> {
+        let number = |value: i32| u64::from(value.unsigned_abs());
+        let kind = number(libc::SOCK_DGRAM | libc::SOCK_CLOEXEC);
+        let make = [number(libc::AF_UNIX), kind, 0, 0, 0, 0];
+        let Some(passage) = self.passage.clone() else {
+            return Ok(None);
+        };
+        let Ok(socket) = u64::try_from(self.inject(tid, libc::SYS_socket, make)?) else {
+            return Ok(None);
+        };
+        let send = |place| [socket, place, number(libc::MSG_DONTWAIT), 0, 0, 0];
+        let sent = self.inject_with(tid, libc::SYS_sendmsg, |at| passage.message(at, fd), send)?;
+        self.inject(tid, libc::SYS_close, [socket, 0, 0, 0, 0, 0])?;
+        Ok((sent == 1).then(|| passage.receive()).flatten())
+    }
+}

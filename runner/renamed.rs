@@ -1,0 +1,185 @@
+//! Names that users have known and that are called otherwise now: an old one is an error that says
+//! the new one. This file alone may have the old words.
+
+use std::fmt;
+
+use rigsim_settings::SettingsError;
+
+/// Where a name stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Key of a table of scenario files, with the header of the table.
+    Key(&'static str),
+    /// Action or fault of a step, with its key.
+    Effect(&'static str),
+    /// Name in conditions.
+    Name,
+    /// Setting.
+    Setting,
+    /// Flag of the command line, with its subcommand.
+    Flag(&'static str),
+    /// Subcommand of `sim ctl`.
+    Ctl,
+}
+
+/// A name that was changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Renamed {
+    /// Where it stands.
+    pub kind: Kind,
+    /// The former name.
+    pub old: &'static str,
+    /// What stands in its place.
+    pub new: &'static str,
+}
+
+const fn renamed(kind: Kind, old: &'static str, new: &'static str) -> Renamed {
+    Renamed { kind, old, new }
+}
+
+/// All of them.
+#[rustfmt::skip]
+pub const RENAMED: &[Renamed] = &[
+    renamed(Kind::Key(""), "takes", "nominal_duration"),
+    renamed(Kind::Key("[[step]]"), "may_not_trigger", "optional"),
+    renamed(Kind::Key("[[response]]"), "may_not_trigger", "optional"),
+    renamed(Kind::Effect("fault"), "battery-empty", "fault = { kind = \"charge-drop\", by = \"100 %\" }"),
+    renamed(Kind::Effect("fault"), "rail-open", "fault = { kind = \"rail-load\", power = \"0 W\", … }"),
+    renamed(Kind::Effect("fault"), "emergency-stop", "operator = { emergency_stop = true }"),
+    renamed(Kind::Effect("fault"), "remote-control-takes-over", "operator = \"take_over\" or { press = … }"),
+    renamed(Kind::Effect("fault"), "locked", "operator = \"lock\""),
+    renamed(Kind::Effect("fault"), "parked", "operator = \"park\""),
+    renamed(Kind::Effect("fault"), "app-takes-control", "operator = { app_holds = … }"),
+    renamed(Kind::Effect("operator"), "push", "fault = { kind = \"push\", … }"),
+    renamed(Kind::Effect("operator"), "payload", "fault = { kind = \"payload\", mass = … }"),
+    renamed(Kind::Effect("world"), "friction", "fault = { kind = \"ice\", friction = … }"),
+    renamed(Kind::Effect("world"), "load", "fault = { kind = \"rail-load\", … }"),
+    renamed(Kind::Name, "count.deeds", "count.actions"),
+    renamed(Kind::Setting, "r150.battery.pack_resistance", "r150.battery.resistance"),
+    renamed(Kind::Setting, "r150.measurement_noise", "r150.noise.voltage, .current, .temperature and .speed"),
+    renamed(Kind::Flag("run"), "--max-hold-up", "--max-stall"),
+    renamed(Kind::Ctl, "go-on", "resume"),
+    renamed(Kind::Ctl, "step-by", "advance"),
+];
+
+/// Names that are taken for others, where they stand and what is meant.
+#[rustfmt::skip]
+const CONFUSED: &[(&str, &str)] = &[
+    // The modes of an R150 are two, of which the condition is one.
+    ("mode.remote", "!mode.autonomous"),
+    ("mode.manual", "!mode.autonomous"),
+    ("mode.unlocked", "!mode.locked"),
+    ("mode.estop", "mode.emergency_stop"),
+    ("truth.speed", "truth.speed_mps"),
+    ("truth.velocity", "truth.speed_mps"),
+    ("truth.stopped", "truth.at_rest"),
+    ("truth.x", "truth.x_m"),
+    ("truth.y", "truth.y_m"),
+    ("truth.distance", "truth.distance_m"),
+    ("truth.heading", "truth.heading_deg"),
+    ("time", "t"),
+];
+
+impl fmt::Display for Renamed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` is now `{}`", self.old, self.new)
+    }
+}
+
+/// Returns what became of a name that stands where `is_kind` says.
+pub fn find(is_kind: impl Fn(Kind) -> bool, name: &str) -> Option<&'static Renamed> {
+    let mut all = RENAMED.iter();
+    all.find(|renamed| is_kind(renamed.kind) && is_like(renamed.old, name))
+}
+
+/// An error of a setting, which says the new name in the place of a former one.
+#[must_use]
+pub fn in_words(error: &SettingsError) -> String {
+    match error {
+        SettingsError::UnknownKey { origin, key, .. } => find(|kind| kind == Kind::Setting, key)
+            .map_or_else(
+                || error.to_string(),
+                |renamed| format!("{origin}: {renamed}"),
+            ),
+        _ => error.to_string(),
+    }
+}
+
+/// Returns whether two names differ by `-` and `_` at most.
+pub(crate) fn is_like(one: &str, other: &str) -> bool {
+    let plain = |c: char| if c == '_' { '-' } else { c };
+    one.chars().map(plain).eq(other.chars().map(plain))
+}
+
+/// Returns what is meant by a name in a condition that is none, if that is known.
+pub(crate) fn meant(name: &str) -> Option<&'static str> {
+    let found = CONFUSED.iter().find(|(confused, _)| *confused == name);
+    found.map(|(_, meant)| *meant)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Scenario;
+    use rigsim_core::settings::SimSettings;
+    use rigsim_settings::Source;
+
+    const HEAD: &str = "schema = 1\ntitle = \"t\"\ngood_client = \"g\"\nlimit = \"1 s\"\n";
+    const DEVICE: &str = "[[device]]\nkind = \"r150\"\n";
+
+    fn error(head: &str, more: &str) -> String {
+        let text = format!("{HEAD}{head}{DEVICE}{more}");
+        let source = Source {
+            file: "s.toml",
+            text: &text,
+        };
+        let settings = SimSettings::new(rigsim_core::SHIPPED);
+        Scenario::parse(source, &settings)
+            .expect_err(&text)
+            .to_string()
+    }
+
+    /// Names of the command line are tried there.
+    #[test]
+    fn a_former_name_is_an_error_that_says_the_new_one() {
+        for renamed in RENAMED {
+            let old = renamed.old;
+            let error = match renamed.kind {
+                Kind::Key("") => error(&format!("{old} = 1\n"), ""),
+                Kind::Key(table) => error("", &format!("{table}\n{old} = 1\n")),
+                Kind::Effect("fault") => {
+                    let step = format!("[[step]]\nat = \"0 s\"\nfault = {{ kind = \"{old}\" }}\n");
+                    error("", &step)
+                }
+                Kind::Effect(key) => error(
+                    "",
+                    &format!("[[step]]\nat = \"0 s\"\n{key} = {{ {old} = 1 }}\n"),
+                ),
+                Kind::Name => error("", &format!("[[always]]\nthat = \"{old} < 1\"\n")),
+                Kind::Setting => error(&format!("settings = {{ {old} = \"1\" }}\n"), ""),
+                Kind::Flag(_) | Kind::Ctl => continue,
+            };
+            assert!(error.contains(&renamed.to_string()), "{renamed}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_confused_leads_to_a_name_that_there_is() {
+        for (confused, _) in CONFUSED {
+            let error = error("", &format!("[[always]]\nthat = \"{confused}\"\n"));
+            assert!(error.contains("did you mean `"), "{error}");
+            let meant = error.split("did you mean `").nth(1).unwrap();
+            let meant = meant.split('`').next().unwrap();
+            let wrong = self::error("", &format!("[[never]]\nthat = \"{meant} == nothing\"\n"));
+            assert!(!wrong.contains(&format!("no name `{meant}`")), "{wrong}");
+        }
+        let named = error(
+            "",
+            "name = \"my-car\"\n[[always]]\nthat = \"my_car.mode.remote\"\n",
+        );
+        assert!(
+            named.contains("did you mean `!my_car.mode.autonomous`?"),
+            "{named}"
+        );
+    }
+}
