@@ -39,10 +39,11 @@ const SHORTEST_SLEEP: Duration = Duration::from_micros(100);
 /// desktops are late by a few milliseconds now and then, and deadlines of half a second do not
 /// mind.
 const MOST_LATE: Duration = Duration::from_millis(20);
-/// Longest sleep after the machine has stalled the simulator; from then on twice as long each time
-/// that it is woken when it asked to be. Simulated time stands still from the beginning of a sleep
-/// that did not end on time, so who is stopped again and again would sleep through the same span
-/// for ever.
+/// Longest sleep after the machine has stalled the simulator, or a client has sent something; from
+/// then on twice as long each time that it is woken when it asked to be. Only a sleep that ends too
+/// late shows that the machine stood still: while a client is at work, none may be longer than what
+/// is to be noticed. Simulated time stands still from the beginning of such a sleep, so who is
+/// stopped again and again would sleep through the same span for ever.
 const FIRST_SLEEP: Duration = MOST_LATE;
 /// A sleep that may be as long as this may have any length.
 const LONG_SLEEP: Duration = Duration::from_secs(1);
@@ -232,7 +233,6 @@ impl Server {
     pub fn serve(&mut self, attendant: &mut impl Attendant) -> Result<Ended, ServeError> {
         let mut sleep_asked = Some(Duration::ZERO);
         let mut longest_sleep = LONG_SLEEP;
-        let mut awake_at = Instant::now();
         let queue = RunQueue::of_this_thread();
         loop {
             let is_long = sleep_asked.is_none_or(|sleep| sleep > MOST_LATE);
@@ -244,7 +244,8 @@ impl Server {
             }
             let ready: Vec<usize> = wake.ready().to_vec();
             let sleep = sleep_asked.unwrap_or(Duration::MAX);
-            let late = awake_at.elapsed().saturating_sub(sleep);
+            // Since the last look at the clock: at work, or in its sleep.
+            let late = self.behind().saturating_sub(sleep);
             // A client may have wanted to wake us long before the end of the sleep.
             let unseen = queued.map(|before| queue.waited().saturating_sub(before));
             let mut uneven = unseen.unwrap_or_default();
@@ -263,11 +264,10 @@ impl Server {
                 self.was_late(uneven);
             }
             self.follow_cables()?;
-            // From here to the end of the next sleep nothing takes long, unless the system makes
-            // it so.
-            awake_at = Instant::now();
             for token in &ready {
                 self.receive(*token, false)?;
+                // A stop of the machine is seen by a sleep that it outlasts. Who is driving needs that.
+                longest_sleep = FIRST_SLEEP;
             }
             for token in 0..self.ports.len() {
                 self.deliver(token)?;
@@ -346,6 +346,14 @@ impl Server {
         Ok(())
     }
 
+    /// Real time since the present of the simulation.
+    fn behind(&self) -> Duration {
+        match self.waiting {
+            true => Duration::ZERO,
+            false => self.clock.since(self.now()),
+        }
+    }
+
     fn was_stalled(&mut self, by: Duration) {
         if self.waiting {
             return;
@@ -387,7 +395,7 @@ impl Server {
             while self.run.step(slice)? && begun.elapsed() <= BUDGET {}
             self.resume()?;
             if begun.elapsed() > BUDGET && self.now() < to {
-                self.fell_behind(self.clock.since(self.now()));
+                self.fell_behind(self.behind());
                 return Ok(());
             }
         }
@@ -413,7 +421,7 @@ impl Server {
     /// Advances to the time of what has just been read: now, unless the simulator was stalled so that it
     /// may have come long before. A machine that is too slow has no time to advance for each read.
     fn catch_up(&mut self) -> Result<(), ServeError> {
-        let behind = self.clock.since(self.now());
+        let behind = self.behind();
         if !self.waiting && !self.slowness.is_slow() {
             if behind > MOST_LATE {
                 self.was_stalled(behind);
