@@ -68,11 +68,11 @@ def costs(browser, folder):
     page, _ = open_page(browser, seen, **DESK)
     asked = {
         "without": plain,
-        "with a reader of what the page is told": read.folder / "r150",
+        "with a reader of the events of the page": read.folder / "r150",
         "with the page": seen.folder / "r150",
     }
     figures = {what: [] for what in asked}
-    with told(read):
+    with reading(read):
         for turn in range(2 if QUICK else 100):
             for what in list(asked)[:: 1 if turn % 2 else -1]:
                 figures[what].append(latencies(asked[what]))
@@ -91,15 +91,15 @@ def costs(browser, folder):
 
 
 @contextmanager
-def told(simulator):
-    """Somebody who reads all that the page is told, and does nothing else."""
+def reading(simulator):
+    """A client that reads all events of the page, and does nothing else."""
     address, token = simulator.ctl("url").split("/#token=")
     query = "picture=60&traffic=true&rate=20&names=truth.speed_mps"
     command = ["curl", "--silent", "--no-buffer", "--header", f"Authorization: Bearer {token}"]
     read = simulator.folder / "read"
     with read.open("wb") as out:
         reader = subprocess.Popen([*command, f"{address}/v1/events?{query}"], stdout=out)
-    wait("it is told something", lambda: read.stat().st_size > 0)
+    wait("the first event comes", lambda: read.stat().st_size > 0)
     yield
     reader.kill()
     reader.wait()

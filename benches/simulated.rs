@@ -19,7 +19,7 @@ use support::{Aim, Figures, Options, Table, alternate, cpu_seconds, micros, time
 
 /// A command every 50 ms, which is the fastest rate at which the module answers.
 const COMMAND_INTERVAL: Duration = Duration::from_millis(50);
-/// Metres between the lanes, so that nobody meets.
+/// Metres between the lanes, so that no two vehicles meet.
 const LANE: f64 = 3.0;
 
 fn main() {

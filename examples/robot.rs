@@ -1,4 +1,4 @@
-//! A device of one's own beside those that ship: a small robot with two wheels and a protocol of
+//! A custom device beside those that ship: a small robot with two wheels and a protocol of
 //! lines. `docs/devices.md` walks through it.
 //!
 //! | line | reply |

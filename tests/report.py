@@ -112,7 +112,7 @@ def looks(browser, blank, path):
             assert page.locator("table.cases tbody tr").count() == 3
             # Titles have room, and the numbers stand in a column of their own.
             boxes = [page.locator(f"table.cases tbody tr:first-child td:nth-child({at})").bounding_box() for at in range(1, 6)]
-            assert boxes[1]["width"] > (300 if name == "desk" else 150), (where, boxes)
+            assert boxes[1]["width"] > (300 if name == "screen" else 150), (where, boxes)
             assert all(box["x"] >= boxes[1]["x"] + boxes[1]["width"] - 1 for box in boxes[3:]), (where, boxes)
             assert overflow(page) <= 0, (where, overflow(page))
             page.screenshot(path=str(FOLDER / f"report-{name}-{scheme}.png"), full_page=True)

@@ -13,7 +13,7 @@ use super::client::{Client, Exchange, Poller};
 use super::process::Server;
 use super::{Figures, Options, quantile};
 
-/// How often the vehicle is told to drive on.
+/// Interval between motor commands.
 const COMMAND_INTERVAL: Duration = Duration::from_millis(50);
 /// Replies at once; and to every motor command, since simulated time stands still while the machine
 /// is busy elsewhere, so that commands may come too soon by it.

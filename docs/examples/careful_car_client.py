@@ -7,7 +7,7 @@ Needs `pip install pyserial`. It drives around a rectangle and comes back: three
 wheels ahead and one to the left by packets on the main link, then three back and one to the right
 by lines on the ROS link. It orders a way, watches in the status packets what comes of it, and
 orders what is left of it. When something is wrong with the car it stops for good; when it only hears
-nothing, or somebody is in the way, it stops, waits, and goes on.
+nothing, or a person is in the way, it stops, waits, and goes on.
 """
 import os
 import struct
@@ -97,7 +97,7 @@ class Status:
         )
 
     def is_clear(self, axis, sign):
-        """Whether nothing is near on that side; to the left and to the right nobody looks."""
+        """Whether nothing is near on that side; no sensor looks to the left and right."""
         if axis == "y":
             return True
         ahead = self.distances[:4] if sign > 0 else self.distances[4:]
@@ -105,7 +105,7 @@ class Status:
 
 
 class Car:
-    """What is known of the car, and what it is told."""
+    """The state of the car as far as it is known, and the orders to it."""
 
     def __init__(self, main, ros):
         self.main, self.ros = main, ros
@@ -116,7 +116,7 @@ class Car:
         self.greeted = 0.0
 
     def pass_time(self):
-        """For a hundredth of a second takes in whatever comes, and shows that somebody is there."""
+        """For a hundredth of a second takes in whatever comes, and sends a sign of life."""
         self.buffer += self.main.read()
         while len(self.buffer) >= Status.FORM.size:
             status = None
@@ -146,7 +146,7 @@ class Car:
                 self.forgotten = old
         self.status, self.doubtful = new, None
 
-    def news(self, patience_s):
+    def statuses(self, patience_s):
         """Status packets, until none has come for so long."""
         seen, since = self.status, time.monotonic()
         while True:
@@ -161,7 +161,7 @@ class Car:
 
     def look(self):
         """Waits for a status, and tells the board where it is if it does not know."""
-        if next(self.news(10.0), None) is None:
+        if next(self.statuses(10.0), None) is None:
             raise Trouble("no status packets")
         if self.forgotten:
             print("the board has lost its place")
@@ -171,7 +171,7 @@ class Car:
         for _ in range(20):
             self.main.write(struct.pack("<BBBhhh", 1, 9, 0, x, y, ori))
             end = time.monotonic() + 0.4
-            for status in self.news(0.4):
+            for status in self.statuses(0.4):
                 if abs(status.x - x) + abs(status.y - y) <= 1 and abs(status.ori - ori) < 5:
                     self.forgotten = None
                     return
@@ -186,7 +186,7 @@ class Car:
             self.main.write(STOP)
             if self.ros:
                 self.ros.write(b"\nX0 \n")
-            status = next(self.news(0.15), None)
+            status = next(self.statuses(0.15), None)
             standing = standing + 1 if status and not status.motors else 0
             if standing == 2:
                 return
@@ -203,12 +203,12 @@ class Car:
 
     def wait_until_clear(self, axis, sign):
         clear, end = 0, time.monotonic() + 15
-        for status in self.news(DEAF_S):
+        for status in self.statuses(DEAF_S):
             clear = clear + 1 if status.is_clear(axis, sign) else 0
             if clear == 3:
                 return
             if time.monotonic() > end:
-                raise Trouble("somebody does not get out of the way")
+                raise Trouble("the way does not become clear")
 
     def watch(self, axis, corner, by_line):
         """Watches the car on its way. Says why it has to be stopped; None if it has stopped."""
@@ -218,13 +218,13 @@ class Car:
         # Packets in a row that say so; counted, since a busy machine may bring many at once.
         stuck = standing = strayed = 0
         ran = False
-        for status in self.news(DEAF_S):
+        for status in self.statuses(DEAF_S):
             left = (corner - getattr(status, axis)) * sign
             aside = status.y - begin.y if axis == "x" else status.x - begin.x
             if self.forgotten:
                 return "the board has restarted"
             if not status.is_clear(axis, sign):
-                return "somebody is in the way"
+                return "a person is in the way"
             # Two packets in a row may be wrong: too little to give up.
             strayed = strayed + 1 if abs(aside) > 3 or abs(status.ori) > 80 else 0
             if strayed >= 2 and by_line and left >= begin_left and abs(status.ori) <= 80:
@@ -254,7 +254,7 @@ class Car:
             if abs(way) <= 1:
                 return
             if orders == 12:
-                raise Trouble("the car does not do as it is told")
+                raise Trouble("the car does not follow its orders")
             self.wait_until_clear(axis, way)
             # Lines that come to nothing are given up; the main link can do the same.
             line = by_line and self.ros and orders < 3

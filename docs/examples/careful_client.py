@@ -128,7 +128,7 @@ def check(info):
 
 
 def prepare(link):
-    """Makes sure that somebody answers and that the camera has its supply."""
+    """Makes sure that the module answers and that the camera has its supply."""
     link.ask(VERSION)
     for _ in range(5):
         if link.ask(POWER, struct.pack("<I", CAMERA)) == b"\x01" and check(link.ask(SYSTEM_INFO)):
@@ -180,7 +180,7 @@ class Drive:
             raise Trouble(f"asked for {wanted} rpm, got right {right}, left {left}")
 
     def moved(self, right, left):
-        """For whoever counts how far it has come."""
+        """For subclasses that measure the distance."""
 
     def is_done(self):
         return self.driven >= DRIVE_S

@@ -15,7 +15,7 @@ class Way:
         self.measured = None
 
     def measure(self, now, *rpm):
-        """Takes the speeds that the module tells for those since it last told any."""
+        """Integrates the speeds that the module reports over the time since its last report."""
         speeds = [own * METRES_PER_S for own in rpm]
         time = now - self.measured if self.measured else 0.0
         right, left = ((old + new) / 2 * time for old, new in zip(self.speeds, speeds))

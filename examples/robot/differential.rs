@@ -69,7 +69,7 @@ impl Differential {
         }
     }
 
-    /// Has the wheels, left and right, turn at these speeds over the ground, m/s.
+    /// Sets the speeds of the left and right wheel over the ground, m/s.
     pub fn set_speeds(&mut self, wanted: [f64; 2]) {
         if self.wanted != wanted {
             self.wanted = wanted;

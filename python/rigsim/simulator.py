@@ -94,7 +94,7 @@ class Step:
         try:
             self.clear()
         except ControlError:
-            # What went wrong in the block is told, and not that nobody was there afterwards.
+            # The error of the block is raised, not that the simulator no longer answers.
             if error is None:
                 raise
 
@@ -141,7 +141,7 @@ class Device:
         return self.step({"fault": {"kind": kind, **named}}, lasts)
 
     def operator(self, action: str, value: Json = None, lasts: Optional[Seconds] = None) -> Step:
-        """Has somebody do something to it, as ``operator("emergency_stop", True)``."""
+        """Applies an action of an operator, as ``operator("emergency_stop", True)``."""
         return self.step({"operator": action if value is None else {action: value}}, lasts)
 
     def world(self, change: str, value: Json, lasts: Optional[Seconds] = None) -> Step:
@@ -440,10 +440,10 @@ def find(port: Optional[PathLike] = None) -> Simulator:
     """A simulator of this user that runs with ``--control``: the one that serves ``port``, or the only
     one."""
     command = [program(), "ctl", *(["--port", str(port)] if port is not None else []), "url"]
-    told = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
-    if told.returncode != 0:
-        raise ControlError(told.stderr.strip().removeprefix("error: "))
-    return connect(told.stdout.strip())
+    result = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if result.returncode != 0:
+        raise ControlError(result.stderr.strip().removeprefix("error: "))
+    return connect(result.stdout.strip())
 
 
 def connect(url: Optional[str] = None) -> Simulator:
