@@ -1,0 +1,54 @@
+use super::*;
+
+fn read(text: &str) -> Result<Wiring, String> {
+    Wiring::read(&Value::Text(text.to_owned()), "")
+}
+
+#[test]
+fn what_is_shown_reads_back() {
+    for text in ["x-y-e0-e1", "x-y-z-e0", "!e1-x-!z-y"] {
+        assert_eq!(read(text).unwrap().to_string(), text);
+        let plugs = Plugs::read(&Value::Text(text.to_owned()), "").unwrap();
+        assert_eq!(plugs.show(""), format!("\"{text}\""));
+    }
+    assert_eq!(Plugs::default().show(""), "\"as expected\"");
+    let word = Value::Text("as expected".to_owned());
+    assert_eq!(Plugs::read(&word, ""), Ok(Plugs::AsExpected));
+}
+
+#[test]
+fn what_is_no_wiring_is_refused_with_the_reason() {
+    assert!(read("x-y-e0").unwrap_err().contains("4 ports"));
+    assert!(read("x-y-e0-e1-z").unwrap_err().contains("4 ports"));
+    assert!(read("x-y-e0-x").unwrap_err().contains("twice"));
+    assert!(read("x-y-e0-E1").unwrap_err().contains("`E1`"));
+    assert!(read("x-y-!!e0-e1").unwrap_err().contains("`!e0`"));
+    assert!(read("").is_err());
+    assert!(Wiring::read(&Value::Integer(4), "").is_err());
+}
+
+#[test]
+fn a_reversed_wheel_rolls_the_other_way_and_an_idle_port_holds() {
+    let mut commands = MecanumCommands {
+        speed_voltage: 0.5,
+        ..MecanumCommands::default()
+    };
+    commands.ports[Port::Y.index()].brake = false;
+    let wiring = read("y-!x-e0-e1").unwrap();
+    assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 1);
+    assert_eq!(wiring.rotation(&commands, Wheel::RightFront), 0);
+    let wiring = read("!y-x-e0-e1").unwrap();
+    assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), -1);
+    assert_eq!(wiring.wheel(Port::Y), Some(Wheel::LeftFront));
+    assert_eq!(wiring.wheel(Port::Z), None);
+    commands.speed_voltage = 0.0;
+    assert_eq!(wiring.rotation(&commands, Wheel::LeftFront), 0);
+}
+
+#[test]
+fn plugs_follow_the_firmware_unless_configured() {
+    let expected = Wiring::X_Y_Z_E0;
+    assert_eq!(Plugs::AsExpected.wiring(expected), expected);
+    let other = read("y-x-e0-e1").unwrap();
+    assert_eq!(Plugs::Like(other).wiring(expected), other);
+}
