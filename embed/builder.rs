@@ -47,7 +47,7 @@ impl NewDevice {
         }
     }
 
-    /// Returns it a name; its kind is its name otherwise.
+    /// Sets its name; the default is its kind.
     #[must_use]
     pub fn named(self, name: &str) -> Self {
         self.with("name", name)
@@ -202,7 +202,7 @@ impl Builder {
         self
     }
 
-    /// Returns a parameter of the scenario file a value, as `pwm` `300`.
+    /// Sets a parameter of the scenario file, as `pwm` to `300`.
     #[must_use]
     pub fn parameter(mut self, name: &str, value: impl ToString) -> Self {
         self.parameters.push((name.to_owned(), value.to_string()));

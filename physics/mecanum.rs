@@ -153,8 +153,8 @@ impl MecanumPlant {
         self.wiring
     }
 
-    /// Returns the motors encoders that tell which way they turn, whose counters count down when a
-    /// motor turns back; those of a new car do not. To be called before anything turns.
+    /// Sets whether the encoders know the direction: their counters then count down when a motor turns
+    /// back. Those of a new car do not. Call before anything turns.
     pub fn set_directed_encoders(&mut self, directed: bool) {
         self.directed_encoders = directed;
         for pulses in &mut self.drive.pulses {

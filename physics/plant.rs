@@ -51,7 +51,7 @@ pub trait Plant {
     /// hardware without slow states.
     fn rest(&mut self, _span: Duration) {}
 
-    /// Returns its body in the world the mass that it has with its payload.
+    /// Sets the mass of its body in the world to that with its payload.
     fn follow_payload(&mut self, world: &mut World);
 
     /// Lifts it and sets it down elsewhere, standing.

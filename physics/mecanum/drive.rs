@@ -174,7 +174,7 @@ impl Drive {
 }
 
 impl MecanumPlant {
-    /// Applies the orders as they are up to `passed` seconds into the step that comes, and returns
+    /// Applies the orders as they are up to `passed` seconds into the step that comes, and counts
     /// the pulses of the wheels until then, as they are foreseen to turn.
     pub(super) fn drive_to(&mut self, passed: f64) {
         if passed <= self.drive.passed {

@@ -200,8 +200,8 @@ impl World {
         });
     }
 
-    /// Returns the bodies that were led the velocities of the end of the step. What ran into something
-    /// keeps what that left it.
+    /// Sets the bodies that were led to their velocities at the end of the step. One that ran into
+    /// something keeps the velocity that it has after that.
     pub(super) fn end_leads(&mut self) {
         for body in &mut self.bodies {
             let Some(Lead { mean, end }) = body.lead.take() else {
@@ -216,7 +216,7 @@ impl World {
         }
     }
 
-    /// Returns a body a velocity: along the world's axes, and yaw rate.
+    /// Sets the velocity of a body: along the world's axes, and yaw rate.
     pub fn set_velocity(&mut self, id: BodyId, velocity: [f64; 2], yaw_rate: f64) {
         self.changes += 1;
         self.bodies[id.0].lead = None;

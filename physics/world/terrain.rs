@@ -51,7 +51,7 @@ impl World {
         self.changes += 1;
     }
 
-    /// Returns the ground another friction somewhere.
+    /// Adds an area of another friction to the ground.
     pub fn add_friction(&mut self, patch: &FrictionPatch) {
         let ground = Ground::flat(patch.friction);
         self.areas.push((patch.area, Change::Friction(ground)));

@@ -165,7 +165,7 @@ impl Control {
         self.heartbeat_due
     }
 
-    /// Returns control back if the heartbeat is due at `now`; says whether there was any to give.
+    /// Takes control from the client if the heartbeat is due at `now`. Returns whether it had any.
     pub(super) fn expire(&mut self, now: SimTime, settings: &R150FirmwareSettings) -> bool {
         if self.heartbeat_due.is_none_or(|due| due > now) {
             return false;
