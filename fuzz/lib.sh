@@ -9,15 +9,15 @@ mecanum_packets 400 100000
 ascii_lines 300 100000
 network 600 50000
 request 600 50000
-r150 2000 10000
-mecanum 2000 10000
-both 2000 8000
-settings 4000 10000
-world 4000 10000 ../worlds
-rig 4000 10000 ../worlds
-scenario 4000 5000 ../scenarios/r150 ../scenarios/mecanum
-trace 8000 5000
-document 800 600
+r150 2000 5000
+mecanum 2000 5000
+both 2000 4000
+settings 4000 5000
+world 4000 5000 ../worlds
+rig 4000 5000 ../worlds
+scenario 4000 2500 ../scenarios/r150 ../scenarios/mecanum
+trace 8000 2500
+document 800 300
 TABLE
 }
 
