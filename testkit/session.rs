@@ -10,7 +10,7 @@
 //! - Events are reported in order, and have words.
 
 mod promises;
-mod setup;
+pub(crate) mod setup;
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Duration;
@@ -25,7 +25,7 @@ use rigsim_core::settings::SimSettings;
 use crate::operation::{Message, Operation, Wait};
 use crate::setting::{self, SettingChoice};
 use promises::Client;
-pub use promises::truth;
+pub(crate) use promises::truth;
 pub use setup::Setup;
 
 /// Most operations of a session; further ones are left out.

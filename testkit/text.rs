@@ -3,17 +3,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use rigsim_core::device::{DeviceSpec, Setup};
+use rigsim_core::device::DeviceSpec;
 use rigsim_core::line::Wire;
 use rigsim_core::rig::{PortId, Rig, RigError, RigSettings};
 use rigsim_core::settings::SimSettings;
 use rigsim_core::{SHIPPED, SimTime};
-use rigsim_physics::{Pose, WorldMap};
+use rigsim_physics::WorldMap;
+use rigsim_runner::trace::Record;
 use rigsim_runner::{RigPlan, Run, RunError, RunOptions, Scenario};
 use rigsim_settings::{Source, load_toml};
 use toml::de::DeValue;
 
-use crate::session::truth;
+use crate::session::{setup, truth};
 
 /// Most devices that are driven, since each makes every step dearer.
 pub(crate) const MOST_DRIVEN: usize = 12;
@@ -63,31 +64,54 @@ pub fn rig(text: &str) {
 
 /// A scenario file: it is played for a while.
 pub fn scenario(text: &str) {
-    let file = "scenario.toml";
-    let scenario = match Scenario::parse(Source { file, text }, &SimSettings::new(SHIPPED)) {
-        Ok(scenario) => scenario,
-        Err(error) => return is_reported(&error.to_string()),
-    };
-    if scenario.rig.devices.len() > MOST_DRIVEN {
-        return;
+    if let Some(scenario) = parse(text)
+        && scenario.rig.devices.len() <= MOST_DRIVEN
+    {
+        drop(play(&scenario, MOST_TIME));
     }
+}
+
+/// The scenario in a text, if it is not refused.
+pub(crate) fn parse(text: &str) -> Option<Arc<Scenario>> {
+    let file = "scenario.toml";
+    let scenario = Scenario::parse(Source { file, text }, &SimSettings::new(SHIPPED));
+    scenario
+        .map_err(|error| is_reported(&error.to_string()))
+        .ok()
+        .map(Arc::new)
+}
+
+/// Plays a scenario for so long, and returns its trace; `None` where it could not be played on.
+pub(crate) fn play(scenario: &Arc<Scenario>, most: Duration) -> Option<Vec<String>> {
     let options = RunOptions {
         trace: true,
         ..RunOptions::scripted(1)
     };
-    let mut run = match Run::new(Arc::new(scenario), None, options) {
-        Ok(run) => run,
-        Err(error) => return goes_on(&error),
-    };
-    if let Err(error) = run.advance(SimTime::ZERO + MOST_TIME) {
-        return goes_on(&error);
-    }
-    while run.poll_trace().is_some() {}
+    let run = Run::new(Arc::clone(scenario), None, options);
+    let played = run.and_then(|mut run| {
+        run.advance(SimTime::ZERO + scenario.limit.min(most))?;
+        Ok(run)
+    });
+    let mut run = played.map_err(|error| goes_on(&error)).ok()?;
+    let outcome = run.end().clone();
     while run.poll_event().is_some() {}
-    let outcome = run.end();
+    let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();
+    assert!(outcome.ended_at.since(SimTime::ZERO) <= scenario.limit);
+    assert_eq!(outcome.passed, outcome.failures.is_empty());
     for failure in &outcome.failures {
-        is_reported(&failure.to_string());
+        // It may say what the file wants it to say.
+        let length = failure.to_string().len();
+        assert!(0 < length && length < 20_000 + scenario.text.len());
     }
+    for device in 0..run.rig().devices() {
+        truth(run.rig(), device);
+    }
+    for line in &lines {
+        // A number that is not finite could not be read back.
+        let read: Result<Record, _> = serde_json::from_str(line);
+        assert!(read.is_ok(), "{line}: {read:?}");
+    }
+    Some(lines)
 }
 
 /// A scenario may ask for what has no end, which is reported; the simulation itself never gives up.
@@ -118,20 +142,8 @@ pub fn drive(settings: &SimSettings, map: WorldMap, how_long: HowLong) {
         seed: 1,
     });
     for (device, y) in SHIPPED.iter().zip([0.0, 1.5, 3.0]) {
-        let settings = settings.of_device(device);
-        let settings = settings.unwrap_or_else(|| panic!("{device:?} has no settings"));
-        let setup = Setup {
-            name: device.id,
-            settings,
-            start: 0,
-            links: device.links.len(),
-            pose: Pose {
-                y,
-                ..Pose::default()
-            },
-            seed: 1,
-        };
-        rig.add(device, &setup);
+        let links = device.links.len();
+        setup::add(&mut rig, (device, settings), [0.0, y], 0, links);
     }
     drive_rig(rig, how_long);
 }
@@ -191,9 +203,7 @@ fn drive_rig(mut rig: Rig, how_long: HowLong) {
         now += pace;
         gone_on(rig.advance(now));
         for device in 0..rig.devices() {
-            let numbers = truth(&rig, device);
-            let finite = numbers.iter().all(|number| number.is_finite());
-            assert!(finite, "device {device} at {now} s: {numbers:?}");
+            truth(&rig, device);
         }
         for port in &ports {
             bytes.clear();

@@ -148,12 +148,16 @@ impl Recording {
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "proptest", derive(proptest_derive::Arbitrary))]
 pub enum Damage {
-    /// A line is lost.
-    Drop(u16),
-    /// A line is there twice.
-    Double(u16),
-    /// Two lines change places.
-    Swap(u16, u16),
+    /// So many lines, two at most, give way to another one, which may be one that no recording has, or
+    /// to none.
+    Lines {
+        /// The first of them.
+        at: u16,
+        /// How many.
+        gone: u8,
+        /// Index of what comes in their place.
+        other: u16,
+    },
     /// The file ends early; so many characters are left.
     Cut(u32),
     /// A number is another one.
@@ -169,13 +173,6 @@ pub enum Damage {
         at: u32,
         /// Value that it then has.
         byte: u8,
-    },
-    /// A line that no recording has.
-    Strange {
-        /// Before which.
-        at: u16,
-        /// Index of the line.
-        line: u8,
     },
 }
 
@@ -212,30 +209,17 @@ impl Damage {
     #[must_use]
     pub fn done_to(&self, text: &str) -> String {
         let mut lines: Vec<&str> = text.lines().collect();
-        let line = |at: u16| usize::from(at) % lines.len().max(1);
-        let joined = |lines: Vec<&str>| lines.iter().map(|line| format!("{line}\n")).collect();
         if lines.is_empty() {
             return String::new();
         }
         match *self {
-            Self::Drop(at) => {
-                lines.remove(line(at));
-                joined(lines)
-            }
-            Self::Double(at) => {
-                let at = line(at);
-                lines.insert(at, lines[at]);
-                joined(lines)
-            }
-            Self::Swap(one, other) => {
-                let (one, other) = (line(one), line(other));
-                lines.swap(one, other);
-                joined(lines)
-            }
-            Self::Strange { at, line: which } => {
-                let strange = STRANGE[usize::from(which) % STRANGE.len()];
-                lines.insert(line(at), strange);
-                joined(lines)
+            Self::Lines { at, gone, other } => {
+                let others = [STRANGE, &lines].concat();
+                let other = others.get(usize::from(other) % (others.len() + 1));
+                let at = usize::from(at) % lines.len();
+                let end = lines.len().min(at + usize::from(gone % 3));
+                lines.splice(at..end, other.copied());
+                lines.iter().map(|line| format!("{line}\n")).collect()
             }
             Self::Cut(at) => {
                 let length = text.chars().count();

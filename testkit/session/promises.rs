@@ -16,9 +16,7 @@ const MOST_WAITING: usize = MOST_IN_FLIGHT + 16_384;
 impl Player {
     pub(super) fn check(&mut self) {
         for device in 0..self.rig.devices() {
-            let numbers = truth(&self.rig, device);
-            for number in &numbers {
-                assert!(number.is_finite(), "device {device}: {numbers:?}");
+            for number in truth(&self.rig, device) {
                 number.to_bits().hash(&mut self.seen);
             }
             let distance = self.rig.distance_m(device);
@@ -126,13 +124,15 @@ impl Client {
     }
 }
 
-/// The numbers of a device's truth.
-#[must_use]
-pub fn truth(rig: &Rig, index: usize) -> Vec<f64> {
+/// The numbers of a device's truth, all of them finite.
+pub(crate) fn truth(rig: &Rig, index: usize) -> Vec<f64> {
     let groups = ["truth.", "wheel.", "rail."];
-    named(rig, index, |name| {
+    let numbers = named(rig, index, |name| {
         groups.iter().any(|group| name.starts_with(group))
-    })
+    });
+    let finite = numbers.iter().all(|number| number.is_finite());
+    assert!(finite, "device {index} at {} s: {numbers:?}", rig.now());
+    numbers
 }
 
 /// The numbers that a device has under some names of conditions.

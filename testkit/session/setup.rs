@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use rigsim_core::device::{self, Devices};
+use rigsim_core::device::{self, DeviceSettings, DeviceSpec, Devices};
 use rigsim_core::line::Wire;
 use rigsim_core::rig::{PortId, Rig, RigSettings};
 use rigsim_core::settings::SimSettings;
@@ -46,33 +46,49 @@ impl Setup {
         });
         let mut clients = Vec::new();
         for (device, x) in devices.iter().zip([0.0, 1.2, 2.4]) {
-            let settings = settings
-                .of_device(device)
-                .unwrap_or_else(|| panic!("{device:?} has no settings"));
             let there = |link: &&device::LinkSpec| self.all_links || link.optional.is_none();
             let links = device.links.iter().filter(there).count();
-            let setup = device::Setup {
-                name: device.id,
-                settings,
-                start: usize::from(self.start) % device.starts.len().max(1),
-                links,
-                pose: Pose {
-                    x,
-                    ..Pose::default()
-                },
-                seed: 0,
-            };
-            let index = rig.add(device, &setup);
+            let start = usize::from(self.start) % device.starts.len().max(1);
+            let index = add(&mut rig, (device, settings), [x, 0.0], start, links);
             clients.extend((0..links).map(|link| {
                 let port = PortId {
                     device: index,
                     link,
                 };
-                Client::new(port, device, settings.baud(link), wire)
+                let baud = of_device(settings, device).baud(link);
+                Client::new(port, device, baud, wire)
             }));
         }
         (rig, clients)
     }
+}
+
+/// Adds a device with its first links at a place, m, in the state with this index. Returns its index.
+pub(crate) fn add(
+    rig: &mut Rig,
+    (device, settings): (&'static DeviceSpec, &SimSettings),
+    [x, y]: [f64; 2],
+    start: usize,
+    links: usize,
+) -> usize {
+    let setup = device::Setup {
+        name: device.id,
+        settings: of_device(settings, device),
+        start,
+        links,
+        pose: Pose {
+            x,
+            y,
+            ..Pose::default()
+        },
+        seed: 0,
+    };
+    rig.add(device, &setup)
+}
+
+fn of_device<'s>(settings: &'s SimSettings, device: &DeviceSpec) -> &'s dyn DeviceSettings {
+    let own = settings.of_device(device);
+    own.unwrap_or_else(|| panic!("{device:?} has no settings"))
 }
 
 /// Walls within reach, a slope, a strip, and a tag under the car.
