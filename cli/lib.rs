@@ -83,21 +83,4 @@ fn guarded(program: impl FnOnce() -> Result<Exit, Failure>) -> Exit {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rigsim_pty::Port;
-
-    #[test]
-    fn a_panic_is_a_failure_of_the_simulator_and_leaves_no_link() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("r150");
-        let exit = guarded(|| {
-            let _port = Port::open_at(&path, rigsim_pty::PtySetup::raw(115_200)).unwrap();
-            assert!(path.exists());
-            panic!("as a test of what is done about it");
-        });
-        assert_eq!(exit, Exit::System);
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
-        assert_eq!(guarded(|| Ok(Exit::Clean)), Exit::Clean);
-    }
-}
+mod tests;

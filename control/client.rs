@@ -20,7 +20,7 @@ pub enum CallError {
     /// The URL is not one that a simulator prints.
     #[error("\"{0}\" is no URL of a simulator, as http://127.0.0.1:4000/#token=…")]
     Url(String),
-    /// There is no connection, or it has broken off.
+    /// There is no connection, or it has ended.
     #[error("the simulator at {0} does not answer: {1}")]
     Io(String, io::Error),
     /// The simulator refuses.
@@ -176,24 +176,4 @@ fn read_head(answer: &mut impl BufRead) -> io::Result<u16> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn urls_are_those_that_a_simulator_prints() {
-        assert!(Client::new(" http://127.0.0.1:4000/#token=abc\n").is_ok());
-        for wrong in [
-            "",
-            "http://127.0.0.1:4000/",
-            "https://h/#token=a",
-            "http://h/#token=a\r\nX: y",
-        ] {
-            assert!(Client::new(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn names_of_steps_can_stand_in_paths() {
-        assert_eq!(escape("bit flips/2"), "bit%20flips%2F2");
-    }
-}
+mod tests;

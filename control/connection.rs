@@ -40,7 +40,7 @@ pub(crate) fn serve(stream: TcpStream, shared: &Shared, watch: &Arc<Watch>) {
     let _ = Connection::new(stream, shared, watch).and_then(Connection::serve);
 }
 
-/// Tells a client that there are too many.
+/// Refuses a client because there are too many.
 pub(crate) fn turn_away(stream: &TcpStream) {
     let refusal = Refusal::new(503, "too many connections");
     let _ = stream.set_nonblocking(true);
@@ -190,7 +190,7 @@ impl<'a> Connection<'a> {
         Ok(wait_readable(&self.stream, Some(Duration::ZERO))? && self.stream.peek(&mut [0])? == 0)
     }
 
-    /// Tells what happens until the client leaves.
+    /// Sends events until the client leaves.
     fn events(&mut self, head: &Head) -> io::Result<()> {
         let wants = match Wants::read(&head.query) {
             Ok(wants) => wants,
@@ -204,7 +204,7 @@ impl<'a> Connection<'a> {
         self.write(head_text(200, fields).as_bytes())?;
         self.watch.is_stream();
         let mut text = Vec::new();
-        // At the end as well: what was told before that, and the end itself, are still to be written.
+        // Also at the end: messages that wait, and the end itself, are still to be written.
         loop {
             text.clear();
             let (count, more) = next_messages(&messages, &mut text);

@@ -77,24 +77,4 @@ impl<'de> Deserialize<'de> for Unique {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_key_that_stands_twice_is_refused_wherever_it_is() {
-        let text =
-            r#"{"a": [{"b": 1, "c": null}, -1.5, "x", true], "d": {"b": 18446744073709551615}}"#;
-        assert_eq!(
-            read(text.as_bytes()).unwrap(),
-            serde_json::from_str::<Value>(text).unwrap()
-        );
-        for twice in [
-            r#"{"a": 1, "a": 1}"#,
-            r#"{"d": [{"a": 1, "b": 2, "a": 3}]}"#,
-        ] {
-            let why = read(twice.as_bytes()).unwrap_err().to_string();
-            assert!(why.starts_with("the key \"a\" stands twice"), "{why}");
-        }
-        assert!(read(b"{").is_err());
-    }
-}
+mod tests;

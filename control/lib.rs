@@ -1,22 +1,21 @@
 //! HTTP and JSON for looking at a running simulation and for changing it; and the client of that.
 //!
-//! This crate knows nothing of devices. A [`Control`] listens on a socket, refuses whoever has not
-//! the token, and hands on what is asked, [`Request`] by [`Request`], through a channel; whoever
-//! drives the simulation takes them between two steps of it and answers each. So a client, however
-//! slow or hostile, costs the simulation no more than the requests that come through, of which
-//! there are a thousand a second at most.
+//! This crate knows nothing of devices. A [`Control`] listens on a socket, refuses requests without
+//! the token, and passes each [`Request`] through a channel. The program that drives the simulation
+//! takes requests between two steps and answers each. So a slow or hostile client costs the
+//! simulation no more than its requests, of which there are at most a thousand a second.
 //!
 //! # Bounds
 //!
 //! | | |
 //! |---|---|
-//! | connections at a time | 32; a further one is told 503 and closed |
+//! | connections at a time | 32; a further one gets 503 and is closed |
 //! | request | 16 KiB of head with 64 fields, 64 KiB of body |
 //! | time for a request to arrive, once begun | 5 s; a connection may be idle for 60 s |
 //! | time for a client to take an answer | 5 s, what a stream tells 15 s; then it is closed |
 //! | requests | 1000 a second of all clients together; more of them wait |
 //! | requests that wait for the simulation | 64 |
-//! | messages of a stream that wait for its reader | 256; further ones are lost, and it is told how many |
+//! | messages of a stream that wait for its reader | 256; further ones are lost, and a message says how many |
 
 pub mod client;
 mod connection;
@@ -102,7 +101,7 @@ pub type Schema = Box<dyn Fn() -> Value + Send + Sync>;
 /// Answer to a request.
 pub type Reply = Result<Value, Refusal>;
 
-/// A request that waits for its answer. Without one its client is told that the simulation has
+/// A request that waits for its answer. Without one its client learns that the simulation has
 /// ended.
 #[derive(Debug)]
 pub struct Request {
@@ -220,18 +219,18 @@ impl Control {
         self.requests.try_recv().ok()
     }
 
-    /// Takes note that somebody has looked for requests: until the next comes, there is nothing to
-    /// read any more. To be called before the requests are taken.
+    /// Clears the readable state: the next request makes [`Control`] readable again. To be called
+    /// before the requests are taken.
     pub fn quiet(&self) {
         let mut bytes = [0; MOST_WAITING];
         while matches!((&self.wake).read(&mut bytes), Ok(count) if count == bytes.len()) {}
     }
 
-    /// Begins to wait for all who have asked until now, or are being told something.
+    /// Begins to wait for all clients whose requests or messages are on their way.
     ///
     /// For a simulation whose time goes on only while its client waits: all that the client has
-    /// asked before is done then, and all that it was told has reached it. Whoever asks later, as
-    /// only others do, is not waited for.
+    /// asked before is done then, and all messages have reached it. Later requests, which only
+    /// other clients make, are not waited for.
     #[must_use]
     pub fn settling(&self) -> Settling {
         self.shared.connections.begin_round();
@@ -252,8 +251,8 @@ pub struct Settling {
 }
 
 impl Settling {
-    /// Returns whether all of them have been answered; whoever waits for the simulation to go on
-    /// ([`Answer::later`]) counts as that.
+    /// Returns whether all of them have been answered; a client that waits for the simulation to
+    /// go on ([`Answer::later`]) counts as answered.
     #[must_use]
     pub fn is_over(&mut self) -> bool {
         let shared = &self.shared;
@@ -291,14 +290,14 @@ impl AsFd for Control {
 impl Drop for Control {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
-        // Whoever waits for a connection gets one, and sees that it is to stop.
+        // Wakes the thread that accepts, which then stops.
         let _ = TcpStream::connect_timeout(&self.shared.guard.address, Duration::from_millis(200));
-        // Whoever waits for a request gets none any more; answers still go out.
+        // No further requests are read; answers still go out.
         self.shared.connections.end();
         // A program that ended now would take their last words along.
         let begun = Instant::now();
         while !self.shared.connections.are_gone() && begun.elapsed() < PARTING {
-            // Who has asked and was not answered is told that it is over.
+            // Clients without an answer learn that it is over.
             self.requests.try_iter().for_each(drop);
             thread::sleep(Duration::from_millis(1));
         }

@@ -1,4 +1,4 @@
-//! Listeners, who are told what happens.
+//! Listeners, which get messages about what happens.
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,13 +21,13 @@ const MOST_RATE: f64 = 60.0;
 /// Wishes of a stream.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Wants {
-    /// Names whose values are told, and how often in real time.
+    /// Names whose values are sent.
     pub names: Vec<String>,
     /// Between two messages of values.
     pub values_every: Option<Duration>,
     /// Between two messages of where everything is.
     pub picture_every: Option<Duration>,
-    /// Set if every request and reply is told, beside what else happens.
+    /// Set if every request and reply is sent, beside what else happens.
     pub traffic: bool,
 }
 
@@ -91,7 +91,7 @@ fn every(rate: f64) -> Duration {
     Duration::from_secs_f64(1.0 / rate)
 }
 
-/// Listener, who is told what happens; it ends when it is dropped.
+/// A listener; its stream ends when it is dropped.
 #[derive(Debug)]
 pub struct Listener {
     /// Wishes of it.
@@ -120,12 +120,12 @@ impl Listener {
         (listener, Messages { messages, lost })
     }
 
-    /// Tells it a message. Never waits: what it has no room for is lost, and it learns how many. Says
-    /// whether anybody still listens.
+    /// Sends a message, without waiting: what it has no room for is lost, and it learns how many.
+    /// Returns whether there still is a client.
     pub fn tell(&self, message: &Message) -> bool {
         match self.messages.try_send(message.clone()) {
             Ok(()) => {
-                self.watch.told();
+                self.watch.queued();
                 true
             }
             Err(TrySendError::Full(_)) => {
@@ -136,15 +136,15 @@ impl Listener {
         }
     }
 
-    /// Counts a message that it is not told as lost.
+    /// Counts a message as lost.
     pub fn lose(&self) {
         self.lost.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-/// A message that all who listen are told alike.
+/// A message, the same for all listeners.
 ///
-/// It is written down by the connection that tells it first, so that this takes no time of the
+/// It is written down by the connection that sends it first, so that this takes no time of the
 /// simulation's.
 #[derive(Clone)]
 pub struct Message(Arc<LazyLock<String, Write>>);
@@ -178,52 +178,4 @@ impl Messages {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn read(query: &str) -> Result<Wants, Refusal> {
-        let query: Vec<(String, String)> = form_urlencoded::parse(query.as_bytes())
-            .into_owned()
-            .collect();
-        Wants::read(&query)
-    }
-
-    #[test]
-    fn wants_are_read() {
-        let wants = read("names=a.b,%20c&rate=20&names=d&picture=60&traffic=1").unwrap();
-        assert_eq!(wants.names, ["a.b", "c", "d"]);
-        assert_eq!(wants.values_every, Some(Duration::from_millis(50)));
-        assert!(wants.picture_every.is_some() && wants.traffic);
-        assert_eq!(read("").unwrap(), Wants::default());
-        for wrong in [
-            "rate=0",
-            "rate=61",
-            "rate=nan",
-            "picture=-1",
-            "traffic=2",
-            "nmaes=a",
-        ] {
-            assert_eq!(read(wrong).unwrap_err().status, 400, "{wrong}");
-        }
-        let many = format!("names={}", vec!["a"; MOST_NAMES + 1].join(","));
-        assert!(read(&many).is_err());
-    }
-
-    #[test]
-    fn a_reader_that_does_not_read_is_never_waited_for_and_told_what_it_lost() {
-        let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-        let stream = std::net::TcpStream::connect(socket.local_addr().unwrap()).unwrap();
-        let (listener, messages) =
-            Listener::new(Wants::default(), Watch::new(stream, Arc::default()));
-        let message = Message::new("log", || serde_json::json!({"a": "b\nc"}));
-        assert_eq!(message.text(), "event: log\ndata: {\"a\":\"b\\nc\"}\n\n");
-        for _ in 0..MOST_MESSAGES + 7 {
-            assert!(listener.tell(&message));
-        }
-        assert_eq!(messages.take_lost(), 7);
-        assert_eq!(messages.take_lost(), 0);
-        assert_eq!(messages.messages.try_iter().count(), MOST_MESSAGES);
-        drop(messages);
-        assert!(!listener.tell(&message));
-    }
-}
+mod tests;

@@ -212,7 +212,7 @@ fn a_stream_tells_and_ends() {
 }
 
 #[test]
-fn the_end_has_been_told_when_the_control_is_gone() {
+fn the_end_has_been_sent_when_the_control_is_gone() {
     let asked = Arc::new(std::sync::Mutex::new(Vec::new()));
     let kept = Arc::clone(&asked);
     let served = Served::with(move |ask| {
@@ -246,7 +246,7 @@ fn the_end_has_been_told_when_the_control_is_gone() {
 }
 
 #[test]
-fn nobody_is_waited_for_at_the_end_who_has_nothing_to_be_told() {
+fn no_idle_client_is_waited_for_at_the_end() {
     for _ in 0..10 {
         let served = Served::echo();
         served.client().call("GET", "/v1/state", None).unwrap();
@@ -279,7 +279,7 @@ fn a_reader_that_stops_reading_is_let_go() {
     stream.write_all(text.as_bytes()).unwrap();
     let message = Message::new("log", || json!("x".repeat(10_000)));
     let begun = Instant::now();
-    // It is told as much as it takes; then its connection is given up, which the teller learns.
+    // It gets as much as it takes; then its connection is given up, which the sender learns.
     loop {
         assert!(begun.elapsed() < Duration::from_secs(60));
         let listeners = listeners.lock().unwrap();
@@ -337,7 +337,7 @@ fn wait_until_arrived(stream: &TcpStream) {
 }
 
 #[test]
-fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
+fn a_pending_request_is_answered_however_many_others_go_on_asking() {
     let control = Control::open("127.0.0.1:0".parse().unwrap(), Box::new(|| json!("forms")));
     let control = control.unwrap();
     let address = control.shared.guard.address;
@@ -364,7 +364,7 @@ fn whoever_had_asked_is_answered_however_many_others_go_on_asking() {
                     way.give(Ok(json!(format!("{ask:?}"))));
                 }
             }
-            // Whoever was not answered by now is answered by nobody. The answer may be on its way, though.
+            // A request without an answer by now gets none. The answer may be on its way, though.
             stream.set_read_timeout(Some(PATIENCE)).unwrap();
             let mut answer = [0; 4096];
             let count = stream.read(&mut answer).unwrap();

@@ -25,8 +25,8 @@ const GONE: u8 = 4;
 pub(crate) struct Watch {
     socket: TcpStream,
     state: AtomicU8,
-    /// Messages of a stream that were told, and that were written.
-    told: AtomicU64,
+    /// Messages of a stream that were queued, and that were written.
+    queued: AtomicU64,
     written: AtomicU64,
     /// Its reader has not kept up, and is waited for no more until it has.
     is_slow: AtomicBool,
@@ -34,11 +34,11 @@ pub(crate) struct Watch {
     quiet: Quiet,
 }
 
-/// Silence of a socket, as its own thread finds it: of whoever asks without a pause it is seldom seen from
-/// outside.
+/// Silence of a socket, as its own thread finds it: of a client that asks without a pause it is seldom seen
+/// from outside.
 #[derive(Debug)]
 struct Quiet {
-    /// Counts up whenever somebody begins to wait for that.
+    /// Counts the waits for silence that have begun.
     round: Arc<AtomicU64>,
     last_in: AtomicU64,
 }
@@ -67,7 +67,7 @@ impl Watch {
         Arc::new(Self {
             socket,
             state: AtomicU8::new(IDLE),
-            told: AtomicU64::new(0),
+            queued: AtomicU64::new(0),
             written: AtomicU64::new(0),
             is_slow: AtomicBool::new(false),
             quiet: Quiet::new(round),
@@ -96,8 +96,8 @@ impl Watch {
     }
 
     /// A message is on its way.
-    pub(crate) fn told(&self) {
-        self.told.fetch_add(1, Ordering::SeqCst);
+    pub(crate) fn queued(&self) {
+        self.queued.fetch_add(1, Ordering::SeqCst);
     }
 
     /// So many messages are out.
@@ -106,7 +106,7 @@ impl Watch {
     }
 
     /// Returns whether it has waited for its client, or for the simulation to go on, at any time since
-    /// somebody began to wait for that, which was so long ago.
+    /// the present round began, `waited` ago.
     pub(crate) fn has_been_quiet(&self, waited: Duration) -> bool {
         self.quiet.was_there() || self.is_quiet(waited)
     }
@@ -117,7 +117,7 @@ impl Watch {
             DEFERRED | GONE => true,
             STREAM => {
                 let behind =
-                    self.told.load(Ordering::SeqCst) != self.written.load(Ordering::SeqCst);
+                    self.queued.load(Ordering::SeqCst) != self.written.load(Ordering::SeqCst);
                 let slow =
                     behind && (waited > STREAM_PATIENCE || self.is_slow.load(Ordering::Relaxed));
                 self.is_slow.store(slow, Ordering::Relaxed);
@@ -197,8 +197,8 @@ impl Watches {
     /// Those that there are, once all are among them who had come when the round began.
     pub(crate) fn all_who_came(&self, socket: &TcpListener) -> Option<Vec<Arc<Watch>>> {
         // In this order: what is accepted in between is about to be added.
-        let nobody_comes = is_quiet(socket) && !self.accepting.load(Ordering::SeqCst);
-        (nobody_comes || self.quiet.was_there()).then(|| self.lock().clone())
+        let none_comes = is_quiet(socket) && !self.accepting.load(Ordering::SeqCst);
+        (none_comes || self.quiet.was_there()).then(|| self.lock().clone())
     }
 
     fn lock(&self) -> MutexGuard<'_, Vec<Arc<Watch>>> {

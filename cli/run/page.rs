@@ -4,7 +4,7 @@
 //! without, and nothing is gathered while it has to be in time.
 
 mod case;
-mod film;
+mod frames;
 mod map;
 mod plots;
 

@@ -11,7 +11,7 @@ use rigsim_runner::run::{Context, Failure as Failed};
 
 use super::super::case::{Case, CaseResult, Played};
 use super::super::view::View;
-use super::film::{Film, Wanted, Window};
+use super::frames::{Frames, Wanted, Window};
 use super::map;
 use super::plots;
 use crate::recording;
@@ -67,15 +67,15 @@ pub(super) fn shown(
         patience: Instant::now().checked_add(case.allowed),
         stop,
     };
-    let film = (detail != Detail::Words).then(|| film(devices, case, wanted));
+    let frames = (detail != Detail::Words).then(|| frames(devices, case, wanted));
     let title = readable(&outcome.title);
     let view = View::new(&case.loaded.scenario, Some(result), case.is_live());
     html! {
         div.overview {
-            @if let Some(Ok(film)) = &film {
+            @if let Some(Ok(frames)) = &frames {
                 figure.world {
-                    (map::map(film, &format!("{title}, from above")))
-                    figcaption { (map::legend(film)) }
+                    (map::map(frames, &format!("{title}, from above")))
+                    figcaption { (map::legend(frames)) }
                 }
             }
             div {
@@ -85,20 +85,20 @@ pub(super) fn shown(
                 @if let Some(text) = &case.loaded.scenario.description { p.about { (readable(text)) } }
                 (faults(outcome))
                 @for note in &view.notes { p.note { (readable(&note.to_string())) } }
-                @if let Some(Err(why)) = &film {
+                @if let Some(Err(why)) = &frames {
                     p.note { "No picture: the recording could not be played again, " (readable(why)) }
                 }
                 p.about { "Again: " code { (readable(&case.command())) } }
             }
         }
-        @if let Some(Ok(film)) = film.as_ref().filter(|_| detail == Detail::Full) {
+        @if let Some(Ok(frames)) = frames.as_ref().filter(|_| detail == Detail::Full) {
             @match focus {
                 Some(focus) => {
-                    (plots::plots(film, focus))
-                    (traffic(film))
-                    details { summary { "The whole run over time" } (plots::plots(film, whole)) }
+                    (plots::plots(frames, focus))
+                    (traffic(frames))
+                    details { summary { "The whole run over time" } (plots::plots(frames, whole)) }
                 }
-                None => { (plots::plots(film, whole)) (traffic(film)) }
+                None => { (plots::plots(frames, whole)) (traffic(frames)) }
             }
             @if let Some(client) = &played.client { (output(&client.output)) }
         }
@@ -123,13 +123,13 @@ fn focus(outcome: &Outcome, whole: Window) -> Option<Window> {
 }
 
 /// The run again, as far as it is shown; or why it could not be played again.
-fn film<'a>(devices: Devices, case: &Case<'_>, wanted: Wanted<'a>) -> Result<Film<'a>, String> {
+fn frames<'a>(devices: Devices, case: &Case<'_>, wanted: Wanted<'a>) -> Result<Frames<'a>, String> {
     let Some(trace) = case.recording() else {
         return Err("there is none".to_owned());
     };
-    match recording::view(devices, &trace, |run| Ok(Film::new(run, wanted))) {
-        Ok((film, Ok(()))) if film.is_cut.get() => Err("which took too long".to_owned()),
-        Ok((film, Ok(()))) => Ok(film),
+    match recording::view(devices, &trace, |run| Ok(Frames::new(run, wanted))) {
+        Ok((frames, Ok(()))) if frames.is_cut.get() => Err("which took too long".to_owned()),
+        Ok((frames, Ok(()))) => Ok(frames),
         Ok((_, Err(why))) => Err(why.to_string()),
         Err(failure) => Err(format!("{:#}", failure.error)),
     }
@@ -166,7 +166,7 @@ fn context(context: &Context, wants_before: bool) -> Markup {
     let before: Vec<&String> = before.collect();
     html! {
         @for fault in &context.armed { p.note { "armed then: " (readable(fault)) } }
-        @for deed in &context.in_effect { p.note { "in effect then: " (readable(deed)) } }
+        @for action in &context.in_effect { p.note { "in effect then: " (readable(action)) } }
         @if !before.is_empty() {
             details {
                 summary { "What happened before, since the failure above" }
@@ -198,16 +198,16 @@ fn faults(outcome: &Outcome) -> Markup {
     }
 }
 
-fn traffic(film: &Film) -> Markup {
+fn traffic(frames: &Frames) -> Markup {
     html! {
-        @let lines = film.lines();
+        @let lines = frames.lines();
         @if !lines.is_empty() {
             details {
                 summary {
-                    "Traffic and events around " (format!("{:.2} s", film.failed_at().unwrap_or(0.0)))
+                    "Traffic and events around " (format!("{:.2} s", frames.failed_at().unwrap_or(0.0)))
                 }
                 pre { @for line in lines { (readable(line)) "\n" } }
-                @if film.more_lines > 0 { p.note { (film.more_lines) " lines more" } }
+                @if frames.more_lines > 0 { p.note { (frames.more_lines) " lines more" } }
             }
         }
     }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use maud::{Markup, PreEscaped, html};
 use rigsim_physics::world::{Feature, FeatureKind, Shape};
 
-use super::film::{Film, Way};
+use super::frames::{Frames, Way};
 use crate::visible;
 
 /// Greatest width of the picture, and its height, in units of its own.
@@ -27,10 +27,10 @@ struct View {
 
 impl View {
     /// Shows all vehicles on their ways, and of the world what is around.
-    fn of(film: &Film) -> Self {
+    fn of(frames: &Frames) -> Self {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
-        for way in &film.ways {
+        for way in &frames.ways {
             let reach = way.size[0].max(way.size[1]) / 2.0;
             for [x, y, _] in &way.poses {
                 for (axis, at) in [*x, *y].into_iter().enumerate() {
@@ -76,32 +76,32 @@ impl View {
 }
 
 /// The map, with the ways of the vehicles and marks where something happened.
-pub(super) fn map(film: &Film, label: &str) -> Markup {
-    let view = View::of(film);
+pub(super) fn map(frames: &Frames, label: &str) -> Markup {
+    let view = View::of(frames);
     let [width, height] = view.size();
     html! {
         svg.map viewBox=(format!("0 0 {width:.0} {height:.0}")) xmlns="http://www.w3.org/2000/svg"
             role="img" aria-label=(label) {
             rect.ground width=(format!("{width:.0}")) height=(format!("{height:.0}")) {}
-            @for feature in film.passing.iter().filter(|one| is_near(&view, one)) {
+            @for feature in frames.passing.iter().filter(|one| is_near(&view, one)) {
                 (shape(&view, feature, "passing"))
             }
-            @for feature in film.features.iter().filter(|one| is_near(&view, one)) {
+            @for feature in frames.features.iter().filter(|one| is_near(&view, one)) {
                 (shape(&view, feature, class(feature.kind)))
             }
-            @for way in &film.ways { (way_of(&view, way)) }
-            @for way in &film.ways { (ends(&view, film, way)) }
-            (faults(&view, film))
-            (failure(&view, film))
+            @for way in &frames.ways { (way_of(&view, way)) }
+            @for way in &frames.ways { (ends(&view, frames, way)) }
+            (faults(&view, frames))
+            (failure(&view, frames))
             (scale_bar(&view))
         }
     }
 }
 
 /// Explains the colours.
-pub(super) fn legend(film: &Film) -> Markup {
-    let view = View::of(film);
-    let seen = film.features.iter().filter(|one| is_near(&view, one));
+pub(super) fn legend(frames: &Frames) -> Markup {
+    let view = View::of(frames);
+    let seen = frames.features.iter().filter(|one| is_near(&view, one));
     let kinds: Vec<FeatureKind> = seen.map(|one| one.kind).collect();
     let colours: Vec<String> = (0..COLOURS).map(colour).collect();
     let gradient = format!(
@@ -110,9 +110,9 @@ pub(super) fn legend(film: &Film) -> Markup {
     );
     html! {
         p.legend {
-            "0 s " span.gradient style=(gradient) {} " " (format!("{:.1} s", film.length()))
-            @if !film.spans.is_empty() { span.key { span.dot.fault {} "a fault begins" } }
-            @if film.failed_at().is_some() { span.key { span.cross { "✕" } "it fails" } }
+            "0 s " span.gradient style=(gradient) {} " " (format!("{:.1} s", frames.length()))
+            @if !frames.spans.is_empty() { span.key { span.dot.fault {} "a fault begins" } }
+            @if frames.failed_at().is_some() { span.key { span.cross { "✕" } "it fails" } }
             @for (kind, name) in [
                 (FeatureKind::Obstacle, "wall or obstacle"),
                 (FeatureKind::Strip, "magnetic strip"),
@@ -215,10 +215,10 @@ fn way_of(view: &View, way: &Way) -> Markup {
 }
 
 /// A vehicle as it begins, and as it is when the run fails or ends.
-fn ends(view: &View, film: &Film, way: &Way) -> Markup {
-    let last = film
+fn ends(view: &View, frames: &Frames, way: &Way) -> Markup {
+    let last = frames
         .failed_at()
-        .map_or(way.poses.len().saturating_sub(1), |at| film.look_at(at));
+        .map_or(way.poses.len().saturating_sub(1), |at| frames.look_at(at));
     let body = |[x, y, heading]: [f64; 3], class: &str| {
         let (sin, cos) = heading.to_radians().sin_cos();
         let [length, width] = way.size.map(|size| size / 2.0);
@@ -240,7 +240,7 @@ fn ends(view: &View, film: &Film, way: &Way) -> Markup {
         (first.unwrap_or_else(|| PreEscaped(String::new())))
         @if let Some(pose) = end {
             (body(*pose, "ends"))
-            @if film.ways.len() > 1 {
+            @if frames.ways.len() > 1 {
                 @let [x, y] = view.at([pose[0], pose[1]]).map(|at| format!("{at:.1}"));
                 text x=(x) y=(y) dy="-8" text-anchor="middle" { (way.name) }
             }
@@ -248,10 +248,10 @@ fn ends(view: &View, film: &Film, way: &Way) -> Markup {
     }
 }
 
-fn faults(view: &View, film: &Film) -> Markup {
+fn faults(view: &View, frames: &Frames) -> Markup {
     html! {
-        @for span in &film.spans {
-            @if let Some([x, y, _]) = film.ways.get(span.device).and_then(|way| way.poses.get(film.look_at(span.from))) {
+        @for span in &frames.spans {
+            @if let Some([x, y, _]) = frames.ways.get(span.device).and_then(|way| way.poses.get(frames.look_at(span.from))) {
                 @let [x, y] = view.at([*x, *y]).map(|at| format!("{at:.1}"));
                 circle.fault cx=(x) cy=(y) r="5" {
                     title { (visible::line(&span.name)) " (" (span.fault) ") at " (format!("{:.2} s", span.from)) }
@@ -261,13 +261,13 @@ fn faults(view: &View, film: &Film) -> Markup {
     }
 }
 
-fn failure(view: &View, film: &Film) -> Markup {
-    let Some(at) = film.failed_at() else {
+fn failure(view: &View, frames: &Frames) -> Markup {
+    let Some(at) = frames.failed_at() else {
         return html! {};
     };
-    let look = film.look_at(at);
+    let look = frames.look_at(at);
     html! {
-        @for way in &film.ways {
+        @for way in &frames.ways {
             @if let Some([x, y, _]) = way.poses.get(look) {
                 @let [x, y] = view.at([*x, *y]);
                 path.failure d=(format!("M{:.1} {:.1}l16 16m0 -16l-16 16", x - 8.0, y - 8.0)) {}

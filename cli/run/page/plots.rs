@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::film::{Film, PLACE, PUBLISHED, Series, Window};
+use super::frames::{Frames, PLACE, PUBLISHED, Series, Window};
 use crate::visible;
 
 /// Size of a plot, in units of its own, and the part of it within the axes: left, top, right, bottom.
@@ -60,25 +60,25 @@ fn kind(series: &Series) -> (usize, &'static str, &'static str) {
 
 impl Window {
     /// The values within it.
-    fn part(self, film: &Film) -> std::ops::Range<usize> {
-        let first = film.times.partition_point(|t| *t < self.from);
-        let last = film.times.partition_point(|t| *t <= self.to);
+    fn part(self, frames: &Frames) -> std::ops::Range<usize> {
+        let first = frames.times.partition_point(|t| *t < self.from);
+        let last = frames.times.partition_point(|t| *t <= self.to);
         first..last
     }
 }
 
 /// A plot for each kind of value in which something changes.
-pub(super) fn plots(film: &Film, window: Window) -> Markup {
-    let part = window.part(film);
-    let mut shown: Vec<&Series> = film.series.iter().collect();
+pub(super) fn plots(frames: &Frames, window: Window) -> Markup {
+    let part = window.part(frames);
+    let mut shown: Vec<&Series> = frames.series.iter().collect();
     shown.retain(|one| changes(&one.values[part.clone()]));
     shown.sort_by_key(|one| kind(one));
     let figures = shown.chunk_by(|one, other| kind(one) == kind(other));
     let figures = figures.flat_map(|of_kind| {
-        let lines = Line::all(film, of_kind, window);
+        let lines = Line::all(frames, of_kind, window);
         let some = lines
             .chunks(MOST_LINES)
-            .map(|some| figure(film, some, kind(of_kind[0]), window));
+            .map(|some| figure(frames, some, kind(of_kind[0]), window));
         some.collect::<Vec<_>>()
     });
     html! { div.plots { @for figure in figures.take(MOST_PLOTS) { (figure) } } }
@@ -99,14 +99,14 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    fn all(film: &'a Film, series: &[&'a Series], window: Window) -> Vec<Self> {
-        let part = window.part(film);
+    fn all(frames: &'a Frames, series: &[&'a Series], window: Window) -> Vec<Self> {
+        let part = window.part(frames);
         let values = |one: &&'a Series| &one.values[part.clone()];
         let axis = Axis::of(series.iter().map(values));
         let near = SAME * (axis.high - axis.low);
         let mut lines: Vec<Self> = Vec::new();
         for one in series {
-            let (name, values) = (short(film, &one.probe.name), values(one));
+            let (name, values) = (short(frames, &one.probe.name), values(one));
             let same = lines.iter_mut().find(|line| {
                 let mut both = line.values.iter().zip(values);
                 both.all(|(a, b)| (a - b).abs() <= near || a.is_nan() && b.is_nan())
@@ -115,7 +115,7 @@ impl<'a> Line<'a> {
                 Some(line) => line.names.push(name),
                 None => lines.push(Self {
                     names: vec![name],
-                    times: &film.times[part.clone()],
+                    times: &frames.times[part.clone()],
                     values,
                 }),
             }
@@ -166,9 +166,9 @@ fn plain(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// Without the device where there is one.
-fn short<'a>(film: &Film, name: &'a str) -> &'a str {
+fn short<'a>(frames: &Frames, name: &'a str) -> &'a str {
     match name.split_once('.') {
-        Some((device, name)) if film.ways.len() == 1 && device != "client" => name,
+        Some((device, name)) if frames.ways.len() == 1 && device != "client" => name,
         _ => name,
     }
 }
@@ -224,7 +224,7 @@ impl Axis {
 }
 
 fn figure(
-    film: &Film,
+    frames: &Frames,
     lines: &[Line<'_>],
     (_, what, unit): (usize, &str, &str),
     window: Window,
@@ -241,7 +241,7 @@ fn figure(
             figcaption { (what) @if !what.is_empty() { ", " } (unit) }
             svg.plot viewBox=(format!("0 0 {} {}", SIZE[0], SIZE[1])) xmlns="http://www.w3.org/2000/svg"
                 role="img" aria-label=(format!("{what} over time")) {
-                @for span in &film.spans {
+                @for span in &frames.spans {
                     @let [from, to] = [span.from, span.to.unwrap_or(f64::INFINITY)];
                     @if from <= window.to && to >= window.from {
                         rect.fault x=(short(x(from))) y=(top) width=(short((x(to) - x(from)).max(1.0)))
@@ -267,7 +267,7 @@ fn figure(
                         polyline class=(format!("curve curve{index}")) stroke-width=(short(width)) points=(points) {}
                     }
                 }
-                @if let Some(at) = film.failed_at().filter(|at| shown(*at)) {
+                @if let Some(at) = frames.failed_at().filter(|at| shown(*at)) {
                     path.failure d=(format!("M{} {top}V{bottom}", short(x(at)))) {}
                 }
             }

@@ -55,14 +55,14 @@ pub(super) struct Wanted<'a> {
     pub(super) focus: Option<Window>,
     /// Set if values are wanted, and not only ways.
     pub(super) values: bool,
-    /// Time after which nobody waits for it any more.
+    /// Time after which it is given up.
     pub(super) patience: Option<Instant>,
-    /// Becomes true when nobody does.
+    /// Becomes true when the program is to end.
     pub(super) stop: &'a AtomicBool,
 }
 
 impl Wanted<'_> {
-    /// Tells whether it is still waited for.
+    /// Returns whether it is given up.
     pub(super) fn is_over(&self) -> bool {
         let late = |until| Instant::now() > until;
         self.stop.load(Ordering::Relaxed) || self.patience.is_some_and(late)
@@ -70,7 +70,7 @@ impl Wanted<'_> {
 }
 
 /// Events and values of a run, as far as they are shown.
-pub(super) struct Film<'a> {
+pub(super) struct Frames<'a> {
     wanted: Wanted<'a>,
     every: Duration,
     next: SimTime,
@@ -120,7 +120,7 @@ pub(super) struct Span {
     pub(super) hits: Vec<f64>,
 }
 
-impl<'a> Film<'a> {
+impl<'a> Frames<'a> {
     pub(super) fn new(run: &Run, wanted: Wanted<'a>) -> Self {
         let world = run.rig().world();
         let devices = &run.scenario().rig.devices;
@@ -203,7 +203,7 @@ impl<'a> Film<'a> {
 
     /// The traffic and the events around the failure, in their order.
     pub(super) fn lines(&self) -> Vec<&str> {
-        // Steps are told by the recording, which is ahead.
+        // The recording, which is ahead, has the steps.
         let mut lines: Vec<&(SimTime, String)> = self.lines.iter().collect();
         lines.sort_by_key(|(at, _)| *at);
         lines.into_iter().map(|(_, line)| line.as_str()).collect()
@@ -298,7 +298,7 @@ fn is_shown(unit: &str) -> bool {
     !unit.is_empty() && unit != "s"
 }
 
-impl Onlooker for Film<'_> {
+impl Onlooker for Frames<'_> {
     fn record(&mut self, record: &Record) {
         if let Record::Step { t, step, what } = record {
             let at = SimTime::from_nanos(*t);
