@@ -1,7 +1,9 @@
 //! Flags and subcommands.
 
+mod merge;
 mod run;
 mod serve;
+mod shard;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -17,7 +19,6 @@ use rigsim_core::device::{DeviceSpec, Devices, LinkSpec};
 use rigsim_runner::renamed::{self, Kind, Renamed};
 use rigsim_settings::Span;
 
-use crate::campaign::MergeArgs;
 use crate::control::ctl::{CtlArgs, speed};
 use crate::exit::Exit;
 use crate::lists::{FileKind, ListFormat, SchemaFormat};
@@ -25,8 +26,10 @@ use crate::log::LogFormat;
 
 use crate::visible;
 
+pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;
+pub(crate) use shard::{Shard, ShardArg};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -1,7 +1,6 @@
 //! The `sim` command line, for whatever devices a program hands in: flags, subcommands, exit codes.
 
 mod args;
-mod campaign;
 mod client;
 mod config;
 mod control;
@@ -52,7 +51,7 @@ pub fn main(devices: Devices) -> ExitCode {
             }
             Some(Command::Run(args)) => run::run(devices, args),
             Some(Command::Check { files, given }) => run::check(devices, files, given),
-            Some(Command::Merge(args)) => campaign::merge(args),
+            Some(Command::Merge(args)) => run::merge(args),
             Some(Command::Replay { trace }) => recording::replay(devices, trace),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client }) => supervise::supervise(client),

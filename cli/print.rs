@@ -3,8 +3,10 @@
 use std::any::Any;
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
+use rigsim_pty::paths::Results;
 
 use crate::exit::{Exit, Failure};
 use crate::visible;
@@ -27,6 +29,39 @@ pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
 /// Prints a line to standard error; nothing is left to do if that is closed.
 pub(crate) fn complain(text: &str) {
     let _ = writeln!(anstream::stderr(), "{}", visible::lines(text));
+}
+
+/// A file of results that a flag names. It can be written, as was found out before anything was played.
+pub(crate) struct OutputFile {
+    path: PathBuf,
+    to: Results,
+}
+
+impl OutputFile {
+    /// The file at a path, in the place of an earlier one that has one of these marks.
+    ///
+    /// # Errors
+    /// When it cannot be written, or something else is there.
+    pub(crate) fn find(path: &Path, marks: &'static [&'static str]) -> Result<Self, Failure> {
+        let to = Results::at(path, marks)
+            .with_context(|| format!("cannot write {}", visible::name(path)))
+            .map_err(Failure::usage)?;
+        let path = path.to_owned();
+        Ok(Self { path, to })
+    }
+
+    /// Writes all of it.
+    pub(crate) fn write(&self, text: &str) -> Result<(), Failure> {
+        self.to
+            .write(text.as_bytes())
+            .with_context(|| format!("cannot write {}", visible::name(&self.path)))
+            .map_err(Failure::system)
+    }
+
+    /// Returns whether it can be written only once.
+    pub(crate) fn is_stream(&self) -> bool {
+        self.to.is_stream()
+    }
 }
 
 /// Words for a panic that was caught.

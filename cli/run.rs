@@ -1,5 +1,6 @@
 //! The `run` and `check` subcommands: scenarios, played and judged.
 
+mod campaign;
 mod case;
 mod folder;
 mod json;
@@ -26,8 +27,7 @@ use rigsim_core::settings::SimSettings;
 use rigsim_pty::ExitOnSignals;
 use rigsim_runner::Scenario;
 
-use crate::args::{ExitArg, GivenArgs, RunArgs, TimeArg};
-use crate::campaign::{Plan, Results, Shard};
+use crate::args::{ExitArg, GivenArgs, RunArgs, Shard, TimeArg};
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::print::{complain, print};
@@ -35,15 +35,16 @@ use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::supervise::adopt_orphans;
 use crate::visible;
 
+use campaign::{Plan, Results};
+use case::Case;
 use junit::Junit;
 use page::Page;
 use view::View;
 
-pub(crate) use case::{Case, CaseResult, Played, Verdict};
+pub(crate) use campaign::merge;
+pub(crate) use case::{CaseResult, Played, Verdict};
 pub(crate) use json::verdict as verdict_json;
-pub(crate) use junit::without_skipped_total;
 pub(crate) use live::NO_PORT_OPENED;
-pub(crate) use page::{MARK as REPORT_MARK, STYLE as REPORT_STYLE};
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {

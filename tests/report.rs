@@ -187,7 +187,7 @@ fn what_was_not_played_has_its_line_and_the_page_a_place_to_be() {
     let folder = Folder::with(&[("drive.toml", DRIVE)]);
     std::fs::create_dir(folder.file("taken")).unwrap();
     let refused = folder.sim(&["run", "--report", "taken", "drive.toml"]);
-    refused.expect_refusal(2, &["cannot write the report taken"]);
+    refused.expect_refusal(2, &["cannot write taken"]);
 
     let failing = DRIVE.replace("< 1.0", "< 0.1");
     std::fs::write(folder.file("a-fails.toml"), failing).unwrap();

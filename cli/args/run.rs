@@ -8,8 +8,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args, ValueEnum, value_parser};
 use rigsim_settings::Span;
 
-use super::{MAX_STALL, SettingsArgs, some_time, speed};
-use crate::campaign::ShardArg;
+use super::{MAX_STALL, SettingsArgs, ShardArg, some_time, speed};
 use crate::exit::Exit;
 
 const EXAMPLES: &str = "\

@@ -265,7 +265,7 @@ pub(crate) struct Played {
 }
 
 /// A verdict.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Verdict {
     Passed,
@@ -365,6 +365,12 @@ impl CaseResult {
             why,
             played: Some(Box::new(played)),
         }
+    }
+
+    /// What failed first, if anything did.
+    pub(crate) fn failed(&self) -> Option<&str> {
+        let first = self.played.as_ref()?.outcome.failures.first();
+        first.map(|failure| failure.what.as_str())
     }
 
     /// Returns `true` if it failed, and the machine may be the cause.

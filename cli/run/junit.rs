@@ -3,15 +3,14 @@
 //! Each scenario is a test suite, with a test case for each time that it was played, since only
 //! suites can have properties everywhere.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use quick_junit::{NonSuccessKind, Property, Report, TestCase, TestCaseStatus, TestSuite};
-use rigsim_pty::paths::Results;
 use rigsim_runner::run;
 
 use crate::exit::Failure;
+use crate::print::OutputFile;
 use crate::visible;
 
 use super::case::{Case, CaseResult, Verdict};
@@ -21,11 +20,13 @@ use super::view::View;
 /// results the file is not written for each.
 const RARELY: u32 = 20;
 
+/// By these a file is known that may be replaced.
+pub(super) const MARKS: &[&str] = &["<testsuites", "<testsuite "];
+
 /// The file, with what is known so far; the rest counts as skipped. Who kills the program finds a
 /// whole document.
 pub(crate) struct Junit {
-    path: PathBuf,
-    to: Results,
+    to: OutputFile,
     report: Report,
     /// Time at which it was written, and how long that took.
     written: Option<(Instant, Duration)>,
@@ -39,13 +40,10 @@ impl Junit {
     /// # Errors
     /// When it cannot be written, or something else is there that is no file of results.
     pub(crate) fn begin(path: &Path, cases: &[Case<'_>]) -> Result<Self, Failure> {
-        let to = Results::at(path, &["<testsuites", "<testsuite "])
-            .with_context(|| format!("cannot write results to {}", visible::name(path)))
-            .map_err(Failure::usage)?;
+        let to = OutputFile::find(path, MARKS)?;
         let mut report = Report::new("sim");
         report.test_suites = cases.iter().map(|case| suite(case, None)).collect();
         let mut junit = Self {
-            path: path.to_owned(),
             to,
             report,
             written: None,
@@ -93,10 +91,7 @@ impl Junit {
     fn write(&mut self) -> Result<(), Failure> {
         let begun = Instant::now();
         let text = self.text().map_err(Failure::system)?;
-        self.to
-            .write(text.as_bytes())
-            .with_context(|| format!("cannot write {}", visible::name(&self.path)))
-            .map_err(Failure::system)?;
+        self.to.write(&text)?;
         self.written = Some((Instant::now(), begun.elapsed()));
         self.is_behind = false;
         Ok(())
@@ -115,7 +110,7 @@ impl Junit {
 
 /// The schema that Jenkins publishes knows no total of skipped tests over all suites, and the
 /// library always writes one.
-pub(crate) fn without_skipped_total(text: &str) -> String {
+pub(super) fn without_skipped_total(text: &str) -> String {
     let Some(begin) = text.find("<testsuites ") else {
         return text.to_owned();
     };
@@ -134,7 +129,7 @@ pub(crate) fn without_skipped_total(text: &str) -> String {
 
 /// Text as it may go into the document: shown as on a terminal, so that the library finds nothing
 /// to take out and XML nothing that it forbids.
-fn text(text: &str) -> String {
+pub(super) fn text(text: &str) -> String {
     visible::lines(text).into_owned()
 }
 
@@ -168,7 +163,14 @@ fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
 
 fn test_case(case: &Case<'_>, result: Option<&CaseResult>, view: &View<'_>) -> TestCase {
     let title = visible::line(&case.loaded.scenario.title);
-    let mut test = TestCase::new(title, status(view));
+    let kind = match view.verdict {
+        Verdict::Failed => "scenario",
+        verdict => verdict.word(),
+    };
+    let reason = view.reason.as_deref().unwrap_or_default();
+    let mut lines = view.lines();
+    lines.extend(view.notes.iter().map(ToString::to_string));
+    let mut test = TestCase::new(title, status(view.verdict, kind, reason, &lines));
     // Shown as a tree by its dots.
     let stem = visible::name(&case.loaded.stem());
     test.set_classname(format!("sim.{}", stem.replace('.', "_")));
@@ -192,21 +194,22 @@ fn surroundings(failures: &[run::Failure]) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-fn status(view: &View<'_>) -> TestCaseStatus {
-    let mut status = match view.verdict {
+/// The status of a test case with this verdict, and what there is to say of it.
+pub(super) fn status(
+    verdict: Verdict,
+    kind: &str,
+    message: &str,
+    lines: &[String],
+) -> TestCaseStatus {
+    let mut status = match verdict {
         Verdict::Passed => return TestCaseStatus::success(),
         Verdict::Skipped => TestCaseStatus::skipped(),
         Verdict::Failed => TestCaseStatus::non_success(NonSuccessKind::Failure),
         Verdict::Error | Verdict::Aborted => TestCaseStatus::non_success(NonSuccessKind::Error),
     };
-    let reason = view.reason.as_deref().unwrap_or_default();
-    let kind = match view.verdict {
-        Verdict::Failed => "scenario",
-        verdict => verdict.word(),
-    };
-    status.set_message(text(reason)).set_type(kind);
-    let mut lines = view.lines();
-    lines.extend(view.notes.iter().map(ToString::to_string));
+    if !kind.is_empty() {
+        status.set_message(text(message)).set_type(kind);
+    }
     if !lines.is_empty() {
         status.set_description(text(&lines.join("\n")));
     }

@@ -18,19 +18,19 @@ use std::time::SystemTime;
 use anyhow::Context as _;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rigsim_core::device::Devices;
-use rigsim_pty::paths::Results;
 
 use crate::args::RunArgs;
 use crate::exit::Failure;
+use crate::print::OutputFile;
 use crate::visible::{self, lines as readable};
 
 use super::case::{Case, CaseResult, Verdict};
 use super::view::View;
 use case::{Detail, shown};
 
-pub(crate) const STYLE: &str = include_str!("page/style.css");
+const STYLE: &str = include_str!("page/style.css");
 /// By this a report is known, which may be replaced.
-pub(crate) const MARK: &str = "<meta name=\"generator\" content=\"sim\">";
+pub(super) const MARKS: &[&str] = &["<meta name=\"generator\" content=\"sim\">"];
 /// Most cases that failed of which everything is shown.
 const MOST_FULL: usize = 30;
 /// Most cases of which the map is shown.
@@ -39,8 +39,7 @@ const MOST_MAPS: usize = 1500;
 /// A page that is being made.
 pub(crate) struct Page {
     devices: Devices,
-    path: PathBuf,
-    to: Results,
+    to: OutputFile,
     /// What was played, and how.
     about: Vec<(&'static str, String)>,
     /// Folder of recordings that are for the page alone.
@@ -61,19 +60,16 @@ struct Shown {
 impl Page {
     /// Makes sure that it can be written later on.
     pub(crate) fn begin(devices: Devices, path: &Path, args: &RunArgs) -> Result<Self, Failure> {
-        let cannot = || format!("cannot write the report {}", visible::name(path));
-        let to = Results::at(path, &[MARK])
-            .with_context(cannot)
-            .map_err(Failure::usage)?;
+        let to = OutputFile::find(path, MARKS)?;
         if !to.is_stream() {
             // Emptied, so that a former report is not taken for this one's if it is killed.
-            to.write(b"").with_context(cannot).map_err(Failure::usage)?;
+            to.write("")
+                .map_err(|failure| Failure::usage(failure.error))?;
         }
         let folder = tempfile::Builder::new().prefix("sim-report-").tempdir();
         let folder = folder.context("cannot make a folder for recordings");
         Ok(Self {
             devices,
-            path: path.to_owned(),
             to,
             about: about(args),
             folder: folder.map_err(Failure::system)?,
@@ -123,11 +119,8 @@ impl Page {
             known.unwrap_or_else(|| Row::new(case, None))
         };
         let rows: Vec<Row> = cases.iter().enumerate().map(row).collect();
-        let text = page(&self.about, &rows, &shown.cases).into_string();
-        let written = self.to.write(text.as_bytes());
-        written
-            .with_context(|| format!("cannot write the report {}", visible::name(&self.path)))
-            .map_err(Failure::system)
+        self.to
+            .write(&page(&self.about, &rows, &shown.cases).into_string())
     }
 }
 
@@ -215,6 +208,23 @@ fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>
     }
     let passed = counts.get(&Verdict::Passed).copied().unwrap_or_default();
     let title = format!("{passed} of {} passed", rows.len());
+    let body = html! {
+        (filter(&counts, rows.len()))
+        (table(rows))
+        @for failed in [true, false] {
+            @for (index, row) in rows.iter().enumerate() {
+                @if (row.verdict != Verdict::Passed) == failed
+                    && let Some(inside) = cases.get(&row.name) {
+                    (shown_case(index, row, inside))
+                }
+            }
+        }
+    };
+    document(&title, about, &body)
+}
+
+/// A page of results, with what they are about.
+pub(super) fn document(title: &str, about: &[(&str, String)], body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -223,7 +233,7 @@ fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>
                 meta name="generator" content="sim";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
-                // Nothing is fetched and nothing is executed, whatever anybody's titles say.
+                // Nothing is fetched and nothing is executed, whatever titles say.
                 meta http-equiv="Content-Security-Policy"
                     content="default-src 'none'; style-src 'unsafe-inline'";
                 title { (title) }
@@ -234,16 +244,7 @@ fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>
                 dl.run {
                     @for (name, value) in about { div { dt { (name) } dd { (readable(value)) } } }
                 }
-                (filter(&counts, rows.len()))
-                (table(rows))
-                @for failed in [true, false] {
-                    @for (index, row) in rows.iter().enumerate() {
-                        @if (row.verdict != Verdict::Passed) == failed
-                            && let Some(inside) = cases.get(&row.name) {
-                            (shown_case(index, row, inside))
-                        }
-                    }
-                }
+                (body)
             }
         }
     }
@@ -285,7 +286,7 @@ fn table(rows: &[Row]) -> Markup {
     }
 }
 
-fn badge(verdict: Verdict) -> Markup {
+pub(super) fn badge(verdict: Verdict) -> Markup {
     let word = verdict.word();
     html! { span class=(format!("badge {word}")) { (word) } }
 }

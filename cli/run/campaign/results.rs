@@ -15,12 +15,13 @@ use flate2::bufread::MultiGzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 
+use crate::args::Shard;
 use crate::exit::Failure;
-use crate::run::{Case, CaseResult, Verdict};
+use crate::run::case::{Case, CaseResult, Verdict};
+use crate::run::view::View;
 use crate::visible;
 
 use super::plan::{MOST_CASES, Plan};
-use super::shard::Shard;
 
 /// Longest time for which results are kept in memory.
 const FLUSH: Duration = Duration::from_secs(2);
@@ -182,23 +183,15 @@ impl Results {
             return Ok(());
         }
         let played = result.played.as_ref();
-        let failure = played.and_then(|played| played.outcome.failures.first());
-        let reason = result
-            .why
-            .clone()
-            .or_else(|| failure.map(ToString::to_string));
-        let text = result
-            .why
-            .as_deref()
-            .or_else(|| failure.map(|failure| failure.what.as_str()));
+        let what = result.why.as_deref().or_else(|| result.failed());
         self.add(&Line {
             file,
             repeat: case.repeat.unwrap_or_default(),
             name: case.name(),
             seed: case.seed,
             verdict: result.verdict,
-            signature: text.map(signature),
-            reason,
+            signature: what.map(signature),
+            reason: View::new(&case.loaded.scenario, Some(result), case.is_live()).reason,
             simulated_s: played.map_or(0.0, |played| played.outcome.ended_at.as_secs_f64()),
             trace: played.and_then(|played| played.trace.clone()),
             took_s: played.map_or(0.0, |played| played.took.as_secs_f64()),
@@ -218,12 +211,11 @@ impl Results {
         else {
             return Ok(());
         };
-        let failure = result
-            .played
-            .as_ref()
-            .and_then(|played| played.outcome.failures.first());
-        if let Some(failure) = failure.filter(|_| result.verdict == Verdict::Failed) {
-            let count = self.failures.entry(signature(&failure.what)).or_default();
+        if let Some(what) = result
+            .failed()
+            .filter(|_| result.verdict == Verdict::Failed)
+        {
+            let count = self.failures.entry(signature(what)).or_default();
             *count += 1;
             if *count <= TRACES
                 && let Some(name) = trace.file_name()

@@ -17,7 +17,7 @@ fn plan() -> Plan {
         client: Vec::new(),
         client_files: Vec::new(),
         set: Vec::new(),
-        files: vec![crate::campaign::plan::PlannedFile {
+        files: vec![crate::run::campaign::plan::PlannedFile {
             file: "a.toml".to_owned(),
             parameters: Vec::new(),
             seed: 1,

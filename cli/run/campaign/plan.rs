@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::Failure;
-use crate::run::Case;
 use crate::scenario_files::Loaded;
 use crate::visible;
 
-use super::shard::Shard;
+use crate::args::Shard;
+use crate::run::case::Case;
 
 /// Version of the form of results.
 const FORMAT: u32 = 1;
@@ -137,66 +137,49 @@ impl Plan {
         format!("sim run --seed {seed} {command}")
     }
 
+    /// All that plans can differ in: a name and a value, which is not shown if it is a digest.
+    fn parts(&self) -> impl Iterator<Item = (String, String)> {
+        let head = [
+            ("the version of sim", self.program.clone()),
+            ("the number of shards", self.shards.to_string()),
+            ("--repeat", self.repeat.to_string()),
+            ("the client", self.client.join(" ")),
+            (
+                "a file of the client has changed",
+                self.client_files.join(" "),
+            ),
+            ("the number of files", self.files.len().to_string()),
+        ];
+        let files = self.files.iter().flat_map(|file| {
+            let name = file.name();
+            let changed = format!("{name}, its base or world, or the settings have changed");
+            [
+                ("the files".to_owned(), name),
+                ("the seed".to_owned(), file.seed.to_string()),
+                (changed, file.digest.clone()),
+                ("the flags".to_owned(), file.commands[0].clone()),
+            ]
+        });
+        head.map(|(what, value)| (what.to_owned(), value))
+            .into_iter()
+            .chain(files)
+    }
+
     /// Returns what makes another plan of `other`, in words; `None` if nothing does.
     pub(crate) fn difference(&self, other: &Self) -> Option<String> {
-        let both = |what: &str, ours: &str, theirs: &str| {
-            Some(format!(
-                "{what}: {} and {}",
-                visible::line(ours),
-                visible::line(theirs)
-            ))
-        };
         if self == other {
             return None;
         }
-        if (self.format, &self.program) != (other.format, &other.program) {
-            return both("the version of sim", &self.program, &other.program);
-        }
-        if self.shards != other.shards {
-            return both(
-                "the number of shards",
-                &self.shards.to_string(),
-                &other.shards.to_string(),
-            );
-        }
-        if self.repeat != other.repeat {
-            return both(
-                "--repeat",
-                &self.repeat.to_string(),
-                &other.repeat.to_string(),
-            );
-        }
-        if self.client != other.client {
-            return both(
-                "the client",
-                &self.client.join(" "),
-                &other.client.join(" "),
-            );
-        }
-        if self.client_files != other.client_files {
-            return Some("a file of the client has changed".to_owned());
-        }
-        let mut pairs = self.files.iter().zip(&other.files);
-        let Some((ours, theirs)) = pairs.find(|(ours, theirs)| ours != theirs) else {
-            return both(
-                "the number of files",
-                &self.files.len().to_string(),
-                &other.files.len().to_string(),
-            );
-        };
-        if ours.name() != theirs.name() {
-            return both("the files", &ours.name(), &theirs.name());
-        }
-        if ours.seed != theirs.seed {
-            return both("the seed", &ours.seed.to_string(), &theirs.seed.to_string());
-        }
-        if ours.digest == theirs.digest {
-            return both("the flags", &ours.commands[0], &theirs.commands[0]);
-        }
-        Some(format!(
-            "{}, its base or world, or the settings have changed",
-            ours.name()
-        ))
+        let mut pairs = self.parts().zip(other.parts());
+        let first = pairs.find(|((_, ours), (_, theirs))| ours != theirs);
+        Some(match first {
+            Some(((what, _), _)) if what.ends_with("changed") => what,
+            Some(((what, ours), (_, theirs))) => {
+                let [ours, theirs] = [&ours, &theirs].map(|value| visible::line(value));
+                format!("{what}: {ours} and {theirs}")
+            }
+            None => "their form".to_owned(),
+        })
     }
 }
 
