@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use rigsim_core::device::host::{Message, Reply, ReplyReader};
+use rigsim_core::device::host::{Frame, FrameReader, Message};
 use rigsim_core::device::names::COMMON;
 use rigsim_core::device::{
     Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Framing, HostSpec,
@@ -58,7 +58,7 @@ static ROBOT: DeviceSpec = DeviceSpec {
     host: HostSpec {
         read: |value, _| Ok(rigsim_settings::read::<Command>(value)?.message()),
         schema: |generator| vec![Command::json_schema(generator)],
-        reader: |_, _| Box::new(Replies(Vec::new())),
+        frames: |_, sender, _| Box::new(Lines(Vec::new(), sender)),
         chatters: false,
     },
     effects: &[effects::<RobotFault>()],
@@ -193,24 +193,30 @@ impl Command {
     }
 }
 
-struct Replies(Vec<u8>);
+struct Lines(Vec<u8>, Sender);
 
-impl ReplyReader for Replies {
-    fn push(&mut self, _now: SimTime, byte: u8) -> Vec<Reply> {
+impl FrameReader for Lines {
+    fn push(&mut self, _now: SimTime, byte: u8) -> Vec<Frame> {
+        self.0.push(byte);
+        self.0.truncate(MOST_LINE);
         if byte != b'\n' {
-            self.0.push(byte);
-            self.0.truncate(MOST_LINE);
             return Vec::new();
         }
-        let line = std::mem::take(&mut self.0);
+        let bytes = std::mem::take(&mut self.0);
+        let line = bytes.trim_ascii_end();
         let [done, odometry, battery] = &REPLIES;
-        let (info, fields) = match line.split_first() {
-            Some((b'O', numbers)) => (odometry, odometry.fields(numbers)),
-            Some((b'B', numbers)) => (battery, battery.fields(numbers)),
-            _ => (done, done.fields(&[u8::from(line == b"OK")])),
+        let (info, payload) = match line.split_first() {
+            Some((b'O', numbers)) => (odometry, numbers.to_vec()),
+            Some((b'B', numbers)) => (battery, numbers.to_vec()),
+            _ => (done, vec![u8::from(line == b"OK")]),
         };
-        let command = Some(info.id);
-        vec![Reply { command, fields }]
+        let message = Some((info, payload)).filter(|_| self.1 == Sender::Device);
+        let command = message.as_ref().map(|(info, _)| info.id);
+        vec![Frame {
+            bytes,
+            command,
+            message,
+        }]
     }
 }
 

@@ -1,7 +1,7 @@
 //! The scripted client: it sends what the file says and compares what comes back.
 
 use rigsim_core::SimTime;
-use rigsim_core::device::host::{Reply, ReplyReader};
+use rigsim_core::device::host::{Frame, FrameReader, Reply, Sender};
 use rigsim_core::event::Hex;
 use rigsim_core::line::ClientLine;
 use rigsim_core::rig::PortId;
@@ -19,7 +19,7 @@ const MOST_RAW: usize = 4096;
 pub(super) struct HostPort {
     /// Set if its port is open; what it sends without that goes nowhere.
     open: bool,
-    reader: Box<dyn ReplyReader>,
+    reader: Box<dyn FrameReader>,
     /// It sends by itself, so not all that comes answers.
     chatters: bool,
     waiting: Vec<Waiting>,
@@ -39,7 +39,7 @@ impl HostPort {
         let host = &plan.device.host;
         Some(Self {
             open: true,
-            reader: (host.reader)(link, plan.own_settings()?),
+            reader: (host.frames)(link, Sender::Device, plan.own_settings()?),
             chatters: host.chatters,
             waiting: Vec::new(),
         })
@@ -186,6 +186,7 @@ impl Run {
         let mut over = Vec::new();
         for &byte in bytes {
             let found = host.reader.push(now, byte);
+            let found: Vec<Reply> = found.iter().filter_map(Frame::reply).collect();
             host.waiting.retain_mut(|waiting| {
                 let mut verdict = waiting.byte(byte, chatters);
                 for found in &found {

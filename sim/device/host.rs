@@ -6,7 +6,7 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 use super::DeviceSettings;
-pub use crate::message::{Field, Fields};
+pub use crate::message::{Field, Fields, MessageInfo, Sender};
 
 /// Commands and replies of a device, for scripted clients.
 #[derive(Clone, Copy)]
@@ -15,8 +15,8 @@ pub struct HostSpec {
     pub read: fn(&Spanned<DeValue<'_>>, &dyn DeviceSettings) -> Result<Message, ReadError>,
     /// The forms of commands in files: alternatives, each with its name as the only key.
     pub schema: fn(&mut SchemaGenerator) -> Vec<Schema>,
-    /// Finds replies among the bytes of a link.
-    pub reader: fn(link: usize, &dyn DeviceSettings) -> Box<dyn ReplyReader>,
+    /// Finds the frames of one side among the bytes of a link.
+    pub frames: fn(link: usize, Sender, &dyn DeviceSettings) -> Box<dyn FrameReader>,
     /// It sends by itself, so that not all it sends answers.
     pub chatters: bool,
 }
@@ -32,10 +32,54 @@ pub struct Message {
     pub command: Option<u8>,
 }
 
-/// Finds replies among bytes.
-pub trait ReplyReader: Send {
-    /// Takes a byte that came at `now`; gives the replies that it ends.
-    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Reply>;
+/// Finds frames among bytes.
+pub trait FrameReader: Send {
+    /// Takes a byte that came at `now`; returns what ends with it, or has ended before it.
+    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Frame>;
+}
+
+/// A frame of either side, or bytes that are none.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// As they are on the wire.
+    pub bytes: Vec<u8>,
+    /// The command that it is or answers, if it says so.
+    pub command: Option<u8>,
+    /// The message that it is, with the bytes of its fields; `None` for what no declaration fits.
+    pub message: Option<(&'static MessageInfo, Vec<u8>)>,
+}
+
+impl Frame {
+    /// Bytes that are no message.
+    #[must_use]
+    pub fn none(bytes: Vec<u8>) -> Self {
+        Self {
+            bytes,
+            command: None,
+            message: None,
+        }
+    }
+
+    /// The fields by name.
+    #[must_use]
+    pub fn reply(&self) -> Option<Reply> {
+        let (info, payload) = self.message.as_ref()?;
+        Some(Reply {
+            command: self.command,
+            fields: info.fields(payload),
+        })
+    }
+
+    /// It in words.
+    #[must_use]
+    pub fn show(&self) -> String {
+        let command = self.command.map(|command| format!("0x{command:02X} "));
+        let command = command.unwrap_or_default();
+        match &self.message {
+            Some((info, payload)) => format!("{command}{}{}", info.name, info.show(payload)),
+            None => format!("{command}bytes that are no message"),
+        }
+    }
 }
 
 /// A reply.

@@ -9,13 +9,12 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 use super::MecanumSettings;
-use crate::device::host::{Message, Reply, ReplyReader};
+use crate::device::host::{Frame, FrameReader, Message, Sender};
 use crate::device::{DeviceSettings, HostSpec, typed};
 use crate::mecanum_device::ascii::{REPORTS, Report};
-use crate::mecanum_device::codec::{Decoded, Decoder, Rules};
+use crate::mecanum_device::codec::{Decoded, Decoder, Rules, encode, reorder};
 use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::settings::ByteOrder;
-use crate::message::Message as _;
 
 /// Silence after which a client gives up a packet that was begun.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -30,12 +29,17 @@ pub(super) const HOST: HostSpec = HostSpec {
             LineCommand::json_schema(generator),
         ]
     },
-    reader: |link, settings| match link {
-        0 => Box::new(Packets(Decoder::by(Rules {
-            order: byte_order(settings),
+    frames: |link, sender, settings| {
+        let order = byte_order(settings);
+        let rules = Rules {
+            order,
             ..Rules::new(PAUSE)
-        }))),
-        _ => Box::new(Lines(Vec::new())),
+        };
+        match (link, sender) {
+            (0, Sender::Client) => Box::new(Packets::<Request>(Decoder::by(rules), order)),
+            (0, Sender::Device) => Box::new(Packets::<Status>(Decoder::by(rules), order)),
+            _ => Box::new(Lines(Vec::new(), sender)),
+        }
     },
     chatters: true,
 };
@@ -74,39 +78,49 @@ fn byte_order(settings: &dyn DeviceSettings) -> ByteOrder {
     typed::<MecanumSettings>(settings).firmware.byte_order
 }
 
-struct Packets(Decoder<Status>);
+struct Packets<P>(Decoder<P>, ByteOrder);
 
-impl ReplyReader for Packets {
-    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Reply> {
+impl<P: crate::message::Message + Send> FrameReader for Packets<P> {
+    fn push(&mut self, now: SimTime, byte: u8) -> Vec<Frame> {
         let mut found = Vec::new();
-        self.0.expire(now, &mut |_| {});
-        self.0.push(now, byte, &mut |decoded| {
-            if let Decoded::Packet(status) = decoded {
-                found.push(Reply {
-                    command: None,
-                    fields: status.info().fields(&status.payload()),
-                });
-            }
-        });
+        let order = self.1;
+        let mut take = |decoded| {
+            found.push(match decoded {
+                Decoded::Packet(packet) => {
+                    let packet: P = packet;
+                    let mut bytes = encode(&packet);
+                    reorder::<P>(&mut bytes, order);
+                    Frame {
+                        bytes,
+                        command: None,
+                        message: Some((packet.info(), packet.payload())),
+                    }
+                }
+                Decoded::Partial(bytes) | Decoded::Noise(bytes) => Frame::none(bytes),
+            });
+        };
+        self.0.expire(now, &mut take);
+        self.0.push(now, byte, &mut take);
         found
     }
 }
 
-struct Lines(Vec<u8>);
+struct Lines(Vec<u8>, Sender);
 
-impl ReplyReader for Lines {
-    fn push(&mut self, _now: SimTime, byte: u8) -> Vec<Reply> {
+impl FrameReader for Lines {
+    fn push(&mut self, _now: SimTime, byte: u8) -> Vec<Frame> {
+        if self.0.len() < MOST_LINE {
+            self.0.push(byte);
+        }
         if byte != b'\n' {
-            if self.0.len() < MOST_LINE {
-                self.0.push(byte);
-            }
             return Vec::new();
         }
-        let line = std::mem::take(&mut self.0);
-        let reply = Report::parse(&line).map(|_| Reply {
+        let bytes = std::mem::take(&mut self.0);
+        let report = Report::parse(&bytes).filter(|_| self.1 == Sender::Device);
+        vec![Frame {
             command: None,
-            fields: REPORTS[0].fields(&line),
-        });
-        reply.into_iter().collect()
+            message: report.map(|_| (&REPORTS[0], bytes.clone())),
+            bytes,
+        }]
     }
 }

@@ -6,7 +6,8 @@ use rigsim_settings::SimTime;
 use schemars::JsonSchema;
 
 use crate::device::HostSpec;
-use crate::device::host::{Message, Reply as Found, ReplyReader};
+use crate::device::host::{Frame as Found, FrameReader, Message, Sender};
+use crate::message::Message as _;
 use crate::r150_device::codec::{Decoded, Decoder, Frame};
 use crate::r150_device::command::{Reply, Request};
 use crate::r150_device::settings::Resync;
@@ -24,33 +25,45 @@ pub(super) const HOST: HostSpec = HostSpec {
         })
     },
     schema: |generator| vec![Request::json_schema(generator)],
-    reader: |_, _| Box::new(Reader(Decoder::new(PAUSE, Resync::SecondByte))),
+    frames: |_, sender, _| Box::new(Reader(Decoder::new(PAUSE, Resync::SecondByte), sender)),
     chatters: false,
 };
 
-struct Reader(Decoder);
+struct Reader(Decoder, Sender);
 
-impl ReplyReader for Reader {
+impl FrameReader for Reader {
     fn push(&mut self, now: SimTime, byte: u8) -> Vec<Found> {
         let mut found = Vec::new();
-        self.0.expire(now, &mut |_| {});
-        self.0.push(now, byte, &mut |decoded| {
-            if let Decoded::Frame(frame) = decoded {
-                found.extend(read_frame(&frame));
-            }
-        });
+        let sender = self.1;
+        let mut take = |decoded| {
+            found.push(match decoded {
+                Decoded::Frame(frame) => read_frame(&frame, sender),
+                Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
+                    Found::none(bytes)
+                }
+            });
+        };
+        self.0.expire(now, &mut take);
+        self.0.push(now, byte, &mut take);
         found
     }
 }
 
-/// A reply; some modules set the command's high bit in it.
-fn read_frame(frame: &Frame) -> Option<Found> {
+/// A request or a reply; some modules set the command's high bit in a reply.
+fn read_frame(frame: &Frame, sender: Sender) -> Found {
+    let parameters = frame.parameters();
+    let find = |command: u8| {
+        let info = match sender {
+            Sender::Client => Request::parse(command, parameters).ok()?.info(),
+            Sender::Device => Reply::parse(command, parameters).ok()?.info(),
+        };
+        Some((command, info))
+    };
     let plain = [frame.command(), frame.command() & 0x7F];
-    plain.into_iter().find_map(|command| {
-        let reply = Reply::parse(command, frame.parameters()).ok()?;
-        Some(Found {
-            command: Some(command),
-            fields: reply.fields(),
-        })
-    })
+    let found = plain.into_iter().find_map(find);
+    Found {
+        bytes: frame.bytes().to_vec(),
+        command: Some(found.map_or(frame.command(), |(command, _)| command)),
+        message: found.map(|(_, info)| (info, parameters.to_vec())),
+    }
 }
