@@ -25,6 +25,14 @@ pub(crate) trait Kind: Debug + Send + Sync {
     fn is_public(&self) -> bool {
         false
     }
+
+    fn room(&self) -> usize {
+        usize::MAX
+    }
+
+    fn set_line(&mut self, _line: ClientLine) -> Result<(), PortError> {
+        Ok(())
+    }
 }
 
 /// Something that has happened at a port.

@@ -108,6 +108,23 @@ impl Port {
         self.0.client_line()
     }
 
+    /// Sets a real serial port as a client has set its end of a line that is passed on: speed, stop bits
+    /// and flow control. A speed of 0 and ports of other kinds stay as they are.
+    ///
+    /// # Errors
+    ///
+    /// When the port was unplugged, or does not do the speed.
+    pub fn set_line(&mut self, line: ClientLine) -> Result<(), PortError> {
+        self.0.set_line(line)
+    }
+
+    /// How many bytes [`write`](Self::write) takes now without dropping any that it has kept. What it
+    /// does not accept of them is not kept either.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.0.room()
+    }
+
     /// Returns whether a client is attached, as far as events were reported. One that has come in another's
     /// place is so from when that one is said to have left.
     #[must_use]

@@ -112,6 +112,10 @@ impl Kind for PtyPort {
         self.counters
     }
 
+    fn room(&self) -> usize {
+        MOST_UNSENT.saturating_sub(self.unsent.len())
+    }
+
     fn client_line(&self) -> Result<Option<ClientLine>, PortError> {
         let settings = self.pair.settings();
         let settings = settings.map_err(|kind| self.error("read the settings of", kind))?;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use rustix::fd::BorrowedFd;
 use rustix::fs::OFlags;
 use rustix::io::{Errno, retry_on_intr};
-use serialport::{DataBits, FlowControl, StopBits, TTYPort};
+use serialport::{DataBits, FlowControl, SerialPort as _, StopBits, TTYPort};
 
 use crate::error::{PortError, PortErrorKind};
 use crate::hub::{IN, Registration};
@@ -26,7 +26,7 @@ pub(crate) struct SerialPort {
 }
 
 impl SerialPort {
-    pub(crate) fn open(path: &Path, baud: u32, stop_bits: u32) -> Result<Self, PortError> {
+    pub(crate) fn open(path: &Path, baud: u32, count: u32) -> Result<Self, PortError> {
         let open = || {
             if baud == 0 {
                 return Err(PortErrorKind::ZeroBaud);
@@ -34,11 +34,7 @@ impl SerialPort {
             let tty = serialport::new(path.to_string_lossy(), baud)
                 .data_bits(DataBits::Eight)
                 .parity(serialport::Parity::None)
-                .stop_bits(if stop_bits == 2 {
-                    StopBits::Two
-                } else {
-                    StopBits::One
-                })
+                .stop_bits(stop_bits(count))
                 .flow_control(FlowControl::None)
                 .open_native()
                 .map_err(open_error)?;
@@ -118,6 +114,22 @@ impl Kind for SerialPort {
         Ok(None)
     }
 
+    fn set_line(&mut self, line: ClientLine) -> Result<(), PortError> {
+        if line.baud == 0 {
+            return Ok(());
+        }
+        let flow = match line.rts_cts {
+            true => FlowControl::Hardware,
+            false => FlowControl::None,
+        };
+        let tty = &mut self.tty;
+        let set = tty
+            .set_baud_rate(line.baud)
+            .and_then(|()| tty.set_stop_bits(stop_bits(line.stop_bits.into())))
+            .and_then(|()| tty.set_flow_control(flow));
+        set.map_err(|error| PortError::new("set", &self.path, open_error(error)))
+    }
+
     fn read(&mut self, buf: &mut [u8]) -> Result<Event, PortError> {
         let event = self.next_event(buf)?;
         if let Some(registration) = &self.registration {
@@ -142,6 +154,13 @@ impl Kind for SerialPort {
             .map_err(|kind| PortError::new("watch", &self.path, kind))?;
         self.registration = Some(registration);
         Ok(())
+    }
+}
+
+fn stop_bits(count: u32) -> StopBits {
+    match count {
+        2 => StopBits::Two,
+        _ => StopBits::One,
     }
 }
 
