@@ -4,6 +4,7 @@ mod merge;
 mod run;
 mod serve;
 mod shard;
+mod vehicle;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -30,6 +31,7 @@ pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;
 pub(crate) use shard::{Shard, ShardArg};
+pub(crate) use vehicle::TapArgs;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -217,6 +219,7 @@ fn command(devices: Devices) -> clap::Command {
         .mut_subcommand("faults", |sub| {
             sub.mut_arg("device", |arg| arg.value_parser(kinds()))
         })
+        .mut_subcommand("tap", |sub| sub.mut_arg("device", device))
         .mut_subcommand("names", |sub| sub.mut_arg("device", device));
     for (spec, link) in optional_links(devices) {
         let costs = link.optional.unwrap_or_default();
@@ -278,6 +281,8 @@ pub(crate) enum Command {
         /// A trace of `sim run --output` or `sim --trace`.
         trace: PathBuf,
     },
+    /// Stand between your client and a real vehicle, and record what passes.
+    Tap(TapArgs),
     /// Observe and control a simulator that runs with --control.
     Ctl(CtlArgs),
     /// List the faults: what can be broken, with parameters, and what the client sees of it.

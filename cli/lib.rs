@@ -21,6 +21,7 @@ mod start;
 mod summary;
 mod supervise;
 mod trace;
+mod vehicle;
 mod visible;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -53,6 +54,7 @@ pub fn main(devices: Devices) -> ExitCode {
             Some(Command::Check { files, given }) => run::check(devices, files, given),
             Some(Command::Merge(args)) => run::merge(args),
             Some(Command::Replay { trace }) => recording::replay(devices, trace),
+            Some(Command::Tap(args)) => vehicle::tap(devices, args),
             Some(Command::Trace(args)) => trace::trace(devices, args),
             Some(Command::Supervise { client }) => supervise::supervise(client),
             Some(Command::Faults { device, format }) => {

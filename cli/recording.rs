@@ -9,7 +9,7 @@ use anyhow::{Context as _, anyhow};
 use rigsim_core::device::Devices;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Onlooker, Replay, ReplayError};
+use rigsim_runner::trace::{Onlooker, Record, Replay, ReplayError};
 use siphasher::sip128::{Hasher128 as _, SipHasher13};
 
 use crate::exit::{Exit, Failure};
@@ -69,6 +69,20 @@ impl TraceFile {
         self.digest.write_u8(b'\n');
         if self.error.is_none() {
             self.error = writeln!(self.out, "{line}").err();
+        }
+    }
+
+    /// Adds a record.
+    pub(crate) fn record(&mut self, record: &Record) {
+        if let Some(line) = record.to_line() {
+            self.line(&line);
+        }
+    }
+
+    /// Writes out what there is so far.
+    pub(crate) fn flush(&mut self) {
+        if let Err(error) = self.out.flush() {
+            self.error.get_or_insert(error);
         }
     }
 

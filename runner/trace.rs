@@ -26,6 +26,6 @@
 mod onlooker;
 mod replay;
 
-pub use crate::run::record::{FORMAT, Header, Hexed, PortRecord, Record, TextRecord};
+pub use crate::run::record::{FORMAT, Header, Hexed, MOST_BYTES, PortRecord, Record, TextRecord};
 pub use onlooker::Onlooker;
 pub use replay::{Difference, Replay, ReplayError};

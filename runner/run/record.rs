@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// Version of the form of a trace.
 pub const FORMAT: u32 = 1;
 /// Most bytes of one line.
-pub(crate) const MOST_BYTES: usize = 1024;
+pub const MOST_BYTES: usize = 1024;
 
 /// A line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -198,7 +198,7 @@ impl<'de> Deserialize<'de> for Hexed {
 
 impl Record {
     /// The line, without its line feed.
-    pub(super) fn to_line(&self) -> Option<String> {
+    pub fn to_line(&self) -> Option<String> {
         let line = serde_json::to_string(self);
         debug_assert!(line.is_ok(), "every record can be written");
         line.ok()

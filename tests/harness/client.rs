@@ -147,6 +147,14 @@ impl Client {
         }
     }
 
+    /// The next bytes, so many of them.
+    pub fn read_count(&mut self, count: usize) -> Vec<u8> {
+        let mut bytes = vec![0; count];
+        self.port.set_timeout(PATIENCE).unwrap();
+        self.port.read_exact(&mut bytes).expect("they come");
+        bytes
+    }
+
     /// Whatever arrives within this time.
     pub fn read_for(&mut self, time: Duration) -> Vec<u8> {
         let start = Instant::now();

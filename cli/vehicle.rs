@@ -1,0 +1,65 @@
+//! Work with a real vehicle.
+
+mod capture;
+mod tap;
+
+pub(crate) use tap::tap;
+
+use anyhow::anyhow;
+use rigsim_core::device::Devices;
+use rigsim_core::settings::SimSettings;
+use rigsim_physics::Pose;
+use rigsim_runner::trace::{FORMAT, Header};
+use rigsim_runner::{DevicePlan, RigPlan};
+
+use crate::config;
+use crate::exit::Failure;
+
+/// One device of this kind with so many links, at rest and ready.
+fn plan_of(
+    devices: Devices,
+    kind: &str,
+    links: usize,
+    settings: SimSettings,
+) -> Result<RigPlan, Failure> {
+    let found = devices.iter().find(|device| device.id == kind);
+    let device = found.ok_or_else(|| Failure::usage(anyhow!("no device is a `{kind}`")))?;
+    let most = device.links.len();
+    if !(1..=most).contains(&links) {
+        let why = anyhow!("{} has 1 to {most} links, not {links}", device.title);
+        return Err(Failure::usage(why));
+    }
+    let planned = DevicePlan {
+        name: device.id.to_owned(),
+        device,
+        start: 0,
+        pose: Pose::default(),
+        settings: settings.clone(),
+        ports: vec![None; links],
+    };
+    Ok(RigPlan {
+        world: None,
+        seed: None,
+        settings,
+        devices: vec![planned],
+    })
+}
+
+/// First line of a recording of a vehicle.
+fn header(plan: &RigPlan) -> Header {
+    Header {
+        format: FORMAT,
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: 0,
+        paced: true,
+        live: true,
+        serving: true,
+        file: "a recorded vehicle".to_owned(),
+        scenario: plan.to_toml(),
+        base: Vec::new(),
+        parameters: Vec::new(),
+        set: Vec::new(),
+        settings: config::changed(&plan.settings).join("\n"),
+        world: None,
+    }
+}

@@ -1,0 +1,98 @@
+//! Captures made elsewhere, read into a recording.
+
+use anyhow::{Context as _, anyhow};
+use rigsim_core::event::read_hex;
+use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
+
+/// Turns `seconds,direction,bytes` on each line into records; a heading, empty lines and comments that
+/// begin with `#` are skipped. Times count from the first line.
+pub(super) fn read(text: &str, links: usize) -> anyhow::Result<Vec<Record>> {
+    let mut records = Vec::new();
+    let mut begin = None;
+    let mut last = 0;
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        let is_heading = number == 0 && !line.starts_with(|c: char| c.is_ascii_digit());
+        if line.is_empty() || line.starts_with('#') || is_heading {
+            continue;
+        }
+        let row = row(line, links).with_context(|| format!("line {}", number + 1))?;
+        let at = row.at - *begin.get_or_insert(row.at) + 1_000_000;
+        let t = u64::try_from(at).ok().filter(|t| *t >= last);
+        let t = t.ok_or_else(|| anyhow!("line {}: time goes back", number + 1))?;
+        if records.is_empty() {
+            records.extend((0..links).map(|link| Record::Attach {
+                t: 0,
+                port: PortRecord(0, link),
+            }));
+        }
+        last = t;
+        let port = PortRecord(0, row.link);
+        records.extend(row.bytes.chunks(MOST_BYTES).map(|bytes| {
+            let bytes = Hexed(bytes.to_vec());
+            match row.by_client {
+                true => Record::In { t, port, bytes },
+                false => Record::Out {
+                    t,
+                    dt: 0,
+                    port,
+                    bytes,
+                },
+            }
+        }));
+    }
+    if records.is_empty() {
+        return Err(anyhow!(
+            "it has no lines; each is `seconds,direction,bytes`"
+        ));
+    }
+    Ok(records)
+}
+
+struct Row {
+    /// ns, from an arbitrary time on.
+    at: i128,
+    by_client: bool,
+    link: usize,
+    bytes: Vec<u8>,
+}
+
+fn row(line: &str, links: usize) -> anyhow::Result<Row> {
+    let mut cells = line.splitn(3, ',').map(str::trim);
+    let mut cell = || cells.next().unwrap_or_default();
+    let (seconds, direction, bytes) = (cell(), cell(), cell());
+    let (side, link) = direction.split_once(':').unwrap_or((direction, "0"));
+    let link: usize = link
+        .parse()
+        .ok()
+        .filter(|link| *link < links)
+        .ok_or_else(|| anyhow!("there is no link `{link}`; allowed: 0 to {}", links - 1))?;
+    let by_client = match side {
+        "client" => true,
+        "vehicle" => false,
+        _ => {
+            return Err(anyhow!(
+                "`{side}` is no direction; allowed: client, vehicle"
+            ));
+        }
+    };
+    let bytes = read_hex(bytes.chars().filter(|c| !c.is_ascii_whitespace()));
+    Ok(Row {
+        at: nanoseconds(seconds).ok_or_else(|| anyhow!("`{seconds}` is no time in seconds"))?,
+        by_client,
+        link,
+        bytes: bytes.ok_or_else(|| anyhow!("the bytes are no pairs of hexadecimal digits"))?,
+    })
+}
+
+/// Decimal seconds, exactly, so that times since 1970 keep their nanoseconds.
+fn nanoseconds(seconds: &str) -> Option<i128> {
+    let (whole, part) = seconds.split_once('.').unwrap_or((seconds, ""));
+    let digits = part.bytes().all(|byte| byte.is_ascii_digit());
+    let nanos: i128 = format!("{part:0<9.9}").parse().ok().filter(|_| digits)?;
+    let whole: u64 = whole.parse().ok()?;
+    Some(i128::from(whole) * 1_000_000_000 + nanos)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,64 @@
+use super::*;
+
+#[test]
+fn times_count_from_the_first_line_and_keep_their_nanoseconds() {
+    let text = "seconds,direction,bytes\n# a comment\n1700000000.000000001,client,AA 55\n\n\
+                1700000000.5,vehicle:1,0102\n";
+    let records = read(text, 2).unwrap();
+    assert!(matches!(
+        records[0],
+        Record::Attach {
+            port: PortRecord(0, 0),
+            ..
+        }
+    ));
+    assert!(matches!(
+        records[1],
+        Record::Attach {
+            port: PortRecord(0, 1),
+            ..
+        }
+    ));
+    let (first, second) = (PortRecord(0, 0), PortRecord(0, 1));
+    assert_eq!(
+        records[2..],
+        [
+            Record::In {
+                t: 1_000_000,
+                port: first,
+                bytes: Hexed(vec![0xAA, 0x55])
+            },
+            Record::Out {
+                t: 500_999_999,
+                dt: 0,
+                port: second,
+                bytes: Hexed(vec![1, 2])
+            },
+        ]
+    );
+}
+
+#[test]
+fn an_error_names_its_line_and_what_is_allowed() {
+    for (text, why) in [
+        ("1,client,AA\n0.5,client,AA", "line 2: time goes back"),
+        (
+            "1,car,AA",
+            "line 1: `car` is no direction; allowed: client, vehicle",
+        ),
+        (
+            "1,client:1,AA",
+            "line 1: there is no link `1`; allowed: 0 to 0",
+        ),
+        (
+            "1,client,A",
+            "line 1: the bytes are no pairs of hexadecimal digits",
+        ),
+        ("1e3,client,AA", "line 1: `1e3` is no time in seconds"),
+        ("1.-5,client,AA", "line 1: `1.-5` is no time in seconds"),
+        ("", "it has no lines; each is `seconds,direction,bytes`"),
+    ] {
+        let error = read(text, 1).unwrap_err();
+        assert_eq!(format!("{error:#}"), why);
+    }
+}

@@ -1,0 +1,522 @@
+//! Between a client and a real vehicle: passes bytes both ways at once and writes down what passes.
+//!
+//! The vehicle's port is open while the client has its own open, set as the client has set it. When the
+//! vehicle is unplugged, the client's port hangs up; it is there again when the vehicle is.
+
+use std::borrow::Cow;
+use std::collections::VecDeque;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use rigsim_core::SimTime;
+use rigsim_core::device::Devices;
+use rigsim_core::device::host::{FrameReader, Sender};
+use rigsim_core::event::{Code, Event, EventKind, Level, PlainEvent, Role, code};
+use rigsim_core::line::{ClientLine, LineEvent, OnLine};
+use rigsim_pty::{Event as PortEvent, Port, PortError, PtySetup, Waiter};
+use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
+use serde_json::json;
+
+use super::{capture, header, plan_of};
+use crate::args::TapArgs;
+use crate::config;
+use crate::exit::{Exit, Failure};
+use crate::log::{Log, LogFormat, LogOptions, Words};
+use crate::recording::TraceFile;
+use crate::visible;
+
+/// Most bytes that wait for the vehicle to take them; the client has to wait beyond that.
+const MOST_WAITING: usize = 1 << 16;
+/// Reads of a port in a row, so that the other direction gets its turn.
+const MOST_READS: usize = 16;
+/// Time after which a port that took no more is tried again: an eighth of what the smallest buffer of a
+/// serial port holds at 1 Mbit/s.
+const RETRY: Duration = Duration::from_millis(1);
+/// Interval at which the client's line settings are looked at while it sends nothing.
+const LOOK: Duration = Duration::from_millis(20);
+/// Interval at which a vehicle that is gone is looked for.
+const SEARCH: Duration = Duration::from_millis(100);
+/// Interval at which the recording is written out.
+const FLUSH: Duration = Duration::from_secs(1);
+
+rigsim_core::codes! {
+    /// The vehicle was unplugged.
+    VEHICLE_GONE = "vehicle_gone", NoParty;
+    /// It is there again.
+    VEHICLE_BACK = "vehicle_back", NoParty;
+}
+
+/// The `tap` subcommand: records until a signal ends it, or reads a capture.
+pub(crate) fn tap(devices: Devices, args: &TapArgs) -> Result<Exit, Failure> {
+    let settings = config::load(devices, &args.settings)?;
+    if let Some(path) = &args.csv {
+        let most = devices.iter().find(|device| device.id == args.device);
+        let most = most.map_or(1, |device| device.links.len());
+        let plan = plan_of(devices, &args.device, most, settings)?;
+        let text = config::read(path, "capture")?;
+        let records = capture::read(&text, most)
+            .with_context(|| format!("cannot read the capture {}", visible::name(path)))
+            .map_err(Failure::usage)?;
+        let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;
+        trace.record(&Record::Header(Box::new(header(&plan))));
+        records.iter().for_each(|record| trace.record(record));
+        let last = records.iter().rev().find_map(time_of).unwrap_or(0);
+        trace.record(&end(last));
+        return trace.finish().map(|_| Exit::Clean);
+    }
+    if args.vehicle.len() != args.client.len() {
+        let why = anyhow!("give --pty once for each DEVICE, in the same order");
+        return Err(Failure::usage(why));
+    }
+    let plan = plan_of(devices, &args.device, args.vehicle.len(), settings)?;
+    let mut waiter = Waiter::new().map_err(Failure::system)?;
+    waiter.catch_signals().map_err(Failure::system)?;
+    let mut links = Vec::new();
+    for link in plan.links() {
+        let index = link.id.link;
+        let planned = &plan.devices[0];
+        let readers = planned.own_settings().filter(|_| args.verbose);
+        let readers = readers.map(|own| {
+            [Sender::Client, Sender::Device]
+                .map(|sender| (planned.device.host.frames)(index, sender, own))
+        });
+        let (vehicle, place) = (&args.vehicle[index], &args.client[index]);
+        links.push(Link::open(
+            index,
+            vehicle,
+            place,
+            link.baud,
+            readers,
+            &mut waiter,
+        )?);
+    }
+    let options = LogOptions {
+        format: args.log_format,
+        verbose: args.verbose,
+        quiet: false,
+    };
+    let log = Log::start(options, Words::new(&plan))
+        .context("cannot start the thread that prints")
+        .map_err(Failure::system)?;
+    let mut trace = TraceFile::create(args.trace.clone()).map_err(Failure::usage)?;
+    trace.record(&Record::Header(Box::new(header(&plan))));
+    let ports: Vec<String> = links.iter().map(Link::client_path).collect();
+    log.text(match args.log_format {
+        LogFormat::Text => format!("  between {} and the vehicle\nready", ports.join(", ")),
+        LogFormat::Json => visible::json(&json!({"code": "ready", "ports": ports})),
+    });
+    let out = Out {
+        log,
+        trace,
+        start: Instant::now(),
+    };
+    pass(waiter, links, out)
+}
+
+/// Passes everything on until a signal comes.
+fn pass(mut waiter: Waiter, mut links: Vec<Link>, mut out: Out) -> Result<Exit, Failure> {
+    let mut flushed = Instant::now();
+    loop {
+        let timeout = links.iter().filter_map(Link::timeout).min();
+        if links.iter().any(|link| link.is_blocked()) {
+            // The waiter would report the port that is not read at once.
+            std::thread::sleep(RETRY);
+        }
+        let wake = waiter.wait(timeout).map_err(Failure::system)?;
+        let is_over = wake.is_signalled();
+        for link in &mut links {
+            if let Err(error) = link.pass(&mut waiter, &mut out) {
+                link.lose(&error, &mut out);
+            }
+            link.search(&mut waiter, &mut out)?;
+        }
+        if is_over {
+            break;
+        }
+        if flushed.elapsed() > FLUSH {
+            out.trace.flush();
+            flushed = Instant::now();
+        }
+    }
+    out.trace.record(&end(out.now()));
+    let [to_vehicle, to_client] =
+        [0, 1].map(|way| links.iter().map(|link| link.passed[way]).sum::<u64>());
+    drop(links);
+    let last = match out.log.options.format {
+        LogFormat::Text => {
+            format!("{to_vehicle} bytes to the vehicle, {to_client} bytes from it")
+        }
+        LogFormat::Json => visible::json(
+            &json!({"code": "summary", "to_vehicle": to_vehicle, "from_vehicle": to_client}),
+        ),
+    };
+    out.log.finish(Some(last), |_| false);
+    out.trace.finish().map(|_| Exit::Clean)
+}
+
+fn end(t: u64) -> Record {
+    Record::End {
+        t,
+        passed: true,
+        not_applicable: Vec::new(),
+        dropped: 0,
+    }
+}
+
+fn time_of(record: &Record) -> Option<u64> {
+    match record {
+        Record::In { t, .. } | Record::Out { t, .. } => Some(*t),
+        _ => None,
+    }
+}
+
+/// Log and recording.
+struct Out {
+    log: Log,
+    trace: TraceFile,
+    start: Instant,
+}
+
+impl Out {
+    /// Time since the beginning, ns.
+    fn now(&self) -> u64 {
+        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    fn event(&self, t: u64, kind: impl EventKind) {
+        self.log.event(Event {
+            at: SimTime::from_nanos(t),
+            device: 0,
+            kind: Arc::new(kind),
+        });
+    }
+
+    /// Something happened to the vehicle itself.
+    fn vehicle(&mut self, code: Code, text: String) {
+        let t = self.now();
+        self.trace.record(&Record::Event {
+            t,
+            device: 0,
+            code: code.as_str().into(),
+            text: text.clone(),
+        });
+        let role = Role::Other;
+        self.event(t, PlainEvent { code, role, text });
+    }
+}
+
+/// A link of the vehicle with a port on either side.
+struct Link {
+    index: usize,
+    place: PathBuf,
+    vehicle_path: PathBuf,
+    setup: PtySetup,
+    /// `None` while the vehicle is gone.
+    client: Option<Port>,
+    /// Open while the client has its own open, and until what that has sent is passed on.
+    vehicle: Option<Port>,
+    line: Option<ClientLine>,
+    /// Bytes that the other side has not taken yet: to the vehicle, to the client.
+    waiting: [VecDeque<u8>; 2],
+    passed: [u64; 2],
+    /// Set if everything is to be put into words.
+    readers: Option<[Box<dyn FrameReader>; 2]>,
+}
+
+impl Link {
+    fn open(
+        index: usize,
+        vehicle: &Path,
+        place: &Path,
+        baud: u32,
+        readers: Option<[Box<dyn FrameReader>; 2]>,
+        waiter: &mut Waiter,
+    ) -> Result<Self, Failure> {
+        // A wrong path is to be known before a client comes.
+        drop(Port::open_serial(vehicle, baud, 1).map_err(Failure::system)?);
+        let mut link = Self {
+            index,
+            place: place.to_owned(),
+            vehicle_path: vehicle.to_owned(),
+            setup: PtySetup::raw(baud),
+            client: None,
+            vehicle: None,
+            line: None,
+            waiting: Default::default(),
+            passed: [0; 2],
+            readers,
+        };
+        link.publish(waiter).map_err(Failure::system)?;
+        Ok(link)
+    }
+
+    fn client_path(&self) -> String {
+        let client = self.client.as_ref();
+        visible::name(client.map_or(&*self.place, Port::path))
+    }
+
+    /// Opens the client's port.
+    fn publish(&mut self, waiter: &mut Waiter) -> Result<(), PortError> {
+        let mut client = Port::open_at(&self.place, self.setup)?;
+        waiter.add(2 * self.index, &mut client)?;
+        self.client = Some(client);
+        Ok(())
+    }
+
+    fn is_attached(&self) -> bool {
+        self.client.as_ref().is_some_and(Port::is_attached)
+    }
+
+    /// Whether the client has to wait for the vehicle.
+    fn is_blocked(&self) -> bool {
+        self.waiting[0].len() >= MOST_WAITING
+    }
+
+    fn timeout(&self) -> Option<Duration> {
+        match &self.client {
+            None => Some(SEARCH),
+            Some(_) if self.waiting.iter().any(|waiting| !waiting.is_empty()) => Some(RETRY),
+            Some(client) => client.is_attached().then_some(LOOK),
+        }
+    }
+
+    /// Passes on what there is. An error means that the vehicle is gone.
+    fn pass(&mut self, waiter: &mut Waiter, out: &mut Out) -> Result<(), PortError> {
+        self.set_line(out)?;
+        self.write_vehicle()?;
+        self.read_client(waiter, out)?;
+        if !self.is_attached() && self.waiting[0].is_empty() {
+            // Which hangs up there, too.
+            self.vehicle = None;
+        }
+        self.write_client()?;
+        self.read_vehicle(out)
+    }
+
+    fn read_client(&mut self, waiter: &mut Waiter, out: &mut Out) -> Result<(), PortError> {
+        let mut buf = [0; 4096];
+        for _ in 0..MOST_READS {
+            let Some(client) = self
+                .client
+                .as_mut()
+                .filter(|_| self.waiting[0].len() < MOST_WAITING)
+            else {
+                break;
+            };
+            let event = client.read(&mut buf)?;
+            let (t, port) = (out.now(), PortRecord(0, self.index));
+            match event {
+                PortEvent::Idle => break,
+                PortEvent::Attached => {
+                    self.line = None;
+                    out.trace.record(&Record::Attach { t, port });
+                    self.tell(out, t, LineEvent::Attached);
+                    if self.vehicle.is_none() {
+                        let mut vehicle =
+                            Port::open_serial(&self.vehicle_path, self.setup.baud, 1)?;
+                        waiter.add(2 * self.index + 1, &mut vehicle)?;
+                        self.vehicle = Some(vehicle);
+                    }
+                    self.set_line(out)?;
+                }
+                PortEvent::Data(n) => {
+                    // It may have been set between two bursts.
+                    self.set_line(out)?;
+                    self.waiting[0].extend(&buf[..n]);
+                    self.write_vehicle()?;
+                    self.passed[0] += n as u64;
+                    self.record(out, t, Sender::Client, &buf[..n]);
+                }
+                PortEvent::Detached => {
+                    self.waiting[1].clear();
+                    out.trace.record(&Record::Detach { t, port });
+                    self.tell(out, t, LineEvent::Detached);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn read_vehicle(&mut self, out: &mut Out) -> Result<(), PortError> {
+        let mut buf = [0; 4096];
+        for _ in 0..MOST_READS {
+            let Some(vehicle) = &mut self.vehicle else {
+                break;
+            };
+            // What the client does not take stays with the vehicle's port, as without us.
+            let room = if self.waiting[1].is_empty() {
+                buf.len()
+            } else {
+                0
+            };
+            match vehicle.read(&mut buf[..room])? {
+                PortEvent::Data(n) => {
+                    let t = out.now();
+                    self.waiting[1].extend(&buf[..n]);
+                    self.write_client()?;
+                    self.passed[1] += n as u64;
+                    self.record(out, t, Sender::Device, &buf[..n]);
+                }
+                PortEvent::Attached => {}
+                PortEvent::Detached | PortEvent::Idle => break,
+            }
+        }
+        Ok(())
+    }
+
+    fn write_vehicle(&mut self) -> Result<(), PortError> {
+        write(self.vehicle.as_mut(), &mut self.waiting[0])
+    }
+
+    fn write_client(&mut self) -> Result<(), PortError> {
+        let attached = self.client.as_mut().filter(|client| client.is_attached());
+        if attached.is_none() {
+            // As what comes out of a cable that is in no port.
+            self.waiting[1].clear();
+        }
+        write(attached, &mut self.waiting[1])
+    }
+
+    /// Sets the vehicle's port as the client has set its own.
+    fn set_line(&mut self, out: &mut Out) -> Result<(), PortError> {
+        let Some(client) = self.client.as_ref().filter(|client| client.is_attached()) else {
+            return Ok(());
+        };
+        let line = client.client_line()?;
+        if line == self.line {
+            return Ok(());
+        }
+        self.line = line;
+        let Some(line) = line else {
+            return Ok(());
+        };
+        let (t, port) = (out.now(), PortRecord(0, self.index));
+        out.trace.record(&Record::Line { t, port, line });
+        if line.parity {
+            self.tell(out, t, LineEvent::Parity);
+        }
+        let vehicle = self.vehicle.as_mut();
+        vehicle.map_or(Ok(()), |vehicle| vehicle.set_line(line))
+    }
+
+    fn tell(&self, out: &Out, t: u64, event: LineEvent) {
+        let link = self.index;
+        out.event(t, OnLine { link, event });
+    }
+
+    fn record(&mut self, out: &mut Out, t: u64, sender: Sender, bytes: &[u8]) {
+        let port = PortRecord(0, self.index);
+        for bytes in bytes.chunks(MOST_BYTES) {
+            let bytes = Hexed(bytes.to_vec());
+            out.trace.record(&match sender {
+                Sender::Client => Record::In { t, port, bytes },
+                Sender::Device => Record::Out {
+                    t,
+                    dt: 0,
+                    port,
+                    bytes,
+                },
+            });
+        }
+        let Some(readers) = &mut self.readers else {
+            return;
+        };
+        let reader = &mut readers[usize::from(sender == Sender::Device)];
+        for byte in bytes {
+            for frame in reader.push(SimTime::from_nanos(t), *byte) {
+                let passed = Passed {
+                    link: self.index,
+                    sender,
+                    text: frame.show(),
+                    bytes: frame.bytes,
+                };
+                out.event(t, passed);
+            }
+        }
+    }
+
+    /// The vehicle is gone: the client's port hangs up, as that of a cable that is unplugged.
+    fn lose(&mut self, error: &PortError, out: &mut Out) {
+        let (t, port) = (out.now(), PortRecord(0, self.index));
+        if self.is_attached() {
+            out.trace.record(&Record::Detach { t, port });
+        }
+        (self.client, self.vehicle, self.line) = (None, None, None);
+        self.waiting.iter_mut().for_each(VecDeque::clear);
+        out.vehicle(VEHICLE_GONE, format!("the vehicle is gone: {error}"));
+    }
+
+    /// Looks for a vehicle that is gone, and opens the client's port again when it is there.
+    fn search(&mut self, waiter: &mut Waiter, out: &mut Out) -> Result<(), Failure> {
+        if self.client.is_some()
+            || Port::open_serial(&self.vehicle_path, self.setup.baud, 1).is_err()
+        {
+            return Ok(());
+        }
+        self.publish(waiter).map_err(Failure::system)?;
+        let path = self.client_path();
+        out.vehicle(
+            VEHICLE_BACK,
+            format!("the vehicle is there again, at {path}"),
+        );
+        Ok(())
+    }
+}
+
+/// Writes as much as a port takes without losing any.
+fn write(port: Option<&mut Port>, waiting: &mut VecDeque<u8>) -> Result<(), PortError> {
+    let Some(port) = port.filter(|_| !waiting.is_empty()) else {
+        return Ok(());
+    };
+    let bytes = waiting.make_contiguous();
+    let most = bytes.len().min(port.room());
+    let accepted = port.write(&bytes[..most])?;
+    waiting.drain(..accepted);
+    Ok(())
+}
+
+/// A message that has passed.
+#[derive(Debug, PartialEq)]
+struct Passed {
+    link: usize,
+    sender: Sender,
+    text: String,
+    bytes: Vec<u8>,
+}
+
+impl EventKind for Passed {
+    fn level(&self) -> Level {
+        Level::Traffic
+    }
+
+    fn code(&self) -> Code {
+        match self.sender {
+            Sender::Client => code::REQUEST,
+            Sender::Device => code::REPLY,
+        }
+    }
+
+    fn link(&self) -> Option<usize> {
+        Some(self.link)
+    }
+
+    fn role(&self) -> Role {
+        match self.sender {
+            Sender::Client => Role::Request,
+            Sender::Device => Role::Reply,
+        }
+    }
+
+    fn bytes(&self) -> Option<Cow<'_, [u8]>> {
+        Some(Cow::Borrowed(&self.bytes))
+    }
+}
+
+impl fmt::Display for Passed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}

@@ -1,0 +1,378 @@
+//! Between a client and a vehicle: what passes, what is recorded, and what a recording tells.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use std::io::{Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use harness::client::Client;
+use harness::wire::frame;
+use harness::{PATIENCE, Sim, command, json_lines, run, until};
+use rigsim_pty::{Event, Port, PtySetup, Waiter};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A recorder between `dir/client` and the vehicle at `dir/vehicle`, which is there already.
+fn tap(dir: &TempDir, args: &[&str]) -> Sim {
+    let [client, vehicle, trace] = ["client", "vehicle", "drive.jsonl"].map(|f| dir.path().join(f));
+    let mut command = command();
+    command.arg("tap").arg(vehicle).arg("--pty").arg(&client);
+    command.arg("--trace").arg(trace).args(args);
+    let sim = Sim::spawn(&mut command, client, None);
+    sim.wait_ready();
+    sim
+}
+
+/// The bytes of a recording, of one kind of record.
+fn recorded(dir: &TempDir, kind: &str) -> Vec<u8> {
+    let of_kind = records(&dir.path().join("drive.jsonl"));
+    let of_kind = of_kind.iter().filter(|record| record["kind"] == kind);
+    let bytes = |record: &Value| {
+        let digits = record["bytes"].as_str().unwrap().as_bytes().to_vec();
+        let pairs = digits
+            .chunks(2)
+            .map(|pair| std::str::from_utf8(pair).unwrap().to_owned());
+        pairs
+            .map(|pair| u8::from_str_radix(&pair, 16).unwrap())
+            .collect::<Vec<_>>()
+    };
+    of_kind.flat_map(bytes).collect()
+}
+
+fn records(path: &Path) -> Vec<Value> {
+    json_lines(&std::fs::read_to_string(path).unwrap())
+}
+
+/// Bytes that do not repeat soon.
+fn noise(count: usize, seed: u32) -> Vec<u8> {
+    let mut state = seed;
+    let next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        state.to_be_bytes()[0]
+    };
+    std::iter::repeat_with(next).take(count).collect()
+}
+
+/// A device at `dir/vehicle` that says what comes, and sends.
+struct Vehicle {
+    came: Receiver<Vec<u8>>,
+    thread: JoinHandle<()>,
+}
+
+impl Vehicle {
+    /// Sends `bytes` once something has come; ends, as if unplugged, when what comes is not listened to.
+    fn start(dir: &TempDir, bytes: Vec<u8>) -> Self {
+        let path = dir.path().join("vehicle");
+        let mut port = Port::open_at(path, PtySetup::raw(115_200)).unwrap();
+        let (tell, came) = channel();
+        let thread = std::thread::spawn(move || {
+            let mut waiter = Waiter::new().unwrap();
+            waiter.add(0, &mut port).unwrap();
+            let (mut buf, mut sent, mut begun) = ([0; 4096], 0, false);
+            loop {
+                waiter.wait(Some(Duration::from_millis(1))).unwrap();
+                let event = port.read(&mut buf).unwrap();
+                begun |= matches!(event, Event::Data(_));
+                match event {
+                    Event::Data(n) if tell.send(buf[..n].to_vec()).is_err() => return,
+                    // So it learns that it is to end.
+                    Event::Idle if tell.send(Vec::new()).is_err() => return,
+                    _ => {}
+                }
+                if begun {
+                    let most = (bytes.len() - sent).min(port.room());
+                    sent += port.write(&bytes[sent..sent + most]).unwrap();
+                }
+            }
+        });
+        Self { came, thread }
+    }
+
+    /// Waits until so many bytes have come.
+    fn receive(&self, count: usize) -> Vec<u8> {
+        let mut all = Vec::new();
+        while all.len() < count {
+            all.extend(
+                self.came
+                    .recv_timeout(PATIENCE)
+                    .expect("the vehicle is there"),
+            );
+        }
+        all
+    }
+
+    fn end(self) {
+        drop(self.came);
+        self.thread.join().unwrap();
+    }
+}
+
+fn pass_both_ways(count: usize) {
+    let dir = tempfile::tempdir().unwrap();
+    let (ahead, back) = (noise(count, 1), noise(count, 2));
+    let vehicle = Vehicle::start(&dir, back.clone());
+    let tap = tap(&dir, &[]);
+    let mut port = Client::try_open(tap.port(), 115_200).unwrap();
+    let mut reader = port.try_clone_native().unwrap();
+    let read = std::thread::spawn(move || {
+        serialport::SerialPort::set_timeout(&mut reader, PATIENCE).unwrap();
+        let mut bytes = vec![0; count];
+        reader.read_exact(&mut bytes).unwrap();
+        bytes
+    });
+    serialport::SerialPort::set_timeout(&mut port, PATIENCE).unwrap();
+    let to_send = ahead.clone();
+    let write = std::thread::spawn(move || {
+        port.write_all(&to_send).unwrap();
+        port
+    });
+    let came = vehicle.receive(count);
+    let read = read.join().unwrap();
+    drop(write.join().unwrap());
+    assert!(came == ahead, "what the vehicle got is not what was sent");
+    assert!(read == back, "what the client got is not what was sent");
+    let out = tap.stop().expect_clean().out;
+    vehicle.end();
+    let summary = format!("{count} bytes to the vehicle, {count} bytes from it");
+    assert!(out.contains(&summary), "{out}");
+    assert!(recorded(&dir, "in") == ahead && recorded(&dir, "out") == back);
+}
+
+#[test]
+fn no_byte_is_lost_or_added_at_full_speed() {
+    pass_both_ways(1_000_000);
+}
+
+#[test]
+#[ignore = "takes long; it is the same with more"]
+fn no_byte_of_ten_million_is_lost_or_added() {
+    pass_both_ways(10_000_000);
+}
+
+#[test]
+fn what_a_client_wrote_before_it_left_reaches_the_vehicle() {
+    let dir = tempfile::tempdir().unwrap();
+    let vehicle = Vehicle::start(&dir, Vec::new());
+    let tap = tap(&dir, &[]);
+    let mut all = Vec::new();
+    for client in 0..20 {
+        let bytes = noise(2000, client);
+        let mut port = None;
+        until("the port can be opened", || {
+            port = Client::try_open(tap.port(), 115_200).ok();
+            port.is_some()
+        });
+        port.unwrap().write_all(&bytes).unwrap();
+        assert!(vehicle.receive(2000) == bytes, "client {client}");
+        all.extend(bytes);
+        let left = 1 + usize::try_from(client).unwrap();
+        until("it is noticed that the client has left", || {
+            tap.printed().matches("[client_detached]").count() == left
+        });
+    }
+    tap.stop().expect_clean();
+    vehicle.end();
+    assert!(recorded(&dir, "in") == all);
+    let kinds = records(&dir.path().join("drive.jsonl"));
+    let count = |kind: &str| kinds.iter().filter(|record| record["kind"] == kind).count();
+    assert_eq!((count("attach"), count("end")), (20, 1));
+}
+
+#[test]
+fn a_vehicle_that_is_unplugged_hangs_up_and_is_found_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let vehicle = Vehicle::start(&dir, b"first".to_vec());
+    let tap = tap(&dir, &[]);
+    let mut client = Client::open(tap.port());
+    client.send(b"one");
+    assert_eq!(vehicle.receive(3), b"one");
+    assert_eq!(client.read_count(5), b"first");
+    vehicle.end();
+    tap.wait_line(&["[vehicle_gone]"]);
+    drop(client);
+    let vehicle = Vehicle::start(&dir, b"second".to_vec());
+    tap.wait_line(&["[vehicle_back]"]);
+    let mut client = Client::open(tap.port());
+    client.send(b"two");
+    assert_eq!(vehicle.receive(3), b"two");
+    until("all is recorded", || {
+        std::thread::sleep(Duration::from_millis(50));
+        recorded(&dir, "out").ends_with(b"second")
+    });
+    tap.stop().expect_clean();
+    vehicle.end();
+    assert_eq!(recorded(&dir, "in"), b"onetwo");
+    assert_eq!(recorded(&dir, "out"), b"firstsecond");
+}
+
+#[test]
+fn the_line_is_set_as_the_client_sets_it_and_traffic_is_put_into_words() {
+    let dir = tempfile::tempdir().unwrap();
+    let vehicle = Sim::start_at(&dir.path().join("vehicle"), &["--log-format", "json"]);
+    let tap = tap(&dir, &["-v"]);
+    let mut client = Client::open_at(tap.port(), 9600);
+    client.send(&[0x00]);
+    vehicle.wait_event("baud_mismatch");
+    drop(client);
+    vehicle.wait_event("client_detached");
+    let mut client = tap.client();
+    assert_eq!(client.ask(0x07, &[]), [1]);
+    vehicle.wait_events("client_attached", 2);
+    tap.wait_line(&["->", "0x07 heartbeat", "| AA 55 00 07"]);
+    tap.wait_line(&["<-", "0x07 heartbeat success true", "| AA 55 01 07 01"]);
+    drop(client);
+    tap.stop().expect_clean();
+    vehicle.stop().expect_clean();
+    let lines = records(&dir.path().join("drive.jsonl"));
+    let bauds = lines.iter().filter(|record| record["kind"] == "line");
+    let bauds: Vec<u64> = bauds
+        .map(|record| record["baud"].as_u64().unwrap())
+        .collect();
+    assert!(
+        bauds.contains(&9600) && bauds.ends_with(&[115_200]),
+        "{bauds:?}"
+    );
+    assert_eq!(lines[0]["kind"], "header");
+    assert!(recorded(&dir, "in").ends_with(&frame(0x07, &[])));
+}
+
+#[test]
+fn both_links_of_a_car_pass() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let car = path("car");
+    let ros = path("car-ros");
+    let args = ["--device", "mecanum", "--ros-pty", &ros];
+    let _car = Sim::start_at(Path::new(&car), &args);
+    let (main_end, ros_end, trace) = (path("main"), path("ros"), path("drive.jsonl"));
+    let mut command = command();
+    command.args([
+        "tap", &car, &ros, "--device", "mecanum", "--trace", &trace, "-v",
+    ]);
+    command.args(["--pty", &main_end, "--pty", &ros_end]);
+    let tap = Sim::spawn(&mut command, PathBuf::new(), None);
+    tap.wait_ready();
+    let _main = Client::open(Path::new(&main_end));
+    let _ros = Client::open_at(Path::new(&ros_end), 9600);
+    tap.wait_line(&["mecanum/main", "<-", "status seq"]);
+    tap.wait_line(&["mecanum/ROS", "<-", "report"]);
+    tap.stop().expect_clean();
+    let lines = records(&dir.path().join("drive.jsonl"));
+    for link in [0, 1] {
+        let from = |record: &&Value| record["kind"] == "out" && record["port"][1] == link;
+        assert!(lines.iter().any(|record| from(&record)), "link {link}");
+    }
+}
+
+#[test]
+fn a_capture_made_elsewhere_becomes_a_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let [csv, trace] = ["capture.csv", "drive.jsonl"].map(|f| dir.path().join(f));
+    std::fs::write(&csv, "t,who,bytes\n5.0,client,AA 55\n5.25,vehicle,0102\n").unwrap();
+    let [csv, trace] = [&csv, &trace].map(|path| path.to_str().unwrap());
+    run(&["tap", "--csv", csv, "--trace", trace]).expect_clean();
+    assert_eq!(
+        (recorded(&dir, "in"), recorded(&dir, "out")),
+        (vec![0xAA, 0x55], vec![1, 2])
+    );
+    std::fs::write(csv, "5.0,client,AA 5").unwrap();
+    run(&["tap", "--csv", csv, "--trace", trace])
+        .expect_refusal(2, &["capture.csv", "line 1", "hexadecimal"]);
+    run(&["tap", "/dev/null/no", "--pty", "x", "--trace", trace])
+        .expect_refusal(3, &["/dev/null/no"]);
+}
+
+/// Passes on a byte as simply as can be: the least that any relay adds.
+fn relay(from: PathBuf, to: PathBuf) {
+    use rustix::event::{PollFd, PollFlags, poll};
+    let mut inner = serialport::new(from.to_string_lossy(), 115_200)
+        .open_native()
+        .unwrap();
+    let outer = rigsim_pty::open_terminal(&PtySetup::raw(115_200)).unwrap();
+    std::os::unix::fs::symlink(&outer.1, &to).unwrap();
+    std::thread::spawn(move || {
+        use std::os::fd::AsFd as _;
+        // Kept open, so that it does not hang up before the client comes.
+        let _slave = std::fs::File::open(&outer.1).unwrap();
+        let fd = std::os::fd::AsRawFd::as_raw_fd(&inner);
+        let read_end = std::fs::File::open(format!("/proc/self/fd/{fd}")).unwrap();
+        let mut buf = [0; 4096];
+        loop {
+            let mut fds = [
+                PollFd::from_borrowed_fd(read_end.as_fd(), PollFlags::IN),
+                PollFd::new(&outer.0, PollFlags::IN),
+            ];
+            poll(&mut fds, None).unwrap();
+            let ready = [0, 1].map(|at| fds[at].revents().contains(PollFlags::IN));
+            if ready[0] {
+                let n = inner.read(&mut buf).unwrap();
+                rustix::io::write(&outer.0, &buf[..n]).unwrap();
+            }
+            if ready[1]
+                && let Ok(n) = rustix::io::read(&outer.0, &mut buf)
+            {
+                inner.write_all(&buf[..n]).unwrap();
+            }
+        }
+    });
+}
+
+/// Prints how long a byte takes there and back: straight, through a bare relay, through the recorder.
+#[test]
+#[ignore = "measures; docs/performance.md has the figures"]
+fn delay_beside_a_bare_relay() {
+    let dir = tempfile::tempdir().unwrap();
+    let echo = |name: &str| {
+        let path = dir.path().join(name);
+        let mut port = Port::open_at(&path, PtySetup::raw(115_200)).unwrap();
+        std::thread::spawn(move || {
+            let mut waiter = Waiter::new().unwrap();
+            waiter.add(0, &mut port).unwrap();
+            let mut buf = [0; 64];
+            loop {
+                waiter.wait(None).unwrap();
+                if let Event::Data(n) = port.read(&mut buf).unwrap() {
+                    port.write(&buf[..n]).unwrap();
+                }
+            }
+        });
+        path
+    };
+    let straight = echo("straight");
+    relay(echo("behind"), dir.path().join("relayed"));
+    echo("vehicle");
+    let tap = tap(&dir, &[]);
+    let ways = [straight, dir.path().join("relayed"), tap.port().to_owned()];
+    let mut clients = ways.map(|path| Client::try_open(&path, 115_200).unwrap());
+    let mut times: [Vec<Duration>; 3] = Default::default();
+    for client in &mut clients {
+        serialport::SerialPort::set_timeout(client, PATIENCE).unwrap();
+    }
+    for _ in 0..20_000 {
+        for (client, times) in clients.iter_mut().zip(&mut times) {
+            let start = Instant::now();
+            client.write_all(&[0x55]).unwrap();
+            client.read_exact(&mut [0]).unwrap();
+            times.push(start.elapsed());
+        }
+    }
+    for (name, times) in ["straight", "bare relay", "sim tap"].iter().zip(&mut times) {
+        times.sort();
+        let part = |part: usize| times[times.len() * part / 1000];
+        println!(
+            "{name}: p50 {:?}, p99 {:?}, p99.9 {:?}",
+            part(500),
+            part(990),
+            part(999)
+        );
+    }
+}
