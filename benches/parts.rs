@@ -7,7 +7,7 @@ use std::time::Duration;
 use divan::Bencher;
 use divan::counter::BytesCount;
 use rigsim_core::SimTime;
-use rigsim_core::line::{SerialLine, Wire};
+use rigsim_core::line::{Adapter, SerialLine, Wire};
 use rigsim_core::mecanum_device::{ascii, codec as mecanum_codec, packet};
 use rigsim_core::r150_device::codec::{self, Decoder};
 use rigsim_core::r150_device::command::Request;
@@ -96,7 +96,7 @@ fn ros_decode_order(bencher: Bencher) {
 #[divan::bench]
 fn line_carries_a_frame(bencher: Bencher) {
     let frame = MOTORS.encode();
-    let mut line = SerialLine::new(115_200, Wire::Paced);
+    let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::default());
     line.attach(SimTime::ZERO);
     let mut now = SimTime::ZERO;
     bencher.bench_local(|| {

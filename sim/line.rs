@@ -4,15 +4,14 @@ mod direction;
 mod event;
 
 use std::mem::{Discriminant, discriminant};
-use std::time::Duration;
 
 use rigsim_settings::{SimTime, choices};
 
-use crate::uart;
-
+pub use crate::uart::{Adapter, UART_FIFO};
 pub use event::{LineEvent, OnLine};
 pub use rigsim_settings::ClientLine;
 
+use crate::uart::Inbox;
 use direction::{Direction, Ends, matches};
 
 choices! {
@@ -21,18 +20,10 @@ choices! {
         /// Each byte takes its ten bits, or eleven with two stop bits, at the sender's baud rate,
         /// as on a cable.
         Paced = "paced",
-        /// Bytes arrive the moment they are sent.
+        /// As on a cable without adapters at the clients' ends: each byte passes by itself.
+        Bare = "bare",
+        /// Bytes arrive the moment they are sent, without an adapter.
         Instant = "instant",
-    }
-}
-
-impl Wire {
-    /// Time that a byte takes.
-    fn byte_time(self, baud: u32, stop_bits: u8) -> Duration {
-        match self {
-            Self::Paced => uart::byte_time(baud, stop_bits),
-            Self::Instant => Duration::ZERO,
-        }
     }
 }
 
@@ -41,15 +32,13 @@ impl Wire {
 /// dropped whole: those may be for a client that has left, and the last is for one that is there.
 pub const MOST_IN_FLIGHT: usize = 4096;
 
-/// Bytes that the transmitter of a client's UART holds beside the one that is going out, as the
-/// common 16550A does. A port is read no further ahead than that, and this is what still goes out
-/// when a client leaves.
-pub const UART_FIFO: usize = 16;
-
 /// A serial line with a client at one end and a device at the other.
 ///
 /// Its driver passes the time in, and it never goes back. Bytes are taken off it one by one
 /// at their arrival times, so that a device sees each at the nanosecond at which its stop bit ends.
+///
+/// An adapter of the client's computer lies between the client and the line: what the client sends begins
+/// its way when that passes it on, and what has arrived at that end can be read when it passes it on.
 ///
 /// It is a cable: bytes that a client has handed over reach the device whichever client is there by then,
 /// and what the device says reaches the client that has the port open when it arrives.
@@ -60,8 +49,12 @@ pub struct SerialLine {
     faulty_baud: Option<u32>,
     client: ClientLine,
     wire: Wire,
+    adapter: Adapter,
+    /// The one that is there by a fault.
+    faulty_adapter: Option<Adapter>,
     to_device: Direction,
     to_client: Direction,
+    inbox: Inbox,
     attached: bool,
     /// Settings of this client that were reported.
     reported: Vec<Discriminant<LineEvent>>,
@@ -70,14 +63,17 @@ pub struct SerialLine {
 impl SerialLine {
     /// A line with no client, whose device has one stop bit.
     #[must_use]
-    pub fn new(baud: u32, wire: Wire) -> Self {
+    pub fn new(baud: u32, wire: Wire, adapter: Adapter) -> Self {
         Self {
             device_baud: baud,
             faulty_baud: None,
             client: ClientLine::at(baud),
             wire,
+            adapter,
+            faulty_adapter: None,
             to_device: Direction::default(),
             to_client: Direction::default(),
+            inbox: Inbox::default(),
             attached: false,
             reported: Vec::new(),
         }
@@ -95,7 +91,7 @@ impl SerialLine {
     pub fn detach(&mut self, now: SimTime) {
         self.settle(now);
         self.attached = false;
-        self.to_client.lose_arrived();
+        self.lose_arrived();
         self.to_device.discard_beyond(UART_FIFO);
     }
 
@@ -105,11 +101,11 @@ impl SerialLine {
         self.attached
     }
 
-    /// Number of bytes that the client's UART takes now.
+    /// Number of bytes that the client's adapter takes now.
     #[must_use]
     pub fn room(&self) -> usize {
         let most = match self.wire {
-            Wire::Paced => 1 + UART_FIFO,
+            Wire::Paced | Wire::Bare => 1 + self.adapter().buffer(),
             Wire::Instant => MOST_IN_FLIGHT,
         };
         most.saturating_sub(self.to_device.kept())
@@ -150,7 +146,8 @@ impl SerialLine {
         }
         let room = MOST_IN_FLIGHT.saturating_sub(self.to_device.waiting());
         let (sent, lost) = bytes.split_at(bytes.len().min(room));
-        self.to_device.send(now, sent, self.to_device_ends());
+        let from = self.adapter().passes(now);
+        self.to_device.send(now, from, sent, self.to_device_ends());
         let (client, device) = (self.client, self.device_baud);
         let wrong = [
             (!matches(client.baud, device)).then_some(LineEvent::BaudMismatch {
@@ -184,7 +181,7 @@ impl SerialLine {
         if self.to_client.kept() + frame.len() > MOST_IN_FLIGHT {
             bytes += frame.len();
         } else {
-            self.to_client.send(now, frame, self.to_client_ends());
+            self.to_client.send(now, now, frame, self.to_client_ends());
         }
         (bytes > 0 && self.attached).then_some(LineEvent::ReplyDropped { bytes })
     }
@@ -193,6 +190,18 @@ impl SerialLine {
     /// no longer does.
     pub fn set_faulty_baud(&mut self, now: SimTime, baud: Option<u32>) {
         self.change(now, |own| own.faulty_baud = baud);
+    }
+
+    /// Another adapter is there by a fault; or no longer is.
+    pub fn set_faulty_adapter(&mut self, adapter: Option<Adapter>) {
+        self.faulty_adapter = adapter;
+    }
+
+    fn adapter(&self) -> Adapter {
+        match self.wire {
+            Wire::Paced => self.faulty_adapter.unwrap_or(self.adapter),
+            Wire::Bare | Wire::Instant => Adapter::Bytes,
+        }
     }
 
     /// Changes an end of the line, and what is under way with it.
@@ -239,20 +248,39 @@ impl SerialLine {
         self.to_device.settle(now, self.to_device_ends());
         self.to_client.settle(now, self.to_client_ends());
         if !self.attached {
-            self.to_client.lose_arrived();
+            self.lose_arrived();
         }
+    }
+
+    fn lose_arrived(&mut self) {
+        self.to_client.lose_arrived();
+        self.inbox.clear();
     }
 
     /// The next byte that has arrived at the device by `now`.
     pub fn take_for_device(&mut self, now: SimTime) -> Option<u8> {
         self.to_device.settle(now, self.to_device_ends());
-        self.to_device.take(now)
+        self.to_device.take(now).map(|(_, byte)| byte)
     }
 
-    /// Adds to `bytes` what has arrived at the client by `now`.
-    pub fn take_for_client(&mut self, now: SimTime, bytes: &mut Vec<u8>) {
+    /// The next byte that has arrived at the client's adapter by `now`, and when.
+    pub(crate) fn take_off_wire(&mut self, now: SimTime) -> Option<(SimTime, u8)> {
         self.settle(now);
-        bytes.extend(std::iter::from_fn(|| self.to_client.take(now)));
+        self.to_client.take(now)
+    }
+
+    /// A byte has come to the client's adapter.
+    pub(crate) fn adapter_hears(&mut self, at: SimTime, byte: u8) {
+        let byte_time = self.to_client_ends().byte_time();
+        self.inbox.hear(self.adapter(), at, byte, byte_time);
+    }
+
+    /// Adds to `bytes` what the client can read at `now`.
+    pub fn take_for_client(&mut self, now: SimTime, bytes: &mut Vec<u8>) {
+        while let Some((at, byte)) = self.take_off_wire(now) {
+            self.adapter_hears(at, byte);
+        }
+        self.inbox.take(now, bytes);
     }
 
     /// Time at which the next byte arrives at the device; at another speed it may turn out to be
@@ -262,10 +290,17 @@ impl SerialLine {
         self.to_device.next()
     }
 
-    /// Time at which the next byte arrives at a client that is there.
+    /// Time at which the next byte arrives at the adapter of a client that is there.
+    #[must_use]
+    pub fn next_off_wire(&self) -> Option<SimTime> {
+        self.to_client.next().filter(|_| self.attached)
+    }
+
+    /// Time at which a client that is there may be able to read more.
     #[must_use]
     pub fn next_for_client(&self) -> Option<SimTime> {
-        self.to_client.next().filter(|_| self.attached)
+        let wire = self.next_off_wire().map(|at| self.adapter().passes(at));
+        self.inbox.due().into_iter().chain(wire).min()
     }
 }
 
@@ -281,6 +316,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use std::time::Duration;
+
+    use crate::uart;
 
     fn arrivals(line: &mut SerialLine) -> Vec<(u64, u8)> {
         let mut found = Vec::new();
@@ -296,7 +334,7 @@ mod tests {
 
     #[test]
     fn bytes_take_ten_bits_each_and_queue_behind_one_another() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.client_sends(SimTime::ZERO, &[1, 2]);
         line.client_sends(SimTime::from_micros(10), &[3]);
         assert_eq!(
@@ -307,14 +345,14 @@ mod tests {
 
     #[test]
     fn an_instant_wire_takes_no_time() {
-        let mut line = SerialLine::new(115_200, Wire::Instant);
+        let mut line = SerialLine::new(115_200, Wire::Instant, Adapter::Bytes);
         line.client_sends(SimTime::from_millis(1), &[1, 2]);
         assert_eq!(arrivals(&mut line), [(1_000_000, 1), (1_000_000, 2)]);
     }
 
     #[test]
     fn a_baud_mismatch_is_reported_once_for_each_speed_and_its_end_too() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         let reported = LineEvent::BaudMismatch {
             client: 9600,
@@ -334,7 +372,7 @@ mod tests {
 
     #[test]
     fn a_port_that_echoes_or_sends_two_stop_bits_is_reported_once_for_each_client() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         for _ in 0..2 {
             line.attach(SimTime::ZERO);
             let good = ClientLine::at(115_200);
@@ -359,7 +397,7 @@ mod tests {
 
     #[test]
     fn with_two_stop_bits_a_byte_takes_eleven() {
-        let mut line = SerialLine::new(10_000, Wire::Paced);
+        let mut line = SerialLine::new(10_000, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         let two = ClientLine {
             stop_bits: 2,
@@ -381,7 +419,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_lost_and_reported() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         let reported = line.client_sends(SimTime::ZERO, &[0; MOST_IN_FLIGHT + 3]);
         assert_eq!(reported, [LineEvent::SentTooMuch { bytes: 3 }]);
         assert_eq!(line.room(), 0);
@@ -390,7 +428,7 @@ mod tests {
 
     #[test]
     fn a_mismatch_garbles_both_ways() {
-        let mut line = SerialLine::new(115_200, Wire::Instant);
+        let mut line = SerialLine::new(115_200, Wire::Instant, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         line.set_client_line(SimTime::ZERO, ClientLine::at(57_600));
         line.client_sends(SimTime::ZERO, &[0xAA, 0x55]);
@@ -411,13 +449,13 @@ mod tests {
         let bytes: Vec<u8> = (0..=255).map(|byte: u8| byte.wrapping_mul(37)).collect();
         for baud in [4_800, 57_600, 110_000, 230_400, 921_600] {
             let whole = {
-                let mut line = SerialLine::new(115_200, Wire::Paced);
+                let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
                 line.set_client_line(SimTime::ZERO, ClientLine::at(baud));
                 line.client_sends(SimTime::ZERO, &bytes);
                 arrivals(&mut line)
             };
             for piece in [1, 3, 17, 100] {
-                let mut line = SerialLine::new(115_200, Wire::Paced);
+                let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
                 line.set_client_line(SimTime::ZERO, ClientLine::at(baud));
                 let mut now = SimTime::ZERO;
                 let mut found = Vec::new();
@@ -438,7 +476,7 @@ mod tests {
 
     #[test]
     fn on_a_full_line_the_oldest_reply_that_has_not_begun_its_way_gives_way() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         let reply = |number: usize| [u8::try_from(number).unwrap(); 82];
         let fits = MOST_IN_FLIGHT / 82;
@@ -456,7 +494,7 @@ mod tests {
 
     #[test]
     fn what_can_never_fit_is_dropped_itself() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         let bytes = MOST_IN_FLIGHT + 1;
         let reported = line.device_sends(SimTime::ZERO, &vec![0; bytes]);
@@ -472,7 +510,7 @@ mod tests {
             doings in prop::collection::vec((2_u8..=82, 0_u64..2_000, any::<bool>()), 1..400),
         ) {
             let wire = if instant { Wire::Instant } else { Wire::Paced };
-            let mut line = SerialLine::new(115_200, wire);
+            let mut line = SerialLine::new(115_200, wire, Adapter::Bytes);
             line.attach(SimTime::ZERO);
             let (mut now, mut read, mut sent, mut lost) = (SimTime::ZERO, Vec::new(), 0, 0);
             for (place, (length, pause, reads)) in doings.iter().enumerate() {
@@ -510,7 +548,7 @@ mod tests {
 
     #[test]
     fn what_a_client_s_uart_holds_still_goes_out_when_it_leaves_and_the_rest_does_not() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         assert_eq!(line.room(), 1 + UART_FIFO);
         line.client_sends(SimTime::ZERO, &[9; 100]);
@@ -529,7 +567,7 @@ mod tests {
 
     #[test]
     fn what_arrives_is_for_the_client_that_is_there_by_then() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         let byte = uart::byte_time(115_200, 1);
         let at = |bytes: u32| SimTime::ZERO + byte * bytes;
         line.attach(SimTime::ZERO);
@@ -548,7 +586,7 @@ mod tests {
 
     #[test]
     fn bytes_go_at_the_speed_that_is_set_when_their_turn_comes() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         line.set_client_line(SimTime::ZERO, ClientLine::at(9600));
         line.client_sends(SimTime::ZERO, &[0; 17]);
@@ -569,7 +607,7 @@ mod tests {
             let byte = uart::byte_time(slow, 1);
             let change = SimTime::ZERO + byte.mul_f64(share);
             // From the client to the device, from the slow speed to the right one.
-            let mut line = SerialLine::new(115_200, Wire::Paced);
+            let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
             line.attach(SimTime::ZERO);
             line.set_client_line(SimTime::ZERO, ClientLine::at(slow));
             line.client_sends(SimTime::ZERO, &sent);
@@ -578,7 +616,7 @@ mod tests {
             assert_ne!(heard, sent, "{slow} {share}");
             assert!(heard.ends_with(&sent[1..]), "{slow} {share}: {heard:?}");
             // To the client, which has the right speed only at the end of the first byte.
-            let mut line = SerialLine::new(slow, Wire::Paced);
+            let mut line = SerialLine::new(slow, Wire::Paced, Adapter::Bytes);
             line.attach(SimTime::ZERO);
             line.set_client_line(SimTime::ZERO, ClientLine::at(115_200));
             line.device_sends(SimTime::ZERO, &sent);
@@ -592,7 +630,7 @@ mod tests {
 
     #[test]
     fn what_a_slow_client_has_left_is_gone_soon_after_the_next_one_sets_its_speed() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         line.set_client_line(SimTime::ZERO, ClientLine::at(50));
         line.client_sends(
@@ -610,7 +648,7 @@ mod tests {
     #[test]
     fn a_client_that_changes_its_speed_hears_what_follows() {
         for wire in [Wire::Paced, Wire::Instant] {
-            let mut line = SerialLine::new(9600, wire);
+            let mut line = SerialLine::new(9600, wire, Adapter::Bytes);
             line.attach(SimTime::ZERO);
             line.set_client_line(SimTime::ZERO, ClientLine::at(115_200));
             line.device_sends(SimTime::ZERO, &[0x56, 0x35]);
@@ -628,7 +666,7 @@ mod tests {
 
     #[test]
     fn at_speed_0_nothing_passes_and_nothing_waits() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         line.attach(SimTime::ZERO);
         line.client_sends(SimTime::ZERO, &[1, 2, 3]);
         let hung_up = line.set_client_line(SimTime::ZERO, ClientLine::at(0));
@@ -651,7 +689,7 @@ mod tests {
 
     #[test]
     fn parity_and_flow_control_are_reported_once_for_each_client() {
-        let mut line = SerialLine::new(115_200, Wire::Paced);
+        let mut line = SerialLine::new(115_200, Wire::Paced, Adapter::Bytes);
         for _ in 0..2 {
             line.attach(SimTime::ZERO);
             let set = ClientLine {

@@ -118,7 +118,9 @@ impl Rig {
     pub fn add(&mut self, spec: &'static DeviceSpec, setup: &Setup<'_>) -> usize {
         let seed = self.settings.seed;
         let own = (spec.build)(&Setup { seed, ..*setup }, &mut self.world);
-        let line = |link| SerialLine::new(setup.settings.baud(link), self.settings.wire);
+        let (own_settings, wire) = (setup.settings, self.settings.wire);
+        let line =
+            |link| SerialLine::new(own_settings.baud(link), wire, own_settings.adapter(link));
         self.slots.push(Slot {
             spec,
             device: own,

@@ -6,8 +6,13 @@
 //! cent in either direction it looks at the wrong bits, and where they differ much it finds more
 //! or fewer bytes than were sent.
 
+mod adapter;
+
 use std::collections::VecDeque;
 use std::time::Duration;
+
+pub(crate) use adapter::Inbox;
+pub use adapter::{Adapter, UART_FIFO};
 
 /// Bits on the line for each byte: start, eight data, stop.
 pub const BITS_PER_BYTE: u64 = 10;

@@ -12,8 +12,10 @@ const HEARTBEAT: [u8; 6] = [0xAA, 0x55, 0x00, 0x07, 0xC7, 0x84];
 const ALIVE: [u8; 7] = [0xAA, 0x55, 0x01, 0x07, 0x01, 0xC6, 0x53];
 const MS: fn(u64) -> Duration = Duration::from_millis;
 
+/// Each byte of its replies comes by itself, at the nanosecond at which its stop bit ends.
 fn r150() -> (Simulation, Device, ClientPort) {
-    let sim = Simulation::of("r150").unwrap();
+    let sim = Simulation::builder().device("r150");
+    let sim = sim.set("r150.adapter", "bytes").build().unwrap();
     let device = sim.device("r150").unwrap();
     let port = device.open().unwrap();
     (sim, device, port)

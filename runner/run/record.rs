@@ -123,6 +123,9 @@ pub struct Header {
     pub seed: u64,
     /// Set if bytes took time on the lines.
     pub paced: bool,
+    /// Set if clients had adapters; without, each byte passed by itself, as in former versions.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub adapters: bool,
     /// Set if a real client was there.
     pub live: bool,
     /// Set if devices were only served, and `scenario` is a rig file.

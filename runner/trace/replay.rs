@@ -430,10 +430,10 @@ fn start(devices: Devices, header: &Header) -> Result<Run, String> {
     let world = header.world.as_ref().map(source);
     let options = RunOptions {
         seed: header.seed,
-        wire: if header.paced {
-            Wire::Paced
-        } else {
-            Wire::Instant
+        wire: match (header.paced, header.adapters) {
+            (true, true) => Wire::Paced,
+            (true, false) => Wire::Bare,
+            (false, _) => Wire::Instant,
         },
         live: header.live,
         trace: true,

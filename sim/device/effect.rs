@@ -22,6 +22,7 @@ use serde::Deserialize;
 use super::Device;
 use super::parameters::Scope;
 use crate::defects::Defects;
+use crate::line::Adapter;
 use crate::noise::Noise;
 
 rigsim_settings::words! {
@@ -269,6 +270,11 @@ pub trait OnBytes: Send + Sync {
 
     /// Returns the wrong speed of the device's end of the link, baud.
     fn baud(&self) -> Option<u32> {
+        None
+    }
+
+    /// Returns the adapter that the client has instead of its own.
+    fn adapter(&self) -> Option<Adapter> {
         None
     }
 

@@ -6,12 +6,18 @@ use std::fmt;
 use rigsim_settings::Settings;
 
 use crate::event::Same;
+use crate::line::Adapter;
 
 /// The settings of one device, all in one tree.
 pub trait DeviceSettings: Settings + Copied + Same + Any + fmt::Debug + Send + Sync {
     /// Returns the speed of the device's end of a link, bits per second. Bytes have 8 data bits, no parity
     /// and one stop bit.
     fn baud(&self, link: usize) -> u32;
+
+    /// Returns the adapter of the client's computer at a link.
+    fn adapter(&self, _link: usize) -> Adapter {
+        Adapter::default()
+    }
 }
 
 impl dyn DeviceSettings {

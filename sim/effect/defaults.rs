@@ -5,6 +5,7 @@ use std::time::Duration;
 use rigsim_settings::{Force, Length, Percent, Resistance, Span, Temperature, Torque, Voltage};
 
 use crate::device::parameters::{Direction, Interval, Motors, Probability};
+use crate::line::Adapter;
 
 fn share(value: f64) -> Probability {
     Probability::try_from(value).unwrap_or_default()
@@ -30,6 +31,7 @@ defaults! {
     piece: u16 = 3;
     one_less: i8 = -1;
     wrong_baud: u32 = 9600;
+    no_adapter: Adapter = Adapter::Bytes;
     spread: u16 = 50;
     pulses: u16 = 20;
     yes: bool = true;

@@ -42,7 +42,7 @@ fn rig(map: WorldMap, seed: u64) -> Rig {
     Rig::new(RigSettings {
         world: WorldSettings::default(),
         map,
-        wire: Wire::Paced,
+        wire: Wire::Bare,
         seed,
     })
 }

@@ -7,6 +7,7 @@ use rigsim_settings::{SimTime, Span};
 use super::defaults;
 use crate::device::parameters::{Direction, Interval, Scope};
 use crate::device::{Begin, Declared, Effect, EffectError, OnBytes, Tally, TimedByte, Way, Work};
+use crate::line::Adapter;
 use crate::noise::Noise;
 
 crate::faults! {
@@ -111,6 +112,16 @@ crate::faults! {
             /// Baud rate of the device's end; default 9600.
             #[serde(default = "defaults::wrong_baud")]
             baud: u32,
+        }
+        on "Link; default main."
+        /// The client's computer has another adapter.
+        OtherAdapter = "other-adapter", Wire,
+        sees "Replies in other pieces, as with `bytes` one byte after another; with `ftdi` late ones.",
+        counts "A byte came through it.",
+        {
+            /// The adapter; default `bytes`.
+            #[serde(default = "defaults::no_adapter")]
+            adapter: Adapter,
         }
         on "Link; default main."
         /// Random bytes appear on an idle line.
@@ -218,6 +229,13 @@ impl OnBytes for AtWork {
     fn baud(&self) -> Option<u32> {
         match self.kind {
             WireFault::WrongBaud { baud, .. } => Some(baud.max(1)),
+            _ => None,
+        }
+    }
+
+    fn adapter(&self) -> Option<Adapter> {
+        match self.kind {
+            WireFault::OtherAdapter { adapter, .. } => Some(adapter),
             _ => None,
         }
     }
@@ -341,6 +359,10 @@ impl AtWork {
             }
             // Counted when they were sent.
             WireFault::CablePulled { .. } => {}
+            WireFault::OtherAdapter { adapter, .. } => {
+                tally.hit(|| format!("a byte 0x{byte:02X} {way} through `{adapter}`"));
+                bytes.push((at, byte));
+            }
             WireFault::IdleNoise { .. } | WireFault::WrongBaud { .. } => bytes.push((at, byte)),
         }
     }

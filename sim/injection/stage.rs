@@ -29,10 +29,8 @@ impl Stage {
         MOST_HELD - self.held.len()
     }
 
-    pub(super) fn take(&mut self, now: SimTime) -> Option<u8> {
-        self.held
-            .pop_front_if(|(at, _)| *at <= now)
-            .map(|(_, byte)| byte)
+    pub(super) fn take(&mut self, now: SimTime) -> Option<(SimTime, u8)> {
+        self.held.pop_front_if(|(at, _)| *at <= now)
     }
 
     pub(super) fn next(&self) -> Option<SimTime> {

@@ -5,7 +5,7 @@ use rigsim_settings::SimTime;
 
 use super::{Injection, Tally, Way, Work};
 use crate::device::OnBytes;
-use crate::line::{MOST_IN_FLIGHT, SerialLine};
+use crate::line::{Adapter, MOST_IN_FLIGHT, SerialLine};
 
 /// Most frames that wait for their time.
 const MOST_LATE: usize = 256;
@@ -19,7 +19,7 @@ impl Injection {
         self.pump_to_client(now, link, line);
         let idle = [
             line.next_for_device().is_none(),
-            line.next_for_client().is_none() && line.is_attached(),
+            line.next_off_wire().is_none() && line.is_attached(),
         ];
         for way in Way::BOTH {
             let Some(stage) = self.stages.get_mut(link) else {
@@ -38,9 +38,7 @@ impl Injection {
 
     /// Takes what has arrived at the client of a link by `now` off its line.
     pub(crate) fn pump_to_client(&mut self, now: SimTime, link: usize, line: &mut SerialLine) {
-        let mut bytes = Vec::new();
-        line.take_for_client(now, &mut bytes);
-        for byte in bytes {
+        while let Some((_, byte)) = line.take_off_wire(now) {
             self.pass(now, link, Way::ToClient, byte);
         }
     }
@@ -64,14 +62,17 @@ impl Injection {
     }
 
     pub(crate) fn take_for_device(&mut self, now: SimTime, link: usize) -> Option<u8> {
-        self.stages.get_mut(link)?[Way::ToDevice.index()].take(now)
+        let taken = self.stages.get_mut(link)?[Way::ToDevice.index()].take(now);
+        taken.map(|(_, byte)| byte)
     }
 
-    pub(crate) fn take_for_client(&mut self, now: SimTime, link: usize, bytes: &mut Vec<u8>) {
+    /// Passes what has come through by `now` on to the client's adapter.
+    pub(crate) fn pass_to_adapter(&mut self, now: SimTime, link: usize, line: &mut SerialLine) {
+        self.pump_to_client(now, link, line);
         if let Some(stage) = self.stages.get_mut(link) {
-            bytes.extend(std::iter::from_fn(|| {
-                stage[Way::ToClient.index()].take(now)
-            }));
+            while let Some((at, byte)) = stage[Way::ToClient.index()].take(now) {
+                line.adapter_hears(at, byte);
+            }
         }
     }
 
@@ -165,6 +166,11 @@ impl Injection {
     /// The wrong speed at which the device's end of a link runs.
     pub(crate) fn baud(&self, link: usize) -> Option<u32> {
         self.wires(link).filter_map(OnBytes::baud).last()
+    }
+
+    /// The adapter that a client has instead of its own.
+    pub(crate) fn adapter(&self, link: usize) -> Option<Adapter> {
+        self.wires(link).filter_map(OnBytes::adapter).last()
     }
 
     /// Time of the next thing that happens here, besides bytes that arrive at the device.

@@ -2,11 +2,12 @@
 
 use std::collections::VecDeque;
 use std::ops::Range;
+use std::time::Duration;
 
 use rigsim_settings::SimTime;
 
 use super::{MOST_IN_FLIGHT, Wire};
-use crate::uart::Receiver;
+use crate::uart::{self, Receiver};
 
 /// Relative difference of the speeds beyond which bytes arrive wrong.
 const TOLERANCE: f64 = 0.035;
@@ -20,6 +21,16 @@ pub(super) struct Ends {
     pub(super) wire: Wire,
 }
 
+impl Ends {
+    /// Time that a byte takes.
+    pub(super) fn byte_time(self) -> Duration {
+        match self.wire {
+            Wire::Paced | Wire::Bare => uart::byte_time(self.from_baud, self.stop_bits),
+            Wire::Instant => Duration::ZERO,
+        }
+    }
+}
+
 /// Bytes that one end has handed over and the other has not taken yet.
 ///
 /// The sender's shift register holds one byte at a time. A byte goes at the speeds that both ends
@@ -30,6 +41,8 @@ pub(super) struct Direction {
     waiting: VecDeque<Sent>,
     /// Time at which that one has gone.
     shifting: Option<SimTime>,
+    /// Time at which it begins.
+    begins: SimTime,
     /// Speeds that differed while that byte was under way, and have changed since.
     spoilt: Option<[u32; 2]>,
     /// Time at which the shift register was last empty.
@@ -44,6 +57,8 @@ pub(super) struct Direction {
 struct Sent {
     byte: u8,
     first: bool,
+    /// Time from which it can go.
+    from: SimTime,
 }
 
 impl Direction {
@@ -57,12 +72,13 @@ impl Direction {
         self.waiting.len() + self.arrived.len()
     }
 
-    /// Hands bytes over.
-    pub(super) fn send(&mut self, now: SimTime, bytes: &[u8], ends: Ends) {
+    /// Hands bytes over, which can go from a time on.
+    pub(super) fn send(&mut self, now: SimTime, from: SimTime, bytes: &[u8], ends: Ends) {
         self.settle(now, ends);
         let sent = |(place, &byte)| Sent {
             byte,
             first: place == 0,
+            from,
         };
         self.waiting.extend(bytes.iter().enumerate().map(sent));
         self.shift(now, ends);
@@ -89,6 +105,10 @@ impl Direction {
         let Some(gone) = &mut self.shifting else {
             return;
         };
+        if self.begins > now {
+            self.shifting = None;
+            return self.shift(now, new);
+        }
         if old.from_baud != new.from_baud && old.from_baud > 0 && new.from_baud > 0 {
             let share = f64::from(old.from_baud) / f64::from(new.from_baud);
             *gone = now + gone.since(now).mul_f64(share);
@@ -100,13 +120,14 @@ impl Direction {
 
     /// The first byte that waits goes into the shift register if that is empty.
     fn shift(&mut self, now: SimTime, ends: Ends) {
-        if self.shifting.is_none() && !self.waiting.is_empty() {
-            let begins = self.free_at.max(now);
-            let takes = ends.wire.byte_time(ends.from_baud, ends.stop_bits);
-            if begins > self.free_at {
+        if self.shifting.is_none()
+            && let Some(first) = self.waiting.front()
+        {
+            self.begins = self.free_at.max(now).max(first.from);
+            if self.begins > self.free_at {
                 self.garbled = None;
             }
-            self.shifting = Some(begins + takes);
+            self.shifting = Some(self.begins + ends.byte_time());
         }
     }
 
@@ -132,7 +153,12 @@ impl Direction {
             kept.unwrap_or_else(|| (Receiver::new(speeds[0], speeds[1]), speeds));
         receiver.hear(&[sent.byte]);
         // Nothing is whole any more, so that each stands for itself.
-        let heard = |byte| (gone, Sent { byte, first: true });
+        let whole = |byte| Sent {
+            byte,
+            first: true,
+            ..sent
+        };
+        let heard = |byte| (gone, whole(byte));
         let settled = std::iter::from_fn(|| receiver.next_settled());
         self.arrived.extend(settled.map(heard));
         if self.shifting.is_some() && spoilt.is_none() {
@@ -178,10 +204,10 @@ impl Direction {
         self.arrived.clear();
     }
 
-    /// The next byte that has arrived by `now`, as far as [`settle`](Self::settle) has got.
-    pub(super) fn take(&mut self, now: SimTime) -> Option<u8> {
+    /// The next byte that has arrived by `now`, as far as [`settle`](Self::settle) has got, and when.
+    pub(super) fn take(&mut self, now: SimTime) -> Option<(SimTime, u8)> {
         let first = self.arrived.pop_front_if(|(at, _)| *at <= now);
-        first.map(|(_, sent)| sent.byte)
+        first.map(|(at, sent)| (at, sent.byte))
     }
 
     /// Time at which something next arrives, or has arrived and was not taken.

@@ -4,6 +4,7 @@ use rigsim_physics::mecanum::MecanumPlantSettings;
 
 use crate::device::DeviceSettings;
 use crate::mecanum_device::settings::MecanumFirmwareSettings;
+use crate::uart::Adapter;
 
 crate::device_settings! {
     /// The mecanum car.
@@ -15,6 +16,13 @@ impl DeviceSettings for MecanumSettings {
         match link {
             0 => self.firmware.baud,
             _ => self.firmware.ros_baud,
+        }
+    }
+
+    fn adapter(&self, link: usize) -> Adapter {
+        match link {
+            0 => self.firmware.adapter,
+            _ => self.firmware.ros_adapter,
         }
     }
 }

@@ -7,6 +7,8 @@ use std::time::Duration;
 use rigsim_physics::mecanum::Wiring;
 use rigsim_settings::settings;
 
+use crate::uart::Adapter;
+
 pub use choices::*;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
@@ -18,9 +20,15 @@ settings! {
         /// Speed of the main link.
         baud: u32 = 115_200, unit "baud", range 300..=4_000_000,
             assumed "the article gives no speed";
+        /// Adapter of the computer on the main link, which passes bytes in groups.
+        adapter: Adapter = Adapter::Usb,
+            assumed "most computers have no serial port but one on USB; its frames begin at whole milliseconds";
         /// Speed of the ROS link.
         ros_baud: u32 = 9600, unit "baud", range 300..=4_000_000,
             assumed "as on the same authors' sibling vehicle";
+        /// Adapter of the computer on the ROS link.
+        ros_adapter: Adapter = Adapter::Usb,
+            assumed "as on the main link";
         /// Order of the bytes in a field of the main link, both ways.
         byte_order: ByteOrder = ByteOrder::Little,
             assumed "the article gives none; the board's STM32 keeps numbers so";

@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use rigsim_settings::settings;
 
+use crate::uart::Adapter;
+
 pub use choices::*;
 pub use version::Version;
 
@@ -19,6 +21,9 @@ settings! {
         /// Speed of the RS-232 line.
         baud: u32 = 115_200, unit "baud", range 300..=4_000_000,
             documented "manual 4.1";
+        /// Adapter of the client's computer, which passes bytes in groups.
+        adapter: Adapter = Adapter::Usb,
+            assumed "most computers have no serial port but one on USB; its frames begin at whole milliseconds";
         /// A frame that was begun and then paused for this long is dropped.
         inter_byte_timeout: Duration = MS(20), range MS(1)..=S(60),
             assumed "the manual gives no timeout within a frame";

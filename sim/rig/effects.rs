@@ -113,7 +113,7 @@ impl Rig {
                 };
                 faults.arm(now, (handle, name), info, (link, attached), (work, tally));
                 faults.apply(now, slot.device.as_mut(), &mut self.world);
-                slot.follow_baud(now);
+                slot.set_faulty_ends(now);
                 self.after_change(device);
             }
         }

@@ -25,7 +25,7 @@ impl Rig {
         let own = slot.device.as_mut();
         let ended = faults.disarm(now, handle);
         faults.apply(now, own, &mut self.world);
-        slot.follow_baud(now);
+        slot.set_faulty_ends(now);
         if let Some((name, info)) = ended.filter(|(_, info)| info.is_fault()) {
             self.fault_event(device, &name, info.id, FaultPhase::Cleared);
         }
@@ -105,11 +105,12 @@ impl Slot {
         })
     }
 
-    /// Sets the device's ends of the lines to the speeds that the faults say.
-    pub(super) fn follow_baud(&mut self, now: SimTime) {
+    /// Sets both ends of the lines to what the faults say.
+    pub(super) fn set_faulty_ends(&mut self, now: SimTime) {
         for (link, line) in self.lines.iter_mut().enumerate() {
             let faults = self.faults.as_ref();
             line.set_faulty_baud(now, faults.and_then(|faults| faults.baud(link)));
+            line.set_faulty_adapter(faults.and_then(|faults| faults.adapter(link)));
         }
     }
 }

@@ -102,7 +102,7 @@ impl Rig {
         self.line(port).map_or(0, SerialLine::space)
     }
 
-    /// Number of bytes that the client's UART takes now.
+    /// Number of bytes that the client's adapter takes now.
     #[must_use]
     pub fn room(&self, port: PortId) -> usize {
         self.line(port).map_or(0, SerialLine::room)
@@ -132,17 +132,10 @@ impl Rig {
         let Some(line) = slot.lines.get_mut(port.link) else {
             return;
         };
-        let Some(faults) = &mut slot.faults else {
-            line.take_for_client(now, bytes);
-            return;
-        };
-        faults.pump_to_client(now, port.link, line);
-        let before = bytes.len();
-        faults.take_for_client(now, port.link, bytes);
-        if !line.is_attached() {
-            // No client is there to hear what was delayed.
-            bytes.truncate(before);
+        if let Some(faults) = &mut slot.faults {
+            faults.pass_to_adapter(now, port.link, line);
         }
+        line.take_for_client(now, bytes);
     }
 
     fn faults_mut(&mut self, device: usize) -> Option<&mut Injection> {

@@ -166,7 +166,7 @@ fn next(slot: &Slot) -> SimTime {
     };
     // Faults of the wire act on bytes to the client when they arrive, too.
     let lines = slot.lines.iter().filter(|_| faults.act_on_wire());
-    let to_client = lines.filter_map(SerialLine::next_for_client);
+    let to_client = lines.filter_map(SerialLine::next_off_wire);
     let all = to_client.chain(faults.next()).chain(own);
     all.min().unwrap_or(SimTime::MAX)
 }

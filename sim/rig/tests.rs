@@ -64,7 +64,7 @@ fn read(rig: &mut Rig) -> Vec<u8> {
 
 /// Everything that can be seen of a run: bytes with their times, events, and the final pose.
 fn transcript(seed: u64, inputs: &[(SimTime, Vec<u8>)], ask_often: bool) -> String {
-    let mut rig = rig_with(Wire::Paced, seed, |_| {});
+    let mut rig = rig_with(Wire::Bare, seed, |_| {});
     let mut bytes = Vec::new();
     for (at, sent) in inputs {
         while let Some(due) = rig.next_deadline().filter(|due| ask_often && due < at) {
@@ -115,7 +115,7 @@ proptest! {
 
 #[test]
 fn a_request_arrives_after_its_bytes_and_its_reply_takes_as_long_as_it_has_bytes() {
-    let mut rig = rig_with(Wire::Paced, 1, |s| s.firmware.reply_spread = Duration::ZERO);
+    let mut rig = rig_with(Wire::Bare, 1, |s| s.firmware.reply_spread = Duration::ZERO);
     let byte = Duration::from_nanos(86_806);
     rig.client_sends(PORT, SimTime::ZERO, &Request::Heartbeat.encode())
         .unwrap();
@@ -240,7 +240,7 @@ fn full_ahead_reaches_the_manuals_speed_and_the_watchdog_ends_it() {
 
 #[test]
 fn at_rest_the_rig_wakes_ten_times_a_second_and_no_more() {
-    let mut rig = rig(Wire::Paced);
+    let mut rig = rig(Wire::Bare);
     rig.advance(SimTime::from_secs(5)).unwrap();
     let mut wakes = 0;
     while let Some(due) = rig
@@ -320,7 +320,7 @@ fn a_short_on_each_rail_trips_within_a_millisecond() {
 
 #[test]
 fn clients_come_and_go_at_the_time_they_do() {
-    let mut rig = rig(Wire::Paced);
+    let mut rig = rig(Wire::Bare);
     let left = SimTime::from_millis(1234);
     rig.detach(PORT, left).unwrap();
     rig.attach(PORT, left + Duration::from_millis(7)).unwrap();
@@ -368,7 +368,7 @@ fn a_reply_that_is_held_back_goes_to_the_client_that_is_there_by_then() {
 
 #[test]
 fn a_port_that_does_not_exist_does_nothing() {
-    let mut rig = rig(Wire::Paced);
+    let mut rig = rig(Wire::Bare);
     let nowhere = PortId { device: 3, link: 9 };
     rig.attach(nowhere, SimTime::ZERO).unwrap();
     rig.set_client_line(nowhere, ClientLine::at(9600));
@@ -396,7 +396,7 @@ fn digest(output: &[u8], pose: Pose) -> u64 {
 /// or the way the vehicle moves changes; it must be the same in debug and release builds.
 #[test]
 fn golden_drive() {
-    let mut rig = rig(Wire::Paced);
+    let mut rig = rig(Wire::Bare);
     let mut output = Vec::new();
     let mut now = SimTime::ZERO;
     let mut send = |rig: &mut Rig, request: Request| {

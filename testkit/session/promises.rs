@@ -112,7 +112,7 @@ impl Client {
     fn most(&self, now: SimTime) -> usize {
         let bits = now.since(self.since).as_nanos() * u128::from(self.baud) / 1_000_000_000;
         let carried = match self.wire {
-            Wire::Paced => usize::try_from(bits / 10).unwrap_or(usize::MAX) + 1,
+            Wire::Paced | Wire::Bare => usize::try_from(bits / 10).unwrap_or(usize::MAX) + 1,
             Wire::Instant => usize::MAX,
         };
         // The longest reply, of 82 bytes, is to the shortest request, of 6.

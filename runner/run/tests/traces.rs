@@ -77,7 +77,7 @@ fn lines_of_bytes_say_when_each_arrived() {
     let text = text(
         R150,
         "1s",
-        "[settings]\nr150.reply_spread = \"0s\"\n[[step]]\nat = \"0s\"\nhost = { send = \"heartbeat\" }\n",
+        "[settings]\nr150.reply_spread = \"0s\"\nr150.adapter = \"bytes\"\n[[step]]\nat = \"0s\"\nhost = { send = \"heartbeat\" }\n",
     );
     let out: Vec<Record> = trace(&text, 1)
         .iter()
@@ -257,6 +257,19 @@ fn what_comes_after_the_end_of_a_run_is_no_part_of_it() {
     let lines: Vec<String> = std::iter::from_fn(|| run.poll_trace()).collect();
     assert!(lines.last().unwrap().contains("\"end\""), "{lines:?}");
     replay(&lines).unwrap();
+}
+
+#[test]
+fn a_recording_of_a_version_without_adapters_replays_byte_by_byte() {
+    let sent = [(10_300_000, Request::Version.encode())];
+    let lines = live(&text(R150, "1s", ""), Wire::Bare, &sent);
+    assert!(!lines[0].contains("adapters"), "{}", lines[0]);
+    replay(&lines).unwrap();
+    let mut other = lines.clone();
+    other[0] = lines[0].replace("\"paced\":true", "\"paced\":true,\"adapters\":true");
+    let Err(ReplayError::Differs(_)) = replay(&other) else {
+        panic!("through an adapter its bytes come at other times")
+    };
 }
 
 #[test]

@@ -17,7 +17,7 @@ fn drive(step: u64, car: bool, sends: &[(SimTime, Vec<u8>)], seconds: u64) -> Mo
     let mut rig = Rig::new(RigSettings {
         world,
         map: WorldMap::default(),
-        wire: Wire::Paced,
+        wire: Wire::Bare,
         seed: 1,
     });
     let pose = Pose::default();

@@ -11,7 +11,7 @@ fn empty() -> Rig {
     Rig::new(RigSettings {
         world: WorldSettings::default(),
         map: WorldMap::default(),
-        wire: Wire::Paced,
+        wire: Wire::Bare,
         seed: 1,
     })
 }

@@ -22,7 +22,7 @@ fn car_in(map: WorldMap, ros: bool, change: impl FnOnce(&mut MecanumSettings)) -
     let mut rig = Rig::new(RigSettings {
         world,
         map,
-        wire: Wire::Paced,
+        wire: Wire::Bare,
         seed: 1,
     });
     let mut settings = MecanumSettings::default();
