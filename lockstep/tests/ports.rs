@@ -15,6 +15,27 @@ fn a_shell_script_talks_to_the_device() {
     assert_eq!(played.ending.at, 1_050_050_000);
 }
 
+/// A process that another thread of the tracer's program is about to start has its duplicates for a
+/// while, so that the system says late that a port is closed.
+#[test]
+fn the_end_of_a_client_closes_its_port_whatever_else_has_it_open() {
+    let code = "import os; fd = os.open(os.environ['PORT'], os.O_RDWR | os.O_NOCTTY); \
+                os.write(fd, b'%d %d\\n' % (os.getpid(), fd))";
+    let stage = Stage {
+        device: Device {
+            keeps: true,
+            ..Device::default()
+        },
+        ..Stage::default()
+    };
+    let Some(played) = python_on(stage, code) else {
+        return;
+    };
+    assert!(played.kept_end.is_some(), "{:?}", played.trace);
+    let last = played.trace.last().expect("what has happened");
+    assert!(last.ends_with(" closed 0"), "{:?}", played.trace);
+}
+
 #[test]
 fn reads_end_as_vmin_and_vtime_have_it() {
     let code = r#"

@@ -233,6 +233,18 @@ impl Tracer<'_> {
         Ok(())
     }
 
+    /// No thread is left, so that none has a port open. The system may say so later: a process that
+    /// another thread of this program starts has our duplicates until it has become another program.
+    pub(crate) fn close_ports(&mut self) -> Result<(), Halt> {
+        self.ports_used.set(true);
+        self.look_at_ports()?;
+        for index in 0..self.ports.len() {
+            self.ports[index].opened = self.ports[index].opened.min(1);
+            self.port_closed(index)?;
+        }
+        Ok(())
+    }
+
     fn port_opened(&mut self, index: usize) -> Result<(), Halt> {
         let port = &mut self.ports[index];
         port.opened += 1;

@@ -274,12 +274,7 @@ impl<'a> Tracer<'a> {
         }
         self.schedule.current = None;
         if self.threads.is_empty() {
-            // What has been closed on the way out. A duplicate would keep it open.
-            for process in self.processes.values() {
-                process.files.borrow_mut().clear();
-            }
-            self.ports_used.set(true);
-            self.look_at_ports()?;
+            self.close_ports()?;
             return Ok(false);
         }
         if self.is_over_time() {

@@ -39,6 +39,9 @@ pub struct Device {
     pub cable: Option<(u64, u64)>,
     /// How long another thread keeps the other end of the port when the cable is pulled.
     pub kept: Option<Duration>,
+    /// Keeps the client's own end open: the line that it sends says its process and descriptor.
+    pub keeps: bool,
+    pub kept_end: Option<OwnedFd>,
     /// Real time in which the machine does nothing for it, each time something happens.
     pub stalls: Duration,
     /// Bytes that there is room for at a time; all of them if that is 0.
@@ -78,6 +81,9 @@ impl World for Device {
         let bytes = &bytes[..count];
         let shown = String::from_utf8_lossy(bytes).into_owned();
         self.note(now, &format!("sent {shown:?} at {} baud", line.baud));
+        if self.keeps {
+            self.kept_end = client_s_end(&shown);
+        }
         for &byte in bytes {
             self.line.push(byte.to_ascii_uppercase());
             if byte == b'\n' {
@@ -163,6 +169,15 @@ fn other_end_of(port: &Port) -> OwnedFd {
     other.expect("this program has it open")
 }
 
+/// A duplicate of the descriptor that a line names: number of the process, number there.
+fn client_s_end(line: &str) -> Option<OwnedFd> {
+    let (process, number) = line.trim().split_once(' ')?;
+    let process = rustix::process::Pid::from_raw(process.parse().ok()?)?;
+    let process = rustix::process::pidfd_open(process, PidfdFlags::empty()).ok()?;
+    let flags = PidfdGetfdFlags::empty();
+    rustix::process::pidfd_getfd(process, number.parse().ok()?, flags).ok()
+}
+
 /// What came of a program.
 #[derive(Debug)]
 pub struct Played {
@@ -170,6 +185,7 @@ pub struct Played {
     pub output: String,
     pub trace: Vec<String>,
     pub took: Duration,
+    pub kept_end: Option<OwnedFd>,
 }
 
 /// How to play it.
@@ -229,6 +245,7 @@ pub fn play_on(stage: Stage, words: &[&str]) -> Result<Played, Error> {
         output: String::from_utf8_lossy(&text).into_owned(),
         trace: device.trace,
         took,
+        kept_end: device.kept_end,
     })
 }
 
