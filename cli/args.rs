@@ -14,7 +14,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{
     Arg, ArgAction, ArgMatches, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand,
-    value_parser,
+    ValueEnum as _, value_parser,
 };
 use rigsim_core::device::{DeviceSpec, Devices, LinkSpec};
 use rigsim_runner::renamed::{self, Kind, Renamed};
@@ -22,6 +22,7 @@ use rigsim_settings::Span;
 
 use crate::control::ctl::{CtlArgs, speed};
 use crate::exit::Exit;
+use crate::export::ExportFormat;
 use crate::lists::{FileKind, ListFormat, SchemaFormat};
 use crate::log::LogFormat;
 
@@ -81,6 +82,8 @@ Examples:
       Print half a second of it, for one device.
   sim trace ice.trace.jsonl --csv t,truth.x_m,reported.v48_a --every 10ms > ice.csv
       Print values as CSV, one line every 10 ms. `sim names` lists the names.
+  sim trace ice.trace.jsonl --export ice.pcapng
+      Write all frames for Wireshark. docs/tools.md has the formats of other tools.
   sim trace yesterday.trace.jsonl today.trace.jsonl --within 20ms
       Print the first difference of two runs. Times that differ by up to 20 ms count as equal: in
       real time, two runs are never the same to the nanosecond.";
@@ -220,7 +223,18 @@ fn command(devices: Devices) -> clap::Command {
             sub.mut_arg("device", |arg| arg.value_parser(kinds()))
         })
         .mut_subcommand("tap", |sub| sub.mut_arg("device", device))
-        .mut_subcommand("names", |sub| sub.mut_arg("device", device));
+        .mut_subcommand("names", |sub| sub.mut_arg("device", device))
+        .mut_subcommand("schema", |sub| {
+            let files = FileKind::value_variants().iter();
+            let files = files.filter_map(|kind| kind.to_possible_value());
+            let about = |device: &&DeviceSpec| {
+                let help = format!("The protocol of {}, with `--format lua`", device.title);
+                PossibleValue::new(device.id).help(help)
+            };
+            let all = files.chain(devices.iter().map(about));
+            let all = PossibleValuesParser::new(all.collect::<Vec<_>>());
+            sub.mut_arg("of", |arg| arg.value_parser(all))
+        });
     for (spec, link) in optional_links(devices) {
         let costs = link.optional.unwrap_or_default();
         let help = format!(
@@ -314,13 +328,14 @@ pub(crate) enum Command {
         #[command(flatten)]
         settings: SettingsArgs,
     },
-    /// Print the JSON Schema of world, rig or scenario files, for your editor.
+    /// Print the JSON Schema of world, rig or scenario files for your editor, or the dissector of a
+    /// device for Wireshark.
     #[command(after_help = SCHEMA_EXAMPLES)]
     Schema {
-        /// The kind of file.
-        #[arg(value_enum)]
-        of: FileKind,
-        /// `markdown` prints the reference of scenario files as a page.
+        /// The kind of file, or a device.
+        of: String,
+        /// `markdown` prints the reference of scenario files as a page; `lua` prints the dissector of a
+        /// device.
         #[arg(long, value_enum, default_value = "json")]
         format: SchemaFormat,
     },
@@ -340,7 +355,7 @@ pub(crate) struct TraceArgs {
     /// A trace of `sim run --output` or `sim --trace`.
     pub(crate) trace: PathBuf,
     /// Another trace: print the first difference, and what came before it.
-    #[arg(conflicts_with_all = ["csv", "every", "log_format"])]
+    #[arg(conflicts_with_all = ["csv", "every", "log_format", "export"])]
     pub(crate) other: Option<PathBuf>,
     /// Begin at this simulated time, as in 2.5s.
     #[arg(long, value_name = "TIME")]
@@ -368,6 +383,16 @@ pub(crate) struct TraceArgs {
     /// Output format of events.
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     pub(crate) log_format: LogFormat,
+    /// Write the whole trace to a file for another tool, whose ending names the format.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["from", "to", "device", "csv", "log_format"]
+    )]
+    pub(crate) export: Option<PathBuf>,
+    /// The format of --export, whatever the ending.
+    #[arg(long, value_enum, requires = "export")]
+    pub(crate) format: Option<ExportFormat>,
 }
 
 /// Where settings come from; later ones win.

@@ -5,6 +5,7 @@ mod client;
 mod config;
 mod control;
 mod exit;
+mod export;
 mod lists;
 mod log;
 mod looking;
@@ -62,7 +63,7 @@ pub fn main(devices: Devices) -> ExitCode {
             }
             Some(Command::Names { device }) => lists::list_names(devices, device),
             Some(Command::Ctl(args)) => control::ctl::run(args),
-            Some(Command::Schema { of, format }) => lists::schema(devices, *of, *format),
+            Some(Command::Schema { of, format }) => lists::schema(devices, of, *format),
             None => start::serve(devices, &cli.serve),
         }
     })

@@ -10,6 +10,7 @@ use rigsim_physics::WorldMap;
 use rigsim_runner::{RigPlan, Scenario};
 
 use crate::exit::{Exit, Failure};
+use crate::export::dissector;
 use crate::print::print;
 use crate::reference;
 
@@ -29,6 +30,8 @@ pub(crate) enum SchemaFormat {
     Json,
     /// A page for readers, as docs/reference.md is; of scenario files only.
     Markdown,
+    /// A dissector for Wireshark; of devices only.
+    Lua,
 }
 
 /// A kind of file.
@@ -152,11 +155,16 @@ pub(crate) fn list_names(devices: Devices, device: &str) -> Result<Exit, Failure
 }
 
 /// The `schema` subcommand: JSON Schemas of the files that users write, for their editors.
-pub(crate) fn schema(
-    devices: Devices,
-    kind: FileKind,
-    format: SchemaFormat,
-) -> Result<Exit, Failure> {
+pub(crate) fn schema(devices: Devices, of: &str, format: SchemaFormat) -> Result<Exit, Failure> {
+    let device = devices.iter().find(|device| device.id == of);
+    let Ok(kind) = FileKind::from_str(of, false) else {
+        return match device.filter(|_| format == SchemaFormat::Lua) {
+            Some(device) => print(dissector(device).trim_end()),
+            None => Err(Failure::usage(anyhow!(
+                "the protocol of a device is printed as a dissector: `sim schema {of} --format lua`"
+            ))),
+        };
+    };
     let text = match kind {
         FileKind::World => WorldMap::json_schema(),
         FileKind::Rig => RigPlan::json_schema(devices),
@@ -168,6 +176,10 @@ pub(crate) fn schema(
             let schema = serde_json::from_str(&text).map_err(Failure::system)?;
             print(reference::page(&schema, devices).trim_end())
         }
+        SchemaFormat::Lua => Err(Failure::usage(anyhow!(
+            "a dissector is of a device: `sim schema {} --format lua`",
+            devices.first().map_or("DEVICE", |device| device.id)
+        ))),
         SchemaFormat::Markdown => Err(Failure::usage(anyhow!(
             "only the reference of scenario files is printed as a page: `sim schema scenario --format markdown`"
         ))),

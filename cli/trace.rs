@@ -13,12 +13,16 @@ use rigsim_core::device::Devices;
 
 use crate::args::TraceArgs;
 use crate::exit::{Exit, Failure};
+use crate::export;
 use crate::recording::{self, Played, not_the_same};
 
 /// Prints a recording, or where two of them part.
 pub(crate) fn trace(devices: Devices, args: &TraceArgs) -> Result<Exit, Failure> {
     if let Some(other) = &args.other {
         return compare::compare(devices, args, [&args.trace, other]);
+    }
+    if let Some(to) = &args.export {
+        return exit(export::export(devices, &args.trace, to, args.format)?);
     }
     let (written, played) = if args.csv.is_empty() {
         let (printer, played) =

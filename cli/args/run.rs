@@ -10,6 +10,7 @@ use rigsim_settings::Span;
 
 use super::{MAX_STALL, SettingsArgs, ShardArg, some_time, speed};
 use crate::exit::Exit;
+use crate::export::ExportFormat;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -78,6 +79,19 @@ pub(crate) struct RunArgs {
     /// Write a trace, a JSON report and the client's output of each scenario into this folder.
     #[arg(long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
+    /// With --output: write the trace of each scenario that fails also in these formats, as in
+    /// --export pcapng.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "FORMATS",
+        value_delimiter = ',',
+        requires = "output"
+    )]
+    pub(crate) export: Vec<ExportFormat>,
+    /// With --export: do that also for scenarios that pass.
+    #[arg(long, requires = "export")]
+    pub(crate) export_all: bool,
     /// Play only shard K of N. With `auto`, the variables of a CI server or a batch system choose it.
     #[arg(long, value_name = "K/N|auto")]
     pub(crate) shard: Option<ShardArg>,

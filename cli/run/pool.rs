@@ -12,6 +12,7 @@ use rigsim_pty::Waiter;
 
 use crate::args::{RunArgs, TimeArg};
 use crate::exit::{Exit, Failure};
+use crate::export::export_beside;
 use crate::print::{complain, words_of_panic};
 
 use super::Audience;
@@ -167,12 +168,26 @@ fn play(case: &Case<'_>, page: Option<&Page>, stop: &AtomicBool) -> Result<CaseR
             result = play_once(case, stop)?;
         }
         json::write(case, &result)?;
+        export(case, &result)?;
         if let Some(page) = page {
             page.add(case, &result, stop);
         }
         Ok(result)
     }))
     .unwrap_or_else(|panic| Ok(CaseResult::error(words_of_panic(&*panic))))
+}
+
+/// Writes the trace in the formats of other tools, if that is wanted.
+fn export(case: &Case<'_>, result: &CaseResult) -> Result<(), Failure> {
+    let is_wanted = case.args.export_all || result.verdict.exit() != Exit::Clean;
+    let Some(trace) = case
+        .file("trace.jsonl")
+        .filter(|trace| is_wanted && trace.exists())
+    else {
+        return Ok(());
+    };
+    let devices = case.loaded.scenario.rig.settings.table();
+    export_beside(devices, &trace, &case.args.export)
 }
 
 fn play_once(case: &Case<'_>, stop: &AtomicBool) -> Result<CaseResult, Failure> {

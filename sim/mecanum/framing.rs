@@ -1,6 +1,6 @@
 //! Packets and lines of a mecanum car, as far as faults spoil them.
 
-use crate::device::{Framing, resized, with_first};
+use crate::device::{Form, Framing, resized, with_first};
 use crate::mecanum_device::packet::Status;
 
 /// Type, length, fields.
@@ -31,8 +31,15 @@ impl Framing for Packets {
         frame
     }
 
-    fn length_at(&self) -> Option<usize> {
-        Some(1)
+    fn form(&self) -> Form {
+        Form::Frames {
+            header: &[],
+            length_at: 1,
+            uncounted: 0,
+            id_at: 0,
+            fields_at: 2,
+            check: None,
+        }
     }
 
     fn unasked(&self) -> Vec<u8> {

@@ -1,6 +1,6 @@
 //! Frames of an R150, as far as faults spoil them.
 
-use crate::device::{Framing, resized};
+use crate::device::{Form, Framing, resized};
 use crate::r150_device::codec::{self, COMMAND_AT};
 use crate::r150_device::command::{Reply, code};
 
@@ -39,8 +39,15 @@ impl Framing for Frames {
         }
     }
 
-    fn length_at(&self) -> Option<usize> {
-        Some(2)
+    fn form(&self) -> Form {
+        Form::Frames {
+            header: &codec::HEADER,
+            length_at: 2,
+            uncounted: codec::OVERHEAD,
+            id_at: COMMAND_AT,
+            fields_at: COMMAND_AT + 1,
+            check: Some(codec::crc),
+        }
     }
 
     fn unasked(&self) -> Vec<u8> {

@@ -1,0 +1,134 @@
+//! Dissectors of the protocols of devices for Wireshark, from the declarations of their messages.
+
+use rigsim_core::device::{DeviceSpec, Form, Setup};
+use rigsim_core::message::{FieldInfo, MessageInfo, Sender, WireType};
+use rigsim_physics::{Pose, World, WorldSettings};
+use serde_json::{Value, json};
+
+/// What is the same for all protocols.
+const TEMPLATE: &str = include_str!("dissector.lua");
+
+/// Name of the dissector of a link.
+pub(super) fn dissector_name(device: &DeviceSpec, link: usize) -> String {
+    match device.links.get(link) {
+        Some(spec) if link > 0 => format!("{}_{}", device.id, spec.id),
+        _ => device.id.to_owned(),
+    }
+}
+
+/// The dissector of all links of a device, in Lua.
+pub(crate) fn dissector(spec: &DeviceSpec) -> String {
+    let settings = (spec.settings)();
+    let mut world = World::new(&WorldSettings::default());
+    let setup = Setup {
+        name: spec.id,
+        settings: &*settings,
+        start: 0,
+        links: spec.links.len(),
+        pose: Pose::default(),
+        seed: 0,
+    };
+    let device = (spec.build)(&setup, &mut world);
+    let mut text = format!(
+        "-- Dissector for {} in Wireshark. `sim schema {} --format lua` prints it; do not edit.\n{TEMPLATE}",
+        spec.title, spec.id
+    );
+    for (link, link_spec) in spec.links.iter().enumerate() {
+        let messages = spec.all_messages().filter(|info| info.link == link);
+        let form = match device.framing(link).form() {
+            Form::Frames {
+                id_at,
+                fields_at,
+                check,
+                ..
+            } => json!({"id_at": id_at, "fields_at": fields_at, "checked": check.is_some()}),
+            Form::Lines => json!({"lines": true}),
+        };
+        let name = dissector_name(spec, link);
+        let link = json!({
+            "name": name,
+            "title": format!("{} ({})", spec.id, link_spec.name),
+            "form": form,
+            "messages": messages.map(message).collect::<Vec<_>>(),
+        });
+        text += &format!("\ndissector({})\n", lua(&link, 0));
+    }
+    text
+}
+
+fn message(info: &MessageInfo) -> Value {
+    let layout = info.layout();
+    json!({
+        "id": info.id,
+        "name": info.name,
+        "text": info.text.trim(),
+        "sender": match info.sender { Sender::Client => "request", Sender::Device => "reply" },
+        "fields": layout.map(|(offset, field)| self::field(offset, field)).collect::<Vec<_>>(),
+    })
+}
+
+fn field(offset: usize, field: &FieldInfo) -> Value {
+    let (wire, prefix) = match field.wire {
+        WireType::Bool => ("bool", None),
+        WireType::U8 => ("uint8", None),
+        WireType::U16 => ("uint16", None),
+        WireType::U32 => ("uint32", None),
+        WireType::I16 => ("int16", None),
+        WireType::I32 => ("int32", None),
+        WireType::Decimal { prefix } => ("int32", Some(prefix)),
+    };
+    let mut value = json!({
+        "name": field.name,
+        "wire": wire,
+        "size": field.wire.size(),
+        "offset": offset,
+    });
+    let mut set = |key: &str, to: Value| value[key] = to;
+    if let Some(prefix) = prefix {
+        set("prefix", json!(prefix));
+    }
+    if let Some(count) = field.count {
+        set("count", json!(count));
+    }
+    if field.per > 1 {
+        set("per", json!(field.per));
+    }
+    if !field.unit.is_empty() {
+        set("unit", json!(field.unit));
+    }
+    if field.hex {
+        set("hex", json!(true));
+    }
+    if !field.bits.is_empty() {
+        set("bits", json!(field.bits));
+    }
+    if !field.values.is_empty() {
+        set("values", json!(field.values));
+    }
+    value
+}
+
+/// A value as Lua writes it.
+fn lua(value: &Value, depth: usize) -> String {
+    let wide = depth < 3;
+    let around = |parts: Vec<String>| {
+        let (gap, end) = match wide && !parts.is_empty() {
+            true => (
+                format!("\n{}", "  ".repeat(depth + 1)),
+                format!("\n{}", "  ".repeat(depth)),
+            ),
+            false => (" ".to_owned(), " ".to_owned()),
+        };
+        let parts: String = parts.iter().map(|part| format!("{gap}{part},")).collect();
+        format!("{{{parts}{end}}}")
+    };
+    match value {
+        Value::Array(all) => around(all.iter().map(|one| lua(one, depth + 1)).collect()),
+        Value::Object(all) => {
+            let pair = |(key, one): (&String, &Value)| format!("{key} = {}", lua(one, depth + 1));
+            around(all.iter().map(pair).collect())
+        }
+        Value::Null => "nil".to_owned(),
+        other => other.to_string(),
+    }
+}
