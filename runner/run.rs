@@ -46,6 +46,7 @@ mod host;
 mod instant;
 mod judge;
 mod lateness;
+mod margin;
 mod outcome;
 mod probe;
 mod published;
@@ -69,6 +70,7 @@ use rigsim_physics::WorldMap;
 use rigsim_settings::Source;
 
 pub use direct::{StepError, StepReport};
+pub use margin::Margin;
 pub use outcome::{Context, DeviceReport, Failure, FailureKind, FaultRecord, Outcome};
 pub use probe::Probe;
 pub use published::{MOST_LINE, PublishError};

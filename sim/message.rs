@@ -133,6 +133,7 @@ macro_rules! messages {
             id: $id,
             name: $message,
             text: concat!($($text),+),
+            count: concat!("count.", $message),
             $($key: $value,)*
             ..$crate::message::MessageInfo::new($crate::message::Sender::$sender, $link, const { &[
                 $( $crate::message::FieldInfo {
@@ -176,6 +177,8 @@ pub struct MessageInfo {
     pub motion: bool,
     /// Name of a condition: the time since the last one; empty for none.
     pub age: &'static str,
+    /// Name of a condition: how many a client has sent; empty for none.
+    pub count: &'static str,
 }
 
 impl MessageInfo {
@@ -197,6 +200,7 @@ impl MessageInfo {
             length,
             motion: false,
             age: "",
+            count: "",
         }
     }
 

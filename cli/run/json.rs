@@ -105,6 +105,7 @@ pub(crate) fn verdict(scenario: &Scenario, result: &CaseResult) -> Value {
     value["faults"] = json!(outcome.faults);
     let first = outcome.failures.first();
     value["armed"] = json!(first.map_or(&[][..], |failure| &failure.context.armed));
+    value["margins"] = json!(outcome.margins);
     value["not_judged"] = json!(outcome.not_judged);
     value["not_applicable"] = json!(outcome.not_applicable);
     value["stalled"] = played.stalled.map_or(Value::Null, |stalled| {

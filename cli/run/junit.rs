@@ -150,6 +150,11 @@ fn suite(case: &Case<'_>, result: Option<&CaseResult>) -> TestSuite {
     for note in &view.notes {
         property(&note.label.replace(' ', "_"), &note.text);
     }
+    let played = result.and_then(|result| result.played.as_ref());
+    for rule in played.iter().flat_map(|played| &played.outcome.margins) {
+        let value = format!("{:.4} at {} s: {}", rule.margin, rule.at, rule.what);
+        property("margin", &value);
+    }
     if let Some(stalled) = result.and_then(|result| result.played.as_ref()?.stalled) {
         let seconds = |time: Duration| format!("{:.3}", time.as_secs_f64());
         property("stalled_s", &seconds(stalled.total));

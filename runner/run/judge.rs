@@ -8,6 +8,7 @@ use rigsim_settings::show_duration;
 
 use super::Run;
 use super::agenda::Item;
+use super::margin::Slack;
 use super::outcome::FailureKind;
 use crate::condition::{Condition, ExpressionError, Situation};
 use crate::scenario::{Rule, StepAction, Trigger};
@@ -44,6 +45,7 @@ pub(super) struct RuleState {
     closed: bool,
     /// It has been looked at.
     looked_at: bool,
+    pub(super) slack: Slack,
 }
 
 impl Run {
@@ -169,12 +171,27 @@ impl Run {
         let scenario = std::sync::Arc::clone(&self.scenario);
         let waiting = std::mem::take(&mut self.expected);
         for expected in waiting {
-            let StepAction::Expect { that, message, .. } = &scenario.steps[expected.step].action
+            let StepAction::Expect {
+                that,
+                within,
+                message,
+            } = &scenario.steps[expected.step].action
             else {
                 continue;
             };
             let why = match self.holds(that) {
-                Ok(true) => None,
+                Ok(true) => {
+                    let distance = self.distance(that, true);
+                    let slack = &mut self.steps[expected.step].slack;
+                    match *within {
+                        Some(within) => {
+                            let left = expected.due.since(now);
+                            slack.note_time(within.saturating_sub(left), within, now);
+                        }
+                        None => slack.note(distance, now),
+                    }
+                    None
+                }
                 Ok(false) if expected.due > now => {
                     self.note_nearness(expected.step, that, now);
                     self.expected.push(expected);
@@ -184,6 +201,7 @@ impl Run {
                 Err(why) => Some(why.to_string()),
             };
             if let Some(why) = why {
+                self.steps[expected.step].slack.break_at(now);
                 self.fail_step(expected.step, now, why);
             }
             self.time_over(expected.step, now);
@@ -203,12 +221,20 @@ impl Run {
             let what = match looked {
                 Ok(None) => continue,
                 Ok(Some(holds)) if holds == rule.must_hold => {
-                    self.rules[index].broken = None;
+                    let state = &mut self.rules[index];
+                    if let Some(since) = state.broken.take() {
+                        let used = now.since(since);
+                        state.slack.note_time(used, rule.longer_than, now);
+                    }
+                    self.measure(index, rule, now);
                     continue;
                 }
                 Ok(Some(_)) => {
-                    let since = *self.rules[index].broken.get_or_insert(now);
+                    let state = &mut self.rules[index];
+                    let since = *state.broken.get_or_insert(now);
                     if now < since + rule.longer_than {
+                        let used = now.since(since);
+                        state.slack.note_time(used, rule.longer_than, now);
                         self.agenda.plan(since + rule.longer_than, Item::Look);
                         continue;
                     }
@@ -219,6 +245,7 @@ impl Run {
                 Err(why) => why.to_string(),
             };
             self.rules[index].closed = true;
+            self.rules[index].slack.break_at(now);
             self.note_failure(FailureKind::Rule, now, None, what);
         }
     }

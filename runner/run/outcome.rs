@@ -6,6 +6,8 @@ use rigsim_core::SimTime;
 use rigsim_core::report::Report;
 use serde::{Serialize, Serializer};
 
+use super::margin::Margin;
+
 /// Outcome of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcome {
@@ -25,6 +27,8 @@ pub struct Outcome {
     pub faults: Vec<FaultRecord>,
     /// Counts of what happened at each device; the client report is in it.
     pub devices: Vec<DeviceReport>,
+    /// How near rules, responses and expectations came to being broken, of those that were judged.
+    pub margins: Vec<Margin>,
     /// Rules and responses of which nothing was asked, with the reason, in words.
     pub not_judged: Vec<String>,
     /// Parts of the scenario for which a real client gave no occasion, with the reason, in words.
@@ -127,7 +131,7 @@ pub struct DeviceReport {
     pub distance_m: f64,
 }
 
-fn seconds<S: Serializer>(at: &SimTime, serializer: S) -> Result<S::Ok, S::Error> {
+pub(super) fn seconds<S: Serializer>(at: &SimTime, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64(at.as_secs_f64())
 }
 

@@ -8,6 +8,7 @@ use rigsim_settings::show_duration;
 use super::Run;
 use super::agenda::Item;
 use super::judge::with_message;
+use super::margin::Slack;
 use super::outcome::FailureKind;
 use crate::scenario::{Cause, Response};
 
@@ -21,6 +22,7 @@ pub(super) struct ResponseState {
     caused: bool,
     /// It was to come at least once.
     pub(super) was_due: bool,
+    pub(super) slack: Slack,
     pending: Vec<Pending>,
 }
 
@@ -89,14 +91,19 @@ impl Run {
         }
         let holds = self.holds(&response.then).unwrap_or(false);
         let mut failed = Vec::new();
-        self.responses[index].pending.retain_mut(|pending| {
+        let ResponseState { pending, slack, .. } = &mut self.responses[index];
+        pending.retain_mut(|pending| {
             let over = |time| now >= pending.since + time;
             if !holds {
                 let too_late = pending.came || over(response.within);
                 if too_late {
+                    slack.break_at(now);
                     failed.push(*pending);
                 }
                 return !too_late;
+            }
+            if !pending.came {
+                slack.note_time(now.since(pending.since), response.within, now);
             }
             pending.came = true;
             response.until.is_some_and(|until| !over(until))
@@ -122,16 +129,13 @@ impl Run {
         let responses = responses.filter(|(response, state)| {
             !state.was_due && !response.optional && self.is_judged(response.only, response.mission)
         });
-        let responses = responses.map(|(response, _)| {
-            let then = &response.then.text;
-            match &response.to {
-                Cause::Whenever(cause) => {
-                    format!("response `{then}`: `{}` never came", cause.text)
-                }
-                Cause::Step(step) => {
-                    let step = &self.scenario.steps[*step].name;
-                    format!("response `{then}`: \"{step}\" never happened")
-                }
+        let responses = responses.map(|(response, _)| match &response.to {
+            Cause::Whenever(cause) => {
+                format!("{}: `{}` never came", response.words(), cause.text)
+            }
+            Cause::Step(step) => {
+                let step = &self.scenario.steps[*step].name;
+                format!("{}: \"{step}\" never happened", response.words())
             }
         });
         rules.chain(responses).collect()
@@ -155,5 +159,11 @@ impl Run {
         let found = self.explain(&response.then);
         let text = format!("{demand} {cause} at {since} s, but {found}");
         with_message(response.message.as_deref(), &text)
+    }
+}
+
+impl Response {
+    pub(super) fn words(&self) -> String {
+        format!("response `{}`", self.then.text)
     }
 }

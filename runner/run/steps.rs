@@ -10,6 +10,7 @@ use rigsim_core::rig::Rig;
 
 use super::agenda::Item;
 use super::judge::{Expected, Nearest};
+use super::margin::Slack;
 use super::record::Record;
 use super::{MOST_ROUNDS, Run};
 use crate::scenario::{Only, Scenario, Step, StepAction, Times, Trigger};
@@ -44,6 +45,7 @@ pub(super) struct StepState {
     times_drawn: Noise,
     /// Nearest that what it waits for has come to holding so far.
     pub(super) nearest: Option<Nearest>,
+    pub(super) slack: Slack,
     /// Faults that it has brought, or actions that can be undone, that go on.
     pub(super) effects: Vec<EffectHandle>,
     pub(super) counts: FaultCounts,
@@ -83,6 +85,7 @@ impl StepState {
             chance: Noise::new(seed, &format!("scenario.{}", step.name)),
             times_drawn: Noise::new(seed, &format!("scenario.{}.times", step.name)),
             nearest: None,
+            slack: Slack::default(),
             effects: Vec::new(),
             counts: FaultCounts::default(),
         }

@@ -1,5 +1,6 @@
 mod faults;
 mod layers;
+mod margins;
 mod published;
 mod rules;
 mod steps;

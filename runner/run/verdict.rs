@@ -109,6 +109,7 @@ impl Run {
                     distance_m: self.rig.distance_m(device),
                 })
                 .collect(),
+            margins: self.margins(),
             not_judged: self.not_judged(),
             not_applicable,
             last: self.context(),

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use rigsim_settings::SimTime;
 
 use crate::event::{Event, Role};
+use crate::message::Sender;
 use crate::report::Report;
 
 /// Observations of one device since the start.
@@ -12,7 +13,7 @@ use crate::report::Report;
 pub struct Counters {
     /// Counts of its events.
     pub report: Report,
-    /// Events by their codes, also those that are attributed to no party.
+    /// Events by their codes, also those that are attributed to no party; messages by their `count`.
     counts: BTreeMap<&'static str, u64>,
     /// Number of its ports that are open.
     pub attached: u64,
@@ -47,6 +48,9 @@ impl Counters {
                 self.fields.extend(field.named_values(&numbers));
             }
             self.messages.insert(message.age, event.at);
+            if message.sender == Sender::Client {
+                *self.counts.entry(message.count).or_default() += 1;
+            }
         }
         *self.counts.entry(event.kind.code().as_str()).or_default() += 1;
         if !excused {

@@ -8,7 +8,7 @@ use rigsim_settings::SimTime;
 
 use super::{Counters, Device, Motion};
 use crate::event::Code;
-use crate::message::MessageInfo;
+use crate::message::{MessageInfo, Sender};
 
 /// Meaning, unit and source of a name.
 #[derive(Debug, Clone, Copy)]
@@ -183,6 +183,10 @@ pub(super) fn of_message(message: &'static MessageInfo) -> Vec<NameInfo> {
             "time since the last such message; infinite before",
         );
         names.push(row(age, Unit::Number("s"), meaning, Getter::Age(age)));
+    }
+    if message.sender == Sender::Client && !message.count.is_empty() {
+        let meaning = "number of such messages that arrived";
+        names.push(NameInfo::count(message.count, message.count, meaning));
     }
     for field in message.fields {
         let unit = Unit::Number(field.unit);

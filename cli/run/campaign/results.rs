@@ -62,6 +62,9 @@ pub(crate) struct Line {
     pub(crate) reason: Option<String>,
     /// Simulated time that it took.
     pub(crate) simulated_s: f64,
+    /// How near each rule came to being broken, as a share of its limit.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) margins: BTreeMap<String, f64>,
     /// Digest of its trace.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) trace: Option<String>,
@@ -193,6 +196,11 @@ impl Results {
             signature: what.map(signature),
             reason: View::new(&case.loaded.scenario, Some(result), case.is_live()).reason,
             simulated_s: played.map_or(0.0, |played| played.outcome.ended_at.as_secs_f64()),
+            margins: played.map_or_else(BTreeMap::new, |played| {
+                let margins = played.outcome.margins.iter();
+                let margins = margins.map(|rule| (rule.what.clone(), rule.margin));
+                margins.collect()
+            }),
             trace: played.and_then(|played| played.trace.clone()),
             took_s: played.map_or(0.0, |played| played.took.as_secs_f64()),
         })?;

@@ -84,6 +84,7 @@ pub(super) fn shown(
                 @if let Some(expected) = view.expected { p { b { "Expected: " } (readable(expected)) } }
                 @if let Some(text) = &case.loaded.scenario.description { p.about { (readable(text)) } }
                 (faults(outcome))
+                (margins(outcome))
                 @for note in &view.notes { p.note { (readable(&note.to_string())) } }
                 @if let Some(Err(why)) = &frames {
                     p.note { "No picture: the recording could not be played again, " (readable(why)) }
@@ -191,6 +192,29 @@ fn faults(outcome: &Outcome) -> Markup {
                         td { (readable(&fault.step)) }
                         td.number { (fault.armed) }
                         td.number { (fault.hit) @if fault.hits > fault.hit { " (" (fault.hits) "×)" } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// How near each rule came to being broken, the nearest first.
+fn margins(outcome: &Outcome) -> Markup {
+    let mut margins: Vec<_> = outcome.margins.iter().collect();
+    margins.sort_by(|one, other| one.margin.total_cmp(&other.margin));
+    html! {
+        @if !margins.is_empty() {
+            details {
+                summary { "Margins of the rules" }
+                table.faults {
+                    thead { tr { th { "margin" } th { "at" } th { "rule" } } }
+                    @for rule in margins {
+                        tr {
+                            td.number { (format!("{:.4}", rule.margin)) }
+                            td.number { (seconds(rule.at)) }
+                            td { (readable(&rule.what)) }
+                        }
                     }
                 }
             }

@@ -38,6 +38,7 @@ fn line(repeat: u32) -> Line {
         signature: None,
         reason: None,
         simulated_s: 1.0,
+        margins: [("never `t > 9`".to_owned(), 0.25)].into(),
         trace: None,
         took_s: 0.1,
     }
