@@ -1,5 +1,6 @@
 //! Flags and subcommands.
 
+mod hunt;
 mod merge;
 mod run;
 mod serve;
@@ -28,6 +29,7 @@ use crate::log::LogFormat;
 
 use crate::visible;
 
+pub(crate) use hunt::HuntArgs;
 pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;
@@ -285,6 +287,9 @@ pub(crate) enum Command {
         #[command(flatten)]
         given: GivenArgs,
     },
+    /// Search for the smallest faults that make your client break a rule, and write them as scenario
+    /// files.
+    Hunt(Box<HuntArgs>),
     /// Merge the results of all shards of a campaign; refuse if a result is missing.
     Merge(MergeArgs),
     /// Show what happened in a run, from its trace: as text, as CSV, or compared with another trace.

@@ -6,6 +6,7 @@ mod config;
 mod control;
 mod exit;
 mod export;
+mod hunt;
 mod lists;
 mod log;
 mod looking;
@@ -54,6 +55,7 @@ pub fn main(devices: Devices) -> ExitCode {
             Some(Command::Run(args)) => run::run(devices, args),
             Some(Command::Check { files, given }) => run::check(devices, files, given),
             Some(Command::Merge(args)) => run::merge(args),
+            Some(Command::Hunt(args)) => hunt::hunt(devices, args),
             Some(Command::Replay { trace }) => recording::replay(devices, trace),
             Some(Command::Tap(args)) => vehicle::tap(devices, args),
             Some(Command::Trace(args)) => trace::trace(devices, args),

@@ -36,15 +36,16 @@ use crate::supervise::adopt_orphans;
 use crate::visible;
 
 use campaign::{Plan, Results};
-use case::Case;
 use junit::Junit;
 use page::Page;
 use view::View;
 
-pub(crate) use campaign::merge;
-pub(crate) use case::{CaseResult, Played, Verdict};
+pub(crate) use campaign::{merge, signature};
+pub(crate) use case::{Case, CaseResult, Played, Verdict};
 pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;
+pub(crate) use page::{MARKS as REPORT_MARKS, document as report_page};
+pub(crate) use pool::{play_quietly, stop_by_signals};
 
 /// The `run` subcommand.
 pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {

@@ -367,6 +367,19 @@ pub(crate) fn load(path: &Path, given: &Given<'_>) -> Result<Loaded, Failure> {
     compose(given, path, &read_files(given, path)?, &[])
 }
 
+/// Reads one whose text is not in a file yet; what it is based on is.
+pub(crate) fn load_text(path: &Path, text: &str, given: &Given<'_>) -> Result<Loaded, Failure> {
+    let mut read = |own: &Path| {
+        let text = match own == path {
+            true => text.to_owned(),
+            false => config::read(own, "base").map_err(|failure| failure.error)?,
+        };
+        Ok::<_, anyhow::Error>((visible::name(own), text))
+    };
+    let files = ScenarioFiles::read(path, None, &mut read).map_err(Failure::usage)?;
+    compose(given, path, &files, &[])
+}
+
 fn read_files(given: &Given<'_>, path: &Path) -> Result<ScenarioFiles, Failure> {
     let mut read = |own: &Path| {
         let text = match own == path {

@@ -19,7 +19,7 @@ use merged::Merged;
 use outputs::Outputs;
 
 pub(crate) use plan::Plan;
-pub(crate) use results::Results;
+pub(crate) use results::{Results, signature};
 
 /// The `merge` subcommand.
 pub(crate) fn merge(args: &MergeArgs) -> Result<Exit, Failure> {

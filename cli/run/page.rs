@@ -30,7 +30,7 @@ use case::{Detail, shown};
 
 const STYLE: &str = include_str!("page/style.css");
 /// By this a report is known, which may be replaced.
-pub(super) const MARKS: &[&str] = &["<meta name=\"generator\" content=\"sim\">"];
+pub(crate) const MARKS: &[&str] = &["<meta name=\"generator\" content=\"sim\">"];
 /// Most cases that failed of which everything is shown.
 const MOST_FULL: usize = 30;
 /// Most cases of which the map is shown.
@@ -224,7 +224,7 @@ fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>
 }
 
 /// A page of results, with what they are about.
-pub(super) fn document(title: &str, about: &[(&str, String)], body: &Markup) -> Markup {
+pub(crate) fn document(title: &str, about: &[(&str, String)], body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {

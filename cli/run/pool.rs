@@ -35,7 +35,7 @@ pub(crate) fn play_all(
     audience: &mut Audience<'_>,
 ) -> Result<Option<Failure>, Failure> {
     let page = audience.page;
-    let stop = broken_off_by_signals()?;
+    let stop = stop_by_signals()?;
     let next = AtomicUsize::new(0);
     let enough = AtomicBool::new(false);
     let (sender, receiver) = crossbeam_channel::unbounded();
@@ -121,6 +121,38 @@ pub(crate) fn play_all(
     Ok(wrong)
 }
 
+/// Plays all and prints nothing; results are in the order of the cases.
+///
+/// # Errors
+/// The first error in that order that concerns more than its case.
+pub(crate) fn play_quietly(
+    cases: &[Case<'_>],
+    threads: usize,
+    stop: &AtomicBool,
+) -> Result<Vec<CaseResult>, Failure> {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut results = Vec::new();
+        while let Some((index, case)) = {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            cases.get(index).map(|case| (index, case))
+        } {
+            results.push((index, play(case, None, stop)));
+        }
+        results
+    };
+    let mut results = std::thread::scope(|scope| {
+        let more = (1..threads.min(cases.len())).map(|_| scope.spawn(work));
+        let more: Vec<_> = more.collect();
+        let mut results = work();
+        // A panic of a case is its result already.
+        results.extend(more.into_iter().filter_map(|one| one.join().ok()).flatten());
+        results
+    });
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
 /// Number of cases to play at a time.
 fn threads(args: &RunArgs, cases: usize) -> usize {
     let asked = args.jobs.and_then(|most| usize::try_from(most).ok());
@@ -134,7 +166,7 @@ fn threads(args: &RunArgs, cases: usize) -> usize {
 }
 
 /// Becomes true when a signal asks for the end.
-fn broken_off_by_signals() -> Result<Arc<AtomicBool>, Failure> {
+pub(crate) fn stop_by_signals() -> Result<Arc<AtomicBool>, Failure> {
     let mut waiter = Waiter::new().map_err(Failure::system)?;
     waiter.catch_signals().map_err(Failure::system)?;
     let stop = Arc::new(AtomicBool::new(false));

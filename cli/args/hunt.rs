@@ -1,0 +1,71 @@
+//! Flags of `sim hunt`.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{ArgAction, Args, value_parser};
+
+use super::{SettingsArgs, TimeArg};
+
+const EXAMPLES: &str = "\
+Examples:
+  sim hunt scenarios/r150/jobs/camera-drive.toml -- python3 my_client.py
+      Search for the smallest faults that make the client break a rule of the job.
+  sim hunt --rules my-rules.toml --output found my-job.toml -- ./client
+      Judge by further rules, and write what is found into a folder.
+  sim run found/*.toml -- ./client
+      Play what was found again.
+
+Exit codes:
+  0  nothing found
+  1  found: at least one file was written
+  2  usage or configuration: a flag or a file is wrong, or the client is not repeatable
+  3  simulator or system";
+
+/// Budget and space of a search.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct HuntArgs {
+    /// Job files: what the client has to do, without faults.
+    #[arg(required = true, value_name = "JOB")]
+    pub(crate) jobs: Vec<PathBuf>,
+    /// The client to test, with its arguments, as for `sim run`.
+    #[arg(last = true, required = true, value_name = "CLIENT")]
+    pub(crate) client: Vec<OsString>,
+    /// Judge also by the rules and responses of this scenario file; may be repeated.
+    #[arg(long, value_name = "FILE", action = ArgAction::Append)]
+    pub(crate) rules: Vec<PathBuf>,
+    /// Number of runs of the search, for all jobs together.
+    #[arg(long, value_name = "N", default_value = "2000", value_parser = value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) runs: u32,
+    /// Further runs to make one finding smaller.
+    #[arg(long, value_name = "N", default_value = "300", value_parser = value_parser!(u32).range(1..=100_000))]
+    pub(crate) shrink_runs: u32,
+    /// Most faults at once.
+    #[arg(long, value_name = "N", default_value = "2", value_parser = value_parser!(u32).range(1..=4))]
+    pub(crate) max_faults: u32,
+    /// Try only these kinds of faults and actions.
+    #[arg(long, value_name = "KINDS", value_delimiter = ',')]
+    pub(crate) faults: Vec<String>,
+    /// Seed of the runs and of the choices of the search.
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) seed: u64,
+    /// Number of runs at a time; the result does not depend on it [default: one for each core].
+    #[arg(short = 'j', long = "jobs", value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
+    pub(crate) threads: Option<u32>,
+    /// A client that is known to be good, as a command of the shell: each finding is played with it too.
+    #[arg(long, value_name = "COMMAND")]
+    pub(crate) reference: Option<String>,
+    /// Write findings, `hunt.json` and the journal into this folder. A hunt that was aborted goes on
+    /// where it was.
+    #[arg(long, value_name = "DIR", default_value = "hunt")]
+    pub(crate) output: PathBuf,
+    /// Write an HTML page with a map of what was tried.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) report: Option<PathBuf>,
+    /// The kind of time that the client sees; a search has lockstep only.
+    #[arg(long, value_enum, default_value_t = TimeArg::Lockstep)]
+    pub(crate) time: TimeArg,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+}

@@ -1,0 +1,165 @@
+//! `sim hunt`: searching for faults that break a client.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and clippy takes helpers for production code"
+)]
+
+mod harness;
+
+use harness::live::Folder;
+use harness::{Finished, command};
+
+/// A client in a shell cannot speak, so this one is in Python's standard library alone: it asks the
+/// vehicle to drive for two seconds, goes on after what it does not understand, and never looks at
+/// whether the vehicle is locked.
+const CLIENT: &str = r#"
+import os, struct, time, termios, tty
+
+def crc(data):
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+    return struct.pack("<H", crc ^ 0xFFFF)
+
+port = os.open(os.environ["SIM_R150_PORT"], os.O_RDWR | os.O_NOCTTY)
+tty.setraw(port)
+speed = termios.tcgetattr(port)
+speed[4] = speed[5] = termios.B115200
+termios.tcsetattr(port, termios.TCSANOW, speed)
+for tick in range(40):
+    duty = 300 if tick < 20 else 0
+    body = b"\x12" + struct.pack("<hh", duty, duty)
+    os.write(port, b"\xAA\x55\x04" + body + crc(body))
+    time.sleep(0.1)
+"#;
+
+const JOB: &str = r#"
+schema = 1
+title = "Two seconds ahead"
+good_client = "Drives, and stops."
+limit = "5 s"
+nominal_duration = "4 s"
+
+[[device]]
+kind = "r150"
+
+[[step]]
+name = "drive"
+at = "0 s"
+every = "100 ms"
+for = "2 s"
+host = { send = { set_motors = { right = 300, left = 300 } } }
+"#;
+
+const RULES: &str = r#"
+[[never]]
+that = "mode.locked && firmware.motor_right != 0"
+longer_than = "500 ms"
+message = "it drives although it is locked"
+
+[[never]]
+that = "truth.battery_v < 20"
+message = "no client can help that"
+"#;
+
+fn folder() -> Folder {
+    Folder::with(&[
+        ("job.toml", JOB),
+        ("rules.toml", RULES),
+        ("client.py", CLIENT),
+    ])
+}
+
+fn hunt(folder: &Folder, more: &[&str]) -> Finished {
+    let all = [
+        "hunt",
+        "job.toml",
+        "--rules",
+        "rules.toml",
+        "--shrink-runs",
+        "40",
+    ];
+    let output = command()
+        .args([&all, more, &["--", "python3", "client.py"]].concat())
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Finished {
+        status: output.status,
+        out: text(output.stdout),
+        err: text(output.stderr),
+    }
+}
+
+#[test]
+fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() {
+    let folder = folder();
+    let kinds = ["--faults", "lock,torn-reply", "--runs", "24"];
+    let one = hunt(
+        &folder,
+        &[&kinds[..], &["--output", "one", "-j", "1"]].concat(),
+    );
+    assert_eq!(one.code(), Some(1), "{}", one.err);
+    let text = folder.read("one/hunt.json");
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let job = &report["jobs"][0];
+    assert_eq!(job["runs"], 24, "{text}");
+    let found = &job["findings"][0];
+    let file = found["file"].as_str().unwrap();
+    assert!(found["rule"].as_str().unwrap().contains("locked"), "{text}");
+    assert_eq!(found["faults"].as_array().unwrap().len(), 1, "{text}");
+    let written = folder.read(&format!("one/{file}"));
+    for part in [
+        "# Found by sim hunt in run ",
+        "base = \"../job.toml\"",
+        "operator = \"lock\"",
+    ] {
+        assert!(written.contains(part), "{part}\n{written}");
+    }
+    // It fails again as an ordinary file, and only because of the fault.
+    let again = folder.sim(&["run", &format!("one/{file}"), "--", "python3", "client.py"]);
+    assert_eq!(again.code(), Some(1), "{}", again.err);
+    let three = hunt(
+        &folder,
+        &[&kinds[..], &["--output", "three", "-j", "3"]].concat(),
+    );
+    assert_eq!(three.code(), Some(1));
+    assert_eq!(text, folder.read("three/hunt.json"));
+    // A hunt that is over is known from its journal.
+    let journal = folder.read("one/journal.jsonl").lines().count();
+    let resumed = hunt(&folder, &[&kinds[..], &["--output", "one"]].concat());
+    assert_eq!(resumed.code(), Some(1));
+    assert_eq!(text, folder.read("one/hunt.json"));
+    // Only what is always played again is added: twice without faults, and twice what was found.
+    assert_eq!(
+        folder.read("one/journal.jsonl").lines().count(),
+        journal + 4
+    );
+}
+
+#[test]
+fn what_no_client_can_help_is_counted_and_not_written() {
+    let folder = folder();
+    let sag = hunt(
+        &folder,
+        &["--faults", "supply-sag", "--runs", "12", "--output", "out"],
+    );
+    // A sag of 10 V leaves more than 20 V.
+    assert_eq!(sag.code(), Some(0), "{}", sag.err);
+    assert!(sag.out.contains("nothing found"), "{}", sag.err);
+    assert!(sag.out.contains("fewer than "), "{}", sag.err);
+}
+
+#[test]
+fn what_cannot_be_searched_is_refused() {
+    let folder = folder();
+    let real = hunt(&folder, &["--time", "real"]);
+    real.expect_refusal(2, &["real time"]);
+    let unknown = hunt(&folder, &["--faults", "gremlins"]);
+    unknown.expect_refusal(2, &["none of these kinds"]);
+}
