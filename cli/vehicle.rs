@@ -52,6 +52,7 @@ fn header(plan: &RigPlan) -> Header {
         program: env!("CARGO_PKG_VERSION").to_owned(),
         seed: 0,
         paced: true,
+        adapters: false,
         live: true,
         serving: true,
         file: "a recorded vehicle".to_owned(),
