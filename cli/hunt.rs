@@ -3,7 +3,7 @@
 //! Every schedule is an ordinary scenario file based on the job, and is played as `sim run` plays it. Each
 //! round is planned before it is played, so the result does not depend on how many are played at a time.
 
-mod blame;
+mod attribution;
 mod moments;
 mod player;
 mod report;
@@ -390,7 +390,7 @@ impl Hunt<'_> {
         Ok(())
     }
 
-    /// Finds out who is to blame for a broken rule, makes the schedule smaller, and writes it.
+    /// Attributes a broken rule, makes the schedule smaller, and writes it.
     fn look_into(
         &mut self,
         run: u64,
@@ -420,7 +420,7 @@ impl Hunt<'_> {
             .any(|own| key.starts_with(own));
         let unavoidable = !is_client
             && self.player.trace(&text, |path, loaded| {
-                blame::is_unavoidable(loaded, &records(path), seed, key)
+                attribution::is_unavoidable(loaded, &records(path), seed, key)
             })?;
         if unavoidable {
             *self.unavoidable.entry(key.to_owned()).or_default() += 1;

@@ -1,4 +1,4 @@
-//! Blame: whether any client could have kept the rule.
+//! Attribution: whether any client could have kept the rule.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -31,7 +31,7 @@ enum Then {
     Silence,
 }
 
-/// Returns whether both an ideal operator and silence break the rule, so that no client is to blame.
+/// Returns whether both an ideal operator and silence break the rule, so that it is attributed to no client
 ///
 /// # Errors
 /// When the simulation cannot go on.
