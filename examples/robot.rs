@@ -20,7 +20,7 @@ use rigsim_core::device::{
     Begin, Device, DeviceSettings, DeviceSpec, Devices, Effect, EffectError, Framing, HostSpec,
     LinkSpec, OnHardware, Setup, Sum, Tally, TextLines, Work, effects,
 };
-use rigsim_core::event::{Code, EventKind, PlainEvent, Role, code};
+use rigsim_core::event::{Code, EventKind, PlainEvent, code};
 use rigsim_core::mecanum::MECANUM_SPEC;
 use rigsim_core::message::{FieldInfo, MessageInfo, Sender};
 use rigsim_core::r150::R150_SPEC;
@@ -86,9 +86,9 @@ impl DeviceSettings for RobotSettings {
 
 rigsim_core::codes! {
     /// A line that is no command.
-    BAD_LINE = "bad_line", ClientUnlessDisturbed;
+    BAD_LINE = "bad_line", Warning, ClientUnlessDisturbed;
     /// The wheels were stopped since nothing came.
-    WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbedOrLate;
+    WATCHDOG_FIRED = "watchdog_fired", Warning, ClientUnlessDisturbedOrLate;
 }
 
 rigsim_core::faults! {
@@ -274,8 +274,8 @@ impl Robot {
         }
     }
 
-    fn tell(&mut self, at: SimTime, code: Code, role: Role, text: String) {
-        self.events.push_back((at, PlainEvent { code, role, text }));
+    fn tell(&mut self, at: SimTime, code: Code, text: String) {
+        self.events.push_back((at, PlainEvent { code, text }));
     }
 }
 
@@ -290,12 +290,12 @@ impl Device for Robot {
                 let line = line.escape_ascii().to_string();
                 let reply = self.obey(now, &line);
                 match reply {
-                    Some(_) => self.tell(now, code::REQUEST, Role::Request, line),
-                    None => self.tell(now, BAD_LINE, Role::Other, format!("no command: {line}")),
+                    Some(_) => self.tell(now, code::REQUEST, line),
+                    None => self.tell(now, BAD_LINE, format!("no command: {line}")),
                 }
                 let reply = reply.unwrap_or_else(|| "E".to_owned());
                 self.output.push_back(format!("{reply}\n").into_bytes());
-                self.tell(now, code::REPLY, Role::Reply, reply);
+                self.tell(now, code::REPLY, reply);
             }
         }
     }
@@ -305,7 +305,7 @@ impl Device for Robot {
             self.stop_due = None;
             if std::mem::take(&mut self.speeds) != [0; 2] {
                 let text = "no speeds in time: the wheels stop".to_owned();
-                self.tell(now, WATCHDOG_FIRED, Role::Other, text);
+                self.tell(now, WATCHDOG_FIRED, text);
             }
         }
     }

@@ -9,21 +9,9 @@ use std::sync::Arc;
 
 use rigsim_settings::SimTime;
 
-pub use code::{Attribution, Code};
+pub use code::{Attribution, Code, Level, Role};
 
 use crate::message::MessageInfo;
-
-rigsim_settings::words! {
-    /// Importance of an event to the developer of a client.
-    pub enum Level {
-        /// Ordinary requests and replies; shown when asked for.
-        Traffic = "traffic",
-        /// Worth knowing.
-        Notice = "notice",
-        /// Something is wrong, or a command had no effect.
-        Warning = "warning",
-    }
-}
 
 /// Something that happened, when and where.
 #[derive(Debug, Clone)]
@@ -46,19 +34,23 @@ impl PartialEq for Event {
 ///
 /// [`fmt::Display`] puts it into words.
 pub trait EventKind: fmt::Debug + fmt::Display + Same + Send + Sync {
-    /// Returns how much it matters.
-    fn level(&self) -> Level;
-
     /// Returns its name.
     fn code(&self) -> Code;
+
+    /// Returns its part in the counts.
+    fn role(&self) -> Role {
+        self.code().role()
+    }
+
+    /// Returns how much it matters.
+    fn level(&self) -> Level {
+        self.role().level()
+    }
 
     /// Index of the link that it is about, if it is about one.
     fn link(&self) -> Option<usize> {
         None
     }
-
-    /// Returns its part in the counts.
-    fn role(&self) -> Role;
 
     /// The bytes it is about, if it is about bytes.
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {
@@ -102,33 +94,11 @@ impl<T: PartialEq + Any> Same for T {
     }
 }
 
-/// Part of an event in the counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Role {
-    /// A client came.
-    Attached,
-    /// A client left.
-    Detached,
-    /// Something valid came from a client.
-    Request,
-    /// Something went to a client.
-    Reply,
-    /// A client was silent for too long.
-    HeartbeatLost,
-    /// Something broke, or came close to it, that the firmware does not know of.
-    Damage,
-    /// Anything else.
-    Other,
-}
-
 /// An event that needs no type of its own.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PlainEvent {
     /// Code by which it is known.
     pub code: Code,
-    /// Part in the counts.
-    pub role: Role,
     /// It in words.
     pub text: String,
 }
@@ -138,29 +108,14 @@ impl PlainEvent {
     pub(crate) fn tipping() -> Self {
         Self {
             code: code::TIPPING,
-            role: Role::Damage,
             text: "a wheel would lift: the vehicle would tip over".to_owned(),
         }
     }
 }
 
 impl EventKind for PlainEvent {
-    /// A warning if it may be attributed to the client, or tells of damage.
-    fn level(&self) -> Level {
-        match self.role {
-            Role::Request | Role::Reply => Level::Traffic,
-            Role::Damage => Level::Warning,
-            _ if self.code.may_be_client_error() => Level::Warning,
-            _ => Level::Notice,
-        }
-    }
-
     fn code(&self) -> Code {
         self.code
-    }
-
-    fn role(&self) -> Role {
-        self.role
     }
 }
 

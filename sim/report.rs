@@ -48,7 +48,7 @@ impl Report {
             Role::Reply => return self.replies += 1,
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
-            Role::HeartbeatLost | Role::Damage | Role::Other => {}
+            _ => {}
         }
         let tally = self
             .events

@@ -37,7 +37,7 @@ impl Counters {
             Role::Attached => self.attached += 1,
             Role::Detached => self.attached = self.attached.saturating_sub(1),
             Role::Request => self.last_request = Some(event.at),
-            Role::Reply | Role::HeartbeatLost | Role::Damage | Role::Other => {}
+            _ => {}
         }
         if let Some((message, payload)) = event.kind.message() {
             if message.motion {

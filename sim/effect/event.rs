@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::event::{Code, EventKind, Level, Role, code};
+use crate::event::{Code, EventKind, code};
 
 /// Stage in the life of a fault.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,20 +30,12 @@ pub struct FaultEvent {
 }
 
 impl EventKind for FaultEvent {
-    fn level(&self) -> Level {
-        Level::Notice
-    }
-
     fn code(&self) -> Code {
         match self.phase {
             FaultPhase::Armed => code::FAULT_ARMED,
             FaultPhase::Triggered { .. } => code::FAULT_TRIGGERED,
             FaultPhase::Cleared => code::FAULT_CLEARED,
         }
-    }
-
-    fn role(&self) -> Role {
-        Role::Other
     }
 }
 

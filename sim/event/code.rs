@@ -1,7 +1,53 @@
-//! Codes of events, and the party that they are attributed to.
+//! Codes of events, their importance, and the party that they are attributed to.
 
 use std::fmt;
 use std::time::Duration;
+
+rigsim_settings::words! {
+    /// Importance of an event to the developer of a client.
+    pub enum Level {
+        /// Ordinary requests and replies; shown when asked for.
+        Traffic = "traffic",
+        /// Worth knowing.
+        Notice = "notice",
+        /// Something is wrong, or a command had no effect.
+        Warning = "warning",
+    }
+}
+
+/// Part of an event in the counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Role {
+    /// A client came.
+    Attached,
+    /// A client left.
+    Detached,
+    /// Something valid came from a client.
+    Request,
+    /// Something went to a client.
+    Reply,
+    /// A client was silent for too long.
+    HeartbeatLost,
+    /// Something broke, or came close to it, that the firmware does not know of.
+    Damage,
+    /// Anything else that is worth knowing.
+    Notice,
+    /// Anything else that is wrong, or a command without effect.
+    Warning,
+}
+
+impl Role {
+    /// Returns how much such events matter.
+    #[must_use]
+    pub const fn level(self) -> Level {
+        match self {
+            Self::Request | Self::Reply => Level::Traffic,
+            Self::Attached | Self::Detached | Self::Notice => Level::Notice,
+            Self::HeartbeatLost | Self::Damage | Self::Warning => Level::Warning,
+        }
+    }
+}
 
 /// Party that an event is attributed to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +106,7 @@ pub struct Code {
     name: &'static str,
     count: &'static str,
     about: &'static str,
+    role: Role,
     attribution: Attribution,
 }
 
@@ -71,12 +118,14 @@ impl Code {
         name: &'static str,
         count: &'static str,
         about: &'static str,
+        role: Role,
         attribution: Attribution,
     ) -> Self {
         Self {
             name,
             count,
             about: about.trim_ascii(),
+            role,
             attribution,
         }
     }
@@ -97,6 +146,12 @@ impl Code {
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         self.name
+    }
+
+    /// Returns the part of such events in the counts, and how much they matter.
+    #[must_use]
+    pub const fn role(self) -> Role {
+        self.role
     }
 
     /// Returns the party that such events are attributed to.
@@ -124,14 +179,14 @@ impl fmt::Display for Code {
 /// mod code {
 ///     rigsim_core::codes! {
 ///         /// The wheels turn without a command.
-///         ROLLED_AWAY = "rolled_away", NoParty;
+///         ROLLED_AWAY = "rolled_away", Warning, NoParty;
 ///     }
 /// }
 /// assert_eq!(code::CODES, [code::ROLLED_AWAY]);
 /// ```
 #[macro_export]
 macro_rules! codes {
-    ($( $(#[doc = $about:literal])+ $code:ident = $name:literal, $attribution:ident; )+) => {
+    ($( $(#[doc = $about:literal])+ $code:ident = $name:literal, $role:ident, $attribution:ident; )+) => {
         $(
             $(#[doc = $about])+
             pub const $code: $crate::event::Code =
@@ -139,6 +194,7 @@ macro_rules! codes {
                     $name,
                     concat!("count.", $name),
                     concat!($($about),+),
+                    $crate::event::Role::$role,
                     $crate::event::Attribution::$attribution,
                 );
         )+
@@ -150,61 +206,61 @@ macro_rules! codes {
 
 codes! {
     /// A valid request, packet or line of a client.
-    REQUEST = "request", NoParty;
+    REQUEST = "request", Request, NoParty;
     /// A reply, packet or line of a device.
-    REPLY = "reply", NoParty;
+    REPLY = "reply", Reply, NoParty;
     /// A fault may act from now on.
-    FAULT_ARMED = "fault_armed", NoParty;
+    FAULT_ARMED = "fault_armed", Notice, NoParty;
     /// A fault acted for the first time.
-    FAULT_TRIGGERED = "fault_triggered", NoParty;
+    FAULT_TRIGGERED = "fault_triggered", Notice, NoParty;
     /// A fault has ended.
-    FAULT_CLEARED = "fault_cleared", NoParty;
+    FAULT_CLEARED = "fault_cleared", Notice, NoParty;
     /// An action was applied to the vehicle or around it.
-    ACTION_APPLIED = "action_applied", NoParty;
+    ACTION_APPLIED = "action_applied", Notice, NoParty;
     /// That was undone.
-    ACTION_REVERTED = "action_reverted", NoParty;
+    ACTION_REVERTED = "action_reverted", Notice, NoParty;
     /// A port was opened.
-    CLIENT_ATTACHED = "client_attached", NoParty;
+    CLIENT_ATTACHED = "client_attached", Attached, NoParty;
     /// A port was closed.
-    CLIENT_DETACHED = "client_detached", NoParty;
+    CLIENT_DETACHED = "client_detached", Detached, NoParty;
     /// A wheel would lift: the vehicle would tip over.
-    TIPPING = "tipping", NoParty;
+    TIPPING = "tipping", Damage, NoParty;
     /// The client's speed is not the device's.
-    BAUD_MISMATCH = "baud_mismatch", Client;
+    BAUD_MISMATCH = "baud_mismatch", Warning, Client;
     /// It is again.
-    BAUD_MATCHED = "baud_matched", NoParty;
+    BAUD_MATCHED = "baud_matched", Notice, NoParty;
     /// The client's port changes what passes.
-    LINE_NOT_RAW = "line_not_raw", Client;
+    LINE_NOT_RAW = "line_not_raw", Warning, Client;
     /// The client has set two stop bits.
-    STOP_BITS = "stop_bits", Client;
+    STOP_BITS = "stop_bits", Warning, Client;
     /// The client has set its modem lines.
-    MODEM_LINES = "modem_lines", NoParty;
+    MODEM_LINES = "modem_lines", Notice, NoParty;
     /// The client asks for a parity bit.
-    PARITY = "parity", Client;
+    PARITY = "parity", Warning, Client;
     /// The client waits for CTS.
-    FLOW_CONTROL = "flow_control", Client;
+    FLOW_CONTROL = "flow_control", Warning, Client;
     /// The client has set its speed to 0.
-    HUNG_UP = "hung_up", Client;
+    HUNG_UP = "hung_up", Warning, Client;
     /// The client sent more than the line holds.
-    SENT_TOO_MUCH = "sent_too_much", Client;
+    SENT_TOO_MUCH = "sent_too_much", Warning, Client;
     /// The simulator was stalled.
-    SIMULATOR_STALLED = "simulator_stalled", NoParty;
+    SIMULATOR_STALLED = "simulator_stalled", Warning, NoParty;
     /// The machine is too slow.
-    SIMULATOR_TOO_SLOW = "simulator_too_slow", NoParty;
+    SIMULATOR_TOO_SLOW = "simulator_too_slow", Warning, NoParty;
     /// A line that the client published is not used.
-    BAD_PUBLICATION = "bad_publication", NoParty;
+    BAD_PUBLICATION = "bad_publication", Warning, NoParty;
     /// The client does not read.
-    OVERRUN = "overrun", ClientUnlessLate;
+    OVERRUN = "overrun", Warning, ClientUnlessLate;
     /// The line was too full for all replies.
-    LINE_FULL = "line_full", ClientUnlessLate;
+    LINE_FULL = "line_full", Warning, ClientUnlessLate;
     /// Bytes outside of any frame or packet.
-    NOISE = "noise", ClientUnlessDisturbed;
+    NOISE = "noise", Warning, ClientUnlessDisturbed;
     /// An operator pressed a button or key.
-    OPERATED = "operated", NoParty;
+    OPERATED = "operated", Notice, NoParty;
     /// The device lost its supply.
-    POWER_LOST = "power_lost", NoParty;
+    POWER_LOST = "power_lost", Warning, NoParty;
     /// The firmware restarts by itself.
-    FIRMWARE_RESET = "firmware_reset", NoParty;
+    FIRMWARE_RESET = "firmware_reset", Warning, NoParty;
     /// The device has started.
-    STARTED = "started", NoParty;
+    STARTED = "started", Notice, NoParty;
 }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use super::MOST_IN_FLIGHT;
-use crate::event::{Code, EventKind, Level, Role, code};
+use crate::event::{Code, EventKind, code};
 
 /// Something that happened on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,16 +85,6 @@ pub struct OnLine {
 }
 
 impl EventKind for OnLine {
-    fn level(&self) -> Level {
-        match self.event {
-            LineEvent::Attached
-            | LineEvent::Detached
-            | LineEvent::BaudMatched { .. }
-            | LineEvent::ModemLines { .. } => Level::Notice,
-            _ => Level::Warning,
-        }
-    }
-
     fn code(&self) -> Code {
         match self.event {
             LineEvent::Attached => code::CLIENT_ATTACHED,
@@ -118,14 +108,6 @@ impl EventKind for OnLine {
 
     fn link(&self) -> Option<usize> {
         Some(self.link)
-    }
-
-    fn role(&self) -> Role {
-        match self.event {
-            LineEvent::Attached => Role::Attached,
-            LineEvent::Detached => Role::Detached,
-            _ => Role::Other,
-        }
     }
 
     fn lost_bytes(&self) -> u64 {

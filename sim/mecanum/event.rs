@@ -5,7 +5,7 @@ use std::fmt;
 
 use rigsim_settings::show_duration;
 
-use crate::event::{Code, EventKind, Hex, Level, Role, code};
+use crate::event::{Code, EventKind, Hex, code};
 use crate::mecanum_device::ascii::{HIGHEST, LOWEST, LineError, REPORTS};
 use crate::mecanum_device::codec::Decoded;
 use crate::mecanum_device::motion::Change;
@@ -15,62 +15,44 @@ use crate::message::{Message, MessageInfo};
 
 crate::codes! {
     /// A packet was begun and not finished.
-    PARTIAL_PACKET = "partial_packet", ClientUnlessDisturbed;
+    PARTIAL_PACKET = "partial_packet", Warning, ClientUnlessDisturbed;
     /// A line that is no command.
-    BAD_LINE = "bad_line", ClientUnlessDisturbed;
+    BAD_LINE = "bad_line", Warning, ClientUnlessDisturbed;
     /// A line with a number out of range.
-    BAD_NUMBER = "bad_number", ClientUnlessDisturbed;
+    BAD_NUMBER = "bad_number", Warning, ClientUnlessDisturbed;
     /// A line without an end.
-    LINE_TOO_LONG = "line_too_long", ClientUnlessDisturbed;
+    LINE_TOO_LONG = "line_too_long", Warning, ClientUnlessDisturbed;
     /// A speed out of range.
-    SPEED_CLAMPED = "speed_clamped", ClientUnlessDisturbed;
+    SPEED_CLAMPED = "speed_clamped", Warning, ClientUnlessDisturbed;
     /// A speed out of range that was not clamped.
-    SPEED_OUT_OF_RANGE = "speed_out_of_range", ClientUnlessDisturbed;
+    SPEED_OUT_OF_RANGE = "speed_out_of_range", Warning, ClientUnlessDisturbed;
     /// `is_reset` is neither 0 nor 1.
-    BAD_IS_RESET = "bad_is_reset", ClientUnlessDisturbed;
+    BAD_IS_RESET = "bad_is_reset", Warning, ClientUnlessDisturbed;
     /// `moving_idx` is unknown.
-    BAD_MOVING_IDX = "bad_moving_idx", ClientUnlessDisturbed;
+    BAD_MOVING_IDX = "bad_moving_idx", Warning, ClientUnlessDisturbed;
     /// The control type is unknown.
-    BAD_CONTROL_TYPE = "bad_control_type", ClientUnlessDisturbed;
+    BAD_CONTROL_TYPE = "bad_control_type", Warning, ClientUnlessDisturbed;
     /// A motion was refused because too many wait.
-    QUEUE_FULL = "queue_full", ClientUnlessLate;
+    QUEUE_FULL = "queue_full", Warning, ClientUnlessLate;
     /// A motion was ignored because the remote control drives.
-    IGNORED_IN_REMOTE = "ignored_in_remote", Client;
+    IGNORED_IN_REMOTE = "ignored_in_remote", Warning, Client;
     /// A motion was ignored because the other link drives.
-    IGNORED_FOR_ROS = "ignored_for_ros", Client;
+    IGNORED_FOR_ROS = "ignored_for_ros", Warning, Client;
     /// A motion began.
-    MOTION_STARTED = "motion_started", NoParty;
+    MOTION_STARTED = "motion_started", Notice, NoParty;
     /// A motion came to its end.
-    MOTION_DONE = "motion_done", NoParty;
+    MOTION_DONE = "motion_done", Notice, NoParty;
     /// The link timed out.
-    LINK_TIMEOUT = "link_timeout", ClientUnlessDisturbedOrLate;
+    LINK_TIMEOUT = "link_timeout", Warning, ClientUnlessDisturbedOrLate;
     /// Motions were discarded.
-    MOTIONS_DISCARDED = "motions_discarded", NoParty;
+    MOTIONS_DISCARDED = "motions_discarded", Notice, NoParty;
     /// Change of who drives.
-    CONTROL_MODE = "control_mode", NoParty;
+    CONTROL_MODE = "control_mode", Notice, NoParty;
     /// A key that does nothing now.
-    KEY_IGNORED = "key_ignored", NoParty;
+    KEY_IGNORED = "key_ignored", Warning, NoParty;
 }
 
 impl EventKind for MecanumEvent {
-    fn level(&self) -> Level {
-        match self {
-            Self::Request(..) | Self::Command(_) | Self::Status(..) | Self::Report(_) => {
-                Level::Traffic
-            }
-            Self::Discarded {
-                why: Discard::LinkTimeout(_),
-                ..
-            } => Level::Warning,
-            Self::Motion(_)
-            | Self::Discarded { .. }
-            | Self::ControlMode { .. }
-            | Self::Operated(_)
-            | Self::Started => Level::Notice,
-            _ => Level::Warning,
-        }
-    }
-
     fn link(&self) -> Option<usize> {
         match self {
             Self::Request(..)
@@ -121,14 +103,6 @@ impl EventKind for MecanumEvent {
             Self::PowerLost => code::POWER_LOST,
             Self::Reset { .. } => code::FIRMWARE_RESET,
             Self::Started => code::STARTED,
-        }
-    }
-
-    fn role(&self) -> Role {
-        match self {
-            Self::Request(..) | Self::Command(_) => Role::Request,
-            Self::Status(..) | Self::Report(_) => Role::Reply,
-            _ => Role::Other,
         }
     }
 

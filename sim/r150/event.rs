@@ -5,7 +5,7 @@ use std::fmt;
 
 use rigsim_settings::show_duration;
 
-use crate::event::{Code, EventKind, Hex, Level, Role, code};
+use crate::event::{Code, EventKind, Hex, code};
 use crate::message::{Message, MessageInfo};
 use crate::r150_device::codec::{self, Decoded};
 use crate::r150_device::command::{Refusal, name};
@@ -16,67 +16,54 @@ use crate::r150_device::{R150Event, ValueError};
 
 crate::codes! {
     /// A whole frame with a wrong CRC.
-    BAD_CRC = "bad_crc", ClientUnlessDisturbed;
+    BAD_CRC = "bad_crc", Warning, ClientUnlessDisturbed;
     /// A frame was begun and not finished.
-    PARTIAL_FRAME = "partial_frame", ClientUnlessDisturbed;
+    PARTIAL_FRAME = "partial_frame", Warning, ClientUnlessDisturbed;
     /// A frame with an unknown command.
-    UNKNOWN_COMMAND = "unknown_command", ClientUnlessDisturbed;
+    UNKNOWN_COMMAND = "unknown_command", Warning, ClientUnlessDisturbed;
     /// A frame with the wrong number of parameters.
-    WRONG_LENGTH = "wrong_length", ClientUnlessDisturbed;
+    WRONG_LENGTH = "wrong_length", Warning, ClientUnlessDisturbed;
     /// A PWM duty above 1000.
-    DUTY_OUT_OF_RANGE = "duty_out_of_range", ClientUnlessDisturbed;
+    DUTY_OUT_OF_RANGE = "duty_out_of_range", Warning, ClientUnlessDisturbed;
     /// A motor PWM beyond 1000.
-    MOTORS_OUT_OF_RANGE = "motors_out_of_range", ClientUnlessDisturbed;
+    MOTORS_OUT_OF_RANGE = "motors_out_of_range", Warning, ClientUnlessDisturbed;
     /// Reserved bits in a power control request.
-    RESERVED_BITS = "reserved_bits", ClientUnlessDisturbed;
+    RESERVED_BITS = "reserved_bits", Warning, ClientUnlessDisturbed;
     /// Motor commands came faster than they can be answered.
-    OVER_RATE = "over_rate", ClientUnlessHeldBack;
+    OVER_RATE = "over_rate", Warning, ClientUnlessHeldBack;
     /// A command was refused because the app holds control.
-    APP_IN_CONTROL = "app_in_control", NoParty;
+    APP_IN_CONTROL = "app_in_control", Warning, NoParty;
     /// A motor command does not move the vehicle.
-    NOT_DRIVING = "not_driving", NoParty;
+    NOT_DRIVING = "not_driving", Warning, NoParty;
     /// The motor watchdog stopped the motors; attributed to the client if the vehicle was driving.
-    WATCHDOG_FIRED = "watchdog_fired", ClientUnlessDisturbedOrLate;
+    WATCHDOG_FIRED = "watchdog_fired", Warning, ClientUnlessDisturbedOrLate;
     /// The client took control.
-    CONTROL_TAKEN = "control_taken", NoParty;
+    CONTROL_TAKEN = "control_taken", Notice, NoParty;
     /// The heartbeat stopped.
-    HEARTBEAT_LOST = "heartbeat_lost", ClientUnlessDisturbedOrLate;
+    HEARTBEAT_LOST = "heartbeat_lost", HeartbeatLost, ClientUnlessDisturbedOrLate;
     /// A protection switched outputs off for their current.
-    OVERCURRENT = "overcurrent", NoParty;
+    OVERCURRENT = "overcurrent", Warning, NoParty;
     /// A protection switched outputs off for their temperature.
-    OVER_TEMPERATURE = "over_temperature", NoParty;
+    OVER_TEMPERATURE = "over_temperature", Warning, NoParty;
     /// Outputs may be switched on again.
-    TRIP_CLEARED = "trip_cleared", NoParty;
+    TRIP_CLEARED = "trip_cleared", Notice, NoParty;
     /// Outputs have cooled down.
-    COOLED = "cooled", NoParty;
+    COOLED = "cooled", Notice, NoParty;
     /// The power module reports a fault.
-    POWER_MODULE_FAULT = "power_module_fault", NoParty;
+    POWER_MODULE_FAULT = "power_module_fault", Warning, NoParty;
     /// It no longer does.
-    POWER_MODULE_RECOVERED = "power_module_recovered", NoParty;
+    POWER_MODULE_RECOVERED = "power_module_recovered", Notice, NoParty;
     /// Too many replies waited.
-    REPLY_DROPPED = "reply_dropped", NoParty;
+    REPLY_DROPPED = "reply_dropped", Warning, NoParty;
     /// A fuse blew.
-    FUSE_BLOWN = "fuse_blown", NoParty;
+    FUSE_BLOWN = "fuse_blown", Damage, NoParty;
     /// A motor driver allows less current, or none, because of heat.
-    MOTOR_HOT = "motor_hot", NoParty;
+    MOTOR_HOT = "motor_hot", Damage, NoParty;
     /// It allows as much as ever.
-    MOTOR_COOLED = "motor_cooled", NoParty;
+    MOTOR_COOLED = "motor_cooled", Notice, NoParty;
 }
 
 impl EventKind for R150Event {
-    fn level(&self) -> Level {
-        match self {
-            Self::Request { .. } | Self::Reply { .. } => Level::Traffic,
-            Self::ControlTaken(_)
-            | Self::TripCleared(..)
-            | Self::Cooled(_)
-            | Self::PowerModuleRecovered
-            | Self::Started
-            | Self::Operated(_) => Level::Notice,
-            _ => Level::Warning,
-        }
-    }
-
     fn code(&self) -> Code {
         match self {
             Self::Request { .. } => code::REQUEST,
@@ -119,15 +106,6 @@ impl EventKind for R150Event {
 
     fn link(&self) -> Option<usize> {
         self.bytes().map(|_| 0)
-    }
-
-    fn role(&self) -> Role {
-        match self {
-            Self::Request { .. } => Role::Request,
-            Self::Reply { .. } => Role::Reply,
-            Self::HeartbeatLost => Role::HeartbeatLost,
-            _ => Role::Other,
-        }
     }
 
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {

@@ -9,7 +9,7 @@ use rigsim_physics::r150::{FuseId, R150Health, Side};
 use rigsim_settings::SimTime;
 
 use super::event::{FUSE_BLOWN, MOTOR_COOLED, MOTOR_HOT};
-use crate::event::{Code, EventKind, Level, PlainEvent, Role};
+use crate::event::{Code, EventKind, PlainEvent};
 
 /// Something that happened to the hardware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,25 +24,11 @@ pub enum HardwareEvent {
 }
 
 impl EventKind for HardwareEvent {
-    fn level(&self) -> Level {
-        match self {
-            Self::MotorCooled(_) => Level::Notice,
-            _ => Level::Warning,
-        }
-    }
-
     fn code(&self) -> Code {
         match self {
             Self::FuseBlown(_) => FUSE_BLOWN,
             Self::MotorHot(..) => MOTOR_HOT,
             Self::MotorCooled(_) => MOTOR_COOLED,
-        }
-    }
-
-    fn role(&self) -> Role {
-        match self {
-            Self::MotorCooled(_) => Role::Other,
-            _ => Role::Damage,
         }
     }
 }

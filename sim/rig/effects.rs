@@ -12,7 +12,7 @@ use crate::device::{
     Begin, Change, EffectError, EffectHandle, MOST_ARMED, MOST_EVER, Restore, Tally, Work,
 };
 use crate::effect::{Checked, FaultPhase};
-use crate::event::{Code, PlainEvent, Role, code};
+use crate::event::{Code, PlainEvent, code};
 use crate::injection::Injection;
 use crate::line::SerialLine;
 use crate::noise::Noise;
@@ -169,9 +169,8 @@ impl Rig {
     }
 
     fn tell_action(&mut self, device: usize, code: Code, text: String) {
-        let role = Role::Other;
         self.events
-            .keep(self.now, device, PlainEvent { code, role, text });
+            .keep(self.now, device, PlainEvent { code, text });
     }
 }
 
