@@ -1,5 +1,7 @@
 //! Reads types from TOML by serde, with errors that are data: where, on which way, and what is wrong.
 
+use std::borrow::Cow;
+use std::convert::Infallible;
 use std::fmt;
 use std::ops::Range;
 
@@ -11,7 +13,7 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 use serde_spanned::de::{SpannedDeserializer, is_spanned};
 use toml::Spanned;
-use toml::de::{DeInteger, DeString, DeTable, DeValue};
+use toml::de::{DeString, DeTable, DeValue};
 
 use crate::document::nearest;
 use crate::error::shorten;
@@ -150,7 +152,11 @@ impl serde::de::Error for ReadError {
             Unexpected::Seq => "a list".to_owned(),
             other => other.to_string(),
         };
-        Self::custom(format!("{} is not {wanted}", shorten(found)))
+        Self::custom(format!(
+            "{} is not {}",
+            shorten(found),
+            wanted_in_words(wanted)
+        ))
     }
 
     fn invalid_value(found: Unexpected<'_>, wanted: &dyn Expected) -> Self {
@@ -190,58 +196,13 @@ impl<'v, 't> Reader<'v, 't> {
         }
     }
 
-    fn is_not(self, wanted: &str) -> ReadError {
-        let found = match self.value.get_ref() {
-            DeValue::String(text) => format!("{text:?}"),
-            DeValue::Integer(number) => number.to_string(),
-            DeValue::Float(number) => number.to_string(),
-            DeValue::Boolean(flag) => flag.to_string(),
-            DeValue::Datetime(_) => "a date".to_owned(),
-            DeValue::Array(_) => "a list".to_owned(),
-            DeValue::Table(_) => "a table".to_owned(),
-        };
-        ReadError::custom(format!("{} is not {wanted}", shorten(found)))
-    }
-
-    fn whole<T: TryFrom<i64>>(self, wanted: &str) -> Result<T, ReadError> {
-        let DeValue::Integer(number) = self.value.get_ref() else {
-            return Err(self.is_not(wanted));
-        };
-        let number = whole(number).and_then(|number| T::try_from(number).ok());
-        number.ok_or_else(|| self.is_not(wanted))
-    }
-
-    fn number(self) -> Result<f64, ReadError> {
-        let text = match self.value.get_ref() {
-            DeValue::Float(number) => number.as_str().parse().ok(),
-            #[expect(clippy::cast_precision_loss, reason = "the nearest number is meant")]
-            DeValue::Integer(number) => whole(number).map(|number| number as f64),
-            _ => None,
-        };
-        text.ok_or_else(|| self.is_not("a number"))
-    }
-
-    fn text(self) -> Result<&'v DeString<'t>, ReadError> {
-        match self.value.get_ref() {
-            DeValue::String(text) => Ok(text),
-            _ => Err(self.is_not("a text")),
+    fn entries(self, table: &'v DeTable<'t>) -> Entries<'v, 't> {
+        Entries {
+            entries: table.iter(),
+            leaves_kind_out: self.is_of_kind,
+            value: None,
         }
     }
-
-    fn table(self, wanted: &str) -> Result<Entries<'v, 't>, ReadError> {
-        match self.value.get_ref() {
-            DeValue::Table(table) => Ok(Entries {
-                entries: table.iter(),
-                leaves_kind_out: self.is_of_kind,
-                value: None,
-            }),
-            _ => Err(self.is_not(wanted)),
-        }
-    }
-}
-
-fn whole(number: &DeInteger<'_>) -> Option<i64> {
-    i64::from_str_radix(number.as_str(), number.radix()).ok()
 }
 
 impl<'de> IntoDeserializer<'de, ReadError> for Reader<'_, '_> {
@@ -252,61 +213,69 @@ impl<'de> IntoDeserializer<'de, ReadError> for Reader<'_, '_> {
     }
 }
 
-macro_rules! whole_numbers {
-    ($( $read:ident $visit:ident $type:ty, $wanted:literal; )+) => { $(
-        fn $read<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-            visitor.$visit(self.whole::<$type>($wanted)?)
+/// What serde's own types want, as a user would say it.
+fn wanted_in_words(wanted: &dyn Expected) -> Cow<'static, str> {
+    let wanted = wanted.to_string();
+    Cow::Borrowed(match wanted.as_str() {
+        "a boolean" => "true or false",
+        "a string" => "a text",
+        "f64" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u64" => "a whole number, 0 or more",
+        "i8" => "a whole number from -128 to 127",
+        "i16" => "a whole number from -32768 to 32767",
+        "i32" => "a whole number from -2147483648 to 2147483647",
+        "i64" => "a whole number",
+        _ if wanted.starts_with("struct ") || wanted == "a map" => "a table, `{ … }`",
+        _ if wanted.starts_with("an array ") || wanted == "a sequence" => {
+            "a list, `[…]`, which one alone needs too"
         }
-    )+ };
+        _ => return wanted.into(),
+    })
+}
+
+/// One of a few words.
+struct OneOf(&'static [&'static str]);
+
+impl Visitor<'_> for OneOf {
+    type Value = Infallible;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "one of {}", self.0.join(", "))
+    }
 }
 
 impl<'de> Deserializer<'de> for Reader<'_, '_> {
     type Error = ReadError;
 
-    whole_numbers! {
-        deserialize_u8 visit_u8 u8, "a whole number from 0 to 255";
-        deserialize_u16 visit_u16 u16, "a whole number from 0 to 65535";
-        deserialize_u32 visit_u32 u32, "a whole number from 0 to 4294967295";
-        deserialize_u64 visit_u64 u64, "a whole number, 0 or more";
-        deserialize_i8 visit_i8 i8, "a whole number from -128 to 127";
-        deserialize_i16 visit_i16 i16, "a whole number from -32768 to 32767";
-        deserialize_i32 visit_i32 i32, "a whole number from -2147483648 to 2147483647";
-        deserialize_i64 visit_i64 i64, "a whole number";
-    }
-
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
+        let is_not = |found: &str| ReadError::invalid_type(Unexpected::Other(found), &visitor);
         match self.value.get_ref() {
             DeValue::String(text) => visitor.visit_str(text),
-            DeValue::Integer(_) => self.deserialize_i64(visitor),
-            DeValue::Float(_) => self.deserialize_f64(visitor),
+            DeValue::Integer(number) => {
+                let read = i64::from_str_radix(number.as_str(), number.radix());
+                let read = read.map_err(|_| is_not(number.as_str()))?;
+                visitor.visit_i64(read)
+            }
+            DeValue::Float(number) => {
+                let read = number.as_str().parse::<f64>();
+                let read = read.map_err(|_| is_not(number.as_str()))?;
+                visitor.visit_f64(read)
+            }
             DeValue::Boolean(flag) => visitor.visit_bool(*flag),
-            DeValue::Datetime(_) => Err(ReadError::custom("a date has no use here")),
-            DeValue::Array(_) => self.deserialize_seq(visitor),
-            DeValue::Table(_) => visitor.visit_map(self.table("a table")?),
+            DeValue::Datetime(_) => Err(is_not("a date")),
+            DeValue::Array(values) => {
+                let mut elements = Elements(values.iter());
+                let read = visitor.visit_seq(&mut elements)?;
+                match elements.0.len() {
+                    0 => Ok(read),
+                    more => Err(ReadError::custom(format!("{more} values too many"))),
+                }
+            }
+            DeValue::Table(table) => visitor.visit_map(self.entries(table)),
         }
-    }
-
-    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        match self.value.get_ref() {
-            DeValue::Boolean(flag) => visitor.visit_bool(*flag),
-            _ => Err(self.is_not("true or false")),
-        }
-    }
-
-    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        visitor.visit_f64(self.number()?)
-    }
-
-    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        self.deserialize_f64(visitor)
-    }
-
-    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        visitor.visit_str(self.text()?)
-    }
-
-    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        self.deserialize_str(visitor)
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
@@ -321,28 +290,12 @@ impl<'de> Deserializer<'de> for Reader<'_, '_> {
         visitor.visit_newtype_struct(self)
     }
 
-    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        let DeValue::Array(values) = self.value.get_ref() else {
-            return Err(self.is_not("a list, `[…]`, which one alone needs too"));
-        };
-        let mut elements = Elements(values.iter());
-        let read = visitor.visit_seq(&mut elements)?;
-        match elements.0.len() {
-            0 => Ok(read),
-            more => Err(ReadError::custom(format!("{more} values too many"))),
-        }
-    }
-
-    fn deserialize_tuple<V: Visitor<'de>>(
-        self,
-        _count: usize,
-        visitor: V,
-    ) -> Result<V::Value, ReadError> {
-        self.deserialize_seq(visitor)
-    }
-
     fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        visitor.visit_map(self.table("a table, `{ … }`")?)
+        match self.value.get_ref() {
+            // Serde would take a list for the fields in their order.
+            DeValue::Array(_) => Err(ReadError::invalid_type(Unexpected::Seq, &visitor)),
+            _ => self.deserialize_any(visitor),
+        }
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -379,14 +332,14 @@ impl<'de> Deserializer<'de> for Reader<'_, '_> {
                 visitor.visit_enum(MapAccessDeserializer::new(OfKind { kind, table: self }))
             }
             DeValue::Table(table) if table.len() == 1 => {
-                visitor.visit_enum(MapAccessDeserializer::new(self.table("a table")?))
+                visitor.visit_enum(MapAccessDeserializer::new(self.entries(table)))
             }
             DeValue::Table(_) => {
                 let words = words.join(", ");
                 let why = format!("one thing alone belongs here; allowed: {words}");
                 Err(ReadError::custom(why))
             }
-            _ => Err(self.is_not(&format!("one of {}", words.join(", ")))),
+            _ => match self.deserialize_any(OneOf(words))? {},
         }
     }
 
@@ -397,12 +350,9 @@ impl<'de> Deserializer<'de> for Reader<'_, '_> {
         }
     }
 
-    fn deserialize_identifier<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, ReadError> {
-        self.deserialize_str(visitor)
-    }
-
     forward_to_deserialize_any! {
-        char bytes byte_buf unit_struct tuple_struct ignored_any i128 u128
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf
+        unit_struct seq tuple tuple_struct identifier ignored_any
     }
 }
 

@@ -130,9 +130,31 @@ fn in_words(what: &str, unit: &str, bounds: Option<(String, String)>) -> String 
     }
 }
 
-impl SettingValue for f64 {
-    type Bound = f64;
+/// What the numbers have in common as settings: a kind of JSON, and what it is in words.
+macro_rules! number {
+    ($kind:literal, $what:literal) => {
+        type Bound = Self;
 
+        fn within(&self, bounds: &Bounds<Self>) -> bool {
+            bounds.contains(self)
+        }
+
+        fn ends(unit: &str, bounds: &Bounds<Self>) -> Option<[String; 2]> {
+            shown(unit, bounds)
+        }
+
+        fn allowed(unit: &str, bounds: Option<&Bounds<Self>>) -> String {
+            let bounds = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
+            in_words($what, unit, bounds)
+        }
+
+        fn schema(unit: &str, bounds: Option<&Bounds<Self>>) -> Schema {
+            number_schema($kind, unit, bounds.map(|b| (*b.start(), *b.end())))
+        }
+    };
+}
+
+impl SettingValue for f64 {
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         match value {
             Value::Text(text) => parse_quantity(text, unit),
@@ -155,30 +177,10 @@ impl SettingValue for f64 {
         }
     }
 
-    fn within(&self, bounds: &Bounds<f64>) -> bool {
-        bounds.contains(self)
-    }
-
-    fn ends(unit: &str, bounds: &Bounds<f64>) -> Option<[String; 2]> {
-        shown(unit, bounds)
-    }
-
-    fn allowed(unit: &str, bounds: Option<&Bounds<f64>>) -> String {
-        in_words(
-            "a number",
-            unit,
-            bounds.map(|b| (b.start().to_string(), b.end().to_string())),
-        )
-    }
-
-    fn schema(unit: &str, bounds: Option<&Bounds<f64>>) -> Schema {
-        number_schema("number", unit, bounds.map(|b| (*b.start(), *b.end())))
-    }
+    number!("number", "a number");
 }
 
 impl SettingValue for u32 {
-    type Bound = u32;
-
     fn read(value: &Value, unit: &str) -> Result<Self, String> {
         let number = match value {
             Value::Integer(_) if !unit.is_empty() => return Err(lacks_unit(value, unit)),
@@ -208,22 +210,7 @@ impl SettingValue for u32 {
         }
     }
 
-    fn within(&self, bounds: &Bounds<u32>) -> bool {
-        bounds.contains(self)
-    }
-
-    fn ends(unit: &str, bounds: &Bounds<u32>) -> Option<[String; 2]> {
-        shown(unit, bounds)
-    }
-
-    fn allowed(unit: &str, bounds: Option<&Bounds<u32>>) -> String {
-        let bounds = bounds.map(|b| (b.start().to_string(), b.end().to_string()));
-        in_words("a whole number", unit, bounds)
-    }
-
-    fn schema(unit: &str, bounds: Option<&Bounds<u32>>) -> Schema {
-        number_schema("integer", unit, bounds.map(|b| (*b.start(), *b.end())))
-    }
+    number!("integer", "a whole number");
 }
 
 impl SettingValue for bool {
