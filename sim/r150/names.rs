@@ -37,25 +37,6 @@ fn sys(view: &View<'_>, bit: u32) -> bool {
     r150(view).is_some_and(|r150| r150.device().sys_status() & bit != 0)
 }
 
-fn rail_on<const BIT: usize>(view: &View<'_>) -> bool {
-    r150(view).is_some_and(|r150| r150.device().power_status() >> BIT & 1 == 1)
-}
-
-fn rail_v<const RAIL: usize>(view: &View<'_>) -> f64 {
-    plant(view, |measured| measured.rail_voltage[RAIL])
-}
-
-fn rail_a<const RAIL: usize>(view: &View<'_>) -> f64 {
-    plant(view, |measured| measured.rail_current[RAIL])
-}
-
-const A: usize = Rail::V12A.index();
-const B: usize = Rail::V12B.index();
-const C: usize = Rail::V12C.index();
-const D: usize = Rail::V12D.index();
-const V48: usize = Rail::V48.index();
-const V5: usize = Rail::V5.index();
-
 #[rustfmt::skip] // One line a name: a table to read.
 pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("truth.wheel_right_rad_s", "rad/s", "true speed of the right wheels", |v| truth(v, |t| t.wheel_speed.right)),
@@ -65,7 +46,6 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("truth.battery_v", "V", "voltage at the battery's terminals", |v| truth(v, |t| t.battery_voltage)),
     NameInfo::number("truth.battery_a", "A", "current out of the battery, negative while charging", |v| truth(v, |t| t.battery_current)),
     NameInfo::number("truth.soc_percent", "%", "true state of charge", |v| truth(v, |t| t.soc * 100.0)),
-    NameInfo::number("truth.charge_drawn_ah", "A·h", "charge drawn so far", |v| truth(v, |t| t.charge_drawn)),
     NameInfo::number("truth.temperature_ab_c", "degC", "temperature of the 12 V converters A and B", |v| plant(v, |m| m.temperature[0])),
     NameInfo::number("truth.temperature_cd_c", "degC", "temperature of the 12 V converters C and D", |v| plant(v, |m| m.temperature[1])),
     NameInfo::flag("truth.fuse_motor_right_blown", "the fuse of the right motor has blown", |v| health(v, |h| h.fuse_blown[0])),
@@ -76,28 +56,8 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::flag("truth.motor_left_derated", "heat limits the left motor's current", |v| health(v, |h| h.derated.left)),
     NameInfo::number("truth.motor_right_c", "degC", "temperature of the right motor", |v| truth(v, |t| t.motor_celsius.right)),
     NameInfo::number("truth.motor_left_c", "degC", "temperature of the left motor", |v| truth(v, |t| t.motor_celsius.left)),
-    NameInfo::number("truth.driver_right_c", "degC", "temperature of the right motor's driver", |v| truth(v, |t| t.driver_celsius.right)),
-    NameInfo::number("truth.driver_left_c", "degC", "temperature of the left motor's driver", |v| truth(v, |t| t.driver_celsius.left)),
     NameInfo::flag("truth.tipping", "a wheel would lift: the vehicle would tip over", |v| health(v, |h| h.tipping)),
     NameInfo::flag("truth.module_powered", "the IO module has a supply", |v| r150(v).is_some_and(|r| r.plant().measurements().module_powered)),
-    NameInfo::flag("rail.v12a_on", "the 12 V output A is switched on", rail_on::<A>),
-    NameInfo::flag("rail.v12b_on", "the 12 V output B is switched on", rail_on::<B>),
-    NameInfo::flag("rail.v12c_on", "the 12 V output C is switched on", rail_on::<C>),
-    NameInfo::flag("rail.v12d_on", "the 12 V output D is switched on", rail_on::<D>),
-    NameInfo::flag("rail.v48_on", "the 48 V output is switched on", rail_on::<V48>),
-    NameInfo::flag("rail.v5_on", "the 5 V output is switched on", rail_on::<V5>),
-    NameInfo::number("rail.v12a_v", "V", "voltage at the 12 V output A", rail_v::<A>),
-    NameInfo::number("rail.v12b_v", "V", "voltage at the 12 V output B", rail_v::<B>),
-    NameInfo::number("rail.v12c_v", "V", "voltage at the 12 V output C", rail_v::<C>),
-    NameInfo::number("rail.v12d_v", "V", "voltage at the 12 V output D", rail_v::<D>),
-    NameInfo::number("rail.v48_v", "V", "voltage at the 48 V output", rail_v::<V48>),
-    NameInfo::number("rail.v5_v", "V", "voltage at the 5 V output", rail_v::<V5>),
-    NameInfo::number("rail.v12a_a", "A", "current out of the 12 V output A", rail_a::<A>),
-    NameInfo::number("rail.v12b_a", "A", "current out of the 12 V output B", rail_a::<B>),
-    NameInfo::number("rail.v12c_a", "A", "current out of the 12 V output C", rail_a::<C>),
-    NameInfo::number("rail.v12d_a", "A", "current out of the 12 V output D", rail_a::<D>),
-    NameInfo::number("rail.v48_a", "A", "current out of the 48 V output", rail_a::<V48>),
-    NameInfo::number("rail.v5_a", "A", "current out of the 5 V output", rail_a::<V5>),
     NameInfo::flag("mode.locked", "the remote control has locked the vehicle", |v| vehicle(v, |v| v.locked)),
     NameInfo::flag("mode.parked", "the parking brake is on", |v| vehicle(v, |v| v.parked)),
     NameInfo::flag("mode.autonomous", "the vehicle is in autonomous mode", |v| vehicle(v, |v| v.autonomous)),
@@ -117,3 +77,29 @@ pub(super) static NAMES: &[NameInfo] = &[
     NameInfo::number("client.travel_since_motor_command_m", "m", "path driven since the last motor command arrived; 0 before", |v| v.travel_since_motion_m()),
     NameInfo::number("client.motor_commands", "", "motor commands so far", |v| as_number(v.counters.motion_requests)),
 ];
+
+/// Declares what conditions can say of each output.
+macro_rules! rails {
+    ($($rail:ident $name:literal $output:literal;)+) => {
+        pub(super) static RAILS: &[NameInfo] = &[
+            $( NameInfo::flag(concat!("rail.", $name, "_on"), concat!($output, " is switched on"), |v| {
+                r150(v).is_some_and(|r150| r150.device().power_status() >> Rail::$rail.index() & 1 == 1)
+            }), )+
+            $( NameInfo::number(concat!("rail.", $name, "_v"), "V", concat!("voltage at ", $output), |v| {
+                plant(v, |measured| measured.rail_voltage[Rail::$rail.index()])
+            }), )+
+            $( NameInfo::number(concat!("rail.", $name, "_a"), "A", concat!("current out of ", $output), |v| {
+                plant(v, |measured| measured.rail_current[Rail::$rail.index()])
+            }), )+
+        ];
+    };
+}
+
+rails! {
+    V12A "v12a" "the 12 V output A";
+    V12B "v12b" "the 12 V output B";
+    V12C "v12c" "the 12 V output C";
+    V12D "v12d" "the 12 V output D";
+    V48 "v48" "the 48 V output";
+    V5 "v5" "the 5 V output";
+}
