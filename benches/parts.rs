@@ -8,10 +8,10 @@ use divan::Bencher;
 use divan::counter::BytesCount;
 use rigsim_core::SimTime;
 use rigsim_core::line::{Adapter, SerialLine, Wire};
+use rigsim_core::mecanum_device::settings::ByteOrder;
 use rigsim_core::mecanum_device::{ascii, codec as mecanum_codec, packet};
 use rigsim_core::r150_device::codec::{self, Decoder};
 use rigsim_core::r150_device::command::Request;
-use rigsim_core::r150_device::settings::Resync;
 use rigsim_physics::{
     MecanumPlant, MecanumPlantSettings, Plant as _, Pose, R150Commands, R150Plant,
     R150PlantSettings, World, WorldMap, WorldSettings,
@@ -35,7 +35,7 @@ fn r150_encode_request(bencher: Bencher) {
 #[divan::bench]
 fn r150_decode_request(bencher: Bencher) {
     let frame = MOTORS.encode();
-    let mut decoder = Decoder::new(Duration::from_millis(5), Resync::SecondByte);
+    let mut decoder = Decoder::new(Duration::from_millis(5));
     bencher
         .counter(BytesCount::of_slice(&frame))
         .bench_local(|| {
@@ -66,7 +66,8 @@ fn mecanum_decode_request(bencher: Bencher) {
         v: 100,
     }
     .encode();
-    let mut decoder = mecanum_codec::Decoder::<packet::Request>::new(Duration::from_millis(5));
+    let mut decoder =
+        mecanum_codec::Decoder::<packet::Request>::new(Duration::from_millis(5), ByteOrder::Little);
     bencher
         .counter(BytesCount::of_slice(&bytes))
         .bench_local(|| {

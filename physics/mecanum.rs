@@ -72,8 +72,6 @@ pub struct MecanumPlant {
     faults: MecanumFaults,
     /// The wiring without what the faults swap.
     plain_wiring: Wiring,
-    /// Set if the motors tell which way they turn.
-    directed_encoders: bool,
     /// Count of the ports' counters besides their wheel's pulses.
     pulse_offset: [u32; PORTS],
     drive: Drive,
@@ -115,7 +113,6 @@ impl MecanumPlant {
         Self {
             wiring,
             plain_wiring: wiring,
-            directed_encoders: false,
             pulse_offset: [0; PORTS],
             settings: settings.clone(),
             body,
@@ -151,15 +148,6 @@ impl MecanumPlant {
     #[must_use]
     pub fn wiring(&self) -> Wiring {
         self.wiring
-    }
-
-    /// Sets whether the encoders know the direction: their counters then count down when a motor turns
-    /// back. Those of a new car do not. Call before anything turns.
-    pub fn set_directed_encoders(&mut self, directed: bool) {
-        self.directed_encoders = directed;
-        for pulses in &mut self.drive.pulses {
-            pulses.directed = directed;
-        }
     }
 
     /// Says that so much of the step that comes has passed when what follows is done to the pins.

@@ -185,7 +185,7 @@ impl R150Plant {
             return;
         }
         self.passed = passed;
-        for side in Side::BOTH {
+        for side in Side::ALL {
             let wanted = self.wanted_duty(side);
             let opens = wanted == 0.0 && self.settings.motor.at_zero_pwm == AtZeroPwm::Coast;
             let driver = &mut self.drive.drivers[side.index()];
@@ -240,7 +240,7 @@ impl R150Plant {
                 resistance: battery.resistance + self.faults.supply_resistance,
             },
             takes_charge: !battery.full,
-            motors: Side::BOTH.map(|side| self.motor_port(side)),
+            motors: Side::ALL.map(|side| self.motor_port(side)),
             tail: fuse_whole(FuseId::Tail) && self.commands.tail_power,
             rail_on: self.commands.rail_on,
             loads,

@@ -19,6 +19,13 @@ macro_rules! words {
             /// All, in order of declaration.
             pub const ALL: [Self; [$( Self::$variant ),+].len()] = [$( Self::$variant ),+];
 
+            /// Its place among all, for arrays with an element for each.
+            #[allow(dead_code, reason = "not every one has arrays")]
+            #[must_use]
+            pub const fn index(self) -> usize {
+                self as usize
+            }
+
             /// The word that stands for it.
             #[must_use]
             pub fn as_str(self) -> &'static str {

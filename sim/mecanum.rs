@@ -26,7 +26,6 @@ use crate::event::{EventKind, PlainEvent};
 use crate::firmware::Firmware;
 use crate::mecanum_device::ascii::{COMMANDS, REPORTS};
 use crate::mecanum_device::packet::{Request, Status};
-use crate::mecanum_device::settings::PulseDirection;
 use crate::mecanum_device::{Link, MecanumDevice, OperatorInput};
 use crate::message::Message;
 use crate::noise::Noise;
@@ -52,8 +51,8 @@ pub static MECANUM_SPEC: DeviceSpec = DeviceSpec {
         "baud",
         "ros_baud",
         "byte_order",
-        "framing",
         "status_period",
+        "queue_length",
         "link_timeout",
         "wiring",
         "positive_turn",
@@ -136,7 +135,6 @@ impl Mecanum {
         let mut plant = MecanumPlant::with_name(setup.name, &plant, world, setup.pose);
         let chance = format!("{}.ultrasonic", setup.name);
         plant.set_chance(Noise::new(setup.seed, &chance));
-        plant.set_directed_encoders(firmware.pulse_direction == PulseDirection::Counted);
         let measured = plant.measurements();
         let device = MecanumDevice::new(SimTime::ZERO, firmware, setup.links > 1, measured);
         let mut car = Self {

@@ -39,7 +39,7 @@ use rigsim_physics::mecanum::{MecanumCommands, MecanumMeasurements, WHEELS};
 use rigsim_settings::SimTime;
 
 use crate::firmware::{Firmware, Shell};
-use codec::{Decoder, Rules};
+use codec::Decoder;
 pub use event::{Discard, Field, Handling, MecanumEvent};
 use kinematics::Movement;
 use locomotion::Locomotion;
@@ -52,25 +52,17 @@ pub const MAX_SPEED: i16 = 500;
 /// Most packets and lines kept until they are taken; the oldest go first.
 const MOST_OUTPUTS: usize = 64;
 
-/// A serial link of the board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Link {
-    /// To the on-board Android: binary packets.
-    Main,
-    /// To an external computer, on the UART of the magnetic sensor: lines of text.
-    Ros,
+rigsim_settings::words! {
+    /// A serial link of the board, in the order of their indices on the device.
+    pub enum Link {
+        /// To the on-board Android: binary packets.
+        Main = "main",
+        /// To an external computer, on the UART of the magnetic sensor: lines of text.
+        Ros = "ros",
+    }
 }
 
 impl Link {
-    /// Both, in the order of their indices.
-    pub const ALL: [Self; 2] = [Self::Main, Self::Ros];
-
-    /// Index of the link on the device.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-
     /// The link with an index.
     #[must_use]
     pub fn from_index(index: usize) -> Option<Self> {
@@ -135,12 +127,7 @@ impl MecanumDevice {
     ) -> Self {
         let mut device = Self {
             ros_configured,
-            decoder: Decoder::by(Rules {
-                inter_byte_timeout: settings.inter_byte_timeout,
-                framing: settings.framing,
-                partial: settings.partial_packet,
-                order: settings.byte_order,
-            }),
+            decoder: Decoder::new(settings.inter_byte_timeout, settings.byte_order),
             lines: ascii::Decoder::default(),
             drive: Locomotion::new(&settings, &measured),
             measured,

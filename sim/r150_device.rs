@@ -55,6 +55,10 @@ use vehicle::{Bridges, OperatorInput, Start, Vehicle};
 /// Most frames kept until they are taken; the oldest go first.
 const MOST_OUTPUTS: usize = 4096;
 
+/// Silence on the CAN after which the vehicle's controller stops the motors. The manual gives no time;
+/// this is as long as the module itself waits for its client.
+pub const CAN_TIMEOUT: Duration = Duration::from_millis(500);
+
 /// The IO module and the vehicle controller, without the hardware around them.
 #[derive(Debug, Clone)]
 pub struct R150Device {
@@ -93,11 +97,11 @@ impl R150Device {
         // The decoder sees when a byte has ended, and the pause is from there to the next one's start.
         let pause = settings.inter_byte_timeout + uart::byte_time(settings.baud, 1);
         let mut device = Self {
-            decoder: Decoder::new(pause, settings.resync),
+            decoder: Decoder::new(pause),
             control: Control::new(&settings),
             protection: Protection::new(settings.protection.clone()),
             motors: Motors::default(),
-            can: Can::new(settings.can_timeout),
+            can: Can::new(CAN_TIMEOUT),
             vehicle: Vehicle::new(start, &settings),
             measured,
             speeds: [measured.motor_turns.right, measured.motor_turns.left]
@@ -173,11 +177,8 @@ impl R150Device {
     #[must_use]
     pub fn commands(&self) -> R150Commands {
         let power = self.power_status();
-        let remote_pwm = i16::try_from(self.settings.remote_pwm).unwrap_or(FULL);
         let set_point = self.heard_set_point();
-        let drive = self
-            .vehicle
-            .drive(set_point, remote_pwm, self.battery_empty());
+        let drive = self.vehicle.drive(set_point, self.battery_empty());
         let (duty, propulsion_power) = match drive {
             Bridges::Pwm(pwm) => (pwm.map(|pwm| f64::from(pwm) / f64::from(FULL)), true),
             Bridges::Open => ([0.0; 2], false),

@@ -18,9 +18,6 @@ pub trait Format {
     /// Reads the frame with which these bytes may begin.
     fn read(&self, bytes: &[u8]) -> Read<Self::Decoded>;
 
-    /// Returns the number of bytes to pass over after a partial or wrong frame of `length` bytes.
-    fn passes(&self, length: usize) -> usize;
-
     /// Reports a frame that was begun and not finished in time.
     fn partial(bytes: Vec<u8>) -> Self::Decoded;
 
@@ -43,9 +40,9 @@ pub enum Read<D> {
 
 /// Streaming decoder. Any bytes are legal input, and how they are split changes nothing.
 ///
-/// After a wrong frame, and after a partial one older than the inter-byte timeout, it resumes where
-/// [`Format::passes`] says: at that frame's second byte a valid frame inside it is never lost. A
-/// whole frame is never looked into. Bytes that a report has covered are not reported again, so the
+/// After a wrong frame, and after a partial one older than the inter-byte timeout, it resumes at that
+/// frame's second byte, so that a valid frame inside it is never lost. A whole frame is never looked
+/// into. Bytes that a report has covered are not reported again, so the
 /// reports of a stream are no longer than the stream.
 #[derive(Debug, Clone)]
 pub struct Scanner<F> {
@@ -103,7 +100,7 @@ impl<F: Format> Scanner<F> {
                 found(F::partial(self.buffer.clone()));
                 self.reported = self.buffer.len();
             }
-            self.skip(self.format.passes(self.buffer.len()), found);
+            self.skip(1, found);
             self.scan(found);
         }
         self.flush_noise(found);
@@ -139,7 +136,7 @@ impl<F: Format> Scanner<F> {
                         found(frame);
                         self.reported = length;
                     }
-                    self.skip(self.format.passes(length), found);
+                    self.skip(1, found);
                 }
                 Read::Noise(length) => self.skip(length, found),
             }

@@ -13,17 +13,15 @@ use std::time::Duration;
 
 use rigsim_core::SimTime;
 use rigsim_core::firmware::Firmware as _;
-use rigsim_core::mecanum_device::codec::{Decoder as PacketDecoder, Rules};
+use rigsim_core::mecanum_device::codec::Decoder as PacketDecoder;
 use rigsim_core::mecanum_device::packet::{Request, Status};
-use rigsim_core::mecanum_device::settings::{
-    ByteOrder, Framing, MecanumFirmwareSettings, PartialPacket,
-};
+use rigsim_core::mecanum_device::settings::{ByteOrder, MecanumFirmwareSettings};
 use rigsim_core::mecanum_device::{Link, MecanumDevice, ascii};
 use rigsim_core::message::Message;
 use rigsim_core::noise::Noise;
 use rigsim_core::r150_device::R150Device;
 use rigsim_core::r150_device::codec::Decoder;
-use rigsim_core::r150_device::settings::{R150FirmwareSettings, Resync};
+use rigsim_core::r150_device::settings::R150FirmwareSettings;
 use rigsim_core::r150_device::vehicle::Start;
 use rigsim_physics::mecanum::MecanumPlant;
 use rigsim_physics::r150::R150Plant;
@@ -110,8 +108,7 @@ impl<'b> Stream<'b> {
     }
 }
 
-/// Plays a stream to the R150's decoder and firmware. Rule 0: after a bad frame it goes on behind
-/// it.
+/// Plays a stream to the R150's decoder and firmware.
 pub fn r150(stream: &Stream<'_>) {
     static DEVICE: LazyLock<R150Device> = LazyLock::new(|| {
         let mut world = World::new(&WorldSettings::default());
@@ -126,11 +123,8 @@ pub fn r150(stream: &Stream<'_>) {
             noise(),
         )
     });
-    let resync = stream.rule(0, Resync::SecondByte, Resync::NextFrame);
-    let mut decoder = Decoder::new(TIMEOUT, resync);
-    decodes(stream, &mut decoder, of_frame, |part| {
-        reading::frames(part, resync)
-    });
+    let mut decoder = Decoder::new(TIMEOUT);
+    decodes(stream, &mut decoder, of_frame, reading::frames);
     if !stream.firmware {
         return;
     }
@@ -181,34 +175,28 @@ fn have_words(mut events: impl Iterator<Item = String>) {
 }
 
 /// Plays a stream to the decoder of a direction of the main link, and to the firmware. Rule 0: to a
-/// client's decoder instead of the board's; 1: packets are known by their length; 2: what was torn
-/// is dropped; 3: the high byte is first.
+/// client's decoder instead of the board's; 1: the high byte is first.
 pub fn mecanum(stream: &Stream<'_>) {
-    let rules = Rules {
-        inter_byte_timeout: TIMEOUT,
-        framing: stream.rule(1, Framing::TypeAndLength, Framing::Length),
-        partial: stream.rule(2, PartialPacket::Rescan, PartialPacket::Drop),
-        order: stream.rule(3, ByteOrder::Little, ByteOrder::Big),
-    };
+    let order = stream.rule(1, ByteOrder::Little, ByteOrder::Big);
     if stream.rule(0, false, true) {
-        direction::<Status>(stream, rules, &[[0, 39]], Status::encode);
+        direction::<Status>(stream, order, &[[0, 39]], Status::encode);
     } else {
         let headers = [[0, 9], [1, 9], [2, 4]];
-        direction::<Request>(stream, rules, &headers, Request::encode);
+        direction::<Request>(stream, order, &headers, Request::encode);
         split_mecanum(stream, Link::Main);
     }
 }
 
 fn direction<P: Message>(
     stream: &Stream<'_>,
-    rules: Rules,
+    order: ByteOrder,
     headers: &[[u8; 2]],
     encode: fn(&P) -> Vec<u8>,
 ) {
-    let mut decoder = PacketDecoder::by(rules);
-    let of = |decoded| of_packet(encode, rules.order, decoded);
+    let mut decoder = PacketDecoder::new(TIMEOUT, order);
+    let of = |decoded| of_packet(encode, order, decoded);
     decodes(stream, &mut decoder, of, |part| {
-        reading::packets(part, headers, rules)
+        reading::packets(part, headers)
     });
 }
 

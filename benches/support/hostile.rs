@@ -7,10 +7,9 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use rigsim_core::mecanum_device::settings::{ByteOrder, Framing, PartialPacket};
+use rigsim_core::mecanum_device::settings::ByteOrder;
 use rigsim_core::mecanum_device::{ascii, codec as packets, packet};
 use rigsim_core::r150_device::codec as frames;
-use rigsim_core::r150_device::settings::Resync;
 
 use super::{Aim, Options, Table, alternate, cpu_seconds, nanos};
 
@@ -114,7 +113,7 @@ pub fn rows(options: &Options, table: &Table) {
         ),
         Stream::torn("nested frames, torn", &[0xAA, 0x55, 0xFF], 260),
     ];
-    let decoder = || frames::Decoder::new(SILENCE, Resync::SecondByte);
+    let decoder = || frames::Decoder::new(SILENCE);
     beside(options, table, "R150", decoder, &frame, &streams);
 
     let motion = packet::Request::Motion {
@@ -131,7 +130,7 @@ pub fn rows(options: &Options, table: &Table) {
         Stream::torn("nested packets, torn", &[0, 9], 8),
         Stream::torn("noise, a silence after each byte", &[4, 9, 7], 1),
     ];
-    let decoder = || packets::Decoder::<packet::Request>::new(SILENCE);
+    let decoder = || packets::Decoder::<packet::Request>::new(SILENCE, ByteOrder::Little);
     beside(
         options,
         table,
@@ -147,18 +146,12 @@ pub fn rows(options: &Options, table: &Table) {
         Stream::torn("noise, a silence after each byte", &[4, 2, 1], 1),
         Stream::torn("nested packets of the greatest length, torn", &[255], 254),
     ];
-    let rules = packets::Rules {
-        framing: Framing::Length,
-        partial: PartialPacket::Rescan,
-        order: ByteOrder::Big,
-        inter_byte_timeout: SILENCE,
-    };
-    let decoder = || packets::Decoder::<packet::Request>::by(rules);
+    let decoder = || packets::Decoder::<packet::Request>::new(SILENCE, ByteOrder::Big);
     let big = motion.encode_in(ByteOrder::Big);
     beside(
         options,
         table,
-        "car's packets by length",
+        "car's packets, high byte first",
         decoder,
         &big,
         &streams,

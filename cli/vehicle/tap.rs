@@ -14,7 +14,7 @@ use anyhow::{Context as _, anyhow};
 use rigsim_core::SimTime;
 use rigsim_core::device::Devices;
 use rigsim_core::device::host::{FrameReader, Sender};
-use rigsim_core::event::{Code, Event, EventKind, Level, PlainEvent, Role, code};
+use rigsim_core::event::{Code, Event, EventKind, PlainEvent, code};
 use rigsim_core::line::{ClientLine, LineEvent, OnLine};
 use rigsim_pty::{Event as PortEvent, Port, PortError, PtySetup, Waiter};
 use rigsim_runner::trace::{Hexed, MOST_BYTES, PortRecord, Record};
@@ -44,9 +44,9 @@ const FLUSH: Duration = Duration::from_secs(1);
 
 rigsim_core::codes! {
     /// The vehicle was unplugged.
-    VEHICLE_GONE = "vehicle_gone", NoParty;
+    VEHICLE_GONE = "vehicle_gone", Notice, NoParty;
     /// It is there again.
-    VEHICLE_BACK = "vehicle_back", NoParty;
+    VEHICLE_BACK = "vehicle_back", Notice, NoParty;
 }
 
 /// The `tap` subcommand: records until a signal ends it, or reads a capture.
@@ -203,8 +203,7 @@ impl Out {
             code: code.as_str().into(),
             text: text.clone(),
         });
-        let role = Role::Other;
-        self.event(t, PlainEvent { code, role, text });
+        self.event(t, PlainEvent { code, text });
     }
 }
 
@@ -488,10 +487,6 @@ struct Passed {
 }
 
 impl EventKind for Passed {
-    fn level(&self) -> Level {
-        Level::Traffic
-    }
-
     fn code(&self) -> Code {
         match self.sender {
             Sender::Client => code::REQUEST,
@@ -501,13 +496,6 @@ impl EventKind for Passed {
 
     fn link(&self) -> Option<usize> {
         Some(self.link)
-    }
-
-    fn role(&self) -> Role {
-        match self.sender {
-            Sender::Client => Role::Request,
-            Sender::Device => Role::Reply,
-        }
     }
 
     fn bytes(&self) -> Option<Cow<'_, [u8]>> {

@@ -18,7 +18,7 @@ fn wheels_are_where_the_settings_have_them_and_in_the_order_of_their_speeds() {
     let car = MecanumPlant::new(&settings, &mut world, Pose::default()).drawing();
     for wheel in Wheel::ALL {
         let drawn = car.wheels[wheel.index()];
-        assert_eq!(drawn.place[1] > 0.0, wheel.is_left(), "{}", wheel.name());
+        assert_eq!(drawn.place[1] > 0.0, wheel.is_left(), "{wheel}");
     }
     assert!(
         car.echoes

@@ -13,8 +13,6 @@ pub(super) struct PulseWire {
     /// The wheel's angle in pulses, and the last one given.
     angle: f64,
     edge: f64,
-    /// Set if the counter counts down when the wheel turns back.
-    pub(super) directed: bool,
     /// Count that shows.
     pub(super) count: u32,
     /// Count that a stuck counter keeps back.
@@ -80,7 +78,6 @@ impl PulseWire {
             // Half-way between two pulses, so that no wheel begins on the brink of one.
             angle: 0.5,
             edge: 0.0,
-            directed: false,
             count: 0,
             held_back: 0,
         }
@@ -107,11 +104,7 @@ impl PulseWire {
         } else {
             self.edge
         };
-        let turned = edge - self.edge;
-        let mut pulses = whole(turned.abs());
-        if self.directed && turned < 0.0 {
-            pulses = pulses.wrapping_neg();
-        }
+        let mut pulses = whole((edge - self.edge).abs());
         self.edge = edge;
         match encoder {
             EncoderState::Lost => pulses = 0,

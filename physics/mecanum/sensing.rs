@@ -68,14 +68,7 @@ impl MecanumPlant {
     pub(super) fn raw_pulses(&self) -> [u32; PORTS] {
         let mut pulses = [0; PORTS];
         for wheel in Wheel::ALL {
-            let count = self.drive.pulses[wheel.index()].count;
-            // A motor that is plugged in the other way round counts the other way, too.
-            let turned_round = self.directed_encoders && self.wiring.is_reversed(wheel);
-            pulses[self.wiring.port(wheel).index()] = if turned_round {
-                count.wrapping_neg()
-            } else {
-                count
-            };
+            pulses[self.wiring.port(wheel).index()] = self.drive.pulses[wheel.index()].count;
         }
         pulses
     }

@@ -71,9 +71,6 @@ settings! {
     pub struct MecanumWheelSettings {
         /// Radius of a wheel over its rollers.
         radius: f64 = 0.05, unit "m", range 0.005..=1.0, assumed "a common size, 100 mm";
-        /// Angle between the axles of roller and wheel.
-        roller_angle: f64 = 45.0, unit "deg", range 15.0..=75.0,
-            assumed "nearly all mecanum wheels; the firmware's dead reckoning takes it for granted";
         /// Force of a roller that does not turn per unit of slip, as a multiple of the load.
         roller_stiffness: f64 = 4.0, range 0.1..=100.0,
             assumed "with the roller drag a strafe then moves 0.85 of what the wheels turn; \
@@ -200,7 +197,9 @@ impl MecanumWheelSettings {
     /// The axle of the roller that a wheel stands on, radians counter-clockwise from straight
     /// ahead. Seen from above it is the mirror image of the upper rollers.
     pub(super) fn axle_on_ground(&self, wheel: Wheel) -> f64 {
-        let from_ahead = (90.0 - self.roller_angle).to_radians();
+        // At 45 degrees, as on nearly all mecanum wheels; the firmware's dead reckoning takes it for
+        // granted.
+        let from_ahead = 45.0_f64.to_radians();
         match wheel {
             Wheel::LeftFront | Wheel::RightRear => -from_ahead,
             Wheel::RightFront | Wheel::LeftRear => from_ahead,

@@ -34,59 +34,25 @@ rigsim_settings::words! {
         /// E1.
         E1 = "e1",
     }
-}
 
-impl Port {
-    /// Index into those arrays.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
+    /// A wheel of the car, in the order in which every array of wheels has them.
+    pub enum Wheel {
+        /// Left front.
+        LeftFront = "LF",
+        /// Right front.
+        RightFront = "RF",
+        /// Left rear.
+        LeftRear = "LR",
+        /// Right rear.
+        RightRear = "RR",
     }
-}
-
-/// A wheel of the car.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Wheel {
-    /// Left front, LF.
-    LeftFront,
-    /// Right front, RF.
-    RightFront,
-    /// Left rear, LR.
-    LeftRear,
-    /// Right rear, RR.
-    RightRear,
 }
 
 impl Wheel {
-    /// All, in the order in which every array of wheels has them.
-    pub const ALL: [Self; WHEELS] = [
-        Self::LeftFront,
-        Self::RightFront,
-        Self::LeftRear,
-        Self::RightRear,
-    ];
-
-    /// Index into an array of wheels.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-
     /// Returns whether it is on the left side.
     #[must_use]
     pub const fn is_left(self) -> bool {
         matches!(self, Self::LeftFront | Self::LeftRear)
-    }
-
-    /// Two letters.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::LeftFront => "LF",
-            Self::RightFront => "RF",
-            Self::LeftRear => "LR",
-            Self::RightRear => "RR",
-        }
     }
 }
 
@@ -124,8 +90,7 @@ pub struct MecanumMeasurements {
     /// Set if the board has a supply. If not, everything else means nothing.
     pub board_powered: bool,
     /// PG: pulses since the car was built, by [`Port::index`], wrapping. The one wire carries no
-    /// direction: a wheel that is rolled back counts up too, but for
-    /// [directed encoders](super::MecanumPlant::set_directed_encoders).
+    /// direction: a wheel that is rolled back counts up too.
     pub pulses: [u32; PORTS],
     /// Distance of the nearest echo in each ultrasonic cone, m: four in front from left to right,
     /// then four in the rear from left to right. `None` without an echo.

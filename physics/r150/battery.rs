@@ -15,11 +15,8 @@ pub(super) struct Battery {
     soc: f64,
     /// Share of the capacity that a fault has taken away for as long as it lasts.
     pub(super) missing: f64,
-    /// A·s drawn so far.
-    drawn: f64,
-    /// 0–1
-    charge_limit: f64,
-    /// It takes no more charge.
+    /// It takes no more charge: its management opens the path, and a brake resistor turns what the
+    /// drivers feed back into heat.
     pub(super) full: bool,
 }
 
@@ -36,9 +33,7 @@ impl Battery {
             capacity: settings.capacity * 3600.0,
             soc: settings.initial_soc / 100.0,
             missing: 0.0,
-            drawn: 0.0,
-            charge_limit: settings.charge_limit / 100.0,
-            full: settings.initial_soc >= settings.charge_limit,
+            full: settings.initial_soc >= 100.0,
         }
     }
 
@@ -64,20 +59,11 @@ impl Battery {
         self.soc
     }
 
-    /// A·h
-    pub(super) fn drawn(&self) -> f64 {
-        self.drawn / 3600.0
-    }
-
     /// Counts charge. A full battery takes no more and an empty one stays at its lowest voltage.
     pub(super) fn discharge(&mut self, current: f64, seconds: f64) {
         let charge = current * seconds;
-        self.drawn += charge;
         self.soc = (self.soc - charge / self.capacity).clamp(0.0, 1.0);
-        self.full = if self.full {
-            self.soc > self.charge_limit - ROOM
-        } else {
-            self.soc >= self.charge_limit
-        };
+        let least = if self.full { 1.0 - ROOM } else { 1.0 };
+        self.full = self.soc > least || self.soc >= 1.0;
     }
 }

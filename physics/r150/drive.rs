@@ -73,8 +73,8 @@ impl Drive {
             ),
             drivers: [Driver::new(motor); 2],
             duty: [None; 2],
-            gear_ratio: Side::BOTH.map(|_| ratio / draw.factor(tolerance.wheel)),
-            torque_constant: Side::BOTH
+            gear_ratio: Side::ALL.map(|_| ratio / draw.factor(tolerance.wheel)),
+            torque_constant: Side::ALL
                 .map(|_| motor.back_emf_constant * draw.factor(tolerance.motor)),
             winding_resistance: motor.resistance,
             gear_friction: motor.gear_friction,
@@ -161,7 +161,7 @@ impl R150Plant {
     /// Returns whether something is trying to move the vehicle. A motor against a blocked wheel
     /// counts: its current must go on being integrated.
     fn is_driven(&self) -> bool {
-        let motors = Side::BOTH.iter().any(|side| {
+        let motors = Side::ALL.iter().any(|side| {
             let port = self.motor_port(*side);
             let driven = self.commands.propulsion_power && self.wanted_duty(*side) != 0.0;
             port.connected && (port.duty != 0.0 || driven)
@@ -174,8 +174,8 @@ impl R150Plant {
 pub(super) fn step(plant: &mut R150Plant, world: &mut World) {
     let dt = world.step_length().as_secs_f64();
     plant.follow_duty(dt);
-    let drives = Side::BOTH.map(|side| plant.side_drive(side, dt));
-    plant.drive.duty = Side::BOTH.map(|side| {
+    let drives = Side::ALL.map(|side| plant.side_drive(side, dt));
+    plant.drive.duty = Side::ALL.map(|side| {
         let port = plant.motor_port(side);
         port.connected.then_some(port.duty)
     });

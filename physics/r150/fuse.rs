@@ -9,6 +9,8 @@ use super::settings::FuseSettings;
 
 /// Multiple of the rating that a fuse carries for ever: automotive blade and strip fuses.
 const HOLDING_FACTOR: f64 = 1.2;
+/// Rating of the small modules' fuse, A; manual section 1.
+const SMALL_MODULES: f64 = 5.0;
 /// Time constant of its warming; twice the rating then blows in about five seconds.
 pub(super) const TIME_CONSTANT: Duration = Duration::from_secs(10);
 
@@ -25,14 +27,6 @@ rigsim_settings::words! {
         Tail = "tail",
         /// The vehicle's small modules.
         SmallModules = "small-modules",
-    }
-}
-
-impl FuseId {
-    /// Index into arrays of fuses.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
     }
 }
 
@@ -60,7 +54,7 @@ impl Fuse {
             let rating = match id {
                 FuseId::MotorRight | FuseId::MotorLeft => settings.motor,
                 FuseId::Tail => settings.tail,
-                FuseId::SmallModules => settings.small_modules,
+                FuseId::SmallModules => SMALL_MODULES,
             };
             let holding = rating * HOLDING_FACTOR;
             Self {

@@ -18,7 +18,7 @@ impl R150Plant {
         }
         R150Measurements {
             module_powered: true,
-            motor_rpm: Side::BOTH.map(|side| self.encoder(side)).into(),
+            motor_rpm: Side::ALL.map(|side| self.encoder(side)).into(),
             motor_turns: self.encoder_turns,
             soc: self.slow.battery.soc(),
             bus_voltage: self.flow.bus,
@@ -66,7 +66,6 @@ impl R150Plant {
             battery_voltage: self.flow.bus,
             battery_current: self.flow.battery_current,
             soc: self.slow.battery.soc(),
-            charge_drawn: self.slow.battery.drawn(),
             mass: self.drive.gear.mass,
             health: self.health(),
             motor_celsius: self.slow.motors.map(|[motor, _]| motor).into(),
@@ -95,7 +94,7 @@ impl R150Plant {
     }
 
     pub(super) fn note_encoders(&mut self) {
-        for side in Side::BOTH {
+        for side in Side::ALL {
             if self.side_faults[side].encoder != EncoderState::Stuck {
                 self.encoder_rpm[side.index()] = self.motor_rpm(side);
             }
@@ -104,7 +103,7 @@ impl R150Plant {
 
     /// Advances the encoders' counts by so many seconds.
     pub(super) fn count_turns(&mut self, seconds: f64) {
-        for side in Side::BOTH {
+        for side in Side::ALL {
             self.encoder_turns[side] += self.encoder(side) / 60.0 * seconds;
         }
     }

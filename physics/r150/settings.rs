@@ -141,11 +141,6 @@ rigsim_settings::settings! {
         cell_voltage: [f64; 11] =
             [3.00, 3.45, 3.55, 3.60, 3.64, 3.70, 3.77, 3.86, 3.95, 4.06, 4.18],
             unit "V", range 0.5..=6.0, assumed "typical lithium cell with 3.7 V nominal";
-        /// Charge from which on the battery takes no more: a brake resistor then turns what
-        /// the drivers feed back into heat.
-        charge_limit: f64 = 100.0, unit "%", range 0.0..=100.0,
-            assumed "its management opens the path to a full battery; a vehicle must brake all the \
-                     same, and a resistor with a chopper is the usual way";
     }
 
     /// The module's outputs and what it draws itself.
@@ -161,8 +156,6 @@ rigsim_settings::settings! {
         motor: f64 = 50.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
         /// Fuse of the tail supply, which feeds the module and its outputs.
         tail: f64 = 60.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
-        /// Fuse of the small modules.
-        small_modules: f64 = 5.0, unit "A", range 0.1..=1000.0, documented "manual section 1";
     }
 
     /// Warming of the 12 V converters, motors and drivers.

@@ -7,21 +7,14 @@ use serde::Deserialize;
 
 use crate::pose::Pose;
 
-/// One of the two sides of the vehicle; front and rear wheel of a side are geared together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Side {
-    /// Right.
-    Right,
-    /// Left.
-    Left,
-}
-
-impl Side {
-    /// Both, in the order of the wire format.
-    pub const BOTH: [Self; 2] = [Self::Right, Self::Left];
-
-    pub(crate) const fn index(self) -> usize {
-        self as usize
+rigsim_settings::words! {
+    /// One of the two sides of the vehicle, in the order of the wire format; front and rear wheel of a
+    /// side are geared together.
+    pub enum Side {
+        /// Right.
+        Right = "right",
+        /// Left.
+        Left = "left",
     }
 }
 
@@ -92,22 +85,6 @@ rigsim_settings::words! {
         Ab = "ab",
         /// C and D.
         Cd = "cd",
-    }
-}
-
-impl Rail {
-    /// Index into the arrays of [`R150Commands`] and [`R150Measurements`].
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
-    }
-}
-
-impl Pair {
-    /// Index into arrays of pairs.
-    #[must_use]
-    pub const fn index(self) -> usize {
-        self as usize
     }
 }
 
@@ -254,8 +231,6 @@ pub struct R150Truth {
     pub battery_current: f64,
     /// State of charge, 0–1.
     pub soc: f64,
-    /// Charge drawn so far less charge fed back, A·h.
-    pub charge_drawn: f64,
     /// Mass with payload, kg.
     pub mass: f64,
     /// Things that are broken, too hot or about to tip.

@@ -175,7 +175,6 @@ proptest! {
         stiffness in 0.1..100.0_f64,
         drag in 0.0..2.0_f64,
         relaxation in 0.0005..1.0_f64,
-        angle in 15.0..75.0_f64,
         gain in 0.001..10_000.0_f64,
         torque in 0.001..1000.0_f64,
         inertia in 0.00001..10.0_f64,
@@ -189,7 +188,6 @@ proptest! {
         settings.wheel.roller_stiffness = stiffness;
         settings.wheel.roller_drag = drag;
         settings.wheel.relaxation_length = relaxation;
-        settings.wheel.roller_angle = angle;
         settings.motor.speed_gain = gain;
         settings.motor.torque_limit = torque;
         settings.motor.inertia = inertia;

@@ -194,7 +194,7 @@ fn stalled_motors_blow_their_fuses() {
     bench.run(1.0);
     assert_eq!(bench.plant.truth().motor_current.left, 0.0);
     assert!(bench.plant.measurements().module_powered);
-    for side in Side::BOTH {
+    for side in Side::ALL {
         bench.plant.set_side_faults(side, MotorFaults::default());
     }
     bench.run(1.0);

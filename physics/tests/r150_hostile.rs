@@ -151,7 +151,6 @@ fn check(bench: &Bench) {
         truth.motor_supply_current.right,
         truth.battery_voltage,
         truth.battery_current,
-        truth.charge_drawn,
         right,
         left,
         read.bus_voltage,

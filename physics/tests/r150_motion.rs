@@ -216,7 +216,7 @@ fn pushed_when_released_and_unpowered_it_rolls() {
 fn blocked_wheels_draw_stall_current_and_sag_the_battery() {
     let mut bench = Bench::unlimited();
     let voltage = bench.plant.measurements().bus_voltage;
-    for side in Side::BOTH {
+    for side in Side::ALL {
         bench.plant.set_side_faults(
             side,
             MotorFaults {

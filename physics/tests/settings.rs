@@ -195,7 +195,7 @@ fn heats_up(settings: &R150PlantSettings) -> Vec<String> {
     let mut settings = settings.clone();
     settings.thermal.ambient += 45.0;
     let mut story = Story::new(&settings);
-    for side in Side::BOTH {
+    for side in Side::ALL {
         let blocked = MotorFaults {
             blocked: true,
             ..MotorFaults::default()

@@ -220,30 +220,13 @@ pub enum Work {
     Done(Vec<Change>),
 }
 
-/// One way along a link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Way {
-    /// From the client to the device.
-    ToDevice,
-    /// From the device to the client.
-    ToClient,
-}
-
-impl Way {
-    /// Both.
-    pub const BOTH: [Self; 2] = [Self::ToDevice, Self::ToClient];
-
-    pub(crate) const fn index(self) -> usize {
-        self as usize
-    }
-}
-
-impl fmt::Display for Way {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::ToDevice => "to the device",
-            Self::ToClient => "to the client",
-        })
+rigsim_settings::words! {
+    /// One way along a link.
+    pub enum Way {
+        /// From the client to the device.
+        ToDevice = "to the device",
+        /// From the device to the client.
+        ToClient = "to the client",
     }
 }
 

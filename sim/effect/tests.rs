@@ -26,11 +26,12 @@ use crate::line::Wire;
 use crate::mecanum::{Mecanum, MecanumSettings};
 use crate::mecanum_device::codec::{Decoded, Decoder};
 use crate::mecanum_device::packet::{Request as Packet, Status};
+use crate::mecanum_device::settings::ByteOrder;
 use crate::r150::{R150, R150Settings};
+use crate::r150_device::codec;
 use crate::r150_device::command::SystemInfo;
 use crate::r150_device::command::{Reply, Request};
 use crate::r150_device::vehicle::Start;
-use crate::r150_device::{codec, settings};
 use crate::rig::{PortId, Rig, RigSettings};
 
 const MAIN: PortId = PortId { device: 0, link: 0 };
@@ -187,7 +188,7 @@ fn replies(rig: &mut Rig, request: Request) -> Vec<Reply> {
 }
 
 fn frames(bytes: &[u8]) -> Vec<Reply> {
-    let mut decoder = codec::Decoder::new(MS(1000), settings::Resync::SecondByte);
+    let mut decoder = codec::Decoder::new(MS(1000));
     let mut found = Vec::new();
     for &byte in bytes {
         decoder.push(SimTime::ZERO, byte, &mut |decoded| {
@@ -225,7 +226,7 @@ fn drive(rig: &mut Rig, right: i16, left: i16, times: u32) -> [i16; 2] {
 }
 
 fn statuses(bytes: &[u8]) -> Vec<Status> {
-    let mut decoder: Decoder<Status> = Decoder::new(MS(1000));
+    let mut decoder: Decoder<Status> = Decoder::new(MS(1000), ByteOrder::Little);
     let mut found = Vec::new();
     for &byte in bytes {
         decoder.push(SimTime::ZERO, byte, &mut |decoded| {

@@ -150,7 +150,7 @@ impl Effect for WireFault {
         let scope = self.scope();
         let mut own = AtWork {
             kind: self.clone(),
-            ways: Way::BOTH.map(|way| OneWay {
+            ways: Way::ALL.map(|way| OneWay {
                 acts: match scope.direction {
                     Direction::Both => true,
                     Direction::ToDevice => way == Way::ToDevice,
@@ -166,7 +166,7 @@ impl Effect for WireFault {
             }),
             scope,
         };
-        for way in Way::BOTH {
+        for way in Way::ALL {
             own.schedule_noise(at.now, way);
         }
         Ok(Work::Bytes(Box::new(own)))

@@ -21,7 +21,7 @@ impl Injection {
             line.next_for_device().is_none(),
             line.next_off_wire().is_none() && line.is_attached(),
         ];
-        for way in Way::BOTH {
+        for way in Way::ALL {
             let Some(stage) = self.stages.get_mut(link) else {
                 return;
             };
@@ -195,7 +195,7 @@ impl Injection {
 
     /// Releases what no stall blocks any more.
     pub(super) fn release(&mut self, now: SimTime, link: usize) {
-        for way in Way::BOTH {
+        for way in Way::ALL {
             let stalled = self.wires(link).any(|wire| wire.stalls(way));
             if let (false, Some(stage)) = (stalled, self.stages.get_mut(link)) {
                 stage[way.index()].release(now);

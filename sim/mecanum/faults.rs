@@ -292,7 +292,7 @@ impl OnHardware for AtWork {
             *share -= whole;
             if is_meant && whole >= 1.0 {
                 car.plant.add_pulses(wheel, pulses(whole));
-                tally.hit(|| format!("wheel {}", wheel.name()));
+                tally.hit(|| format!("wheel {wheel}"));
             }
         }
         false

@@ -12,7 +12,7 @@ use super::MecanumSettings;
 use crate::device::host::{Frame, FrameReader, Message, Sender};
 use crate::device::{DeviceSettings, HostSpec, typed};
 use crate::mecanum_device::ascii::{REPORTS, Report};
-use crate::mecanum_device::codec::{Decoded, Decoder, Rules, encode, reorder};
+use crate::mecanum_device::codec::{Decoded, Decoder, encode, reorder};
 use crate::mecanum_device::packet::{Request, Status};
 use crate::mecanum_device::settings::ByteOrder;
 
@@ -31,13 +31,9 @@ pub(super) const HOST: HostSpec = HostSpec {
     },
     frames: |link, sender, settings| {
         let order = byte_order(settings);
-        let rules = Rules {
-            order,
-            ..Rules::new(PAUSE)
-        };
         match (link, sender) {
-            (0, Sender::Client) => Box::new(Packets::<Request>(Decoder::by(rules), order)),
-            (0, Sender::Device) => Box::new(Packets::<Status>(Decoder::by(rules), order)),
+            (0, Sender::Client) => Box::new(Packets::<Request>(Decoder::new(PAUSE, order), order)),
+            (0, Sender::Device) => Box::new(Packets::<Status>(Decoder::new(PAUSE, order), order)),
             _ => Box::new(Lines(Vec::new(), sender)),
         }
     },

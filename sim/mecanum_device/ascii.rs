@@ -17,39 +17,27 @@ pub const HIGHEST: i32 = 32_768;
 /// The longest line of a client, without its end: four times the longest command.
 pub const LONGEST: usize = 32;
 
-/// A letter that begins a command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Letter {
-    /// `X`.
-    X,
-    /// `Y`.
-    Y,
-    /// `Z`.
-    Z,
-    /// `A`.
-    A,
-    /// `B`.
-    B,
+rigsim_settings::words! {
+    /// A letter that begins a command.
+    pub enum Letter {
+        /// `X`.
+        X = "X",
+        /// `Y`.
+        Y = "Y",
+        /// `Z`.
+        Z = "Z",
+        /// `A`.
+        A = "A",
+        /// `B`.
+        B = "B",
+    }
 }
 
 impl Letter {
-    /// All.
-    pub const ALL: [Self; 5] = [Self::X, Self::Y, Self::Z, Self::A, Self::B];
-
-    /// On the wire.
-    #[must_use]
-    pub const fn byte(self) -> u8 {
-        match self {
-            Self::X => b'X',
-            Self::Y => b'Y',
-            Self::Z => b'Z',
-            Self::A => b'A',
-            Self::B => b'B',
-        }
-    }
-
     fn from_byte(byte: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|letter| letter.byte() == byte)
+        Self::ALL
+            .into_iter()
+            .find(|letter| letter.as_str().as_bytes() == [byte])
     }
 }
 
@@ -103,7 +91,7 @@ impl Command {
     /// The declaration of its line.
     #[must_use]
     pub fn info(&self) -> &'static MessageInfo {
-        &COMMANDS[self.letter as usize]
+        &COMMANDS[self.letter.index()]
     }
 
     /// The line on the wire, as the article writes it, with a space before its end.
@@ -115,7 +103,7 @@ impl Command {
 
 impl fmt::Display for Command {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", char::from(self.letter.byte()), self.tenths)
+        write!(f, "{}{}", self.letter, self.tenths)
     }
 }
 

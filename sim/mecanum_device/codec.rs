@@ -6,12 +6,12 @@
 //!
 //! All that tells a packet from noise is that a known type is followed by the length which that
 //! type has. The article names neither a byte order nor a way to find the beginning of a packet
-//! again; both are our assumptions, and [`Rules`] has the alternatives.
+//! again; both are our assumptions, and the order is a setting.
 
 use std::marker::PhantomData;
 use std::time::Duration;
 
-use super::settings::{ByteOrder, Framing, PartialPacket};
+use super::settings::ByteOrder;
 use crate::message::{Message, MessageInfo};
 use crate::scanner::{Format, Read, Scanner};
 
@@ -62,32 +62,6 @@ fn length_byte(info: &MessageInfo) -> u8 {
     u8::try_from(HEADER + info.length).unwrap_or(u8::MAX)
 }
 
-/// Rules by which the stream is read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Rules {
-    /// A packet that was begun is given up after so much silence.
-    pub inter_byte_timeout: Duration,
-    /// Mark of a packet's beginning.
-    pub framing: Framing,
-    /// Fate of the bytes of a packet that was given up.
-    pub partial: PartialPacket,
-    /// Order of the bytes in a field.
-    pub order: ByteOrder,
-}
-
-impl Rules {
-    /// Those of the default settings, with this timeout.
-    #[must_use]
-    pub const fn new(inter_byte_timeout: Duration) -> Self {
-        Self {
-            inter_byte_timeout,
-            framing: Framing::TypeAndLength,
-            partial: PartialPacket::Rescan,
-            order: ByteOrder::Little,
-        }
-    }
-}
-
 /// Finding of the decoder in the stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decoded<P> {
@@ -103,35 +77,24 @@ pub enum Decoded<P> {
 pub type Decoder<P> = Scanner<Packets<P>>;
 
 impl<P: Message> Decoder<P> {
-    /// A decoder by the default rules, which drops a partial packet after `inter_byte_timeout` of
-    /// silence.
+    /// A decoder that drops a partial packet after `inter_byte_timeout` of silence.
     #[must_use]
-    pub const fn new(inter_byte_timeout: Duration) -> Self {
-        Self::by(Rules::new(inter_byte_timeout))
-    }
-
-    /// A decoder by these rules.
-    #[must_use]
-    pub const fn by(rules: Rules) -> Self {
-        Self::of(Packets(rules, PhantomData), rules.inter_byte_timeout)
+    pub const fn new(inter_byte_timeout: Duration, order: ByteOrder) -> Self {
+        Self::of(Packets(order, PhantomData), inter_byte_timeout)
     }
 }
 
 /// The form of the packets of one direction.
 #[derive(Debug, Clone, Copy)]
-pub struct Packets<P>(Rules, PhantomData<P>);
+pub struct Packets<P>(ByteOrder, PhantomData<P>);
 
 impl<P: Message> Format for Packets<P> {
     type Decoded = Decoded<P>;
 
     fn may_begin(&self, bytes: &[u8]) -> bool {
         let length = bytes.get(1);
-        match self.0.framing {
-            Framing::TypeAndLength => P::info_of(bytes[0])
-                .is_some_and(|info| length.is_none_or(|length| *length == length_byte(info))),
-            // No packet is shorter than its first three bytes.
-            Framing::Length => length.is_none_or(|length| *length >= 3),
-        }
+        P::info_of(bytes[0])
+            .is_some_and(|info| length.is_none_or(|length| *length == length_byte(info)))
     }
 
     fn read(&self, bytes: &[u8]) -> Read<Decoded<P>> {
@@ -140,18 +103,10 @@ impl<P: Message> Format for Packets<P> {
             return Read::Begun;
         };
         let mut bytes = bytes.to_vec();
-        reorder::<P>(&mut bytes, self.0.order);
+        reorder::<P>(&mut bytes, self.0);
         match parse::<P>(&bytes) {
             Some(packet) => Read::Whole(bytes.len(), Decoded::Packet(packet)),
-            // By its length alone it has a beginning and an end, known or not.
             None => Read::Noise(bytes.len().max(1)),
-        }
-    }
-
-    fn passes(&self, length: usize) -> usize {
-        match self.0.partial {
-            PartialPacket::Rescan => 1,
-            PartialPacket::Drop => length,
         }
     }
 

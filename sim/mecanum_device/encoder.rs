@@ -3,7 +3,7 @@
 //! The wire gives pulses without a direction. The firmware takes them for pulses of the direction
 //! in which it last drove the motor, and after a reversal for those of the old one as long as the
 //! wheel needs to come to a stand; where the wheel was dragged or coasted the other way, that is
-//! wrong, as it is on the real board. A setting gives the motors counters with a direction instead.
+//! wrong, as it is on the real board.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -29,21 +29,6 @@ pub struct Stopping {
     pub reversed: Duration,
     /// Time for which it is held.
     pub held: Duration,
-}
-
-/// Source of the pulses' direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Counting {
-    /// The counter counts up only, and pulses count the way in which the motor was last driven.
-    Driven {
-        /// Delay after which a wheel stands.
-        stopping: Stopping,
-    },
-    /// The counter counts down when the motor turns back.
-    Counted {
-        /// The motor rolls its wheel backward when it turns forward.
-        reversed: bool,
-    },
 }
 
 /// Speed that a wheel should have by what its motor was asked to do, in shares of its full speed.
@@ -72,7 +57,7 @@ impl Expected {
 /// One motor's pulse counter.
 #[derive(Debug, Clone)]
 pub struct Encoder {
-    counting: Counting,
+    stopping: Stopping,
     /// As the wire had it last.
     count: u32,
     /// The way in which the motor is or was last driven, and the way in which pulses counted last.
@@ -87,9 +72,9 @@ pub struct Encoder {
 impl Encoder {
     /// A counter that starts where the wire is.
     #[must_use]
-    pub fn new(counting: Counting, count: u32) -> Self {
+    pub fn new(stopping: Stopping, count: u32) -> Self {
         Self {
-            counting,
+            stopping,
             count,
             backward: false,
             counted_backward: false,
@@ -104,12 +89,10 @@ impl Encoder {
 
     /// The motor is to turn with this share of its full speed from now on, negative backward.
     pub fn drive(&mut self, now: SimTime, share: f64) {
-        if let Counting::Driven { stopping } = self.counting
-            && self.expected.wanted.to_bits() != share.to_bits()
-        {
+        if self.expected.wanted.to_bits() != share.to_bits() {
             self.expected = Expected {
                 at: now,
-                share: self.expected.share(now, stopping),
+                share: self.expected.share(now, self.stopping),
                 wanted: share,
             };
         }
@@ -132,11 +115,10 @@ impl Encoder {
         if came == 0 {
             return 0;
         }
-        let (came, backward) = match self.counting {
-            Counting::Driven { stopping } => (i64::from(came), self.turns_back(now, stopping)),
-            Counting::Counted { reversed } => (i64::from(came.cast_signed()), reversed),
+        let came = match self.turns_back(now) {
+            true => -i64::from(came),
+            false => i64::from(came),
         };
-        let came = if backward { -came } else { came };
         self.note(now, came, speed);
         came
     }
@@ -172,8 +154,8 @@ impl Encoder {
     }
 
     /// Returns whether the wheel should turn backward.
-    fn turns_back(&mut self, now: SimTime, stopping: Stopping) -> bool {
-        let share = self.expected.share(now, stopping);
+    fn turns_back(&mut self, now: SimTime) -> bool {
+        let share = self.expected.share(now, self.stopping);
         let backward = if share == 0.0 {
             self.backward
         } else {

@@ -31,41 +31,27 @@ pub fn body_speed([lf, rf, lr, rr]: [f64; WHEELS], arm: f64) -> [f64; 3] {
     ]
 }
 
-/// The five kinds of movement, by their `moving_idx`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Course {
-    /// 0: forward and backward.
-    Ahead,
-    /// 1: turning on the spot, right and left.
-    Rotate,
-    /// 2: sideways, left and right.
-    Strafe,
-    /// 3: to the left front and the right rear.
-    LeftFront,
-    /// 4: to the right front and the left rear.
-    RightFront,
+rigsim_settings::words! {
+    /// The five kinds of movement, in the order of `moving_idx`.
+    pub enum Course {
+        /// 0: forward and backward.
+        Ahead = "ahead",
+        /// 1: turning on the spot, right and left.
+        Rotate = "rotate",
+        /// 2: sideways, left and right.
+        Strafe = "strafe",
+        /// 3: to the left front and the right rear.
+        LeftFront = "left front",
+        /// 4: to the right front and the left rear.
+        RightFront = "right front",
+    }
 }
 
 impl Course {
-    /// All, in the order of `moving_idx`.
-    pub const ALL: [Self; 5] = [
-        Self::Ahead,
-        Self::Rotate,
-        Self::Strafe,
-        Self::LeftFront,
-        Self::RightFront,
-    ];
-
     /// The course with a `moving_idx`.
     #[must_use]
     pub fn from_index(moving_idx: u8) -> Option<Self> {
         Self::ALL.get(usize::from(moving_idx)).copied()
-    }
-
-    /// Its `moving_idx`.
-    #[must_use]
-    pub fn index(self) -> u8 {
-        self as u8
     }
 
     /// Direction of the body for a positive speed: ahead, left, counter-clockwise.
@@ -110,11 +96,11 @@ impl Movement {
     pub fn sign(self) -> i8 {
         if self.negative { -1 } else { 1 }
     }
+}
 
-    /// In words.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match (self.course, self.negative) {
+impl fmt::Display for Movement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match (self.course, self.negative) {
             (Course::Ahead, false) => "forward",
             (Course::Ahead, true) => "backward",
             (Course::Rotate, false) => "turn right",
@@ -125,13 +111,7 @@ impl Movement {
             (Course::LeftFront, true) => "right rear",
             (Course::RightFront, false) => "right front",
             (Course::RightFront, true) => "left rear",
-        }
-    }
-}
-
-impl fmt::Display for Movement {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        })
     }
 }
 

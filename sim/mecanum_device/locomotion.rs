@@ -7,11 +7,11 @@ use rigsim_physics::mecanum::{
 };
 use rigsim_settings::SimTime;
 
-use super::encoder::{Counting, Encoder, SpeedWindow, Stopping};
+use super::encoder::{Encoder, SpeedWindow, Stopping};
 use super::kinematics::{Movement, body_speed};
 use super::motion::{Change, Motions};
 use super::odometry::Odometry;
-use super::settings::{IdleWheels, MecanumFirmwareSettings, PulseDirection, StartMode};
+use super::settings::{IdleWheels, MecanumFirmwareSettings, StartMode};
 
 /// Time over which the speed of a wheel is measured; assumed: ten pulses at full speed.
 const SPEED_WINDOW: Duration = Duration::from_millis(200);
@@ -51,18 +51,11 @@ impl Locomotion {
             key: None,
             encoders: Wheel::ALL.map(|wheel| {
                 let port = settings.wiring.port(wheel);
-                let counting = match settings.pulse_direction {
-                    PulseDirection::Driven => Counting::Driven {
-                        stopping: Stopping {
-                            reversed: settings.reversing_time,
-                            held: settings.braking_time,
-                        },
-                    },
-                    PulseDirection::Counted => Counting::Counted {
-                        reversed: settings.wiring.is_reversed(wheel),
-                    },
+                let stopping = Stopping {
+                    reversed: settings.reversing_time,
+                    held: settings.braking_time,
                 };
-                Encoder::new(counting, measured.pulses[port.index()])
+                Encoder::new(stopping, measured.pulses[port.index()])
             }),
             odometry: Odometry::new(settings.odometry.clone()),
             last: None,

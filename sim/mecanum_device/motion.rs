@@ -7,7 +7,7 @@ use rigsim_physics::mecanum::WHEELS;
 use rigsim_settings::SimTime;
 
 use super::kinematics::Movement;
-use super::settings::{MecanumFirmwareSettings, MotionEnd, Preempt, ZeroDistance, ZeroSpeed};
+use super::settings::{MecanumFirmwareSettings, Preempt, ZeroDistance, ZeroSpeed};
 
 /// A movement with its distance and speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,16 +45,10 @@ struct Running {
 
 impl Running {
     /// Returns whether a wheel has still to turn.
-    fn drives(&self, wheel: usize, end: MotionEnd) -> bool {
-        let Some(left) = self.pulses_left else {
-            return self.rotations[wheel] != 0;
-        };
-        match end {
-            MotionEnd::EachWheel => left[wheel] > 0,
-            MotionEnd::Mean => {
-                let left = left.iter().copied().fold(0, i64::saturating_add);
-                self.rotations[wheel] != 0 && left > 0
-            }
+    fn drives(&self, wheel: usize) -> bool {
+        match self.pulses_left {
+            Some(left) => left[wheel] > 0,
+            None => self.rotations[wheel] != 0,
         }
     }
 }
@@ -133,17 +127,13 @@ impl Motions {
         if let Some(left) = &mut running.pulses_left {
             for (wheel, pulses) in pulses.into_iter().enumerate() {
                 // One that has arrived has stopped, and goes on no more if it is turned back.
-                let counts = match self.settings.motion_end {
-                    MotionEnd::EachWheel => left[wheel] > 0,
-                    MotionEnd::Mean => running.rotations[wheel] != 0,
-                };
-                if counts {
+                if left[wheel] > 0 {
                     left[wheel] = left[wheel].saturating_sub(pulses);
                 }
             }
         }
         let running = &*running;
-        if !(0..WHEELS).any(|wheel| running.drives(wheel, self.settings.motion_end)) {
+        if !(0..WHEELS).any(|wheel| running.drives(wheel)) {
             changed(Change::Done(running.motion));
             self.running = None;
             self.not_before = now + self.settings.motion_pause;
@@ -187,7 +177,7 @@ impl Motions {
             return [0; WHEELS];
         };
         std::array::from_fn(|wheel| {
-            if running.drives(wheel, self.settings.motion_end) {
+            if running.drives(wheel) {
                 running.rotations[wheel]
             } else {
                 0

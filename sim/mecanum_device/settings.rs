@@ -32,15 +32,9 @@ settings! {
         /// Order of the bytes in a field of the main link, both ways.
         byte_order: ByteOrder = ByteOrder::Little,
             assumed "the article gives none; the board's STM32 keeps numbers so";
-        /// Mark of a packet's beginning on the main link.
-        framing: Framing = Framing::TypeAndLength,
-            assumed "the packets have no header; a known type with its length is all there is";
         /// A packet on the main link that was begun and then paused for this long is dropped.
         inter_byte_timeout: Duration = MS(50), range MS(1)..=S(60),
             assumed "the packets have no header; the article gives no way to find their beginning";
-        /// Fate of the bytes of a packet that was dropped so.
-        partial_packet: PartialPacket = PartialPacket::Rescan,
-            assumed "a packet behind a torn one is then not lost";
         /// Answer to a valid packet or line.
         acknowledge: Acknowledge = Acknowledge::Nothing,
             assumed "the article gives no answer but the status";
@@ -65,9 +59,6 @@ settings! {
         /// Time for which the wheels are held between a motion that has ended and one that waits.
         motion_pause: Duration = MS(100), range Duration::ZERO..=S(60),
             assumed "pulses without a sign can only be counted from a stand";
-        /// Moment at which the wheels of a motion stop.
-        motion_end: MotionEnd = MotionEnd::EachWheel,
-            assumed "the same authors' published firmware counts each wheel by itself";
         /// Meaning of a motion without distance.
         zero_distance: ZeroDistance = ZeroDistance::End,
             assumed "it has been driven already";
@@ -100,9 +91,6 @@ settings! {
         /// State of BK while no wheel is driven; one that stands while others turn is always held.
         idle_wheels: IdleWheels = IdleWheels::Hold,
             assumed "a car that has arrived should stay";
-        /// Source of the direction in which a wheel has turned.
-        pulse_direction: PulseDirection = PulseDirection::Driven,
-            assumed "PG is one wire, and pulses have no sign";
         /// Time in which a wheel at full speed comes to a stand when it is driven the other way, in
         /// proportion from less. Until then pulses count the old way.
         reversing_time: Duration = MS(200), range Duration::ZERO..=S(60),
@@ -152,9 +140,6 @@ settings! {
         /// Keeps the number of a tag in `rfid` after it has left the reader.
         rfid_hold: bool = false,
             assumed "the article does not say how long it stands";
-        /// The longest distance that an ultrasonic sensor gives.
-        ultrasonic_farthest: f64 = 4.5, unit "m", range 0.02..=65.0,
-            assumed "common sensors end at 4500 mm";
         /// Reading of an ultrasonic sensor without an echo.
         ultrasonic_no_echo: NoEcho = NoEcho::Farthest,
             assumed "a client that looks for obstacles then sees none";

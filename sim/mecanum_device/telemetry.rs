@@ -12,7 +12,9 @@ use super::settings::{
 };
 use super::{Link, MecanumDevice, MecanumEvent};
 
-/// The shortest distance that an ultrasonic sensor gives, m: common ones begin at 20 mm.
+/// The longest distance that an ultrasonic sensor gives, m: common ones end at 4500 mm.
+const ULTRASONIC_FARTHEST: f64 = 4.5;
+/// The shortest one: common ones begin at 20 mm.
 const ULTRASONIC_NEAREST: f64 = 0.02;
 
 impl MecanumDevice {
@@ -149,10 +151,9 @@ impl MecanumDevice {
     }
 
     fn distance_mm(&self, echo: Option<f64>) -> u16 {
-        let farthest = self.settings.ultrasonic_farthest;
-        let Some(echo) = echo.filter(|echo| *echo <= farthest) else {
+        let Some(echo) = echo.filter(|echo| *echo <= ULTRASONIC_FARTHEST) else {
             return match self.settings.ultrasonic_no_echo {
-                NoEcho::Farthest => clamp_u16(farthest * 1000.0),
+                NoEcho::Farthest => clamp_u16(ULTRASONIC_FARTHEST * 1000.0),
                 NoEcho::Zero => 0,
                 NoEcho::Max => u16::MAX,
             };

@@ -18,7 +18,7 @@ use rigsim_settings::SimTime;
 
 use super::codec;
 use super::packet::{Request, Status};
-use super::settings::{MecanumFirmwareSettings, PulseDirection};
+use super::settings::MecanumFirmwareSettings;
 use super::{Link, MecanumDevice, MecanumEvent};
 use crate::event::EventKind as _;
 
@@ -41,8 +41,6 @@ struct Bench {
     travel: [f64; WHEELS],
     /// Wheels that do not turn whatever their motor does.
     stuck: [bool; WHEELS],
-    /// The counters count down when a motor turns back.
-    directed: bool,
 }
 
 impl Bench {
@@ -69,7 +67,6 @@ impl Bench {
             ..MecanumMeasurements::default()
         };
         let plugs = settings.wiring;
-        let directed = settings.pulse_direction == PulseDirection::Counted;
         Self {
             device: MecanumDevice::new(SimTime::ZERO, settings, ros, readings),
             now: SimTime::ZERO,
@@ -78,7 +75,6 @@ impl Bench {
             turned: [0.0; WHEELS],
             travel: [0.0; WHEELS],
             stuck: [false; WHEELS],
-            directed,
         }
     }
 
@@ -118,13 +114,8 @@ impl Bench {
             let before = whole(self.travel[at]);
             self.travel[at] += rotation.abs() * pulses;
             let came = u32::try_from(whole(self.travel[at]) - before).unwrap();
-            let backward = (rotation < 0.0) != self.plugs.is_reversed(wheel);
             let count = &mut self.readings.pulses[self.plugs.port(wheel).index()];
-            *count = if self.directed && backward {
-                count.wrapping_sub(came)
-            } else {
-                count.wrapping_add(came)
-            };
+            *count = count.wrapping_add(came);
         }
     }
 

@@ -130,10 +130,6 @@ impl Operator {
             (control.held_by_app, control.app)
         };
         let key = vehicle.key_input();
-        // A key that goes on driving after it is let go is ended by the top button, which does
-        // nothing else while the parking brake is off; while it is on, nothing drives.
-        let ends_key = vehicle.key_outlasts_press() && !parked;
-        let end_key = ends_key.then_some(OperatorInput::ReleaseParking);
         let mode = autonomous.then_some(OperatorInput::Autonomous);
         let inputs = match self {
             Self::Unlock => vec![OperatorInput::Unlock],
@@ -144,7 +140,7 @@ impl Operator {
             Self::Press(key) => vec![OperatorInput::Press(*key)],
             Self::Release => vec![OperatorInput::ReleaseKey],
             Self::TakeOver if !autonomous => Vec::new(),
-            Self::TakeOver => TOUCH.into_iter().chain(end_key).collect(),
+            Self::TakeOver => TOUCH.to_vec(),
             Self::EmergencyStop(pushed_in) => vec![OperatorInput::EmergencyStop(*pushed_in)],
             Self::AppHolds(AppHoldsText { power, pwm }) => {
                 let (power, pwm) = (*power, *pwm);
@@ -175,7 +171,7 @@ impl Operator {
             Self::Park => vec![release],
             Self::Press(_) | Self::TakeOver | Self::Release => {
                 let changed = !inputs.is_empty() && inputs != [key];
-                let back = [key].into_iter().chain(end_key).chain(mode).collect();
+                let back = [key].into_iter().chain(mode).collect();
                 vec![undone_by("key", changed, back)]
             }
             Self::EmergencyStop(pushed_in) => {

@@ -189,7 +189,7 @@ impl fmt::Display for R150Event {
                 write!(f, "0x{command:02X} {name} refused: the app holds control")
             }
             Self::NotDriving(obstacles) => {
-                let words: Vec<&str> = obstacles.iter().map(|o| o.in_words()).collect();
+                let words: Vec<&str> = obstacles.iter().map(|o| o.as_str()).collect();
                 write!(
                     f,
                     "motor command does not move the vehicle: {}",

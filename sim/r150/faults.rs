@@ -229,7 +229,7 @@ impl OnHardware for AtWork {
             }
             R150Fault::SidesSwapped {} => whole.sides_swapped = !whole.sides_swapped,
             R150Fault::EncoderNoisy { .. } => {
-                for side in Side::BOTH {
+                for side in Side::ALL {
                     whole.encoder_error[side] += self.errors[side];
                 }
             }
@@ -293,7 +293,7 @@ impl OnHardware for AtWork {
         let R150Fault::EncoderNoisy { motors, spread_rpm } = self.kind else {
             return false;
         };
-        for side in Side::BOTH {
+        for side in Side::ALL {
             let error = self.noise.normal() * f64::from(spread_rpm);
             if is_about(motors, side) {
                 self.errors[side] = error;
@@ -340,7 +340,7 @@ impl R150 {
         };
         let before = std::mem::replace(&mut self.faults, layer);
         let (layer, plant) = (&self.faults, &mut self.plant);
-        for side in Side::BOTH {
+        for side in Side::ALL {
             if layer.sides[side] != before.sides[side] {
                 plant.set_side_faults(side, layer.sides[side]);
             }

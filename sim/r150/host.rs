@@ -10,7 +10,6 @@ use crate::device::host::{Frame as Found, FrameReader, Message, Sender};
 use crate::message::Message as _;
 use crate::r150_device::codec::{Decoded, Decoder, Frame};
 use crate::r150_device::command::{Reply, Request};
-use crate::r150_device::settings::Resync;
 
 /// Silence after which a client gives up a frame that was begun.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -25,7 +24,7 @@ pub(super) const HOST: HostSpec = HostSpec {
         })
     },
     schema: |generator| vec![Request::json_schema(generator)],
-    frames: |_, sender, _| Box::new(Reader(Decoder::new(PAUSE, Resync::SecondByte), sender)),
+    frames: |_, sender, _| Box::new(Reader(Decoder::new(PAUSE), sender)),
     chatters: false,
 };
 

@@ -35,10 +35,6 @@ impl EventKind for HardwareEvent {
 
 impl fmt::Display for HardwareEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let side = |side: &Side| match side {
-            Side::Right => "right",
-            Side::Left => "left",
-        };
         match self {
             Self::FuseBlown(fuse) => write!(
                 f,
@@ -56,9 +52,9 @@ impl fmt::Display for HardwareEvent {
                 } else {
                     "hot and gets less current"
                 };
-                write!(f, "the {} motor or its driver is {outcome}", side(motor))
+                write!(f, "the {motor} motor or its driver is {outcome}")
             }
-            Self::MotorCooled(motor) => write!(f, "the {} motor has cooled", side(motor)),
+            Self::MotorCooled(motor) => write!(f, "the {motor} motor has cooled"),
         }
     }
 }
@@ -84,7 +80,7 @@ impl Watch {
                 self.tell(now, HardwareEvent::FuseBlown(fuse));
             }
         }
-        for side in Side::BOTH {
+        for side in Side::ALL {
             let heat = |health: &R150Health| (health.derated[side], health.shut_off[side]);
             let (derated, shut_off) = heat(&state);
             if heat(&state) == heat(&last) {

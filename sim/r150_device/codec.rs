@@ -11,7 +11,6 @@ use std::time::Duration;
 
 use crc::{CRC_16_IBM_SDLC, Crc, Table};
 
-use super::settings::Resync;
 use crate::scanner::{Format, Read, Scanner};
 
 /// First byte of every frame.
@@ -115,19 +114,16 @@ pub enum Decoded {
 pub type Decoder = Scanner<Frames>;
 
 impl Decoder {
-    /// A decoder that drops a partial frame after `inter_byte_timeout` of silence, and goes on
-    /// after it or a bad one as `resync` says.
+    /// A decoder that drops a partial frame after `inter_byte_timeout` of silence.
     #[must_use]
-    pub const fn new(inter_byte_timeout: Duration, resync: Resync) -> Self {
-        Self::of(Frames { resync }, inter_byte_timeout)
+    pub const fn new(inter_byte_timeout: Duration) -> Self {
+        Self::of(Frames, inter_byte_timeout)
     }
 }
 
 /// The form of frames.
 #[derive(Debug, Clone, Copy)]
-pub struct Frames {
-    resync: Resync,
-}
+pub struct Frames;
 
 impl Format for Frames {
     type Decoded = Decoded;
@@ -156,13 +152,6 @@ impl Format for Frames {
             expected,
         };
         Read::Wrong(total, bad)
-    }
-
-    fn passes(&self, length: usize) -> usize {
-        match self.resync {
-            Resync::SecondByte => 1,
-            Resync::NextFrame => length,
-        }
     }
 
     fn partial(bytes: Vec<u8>) -> Decoded {

@@ -43,6 +43,9 @@ pub struct Motors {
 
 /// Over what time the rate of commands is judged.
 const WINDOW: Duration = Duration::from_secs(1);
+/// By what share a client may be faster over a second than is answered before it is reported: clocks of
+/// computers are better, their schedulers are not.
+const TOLERANCE: f64 = 0.05;
 /// Most commands whose times are kept.
 const MOST_RECENT: usize = 4096;
 
@@ -126,7 +129,7 @@ impl Motors {
     ) -> Option<usize> {
         let interval = settings.motor_reply_interval.as_secs_f64();
         let window = WINDOW.max(settings.motor_reply_interval * 2);
-        let share = 1.0 + settings.over_rate_tolerance / 100.0;
+        let share = 1.0 + TOLERANCE;
         let most =
             super::telemetry::round::<u32>((window.as_secs_f64() / interval * share).floor());
         let most = usize::try_from(most).map_or(MOST_RECENT, |most| most.min(MOST_RECENT));

@@ -39,9 +39,6 @@ settings! {
         /// Command byte of a reply.
         reply_command: ReplyCommand = ReplyCommand::Same,
             assumed "the manual shows no whole reply";
-        /// Place at which the decoder goes on after a frame with a wrong CRC or a torn one.
-        resync: Resync = Resync::SecondByte,
-            assumed "the manual says nothing about errors on the line";
         /// Answer to a whole frame with a wrong CRC.
         on_bad_crc: RefusalReply = RefusalReply::Silent,
             assumed "the manual says nothing about errors on the line";
@@ -108,9 +105,6 @@ settings! {
         /// Treatment of a motor command that comes sooner.
         over_rate: OverRate = OverRate::Delay,
             assumed "a limit on replies is no limit on commands";
-        /// By how much a client may be faster than that, over a second, before it is reported.
-        over_rate_tolerance: f64 = 5.0, unit "%", range 0.0..=1000.0,
-            assumed "clocks of computers are better, their schedulers are not";
         /// Hardware version that 0xF0 reports.
         hardware_version: Version = Version([1, 0, 0, 0]),
             assumed "placeholder for your module's own";
@@ -123,13 +117,6 @@ settings! {
         /// Applies the parking brake when the vehicle is locked.
         locking_parks: bool = true,
             assumed "the manual says how the brake is released, not how it is applied";
-        /// Time for which a motion key of the remote control drives.
-        remote_key_drives: RemoteKeyDrives = RemoteKeyDrives::WhileHeld,
-            assumed "the manual says that a short press drives, not for how long";
-        /// PWM of both motors while the remote control's forward or backward key drives, and
-        /// of each motor, in opposite directions, while a turn key does.
-        remote_pwm: u32 = 500, unit "", range 0..=1000,
-            assumed "the manual does not say how fast the remote control drives";
         /// Applies the parking brake at the emergency stop.
         emergency_stop_brakes: bool = true,
             assumed "the manual says only that it cuts propulsion power";
@@ -146,12 +133,6 @@ settings! {
         /// Stops the motors when the battery is empty.
         empty_battery_stops: bool = true,
             assumed "the manual reports the charge and says nothing about its end";
-        /// Silence on the CAN after which the vehicle's controller stops the motors.
-        can_timeout: Duration = MS(500), range MS(1)..=S(3600),
-            assumed "as long as the module itself waits for its client";
-        /// Time over which pulses are counted for a speed.
-        speed_window: Duration = MS(20), range MS(1)..=S(10),
-            assumed "a speed is measured more often than it is reported";
         /// Time constant of the filter behind that.
         speed_filter: Duration = MS(20), range Duration::ZERO..=S(60),
             assumed "a filter of first order, as such firmware has";

@@ -10,11 +10,12 @@ use super::settings::R150FirmwareSettings;
 /// Pulses of a motor's encoder for one turn of its shaft: a magnetic encoder of ten bits.
 const PULSES: f64 = 1024.0;
 
+/// Time over which pulses are counted: a speed is measured more often than it is reported.
+const WINDOW: Duration = Duration::from_millis(20);
+
 /// Speed from one motor's encoder.
 #[derive(Debug, Clone)]
 pub struct Speedometer {
-    pulses_per_turn: f64,
-    window: Duration,
     /// Share of the old speed that stays after a window.
     kept: f64,
     /// Time at which the window that runs began, and the count then.
@@ -32,10 +33,8 @@ impl Speedometer {
     #[must_use]
     pub fn new(settings: &R150FirmwareSettings, now: SimTime, turns: f64) -> Self {
         let filter = settings.speed_filter.as_secs_f64();
-        let window = settings.speed_window.as_secs_f64();
+        let window = WINDOW.as_secs_f64();
         let mut meter = Self {
-            pulses_per_turn: PULSES,
-            window: settings.speed_window,
             kept: if filter > 0.0 {
                 libm::exp(-window / filter)
             } else {
@@ -53,10 +52,10 @@ impl Speedometer {
 
     /// Reads the encoder, which since it last changed has turned steadily.
     pub fn read(&mut self, now: SimTime, turns: f64) {
-        if turns.to_bits() == self.turns.to_bits() && now < self.begun + self.window {
+        if turns.to_bits() == self.turns.to_bits() && now < self.begun + WINDOW {
             return;
         }
-        let window = self.window.as_secs_f64();
+        let window = WINDOW.as_secs_f64();
         let since = now.since(self.read).as_secs_f64();
         if since > 100.0 * window {
             // It has stood for long, or was not read.
@@ -64,15 +63,15 @@ impl Speedometer {
             self.begun = now;
             self.count = self.whole(turns);
         }
-        while self.begun + self.window <= now {
-            self.begun += self.window;
+        while self.begun + WINDOW <= now {
+            self.begun += WINDOW;
             let share = if since > 0.0 {
                 self.begun.since(self.read).as_secs_f64() / since
             } else {
                 1.0
             };
             let count = self.whole(self.turns + (turns - self.turns) * share);
-            let rpm = (count - self.count) / self.pulses_per_turn / window * 60.0;
+            let rpm = (count - self.count) / PULSES / window * 60.0;
             self.rpm = rpm + (self.rpm - rpm) * self.kept;
             self.count = count;
         }
@@ -82,7 +81,7 @@ impl Speedometer {
 
     fn whole(&self, turns: f64) -> f64 {
         // What is a hair short of a whole number by rounding alone is that number.
-        (turns * self.pulses_per_turn + 1e-6).floor()
+        (turns * PULSES + 1e-6).floor()
     }
 }
 

@@ -16,7 +16,7 @@ use rigsim_settings::SimTime;
 
 use super::codec::{Decoded, Decoder};
 use super::command::{Reply, Request};
-use super::settings::{NoiseSettings, R150FirmwareSettings, Resync};
+use super::settings::{NoiseSettings, R150FirmwareSettings};
 use super::vehicle::Start;
 use super::{R150Device, R150Event};
 use crate::event::EventKind as _;
@@ -130,7 +130,7 @@ impl Bench {
     fn ask(&mut self, request: Request) -> Option<Reply> {
         let frame = self.send(&request.encode())?;
         let mut reply = None;
-        let mut decoder = Decoder::new(Duration::from_secs(1), Resync::SecondByte);
+        let mut decoder = Decoder::new(Duration::from_secs(1));
         for byte in frame {
             decoder.push(self.now, byte, &mut |decoded| {
                 if let Decoded::Frame(frame) = decoded {

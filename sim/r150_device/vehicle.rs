@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::control::Outputs;
-use super::settings::{R150FirmwareSettings, RemoteKeyDrives};
+use super::settings::R150FirmwareSettings;
 
 rigsim_settings::words! {
     /// A motion key of the remote control.
@@ -80,32 +80,19 @@ impl fmt::Display for OperatorInput {
     }
 }
 
-/// Reason for which a motor command does not move the vehicle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Obstacle {
-    /// The remote control has locked it.
-    Locked,
-    /// The parking brake is on.
-    Parked,
-    /// It is in remote mode.
-    Remote,
-    /// The emergency stop is in.
-    EmergencyStop,
-    /// The battery is empty.
-    BatteryEmpty,
-}
-
-impl Obstacle {
-    /// The condition, as a client developer would put it.
-    #[must_use]
-    pub fn in_words(self) -> &'static str {
-        match self {
-            Self::Locked => "it is locked",
-            Self::Parked => "the parking brake is on",
-            Self::Remote => "it is in remote mode, not autonomous",
-            Self::EmergencyStop => "the emergency stop is in",
-            Self::BatteryEmpty => "the battery is empty",
-        }
+rigsim_settings::words! {
+    /// Reason for which a motor command does not move the vehicle, as a client developer would put it.
+    pub enum Obstacle {
+        /// The remote control has locked it.
+        Locked = "it is locked",
+        /// The parking brake is on.
+        Parked = "the parking brake is on",
+        /// It is in remote mode.
+        Remote = "it is in remote mode, not autonomous",
+        /// The emergency stop is in.
+        EmergencyStop = "the emergency stop is in",
+        /// The battery is empty.
+        BatteryEmpty = "the battery is empty",
     }
 }
 
@@ -117,6 +104,10 @@ pub enum Start {
     /// Locked, parked, remote: as the hardware starts.
     Locked,
 }
+
+/// PWM of both motors while a key of the remote control drives, in opposite directions while a turn
+/// key does. The manual does not say how fast the remote control drives.
+const REMOTE_PWM: i16 = 500;
 
 /// State of the vehicle.
 #[derive(Debug, Clone)]
@@ -159,15 +150,6 @@ impl Vehicle {
 
     /// Works a button; the app's actions are not the vehicle's and change nothing here.
     pub fn operate(&mut self, action: OperatorInput) {
-        if self.key_outlasts_press() {
-            match action {
-                OperatorInput::AppHolds { .. }
-                | OperatorInput::AppSets(_)
-                | OperatorInput::ReleaseKey => return,
-                // A button, whatever else it does, ends what a key before it began.
-                _ => self.key = None,
-            }
-        }
         match action {
             OperatorInput::Unlock => self.locked = false,
             OperatorInput::Lock => self.lock(),
@@ -203,18 +185,11 @@ impl Vehicle {
         !self.locked && !self.autonomous
     }
 
-    /// Returns whether a motion key goes on driving after it is let go.
-    #[must_use]
-    pub fn key_outlasts_press(&self) -> bool {
-        self.settings.remote_key_drives == RemoteKeyDrives::UntilNextButton
-    }
-
-    /// The input that makes the motion key what it is. One that outlasts its press is not known to
-    /// be held.
+    /// The input that makes the motion key what it is.
     #[must_use]
     pub fn key_input(&self) -> OperatorInput {
-        let held = self.key.filter(|_| !self.key_outlasts_press());
-        held.map_or(OperatorInput::ReleaseKey, OperatorInput::Press)
+        self.key
+            .map_or(OperatorInput::ReleaseKey, OperatorInput::Press)
     }
 
     /// Returns whether the parking brake holds while the client wants this of the motors.
@@ -247,7 +222,7 @@ impl Vehicle {
 
     /// Returns the state of the motor bridges, given what the client wants.
     #[must_use]
-    pub fn drive(&self, set_point: [i16; 2], remote_pwm: i16, battery_empty: bool) -> Bridges {
+    pub fn drive(&self, set_point: [i16; 2], battery_empty: bool) -> Bridges {
         if self.emergency_stop {
             return Bridges::Open;
         }
@@ -256,10 +231,10 @@ impl Vehicle {
         }
         match self.key {
             _ if self.autonomous => Bridges::Pwm(set_point),
-            Some(Key::Forward) => Bridges::Pwm([remote_pwm, remote_pwm]),
-            Some(Key::Backward) => Bridges::Pwm([-remote_pwm, -remote_pwm]),
-            Some(Key::Left) => Bridges::Pwm([remote_pwm, -remote_pwm]),
-            Some(Key::Right) => Bridges::Pwm([-remote_pwm, remote_pwm]),
+            Some(Key::Forward) => Bridges::Pwm([REMOTE_PWM; 2]),
+            Some(Key::Backward) => Bridges::Pwm([-REMOTE_PWM; 2]),
+            Some(Key::Left) => Bridges::Pwm([REMOTE_PWM, -REMOTE_PWM]),
+            Some(Key::Right) => Bridges::Pwm([-REMOTE_PWM, REMOTE_PWM]),
             None => Bridges::Open,
         }
     }

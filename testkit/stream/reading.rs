@@ -5,9 +5,6 @@ use std::ops::Range;
 
 use rigsim_core::device::DeviceSpec;
 use rigsim_core::mecanum_device::Link;
-use rigsim_core::mecanum_device::codec::Rules;
-use rigsim_core::mecanum_device::settings::{Framing, PartialPacket};
-use rigsim_core::r150_device::settings::Resync;
 
 /// The longest line of the ROS link.
 pub(super) const LONGEST: usize = 32;
@@ -29,7 +26,7 @@ fn crc(bytes: &[u8]) -> u16 {
 }
 
 /// Finds the frames of the R150 in `bytes`.
-pub(super) fn frames(bytes: &[u8], resync: Resync) -> Vec<Range<usize>> {
+pub(super) fn frames(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut at = 0;
     while at < bytes.len() {
@@ -41,14 +38,12 @@ pub(super) fn frames(bytes: &[u8], resync: Resync) -> Vec<Range<usize>> {
             .get(at + 2)
             .map_or(usize::MAX, |length| 6 + usize::from(*length));
         let frame = bytes[at..].get(..total);
-        at += match (frame, resync) {
-            (Some(frame), _) if crc(&frame[3..total - 2]).to_le_bytes() == frame[total - 2..] => {
+        at += match frame {
+            Some(frame) if crc(&frame[3..total - 2]).to_le_bytes() == frame[total - 2..] => {
                 found.push(at..at + total);
                 total
             }
-            (_, Resync::SecondByte) => 1,
-            (Some(_), Resync::NextFrame) => total,
-            (None, Resync::NextFrame) => bytes.len(),
+            _ => 1,
         };
     }
     found
@@ -82,28 +77,21 @@ pub(crate) fn whole(device: &DeviceSpec, link: usize, bytes: &[u8]) -> Option<us
 
 /// Returns whether `bytes` are whole frames of the R150, one after the other.
 pub(super) fn frames_cover(bytes: &[u8]) -> bool {
-    let frames = frames(bytes, Resync::SecondByte);
+    let frames = frames(bytes);
     frames.iter().map(ExactSizeIterator::len).sum::<usize>() == bytes.len()
 }
 
 /// Finds the packets of one direction in `bytes`.
-pub(super) fn packets(bytes: &[u8], headers: &[[u8; 2]], rules: Rules) -> Vec<Range<usize>> {
+pub(super) fn packets(bytes: &[u8], headers: &[[u8; 2]]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut at = 0;
     while let Some(length) = bytes.get(at + 1).map(|length| usize::from(*length)) {
         let known = headers.contains(&[bytes[at], bytes[at + 1]]);
-        let begins = match rules.framing {
-            Framing::TypeAndLength => known,
-            Framing::Length => length >= 3,
-        };
-        let whole = at + length <= bytes.len();
-        if begins && whole && known {
+        at += if known && at + length <= bytes.len() {
             found.push(at..at + length);
-        }
-        at += match (begins, whole, rules.partial) {
-            (true, true, _) => length,
-            (true, false, PartialPacket::Drop) => bytes.len(),
-            _ => 1,
+            length
+        } else {
+            1
         };
     }
     found

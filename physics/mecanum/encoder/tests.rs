@@ -73,17 +73,6 @@ fn turning_back_counts_up_but_trembling_on_the_brink_does_not() {
 }
 
 #[test]
-fn a_counter_with_a_direction_counts_down() {
-    let mut wire = wire();
-    wire.directed = true;
-    wire.turn(-5.0 * PULSE, EncoderState::Working);
-    assert_eq!(wire.count.cast_signed(), -5);
-    wire.turn(-2.0 * PULSE, EncoderState::Stuck);
-    wire.turn(12.0 * PULSE, EncoderState::Working);
-    assert_eq!(wire.count, 5);
-}
-
-#[test]
 fn a_lost_wire_loses_pulses_and_a_stuck_counter_keeps_them() {
     let mut wire = wire();
     wire.turn(10.0 * PULSE, EncoderState::Lost);

@@ -7,6 +7,7 @@ use rigsim_core::SimTime;
 use rigsim_core::mecanum_device::ascii::{Command, Letter};
 use rigsim_core::mecanum_device::codec::{Decoded, Decoder};
 use rigsim_core::mecanum_device::packet::{Request, Status};
+use rigsim_core::mecanum_device::settings::ByteOrder;
 
 use super::{Client, millis};
 use crate::Ask;
@@ -334,7 +335,7 @@ impl Car<'_> {
 pub(crate) fn careful(client: &Client) -> Option<()> {
     let mut car = Car {
         client,
-        decoder: Decoder::new(millis(50)),
+        decoder: Decoder::new(millis(50), ByteOrder::Little),
         now: SimTime::ZERO,
         greeted: SimTime::ZERO,
         count: 0,

@@ -5,7 +5,6 @@ use std::time::Duration;
 use rigsim_core::SimTime;
 use rigsim_core::r150_device::codec::{Decoded, Decoder};
 use rigsim_core::r150_device::command::{Motors, Reply, Request};
-use rigsim_core::r150_device::settings::Resync;
 
 use super::{Client, millis};
 use crate::Ask;
@@ -53,7 +52,7 @@ impl<'c> Link<'c> {
             if let Some((now, _)) = client.ask(Ask::Open(0)) {
                 return Some(Self {
                     client,
-                    decoder: Decoder::new(millis(50), Resync::SecondByte),
+                    decoder: Decoder::new(millis(50)),
                     now,
                     heard: now,
                 });

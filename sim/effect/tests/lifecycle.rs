@@ -25,7 +25,7 @@ fn exercise_r150(rig: &mut Rig, watchdog: bool) {
 fn settled(rig: &Rig) -> bool {
     let plant = rig.device::<R150>(0).unwrap().plant();
     *plant.faults() == R150Faults::default()
-        && Side::BOTH
+        && Side::ALL
             .iter()
             .all(|side| plant.side_faults(*side) == MotorFaults::default())
 }

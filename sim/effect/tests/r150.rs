@@ -357,7 +357,6 @@ fn the_app_refuses_the_client_what_it_holds() {
 fn operators_undo_what_the_settings_let_their_buttons_do() {
     let mut rig = r150_with(1, |s| {
         s.firmware.emergency_stop_locks = true;
-        s.firmware.remote_key_drives = settings::RemoteKeyDrives::UntilNextButton;
     });
     for fault in [
         "operator = { emergency_stop = true }",

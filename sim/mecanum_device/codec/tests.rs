@@ -9,12 +9,12 @@ const NANO: Duration = Duration::from_nanos(1);
 
 /// Everything that the decoder finds in chunks that arrive `gap` apart.
 fn decode<P: Message>(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
-    decode_by(Rules::new(TIMEOUT), chunks, gap)
+    decode_in(ByteOrder::Little, chunks, gap)
 }
 
-/// The same by other rules.
-fn decode_by<P: Message>(rules: Rules, chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
-    let mut decoder = Decoder::by(rules);
+/// The same in this byte order.
+fn decode_in<P: Message>(order: ByteOrder, chunks: &[&[u8]], gap: Duration) -> Vec<Decoded<P>> {
+    let mut decoder = Decoder::new(TIMEOUT, order);
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
@@ -127,50 +127,15 @@ fn a_torn_packet_is_rescanned_from_its_second_byte() {
 }
 
 #[test]
-fn by_the_length_alone_a_packet_that_is_not_known_is_skipped_whole() {
-    let rules = Rules {
-        framing: Framing::Length,
-        ..Rules::new(TIMEOUT)
-    };
-    // Inside of it is what would be a packet by itself.
-    let hidden = [&[7, 12, 0][..], &motion(1).encode()].concat();
-    let good = motion(2).encode();
-    let found: Vec<Decoded<Request>> = decode_by(rules, &[&hidden, &good], Duration::ZERO);
-    let noise = Decoded::Noise(hidden.clone());
-    assert_eq!(found, [noise, Decoded::Packet(motion(2))]);
-    assert_eq!(whole(&hidden)[1], Decoded::Packet(motion(1)));
-    // Shorter than its first three bytes is no packet; what then looks like one is.
-    let found: Vec<Decoded<Request>> = decode_by(rules, &[&[9, 2], &[1; 5]], Duration::ZERO);
-    assert_eq!(found[0], Decoded::Noise(vec![9, 2, 1, 1, 1, 1]));
-}
-
-#[test]
-fn a_torn_packet_may_be_dropped_with_all_its_bytes() {
-    let rules = Rules {
-        partial: PartialPacket::Drop,
-        ..Rules::new(TIMEOUT)
-    };
-    let inner = Request::ControlMode { seq: 9, mode: 0 };
-    let torn = [&[0, 9, 1][..], &inner.encode()].concat();
-    let good = motion(2).encode();
-    let found: Vec<Decoded<Request>> = decode_by(rules, &[&torn, &good], TIMEOUT + NANO);
-    assert_eq!(found, [Decoded::Partial(torn), Decoded::Packet(motion(2))]);
-}
-
-#[test]
 fn big_endian_packets_decode() {
-    let rules = Rules {
-        order: ByteOrder::Big,
-        ..Rules::new(TIMEOUT)
-    };
     let bytes = motion(2).encode_in(ByteOrder::Big);
-    let found: Vec<Decoded<Request>> = decode_by(rules, &[&bytes], Duration::ZERO);
+    let found: Vec<Decoded<Request>> = decode_in(ByteOrder::Big, &[&bytes], Duration::ZERO);
     assert_eq!(found, [Decoded::Packet(motion(2))]);
 }
 
 #[test]
 fn a_reset_forgets_what_is_held() {
-    let mut decoder = Decoder::<Request>::new(TIMEOUT);
+    let mut decoder = Decoder::<Request>::new(TIMEOUT, ByteOrder::Little);
     let mut found = Vec::new();
     for byte in [0xFF, 0, 9, 1] {
         decoder.push(SimTime::ZERO, byte, &mut |d| found.push(d));
@@ -224,29 +189,17 @@ fn bytes_of(found: &[Decoded<Request>]) -> Vec<u8> {
     bytes.collect::<Vec<_>>().concat()
 }
 
-fn rules() -> impl Strategy<Value = Rules> {
-    let framing = prop::sample::select(Framing::ALL.to_vec());
-    let partial = prop::sample::select(PartialPacket::ALL.to_vec());
-    let order = prop::sample::select(ByteOrder::ALL.to_vec());
-    (framing, partial, order).prop_map(|(framing, partial, order)| Rules {
-        inter_byte_timeout: TIMEOUT,
-        framing,
-        partial,
-        order,
-    })
-}
-
 proptest! {
     #[test]
-    fn any_split_gives_the_same_by_any_rules(
-        rules in rules(), bytes in stream(), cuts in prop::collection::vec(0usize..300, 0..8),
+    fn any_split_gives_the_same_in_any_order(
+        order in prop::sample::select(ByteOrder::ALL.to_vec()), bytes in stream(), cuts in prop::collection::vec(0usize..300, 0..8),
     ) {
         let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(bytes.len())).collect();
         cuts.extend([0, bytes.len()]);
         cuts.sort_unstable();
         let chunks: Vec<&[u8]> = cuts.windows(2).map(|pair| &bytes[pair[0]..pair[1]]).collect();
-        let split: Vec<Decoded<Request>> = decode_by(rules, &chunks, Duration::from_micros(1));
-        let at_once: Vec<Decoded<Request>> = decode_by(rules, &[&bytes], Duration::ZERO);
+        let split: Vec<Decoded<Request>> = decode_in(order, &chunks, Duration::from_micros(1));
+        let at_once: Vec<Decoded<Request>> = decode_in(order, &[&bytes], Duration::ZERO);
         prop_assert_eq!(split, at_once);
     }
 

@@ -5,16 +5,14 @@ const SPEED: SpeedWindow = SpeedWindow {
     timeout: Duration::from_secs(1),
 };
 const MS: fn(u64) -> SimTime = SimTime::from_millis;
-const DRIVEN: Counting = Counting::Driven {
-    stopping: Stopping {
-        reversed: Duration::from_millis(200),
-        held: Duration::from_millis(100),
-    },
+const STOPPING: Stopping = Stopping {
+    reversed: Duration::from_millis(200),
+    held: Duration::from_millis(100),
 };
 
 /// A pulse every `gap` milliseconds from time zero to `end`.
 fn turning(gap: usize, end: u64) -> Encoder {
-    let mut encoder = Encoder::new(DRIVEN, u32::MAX);
+    let mut encoder = Encoder::new(STOPPING, u32::MAX);
     let mut count = u32::MAX;
     for at in (0..=end).step_by(gap) {
         count = count.wrapping_add(1);
@@ -62,11 +60,9 @@ fn a_standstill_does_not_slow_the_speed_after_it() {
 fn pulses_count_the_way_the_motor_was_driven_until_it_stands() {
     for (stopping, begins) in [(200, 220), (0, 120)] {
         let mut encoder = turning(20, 100);
-        encoder.counting = Counting::Driven {
-            stopping: Stopping {
-                reversed: Duration::from_millis(stopping),
-                held: Duration::ZERO,
-            },
+        encoder.stopping = Stopping {
+            reversed: Duration::from_millis(stopping),
+            held: Duration::ZERO,
         };
         encoder.drive(MS(0), 0.5);
         let mut count = encoder.count;
@@ -106,22 +102,8 @@ fn a_wheel_that_is_held_stands_after_its_time() {
 }
 
 #[test]
-fn a_counter_with_a_direction_needs_no_driving() {
-    for (reversed, sign) in [(false, 1), (true, -1)] {
-        let mut encoder = Encoder::new(Counting::Counted { reversed }, 1);
-        assert_eq!(encoder.read(MS(0), 0, SPEED), -sign);
-        assert_eq!(encoder.read(MS(20), u32::MAX, SPEED), -sign);
-        let rate = encoder.pulse_rate(MS(20), false, SPEED);
-        assert!((rate + f64::from(i32::try_from(sign).unwrap()) * 50.0).abs() < 1e-9);
-        // Which way it is driven changes nothing.
-        encoder.drive(MS(30), -1.0);
-        assert_eq!(encoder.read(MS(40), 3, SPEED), 4 * sign);
-    }
-}
-
-#[test]
 fn memory_is_bounded() {
-    let mut encoder = Encoder::new(DRIVEN, 0);
+    let mut encoder = Encoder::new(STOPPING, 0);
     for nanos in 0..100_000u32 {
         encoder.read(SimTime::from_nanos(nanos.into()), nanos, SPEED);
     }

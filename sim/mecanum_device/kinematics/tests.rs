@@ -4,7 +4,10 @@ use proptest::prelude::*;
 #[test]
 fn courses_are_numbered_as_on_the_wire() {
     for index in 0..5 {
-        assert_eq!(Course::from_index(index).unwrap().index(), index);
+        assert_eq!(
+            Course::from_index(index).unwrap().index(),
+            usize::from(index)
+        );
     }
     assert_eq!(Course::from_index(5), None);
 }

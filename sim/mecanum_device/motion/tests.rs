@@ -135,16 +135,6 @@ fn preemption_may_spare_what_waits() {
 }
 
 #[test]
-fn wheels_may_stop_all_at_once_by_their_mean() {
-    let mut motions = motions(|s| s.motion_end = MotionEnd::Mean);
-    put(&mut motions, motion(Course::LeftFront, 10));
-    motions.turned(NOW, [50, 119, 0, 50], &mut |_| ());
-    assert_eq!(motions.rotations(), [0, 1, 1, 0]);
-    motions.turned(NOW, [0, 1, 0, 0], &mut |_| ());
-    assert_eq!(motions.running(), None);
-}
-
-#[test]
 fn no_distance_may_be_endless_and_no_speed_may_wait() {
     let nothing = motion(Course::Ahead, 0);
     let mut motions = motions(|s| s.zero_distance = ZeroDistance::Endless);

@@ -11,24 +11,6 @@ choices! {
         Big = "big",
     }
 
-    /// Mark of a packet's beginning.
-    pub enum Framing {
-        /// A known type, and after it the length that this type has; any other byte is skipped by
-        /// itself.
-        TypeAndLength = "type-and-length",
-        /// Nothing: the second byte is the length, and a packet that is not known is skipped as a
-        /// whole.
-        Length = "length",
-    }
-
-    /// Fate of a packet that was begun and not finished in time.
-    pub enum PartialPacket {
-        /// The search for a packet goes on at its second byte.
-        Rescan = "rescan",
-        /// All its bytes are dropped.
-        Drop = "drop",
-    }
-
     /// Answer to a valid packet or line.
     pub enum Acknowledge {
         /// Nothing.
@@ -59,14 +41,6 @@ choices! {
         All = "all",
         /// The motion that runs; those that wait follow the new one.
         Running = "running",
-    }
-
-    /// Moment at which the wheels of a motion stop.
-    pub enum MotionEnd {
-        /// Each by itself, when it has turned far enough.
-        EachWheel = "each-wheel",
-        /// All at once, when they have turned far enough on average.
-        Mean = "mean",
     }
 
     /// Meaning of a motion without distance.
@@ -133,14 +107,6 @@ choices! {
         Hold = "hold",
         /// It lets them go.
         Release = "release",
-    }
-
-    /// Source of the direction in which a wheel has turned.
-    pub enum PulseDirection {
-        /// It takes pulses for those of the direction in which it last drove the wheel.
-        Driven = "driven",
-        /// The motors tell, and their counters count down when a wheel turns back.
-        Counted = "counted",
     }
 
     /// Meaning of the letters Y and Z on the ROS link; the article's table and its picture differ.

@@ -1,12 +1,10 @@
 //! What the article leaves open about orders, and we chose: every other choice works, too.
 
-use rigsim_settings::{SettingValue, Value};
-
 use super::super::OperatorInput;
 use super::super::kinematics::{Course, Movement};
 use super::super::settings::{
-    Acknowledge, ByteOrder, Framing, IdleWheels, ModeChange, MotionEnd, OrdersWithRos, OverSpeed,
-    PartialPacket, PositiveStrafe, PositiveTurn, Preempt, StartMode, ZeroDistance, ZeroSpeed,
+    Acknowledge, ByteOrder, IdleWheels, ModeChange, OrdersWithRos, OverSpeed, PositiveStrafe,
+    PositiveTurn, Preempt, StartMode, ZeroDistance, ZeroSpeed,
 };
 use super::*;
 use crate::event::EventKind as _;
@@ -49,32 +47,6 @@ fn fields_may_be_big_endian_both_ways() {
 }
 
 #[test]
-fn packets_may_be_known_by_their_length_alone() {
-    let motion = [0, 9, 0, 1, 0, 10, 0, 100, 0];
-    let hidden = [&[7, 12, 0][..], &motion].concat();
-    for (framing, drives) in [(Framing::TypeAndLength, true), (Framing::Length, false)] {
-        let mut bench = with(|s| s.framing = framing);
-        bench.device.receive(bench.now, Link::Main, &hidden);
-        assert_eq!(bench.is_driving(), drives);
-    }
-}
-
-#[test]
-fn a_torn_packet_may_take_what_is_in_it_along() {
-    let motion = [0, 9, 0, 1, 0, 10, 0, 100];
-    for (partial, remote) in [(PartialPacket::Rescan, true), (PartialPacket::Drop, false)] {
-        let mut bench = with(|s| s.partial_packet = partial);
-        bench
-            .device
-            .receive(bench.now, Link::Main, &[0, 9, 2, 4, 0, 1]);
-        bench.run_ms(60);
-        assert_eq!(bench.device.is_remote(), remote);
-        bench.device.receive(bench.now, Link::Main, &motion);
-        assert!(!bench.is_driving());
-    }
-}
-
-#[test]
 fn whatever_is_valid_may_be_answered_by_a_report() {
     let mut bench = Bench::with(true, |s| s.acknowledge = Acknowledge::Status);
     bench.send(here());
@@ -113,19 +85,6 @@ fn preemption_may_spare_what_waits() {
     assert_eq!(bench.device.waiting(), 2);
     bench.run_ms(1000);
     assert_eq!(bench.tenths(), [1, 3, 3, 1]);
-}
-
-#[test]
-fn the_wheels_may_stop_together() {
-    let mut bench = with(|s| s.motion_end = MotionEnd::Mean);
-    bench.stuck[1] = true;
-    bench.go(0, 6, 500);
-    // The three others make up for it: 36 pulses on average are 48 of each of them.
-    bench.until(MS(959));
-    assert_eq!(bench.device.rotations(), [1; 4]);
-    bench.until(MS(960));
-    assert!(!bench.is_driving());
-    assert_eq!(bench.tenths(), [8, 0, 8, 8]);
 }
 
 #[test]
@@ -258,37 +217,6 @@ fn idle_wheels_may_be_let_go_but_not_beside_others_that_turn() {
     assert_eq!(brakes(&bench), [false; 4]);
     // A port without a wheel has a setting of its own.
     assert!(bench.device.commands().ports[2].brake);
-}
-
-#[test]
-fn counters_may_tell_the_direction() {
-    for plugs in ["x-y-e0-e1", "!x-y-!e0-e1"] {
-        let wiring = Wiring::read(&Value::Text(plugs.to_owned()), "").unwrap();
-        let mut bench = with(|s| {
-            s.pulse_direction = PulseDirection::Counted;
-            s.wiring = wiring;
-        });
-        bench.go(0, 10, -500);
-        bench.run_ms(1300);
-        assert_eq!(bench.tenths(), [-10; 4]);
-        assert_eq!(bench.last_status().axis_x, -10);
-        // Rolled back by hand while it stands: the firmware last drove backward, and still knows.
-        for _ in 0..12 {
-            bench.run_ms(20);
-            bench.read(|r| {
-                for wheel in Wheel::ALL {
-                    let count = &mut r.pulses[wiring.port(wheel).index()];
-                    *count = if wiring.is_reversed(wheel) {
-                        count.wrapping_sub(1)
-                    } else {
-                        count.wrapping_add(1)
-                    };
-                }
-            });
-        }
-        assert_eq!(bench.device.status(bench.now).v_x, 500);
-        assert_eq!(bench.device.status(bench.now).axis_x, -8);
-    }
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn the_kinematics_give_the_table() {
         let course = Course::from_index(index).unwrap();
         let movement = Movement { course, negative };
         assert_eq!(movement.rotations(), rotations, "{name}");
-        assert_eq!(movement.name(), name);
+        assert_eq!(movement.to_string(), name);
     }
 }
 

@@ -174,13 +174,3 @@ fn status_packets_may_come_more_often() {
     bench.run_ms(200);
     assert_eq!(bench.statuses().len(), 5);
 }
-
-#[test]
-fn an_ultrasonic_sensor_may_begin_and_end_elsewhere() {
-    let mut bench = with(|s| s.ultrasonic_farthest = 2.0);
-    bench.read(|r| {
-        r.echoes[..4].copy_from_slice(&[Some(0.005), Some(1.5), Some(3.0), None]);
-    });
-    bench.run_ms(100);
-    assert_eq!(bench.last_status().ut_f, [20, 1500, 2000, 2000]);
-}

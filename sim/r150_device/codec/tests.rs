@@ -7,7 +7,7 @@ const TIMEOUT: Duration = Duration::from_millis(20);
 
 /// Everything that the decoder finds in chunks that arrive `gap` apart.
 fn decode(chunks: &[&[u8]], gap: Duration) -> Vec<Decoded> {
-    let mut decoder = Decoder::new(TIMEOUT, Resync::SecondByte);
+    let mut decoder = Decoder::new(TIMEOUT);
     let mut found = Vec::new();
     let mut now = SimTime::ZERO;
     for chunk in chunks {
@@ -120,20 +120,6 @@ fn a_frame_behind_a_torn_one_is_found() {
     let found = decode(&[&torn, &good, &good], Duration::from_millis(1));
     let all = [&torn[..], &good, &good].concat();
     assert_eq!(found, [Decoded::Partial(all), frame(7, &[]), frame(7, &[])]);
-}
-
-#[test]
-fn with_next_frame_a_frame_inside_a_bad_one_is_lost_and_the_next_is_not() {
-    let inner = encode(0x07, &[]);
-    let mut outer = encode(0x12, &inner);
-    outer[7] ^= 0xFF;
-    let mut decoder = Decoder::new(TIMEOUT, Resync::NextFrame);
-    let mut found = Vec::new();
-    for byte in [outer.clone(), encode(0x06, &[])].concat() {
-        decoder.push(SimTime::ZERO, byte, &mut |d| found.push(d));
-    }
-    assert!(matches!(&found[0], Decoded::BadCrc { bytes, .. } if *bytes == outer));
-    assert_eq!(found[1..], [frame(0x06, &[])]);
 }
 
 #[test]

@@ -42,14 +42,6 @@ choices! {
         HighBit = "high-bit",
     }
 
-    /// Place at which the decoder goes on after a frame that is not valid.
-    pub enum Resync {
-        /// At that frame's second byte, so that a valid frame inside it is found.
-        SecondByte = "second-byte",
-        /// Behind that frame.
-        NextFrame = "next-frame",
-    }
-
     /// Answer to a request that the module does not understand.
     pub enum RefusalReply {
         /// No reply.
@@ -147,14 +139,6 @@ choices! {
         Keep = "keep",
         /// They return to what the client had set when it lost control.
         Restore = "restore",
-    }
-
-    /// Time for which a motion key drives.
-    pub enum RemoteKeyDrives {
-        /// As long as it is held.
-        WhileHeld = "while-held",
-        /// A short press is enough: until another button is pressed.
-        UntilNextButton = "until-next-button",
     }
 
     /// Reaction of the module to a load, a temperature or a supply out of its limits.

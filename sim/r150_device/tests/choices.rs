@@ -46,8 +46,8 @@ fn a_bad_crc_may_be_answered_false_once_and_still_changes_nothing() {
 }
 
 #[test]
-fn a_vehicle_that_hears_nothing_stops_after_its_timeout() {
-    let mut bench = Bench::with(|s| s.can_timeout = Duration::from_millis(120));
+fn a_vehicle_that_hears_nothing_stops_after_a_timeout() {
+    let mut bench = Bench::with(|s| s.motor_watchdog = Duration::from_secs(1));
     let full = Request::SetMotors {
         right: 1000,
         left: 1000,
@@ -55,7 +55,7 @@ fn a_vehicle_that_hears_nothing_stops_after_its_timeout() {
     bench.ask(full);
     let failure = Some(crate::r150_device::can::CanFailure::Cut);
     bench.device.set_can_failure(bench.now, failure);
-    bench.after(Duration::from_millis(120) - Duration::from_nanos(1));
+    bench.after(crate::r150_device::CAN_TIMEOUT - Duration::from_nanos(1));
     assert_eq!(bench.device.commands().motor_duty.right, 1.0);
     bench.after(Duration::from_nanos(1));
     assert_eq!(bench.device.commands().motor_duty.right, 0.0);

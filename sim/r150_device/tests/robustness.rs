@@ -144,7 +144,7 @@ proptest! {
     #[test]
     fn every_reply_is_a_valid_frame(bytes in stream()) {
         let (replies, _) = output(&[(SimTime::ZERO, &bytes)]);
-        let mut decoder = Decoder::new(Duration::from_secs(1), Resync::SecondByte);
+        let mut decoder = Decoder::new(Duration::from_secs(1));
         let mut bad = Vec::new();
         for byte in replies {
             decoder.push(SimTime::ZERO, byte, &mut |decoded| match decoded {
