@@ -70,8 +70,7 @@ use rigsim_physics::WorldMap;
 use rigsim_settings::Source;
 
 pub use direct::{StepError, StepReport};
-pub use margin::Margin;
-pub use outcome::{Context, DeviceReport, Failure, FailureKind, FaultRecord, Outcome};
+pub use outcome::{Context, DeviceReport, Failure, FailureKind, FaultRecord, Margin, Outcome};
 pub use probe::Probe;
 pub use published::{MOST_LINE, PublishError};
 

@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use rigsim_core::SimTime;
-use serde::Serialize;
 
 use super::Run;
-use super::outcome::seconds;
+use super::outcome::Margin;
 use crate::condition::Condition;
 use crate::scenario::{Rule, StepAction};
 
@@ -14,18 +13,6 @@ use crate::scenario::{Rule, StepAction};
 const EVERY: Duration = Duration::from_millis(20);
 /// Smallest margin of what was kept, and the step of all margins.
 const SMALLEST: f64 = 1e-4;
-
-/// How near a rule, a response or an expectation came to being broken.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Margin {
-    /// The rule, response or expectation, in words.
-    pub what: String,
-    /// Smallest slack of the run, as a share of the limit: 0 if it was broken, and only then.
-    pub margin: f64,
-    /// Time of the smallest slack.
-    #[serde(rename = "time_s", serialize_with = "seconds")]
-    pub at: SimTime,
-}
 
 /// The smallest slack so far.
 #[derive(Debug, Clone, Copy)]

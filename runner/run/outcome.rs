@@ -6,7 +6,17 @@ use rigsim_core::SimTime;
 use rigsim_core::report::Report;
 use serde::{Serialize, Serializer};
 
-use super::margin::Margin;
+/// How near a rule, a response or an expectation came to being broken.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Margin {
+    /// The rule, response or expectation, in words.
+    pub what: String,
+    /// Smallest slack of the run, as a share of the limit: 0 if it was broken, and only then.
+    pub margin: f64,
+    /// Time of the smallest slack.
+    #[serde(rename = "time_s", serialize_with = "seconds")]
+    pub at: SimTime,
+}
 
 /// Outcome of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -131,7 +141,7 @@ pub struct DeviceReport {
     pub distance_m: f64,
 }
 
-pub(super) fn seconds<S: Serializer>(at: &SimTime, serializer: S) -> Result<S::Ok, S::Error> {
+fn seconds<S: Serializer>(at: &SimTime, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64(at.as_secs_f64())
 }
 
