@@ -244,7 +244,9 @@ pub fn ascii(stream: &Stream<'_>) {
     let found: Vec<reading::Line<'_>> = found
         .iter()
         .map(|line| match line {
-            ascii::Line::Command(command) => Ok((command.letter.as_str().as_bytes()[0], command.tenths)),
+            ascii::Line::Command(command) => {
+                Ok((command.letter.as_str().as_bytes()[0], command.tenths))
+            }
             ascii::Line::Bad { bytes, .. } => Err(bytes.as_slice()),
         })
         .collect();
