@@ -133,7 +133,7 @@ macro_rules! messages {
             id: $id,
             name: $message,
             text: concat!($($text),+),
-            count: concat!("count.", $message),
+            count: concat!("count.command_", $message),
             $($key: $value,)*
             ..$crate::message::MessageInfo::new($crate::message::Sender::$sender, $link, const { &[
                 $( $crate::message::FieldInfo {

@@ -53,7 +53,7 @@ pub struct Command {
 macro_rules! motions {
     ($($letter:literal $text:literal)*) => { [$( MessageInfo {
         motion: true,
-        count: concat!("count.line_", $letter),
+        count: concat!("count.command_line_", $letter),
         ..MessageInfo::new(Sender::Client, 1, const { &[FieldInfo {
             named: &["client.distance"],
             ..FieldInfo::decimal($letter, "tenths", "Distance and its sign.", "1/10 rev")

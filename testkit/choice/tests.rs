@@ -9,7 +9,7 @@ fn choices() -> impl Iterator<Item = Choice> {
         let next = |by: u8| value.wrapping_mul(by).wrapping_add(by);
         [value, next(3), next(5), next(7), next(11), next(13)]
     });
-    values.flat_map(|values| (0..64).map(move |form| Choice { form, values }))
+    values.flat_map(|values| (0..=127).map(move |form| Choice { form, values }))
 }
 
 #[test]

@@ -39,7 +39,7 @@ fn a_rule_has_the_smallest_distance_of_the_run_and_zero_only_if_it_was_broken() 
 fn times_count_as_a_share_of_their_limit() {
     let text = "[[step]]\nname = \"lock\"\nat = \"1s\"\nfor = \"400ms\"\noperator = \"lock\"\n\
         [[never]]\nthat = \"mode.locked\"\nlonger_than = \"1s\"\n\
-        [[never]]\nthat = \"mode.autonomous && t < 0\"\nlonger_than = \"1s\"\n\
+        [[never]]\nthat = \"mode.autonomous && t < -1\"\nlonger_than = \"1s\"\n\
         [[response]]\nstep = \"lock\"\nthen = \"t >= 1.3\"\nwithin = \"1s\"\n\
         [[step]]\nname = \"wait\"\nat = \"0s\"\nexpect = { that = \"t >= 1.5\", within = \"2s\" }\n";
     let outcome = r150("4s", text);
@@ -62,7 +62,7 @@ fn scripted_live_and_replayed_runs_have_the_same_margins() {
         R150,
         "3s",
         &format!(
-            "{DRIVE}[[never]]\nthat = \"truth.speed_mps > 1\"\n[[always]]\nthat = \"count.set_motors < 60\"\n"
+            "{DRIVE}[[never]]\nthat = \"truth.speed_mps > 1\"\n[[always]]\nthat = \"count.command_set_motors < 60\"\n"
         ),
     );
     let options = RunOptions {
