@@ -420,7 +420,7 @@ impl Hunt<'_> {
             .any(|own| key.starts_with(own));
         let unavoidable = !is_client
             && self.player.trace(&text, |path, loaded| {
-                attribution::is_unavoidable(loaded, &records(path), seed, key)
+                attribution::is_unavoidable(loaded, &records(path), schedule.len(), seed, key)
             })?;
         if unavoidable {
             *self.unavoidable.entry(key.to_owned()).or_default() += 1;
