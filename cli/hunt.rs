@@ -18,7 +18,9 @@ use std::io::IsTerminal as _;
 use anyhow::{Context as _, anyhow};
 use clap::{Args as _, FromArgMatches as _};
 use rigsim_core::device::Devices;
+use rigsim_core::effect::catalogue;
 use rigsim_core::noise::Noise;
+use rigsim_settings::nearest;
 use serde::Serialize;
 
 use crate::args::{GivenArgs, HuntArgs, RunArgs, TimeArg};
@@ -52,6 +54,14 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
     if args.time == TimeArg::Real {
         return Err(Failure::usage(anyhow!(
             "a hunt plays the same run again and again, which real time never is; leave --time real out"
+        )));
+    }
+    let known: Vec<&str> = catalogue(devices).iter().map(|info| info.id).collect();
+    if let Some(unknown) = args.faults.iter().find(|id| !known.contains(&id.as_str())) {
+        let near = nearest(unknown, known);
+        let hint = near.map_or_else(String::new, |near| format!(", did you mean {near}?"));
+        return Err(Failure::usage(anyhow!(
+            "--faults: there is no fault or action {unknown}{hint}; `sim faults` lists them"
         )));
     }
     fs::create_dir_all(&args.output)
