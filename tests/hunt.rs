@@ -178,7 +178,7 @@ fn what_cannot_be_searched_is_refused() {
     real.expect_refusal(2, &["real time"]);
     let unknown = hunt(&folder, &["--faults", "gremlins"]);
     unknown.expect_refusal(2, &["no fault or action gremlins", "sim faults"]);
-    let misspelt = hunt(&folder, &["--faults", "lock,suply-sag"]);
+    let misspelt = hunt(&folder, &["--faults", "lock,supply-sags"]);
     misspelt.expect_refusal(2, &["did you mean supply-sag?"]);
     assert!(!folder.path().join("hunt").exists());
 }
