@@ -26,6 +26,7 @@ use crate::exit::Failure;
 use crate::log::Words;
 use crate::visible;
 
+pub(crate) use answers::outline;
 use listening::{Listening, Traffic, is_due, progress};
 use session::Session;
 

@@ -2,13 +2,14 @@
 
 mod dissector;
 mod frames;
+mod mcap;
 mod pcapng;
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, UNIX_EPOCH};
 
 use anyhow::{Context as _, anyhow};
 use clap::ValueEnum;
@@ -18,7 +19,9 @@ use rigsim_core::event::Event;
 use rigsim_core::message::Sender;
 use rigsim_pty::paths::Results;
 use rigsim_runner::Run;
-use rigsim_runner::trace::{Onlooker, PortRecord, Record};
+use rigsim_runner::condition::Reading;
+use rigsim_runner::run::Probe;
+use rigsim_runner::trace::{Onlooker, Record};
 
 use crate::exit::Failure;
 use crate::recording::{self, Played};
@@ -30,44 +33,47 @@ use frames::{Frame, Streams};
 /// Most frames and records that wait for the second run to come to their time.
 const MOST_WAITING: usize = 1 << 16;
 
-/// A format of another tool.
+/// Interval at which values are read.
+const EVERY: Duration = Duration::from_millis(50);
+
+/// A format of another tool; files end with its name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ExportFormat {
+    /// World, values, messages and log, for Foxglove, Rerun and PlotJuggler.
+    Mcap,
     /// Frames on the lines, for Wireshark.
     Pcapng,
 }
 
 impl ExportFormat {
-    /// How names of such files end.
-    fn ending(self) -> &'static str {
-        match self {
-            Self::Pcapng => "pcapng",
-        }
+    fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
     /// What stands near the beginning of such a file.
     fn marks(self) -> &'static [&'static str] {
         match self {
+            Self::Mcap => &["MCAP0\r\n"],
             Self::Pcapng => &["\n\r\r\n"],
         }
     }
 
     fn of(path: &Path) -> Result<Self, Failure> {
         let ending = path.extension().and_then(|ending| ending.to_str());
-        let all = Self::value_variants();
-        let known = all.iter().find(|format| Some(format.ending()) == ending);
-        known.copied().ok_or_else(|| {
-            let endings: Vec<&str> = all.iter().map(|format| format.ending()).collect();
+        Self::from_str(ending.unwrap_or_default(), false).map_err(|_| {
+            let all = Self::value_variants().iter().map(|format| format.name());
             Failure::usage(anyhow!(
                 "--export: the ending of {} names no format; allowed: {}. Or say it with --format",
                 visible::name(path),
-                endings.join(", ")
+                all.collect::<Vec<_>>().join(", ")
             ))
         })
     }
 
     fn writer(self, run: &Run, about: &About, out: Out) -> io::Result<Box<dyn Writer>> {
         Ok(match self {
+            Self::Mcap => Box::new(mcap::Mcap::begin(run, about, out)?),
             Self::Pcapng => Box::new(pcapng::Pcapng::begin(run, about, out)?),
         })
     }
@@ -84,20 +90,63 @@ struct About {
 }
 
 /// Something in a recording, in the order of time.
-enum Moment<'a> {
+enum Item<'a> {
     /// Something happened.
     Event(&'a Event),
     /// A frame or noise was on a line.
     Frame(&'a Frame),
-    /// A line of the recording, bytes and events aside.
+    /// A line of the recording, events and poses aside.
     Record(&'a Record),
+    /// The run, as it is now and then.
+    Values(&'a Run),
 }
 
 /// Writes one format.
 trait Writer {
-    fn take(&mut self, at: SimTime, moment: &Moment<'_>) -> io::Result<()>;
+    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()>;
 
     fn finish(self: Box<Self>) -> io::Result<()>;
+}
+
+/// Numbers of a device that belong together.
+struct Group {
+    device: usize,
+    /// What they are of, as in `truth`.
+    of: &'static str,
+    probes: Vec<Probe>,
+}
+
+impl Group {
+    /// Of every device what it truly does, what it reports, and what its client does.
+    fn all(run: &Run) -> Vec<Self> {
+        let kinds = |device| ["truth", "reported", "client"].map(|of| (device, of));
+        let groups = (0..run.rig().devices()).flat_map(kinds);
+        let group = |(device, of)| {
+            let is_own = |probe: &Probe| {
+                probe.device == Some(device) && probe.name.split('.').nth(1) == Some(of)
+            };
+            let probes = run.probes().into_iter().filter(is_own).collect();
+            Self { device, of, probes }
+        };
+        groups.map(group).collect()
+    }
+
+    /// The last part of each name, with its unit.
+    fn fields(&self) -> impl Iterator<Item = (&str, String)> {
+        self.probes.iter().map(|probe| {
+            let name = probe.name.splitn(3, '.').nth(2);
+            (name.unwrap_or(&probe.name), probe.unit.to_string())
+        })
+    }
+
+    /// Their values, no numbers where there are none.
+    fn values(&self, run: &Run) -> impl Iterator<Item = f64> {
+        self.probes.iter().map(|probe| match probe.read(run) {
+            Some(Reading::Number(number)) => number,
+            Some(Reading::Flag(flag)) => f64::from(u8::from(flag)),
+            None => f64::NAN,
+        })
+    }
 }
 
 enum Waiting {
@@ -112,6 +161,7 @@ struct Walk {
     /// Frames and records, which come before the second run reaches their times.
     waiting: BTreeMap<(SimTime, u64), Waiting>,
     number: u64,
+    next: SimTime,
     written: io::Result<()>,
 }
 
@@ -124,36 +174,31 @@ impl Walk {
         }
     }
 
-    fn wait_all(&mut self, frames: Vec<Frame>) {
-        for frame in frames {
-            self.wait(frame.at, Waiting::Frame(frame));
-        }
-    }
-
     fn first_waiting(&mut self) {
         if let Some(((at, _), what)) = self.waiting.pop_first() {
             match &what {
-                Waiting::Frame(frame) => self.take(at, &Moment::Frame(frame)),
-                Waiting::Record(record) => self.take(at, &Moment::Record(record)),
+                Waiting::Frame(frame) => self.take(at, &Item::Frame(frame)),
+                Waiting::Record(record) => self.take(at, &Item::Record(record)),
             }
         }
     }
 
     fn catch_up(&mut self, to: SimTime) {
-        let frames = self.streams.silence(to);
-        self.wait_all(frames);
         while self.waiting.keys().next().is_some_and(|(at, _)| *at <= to) {
             self.first_waiting();
         }
     }
 
-    fn take(&mut self, at: SimTime, moment: &Moment<'_>) {
+    fn take(&mut self, at: SimTime, item: &Item<'_>) {
         if self.written.is_ok() {
-            self.written = self.writer.take(at, moment);
+            self.written = self.writer.take(at, item);
         }
     }
 
     fn finish(mut self) -> io::Result<()> {
+        for frame in self.streams.rest() {
+            self.wait(frame.at, Waiting::Frame(frame));
+        }
         self.catch_up(SimTime::MAX);
         self.written.and_then(|()| self.writer.finish())
     }
@@ -161,28 +206,11 @@ impl Walk {
 
 impl Onlooker for Walk {
     fn record(&mut self, record: &Record) {
-        let mut bytes = |t: u64, dt: u64, port: PortRecord, sender, bytes: &[u8]| {
-            let times = (0_u64..).map(|index| SimTime::from_nanos(t.saturating_add(index * dt)));
-            self.streams
-                .add(port, sender, times.zip(bytes.iter().copied()))
-        };
-        let frames = match record {
-            Record::In {
-                t,
-                port,
-                bytes: own,
+        let (t, bytes) = match record {
+            Record::In { t, port, bytes } | Record::Host { t, port, bytes } => {
+                (t, Some((0, port, Sender::Client, bytes)))
             }
-            | Record::Host {
-                t,
-                port,
-                bytes: own,
-            } => bytes(*t, 0, *port, Sender::Client, &own.0),
-            Record::Out {
-                t,
-                dt,
-                port,
-                bytes: own,
-            } => bytes(*t, *dt, *port, Sender::Device, &own.0),
+            Record::Out { t, dt, port, bytes } => (t, Some((*dt, port, Sender::Device, bytes))),
             Record::Attach { t, .. }
             | Record::Detach { t, .. }
             | Record::Line { t, .. }
@@ -193,21 +221,36 @@ impl Onlooker for Walk {
             | Record::Publish { t, .. }
             | Record::Step { t, .. }
             | Record::Failure { t, .. }
-            | Record::End { t, .. } => {
-                let at = SimTime::from_nanos(*t);
-                return self.wait(at, Waiting::Record(record.clone()));
-            }
+            | Record::End { t, .. } => (t, None),
             Record::Header(_)
             | Record::Time { .. }
             | Record::Event { .. }
             | Record::Pose { .. } => return,
         };
-        self.wait_all(frames);
+        self.wait(SimTime::from_nanos(*t), Waiting::Record(record.clone()));
+        if let Some((dt, port, sender, bytes)) = bytes {
+            let times = (0_u64..).map(|index| SimTime::from_nanos(t.saturating_add(index * dt)));
+            let bytes = times.zip(bytes.0.iter().copied());
+            for frame in self.streams.add((*port).into(), sender, bytes) {
+                self.wait(frame.at, Waiting::Frame(frame));
+            }
+        }
     }
 
     fn event(&mut self, _: &Run, event: &Event) {
         self.catch_up(event.at);
-        self.take(event.at, &Moment::Event(event));
+        self.take(event.at, &Item::Event(event));
+    }
+
+    fn next_look(&self) -> SimTime {
+        self.next
+    }
+
+    fn look(&mut self, run: &Run) {
+        let now = run.rig().now();
+        self.catch_up(now);
+        self.take(now, &Item::Values(run));
+        self.next = now + EVERY;
     }
 
     fn has_enough(&self) -> bool {
@@ -238,6 +281,7 @@ pub(crate) fn export(
             streams: Streams::new(run),
             waiting: BTreeMap::new(),
             number: 0,
+            next: SimTime::ZERO,
             written: Ok(()),
         })
     };
@@ -260,7 +304,7 @@ pub(crate) fn export_beside(
             name.clear();
             name.push(stem);
         }
-        name.push(format!(".{}", format.ending()));
+        name.push(format!(".{}", format.name()));
         // A run that differs when it is played again is what `sim replay` finds.
         let _played = export(devices, trace, &PathBuf::from(name), Some(*format))?;
     }

@@ -39,7 +39,7 @@ pub use effect::{
     TimedFrame, Way, Work, effects,
 };
 pub(crate) use effect::{MOST_ARMED, MOST_EVER};
-pub use framing::{Form, Framing, Part, TextLines};
+pub use framing::{Form, Framing, TextLines};
 pub(crate) use framing::{resized, with_first};
 pub use host::HostSpec;
 pub use names::{NameInfo, View};

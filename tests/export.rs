@@ -8,6 +8,7 @@
 
 mod harness;
 
+use std::collections::BTreeMap;
 use std::fs;
 
 use harness::live::{DRIVE, Folder};
@@ -61,4 +62,49 @@ fn a_capture_has_a_packet_for_each_frame() {
     let refused = folder.sim(&unknown);
     assert_eq!(refused.status.code(), Some(2));
     assert!(refused.err.contains("pcapng"), "{}", refused.err);
+}
+
+#[test]
+fn a_recording_has_values_frames_and_the_scenario() {
+    let folder = Folder::with(&[("drive.toml", DRIVE)]);
+    let run = [
+        "run",
+        "--seed",
+        "1",
+        "--output",
+        ".",
+        "--export",
+        "mcap",
+        "--export-all",
+    ];
+    folder
+        .sim(&[&run[..], &["drive.toml"]].concat())
+        .expect_clean();
+    let file = fs::read(folder.file("drive.mcap")).unwrap();
+    let (mut counts, mut last) = (BTreeMap::new(), 0);
+    for message in mcap::MessageStream::new(&file).unwrap() {
+        let message = message.unwrap();
+        let schema = message.channel.schema.clone().unwrap();
+        assert_eq!(schema.encoding, "protobuf");
+        let key = (message.channel.topic.clone(), schema.name.clone());
+        *counts.entry(key).or_insert(0_usize) += 1;
+        last = last.max(message.log_time);
+    }
+    let count = |topic: &str, schema: &str| counts[&(topic.to_owned(), schema.to_owned())];
+    let moments = count("/r150/truth", "rigsim.r150_truth");
+    assert_eq!(count("/tf", "foxglove.FrameTransform"), moments);
+    assert_eq!(count("/world", "foxglove.SceneUpdate"), 1);
+    let traffic = folder.sim(&["trace", "drive.trace.jsonl"]).expect_clean();
+    let frames = traffic.out.lines();
+    let frames = frames.filter(|line| line.contains(" -> ") || line.contains(" <- "));
+    assert_eq!(count("/r150/line_0", "rigsim.Line"), frames.count());
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    let attachments = summary.attachment_indexes.iter().map(|index| &*index.name);
+    assert_eq!(
+        attachments.collect::<Vec<_>>(),
+        ["drive.toml", "report.json"]
+    );
+    // Midnight, and so many times 50 ms behind it.
+    let day = 86_400 * 1_000_000_000;
+    assert_eq!((last % day) / 50_000_000 + 1, moments as u64);
 }

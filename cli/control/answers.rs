@@ -179,7 +179,8 @@ fn world(run: &Run) -> Value {
     world
 }
 
-fn outline(shape: &Shape) -> Vec<[f64; 2]> {
+/// Corners of a shape.
+pub(crate) fn outline(shape: &Shape) -> Vec<[f64; 2]> {
     let round = |centre: [f64; 2], radius: f64, from: f64, part: f64| {
         (0..=CORNERS).map(move |corner| {
             let angle = from + part * f64::from(corner) / f64::from(CORNERS);

@@ -39,9 +39,9 @@ pub(crate) fn dissector(spec: &DeviceSpec) -> String {
             Form::Frames {
                 id_at,
                 fields_at,
-                check,
+                checked,
                 ..
-            } => json!({"id_at": id_at, "fields_at": fields_at, "checked": check.is_some()}),
+            } => json!({"id_at": id_at, "fields_at": fields_at, "checked": checked}),
             Form::Lines => json!({"lines": true}),
         };
         let name = dissector_name(spec, link);

@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use std::io::{self, Write as _};
 
 use rigsim_core::SimTime;
+use rigsim_core::device::host;
 use rigsim_core::effect::FaultEvent;
 use rigsim_core::event::Event;
 use rigsim_core::message::Sender;
@@ -15,7 +16,7 @@ use rigsim_runner::trace::Record;
 
 use super::dissector::dissector_name;
 use super::frames::Frame;
-use super::{About, Moment, Out, Writer};
+use super::{About, Item, Out, Writer};
 use crate::log::Words;
 
 /// Packets that wait for comments: what they lead to comes a little later.
@@ -119,7 +120,7 @@ impl Pcapng {
         data.extend(u16::try_from(name.len()).unwrap_or(u16::MAX).to_be_bytes());
         data.extend(name);
         data.extend([0; 4]);
-        data.extend(&frame.bytes);
+        data.extend(&frame.found.bytes);
 
         let time = self.date.saturating_add(frame.at.as_nanos());
         let length = u32::try_from(data.len()).unwrap_or(u32::MAX);
@@ -158,7 +159,7 @@ impl Pcapng {
             port,
             sender: Sender::Device,
             at,
-            bytes: Vec::new(),
+            found: host::Frame::none(Vec::new()),
             is_noise: true,
         };
         self.waiting.push_back(Packet {
@@ -186,10 +187,10 @@ impl Pcapng {
 }
 
 impl Writer for Pcapng {
-    fn take(&mut self, at: SimTime, moment: &Moment<'_>) -> io::Result<()> {
-        match moment {
-            Moment::Event(event) => self.event(event),
-            Moment::Frame(frame) => {
+    fn take(&mut self, at: SimTime, item: &Item<'_>) -> io::Result<()> {
+        match item {
+            Item::Event(event) => self.event(event),
+            Item::Frame(frame) => {
                 let noise = frame
                     .is_noise
                     .then(|| "noise: bytes that are no frame".to_owned());
@@ -198,13 +199,13 @@ impl Writer for Pcapng {
                     comments: noise.into_iter().collect(),
                 });
             }
-            Moment::Record(Record::Failure { step, what, .. }) => {
+            Item::Record(Record::Failure { step, what, .. }) => {
                 let step = step.as_ref().map(|step| format!("\"{step}\": "));
                 let text = format!("FAILED: {}{what}", step.unwrap_or_default());
                 let port = PortId { device: 0, link: 0 };
                 self.comment(at, port, text, |_| true);
             }
-            Moment::Record(_) => {}
+            Item::Record(_) | Item::Values(_) => {}
         }
         while self.waiting.len() > WAITING {
             if let Some(packet) = self.waiting.pop_front() {

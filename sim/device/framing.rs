@@ -1,92 +1,21 @@
 //! Frames of a link: where one begins and ends, and how faults of the protocol spoil it.
 
-use crate::message::{MessageInfo, Sender};
-
 /// Form of what a link carries.
 #[derive(Debug, Clone, Copy)]
 pub enum Form {
     /// Frames of bytes.
     Frames {
-        /// Bytes that begin each frame.
-        header: &'static [u8],
         /// Index of the byte that says how long a frame is.
         length_at: usize,
-        /// Bytes of a frame beside those that its length counts.
-        uncounted: usize,
         /// Index of the identity byte of the message.
         id_at: usize,
         /// Index of the first field.
         fields_at: usize,
-        /// Check bytes over all from the identity to the last field, which follow low byte first.
-        check: Option<fn(&[u8]) -> u16>,
+        /// Set if check bytes follow the last field.
+        checked: bool,
     },
     /// Text up to a line feed.
     Lines,
-}
-
-/// What a stream of bytes begins with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// A frame of so many bytes.
-    Frame(usize),
-    /// So many bytes that begin no frame.
-    Noise(usize),
-    /// Part of a frame, or nothing.
-    Begun,
-}
-
-impl Form {
-    /// Reads the front of a stream of this sender's messages. Bytes are a frame if their check bytes
-    /// are right, or if one of the messages has this identity and length.
-    pub fn part(
-        &self,
-        bytes: &[u8],
-        sender: Sender,
-        messages: impl IntoIterator<Item = &'static MessageInfo>,
-    ) -> Part {
-        let Self::Frames {
-            header,
-            length_at,
-            uncounted,
-            id_at,
-            fields_at,
-            check,
-        } = *self
-        else {
-            let end = bytes.iter().position(|byte| *byte == b'\n');
-            return end.map_or(Part::Begun, |end| Part::Frame(end + 1));
-        };
-        if header
-            .iter()
-            .zip(bytes)
-            .any(|(wanted, byte)| wanted != byte)
-        {
-            return Part::Noise(1);
-        }
-        let (Some(length), Some(id)) = (bytes.get(length_at), bytes.get(id_at)) else {
-            return Part::Begun;
-        };
-        let (length, id) = (usize::from(*length) + uncounted, *id);
-        let tail = if check.is_some() { 2 } else { 0 };
-        let is_known = |info: &MessageInfo| {
-            info.sender == sender && info.id == id && fields_at + info.length + tail == length
-        };
-        let is_known = messages.into_iter().any(is_known);
-        if !is_known && check.is_none() {
-            return Part::Noise(1);
-        }
-        let Some(frame) = bytes.get(..length) else {
-            return Part::Begun;
-        };
-        let is_right = check.is_some_and(|check| {
-            let body = frame.get(id_at..length.saturating_sub(tail));
-            body.is_some_and(|body| frame.ends_with(&check(body).to_le_bytes()))
-        });
-        match is_known || is_right {
-            true => Part::Frame(length),
-            false => Part::Noise(1),
-        }
-    }
 }
 
 /// Frames of a link, and how faults of the protocol spoil them.

@@ -33,12 +33,10 @@ impl Framing for Packets {
 
     fn form(&self) -> Form {
         Form::Frames {
-            header: &[],
             length_at: 1,
-            uncounted: 0,
             id_at: 0,
             fields_at: 2,
-            check: None,
+            checked: false,
         }
     }
 

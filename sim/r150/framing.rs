@@ -41,12 +41,10 @@ impl Framing for Frames {
 
     fn form(&self) -> Form {
         Form::Frames {
-            header: &codec::HEADER,
             length_at: 2,
-            uncounted: codec::OVERHEAD,
             id_at: COMMAND_AT,
             fields_at: COMMAND_AT + 1,
-            check: Some(codec::crc),
+            checked: true,
         }
     }
 

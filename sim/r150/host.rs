@@ -37,9 +37,11 @@ impl FrameReader for Reader {
         let mut take = |decoded| {
             found.push(match decoded {
                 Decoded::Frame(frame) => read_frame(&frame, sender),
-                Decoded::BadCrc { bytes, .. } | Decoded::Partial(bytes) | Decoded::Noise(bytes) => {
-                    Found::none(bytes)
-                }
+                Decoded::BadCrc { bytes, command, .. } => Found {
+                    command: Some(command),
+                    ..Found::none(bytes)
+                },
+                Decoded::Partial(bytes) | Decoded::Noise(bytes) => Found::none(bytes),
             });
         };
         self.0.expire(now, &mut take);

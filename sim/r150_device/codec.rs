@@ -24,12 +24,6 @@ pub const MAX_FRAME: usize = OVERHEAD + 255;
 
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_16_IBM_SDLC);
 
-/// The CRC over bytes.
-#[must_use]
-pub fn crc(bytes: &[u8]) -> u16 {
-    CRC.checksum(bytes)
-}
-
 /// The CRC over a command and its parameters.
 #[must_use]
 pub fn checksum(command: u8, parameters: &[u8]) -> u16 {
