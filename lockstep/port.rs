@@ -19,6 +19,8 @@ use rustix::termios::{
 
 /// Most bytes in the kernel, whose own limit is 4095; more would be moved up when it pleases.
 const MOST_IN_KERNEL: u64 = 3072;
+/// Most bytes that a client can read at once, as the kernel has it for terminals.
+const MOST_READ: usize = 4095;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
 /// Time that bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless
@@ -44,12 +46,24 @@ pub(crate) struct ReadRule {
     pub(crate) patience: Option<Duration>,
 }
 
+impl ReadRule {
+    /// A read returns at once, whatever is there.
+    pub(crate) fn never_waits(self) -> bool {
+        self.least == Some(0) && self.patience.is_none()
+    }
+}
+
 /// A port that clients of a run open under the path of a link.
 pub struct Port {
     link: PathBuf,
     baud: u32,
     pair: Option<Pair>,
+    /// Bytes that the client has not read, but for those that are in the kernel.
     waiting: VecDeque<u8>,
+    /// Bytes reach the client through the kernel, which waits for them or changes them.
+    in_kernel: bool,
+    /// A client polls it through an epoll, which is the kernel's.
+    pub(crate) in_epoll: bool,
     lost: u64,
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
@@ -77,6 +91,8 @@ impl Port {
             baud,
             pair: None,
             waiting: VecDeque::new(),
+            in_kernel: false,
+            in_epoll: false,
             lost: 0,
             opened: 0,
             modem: 0,
@@ -132,6 +148,7 @@ impl Port {
             return Ok(false);
         };
         self.waiting.clear();
+        (self.in_kernel, self.in_epoll) = (false, false);
         self.modem = 0;
         pair.hang_up()?;
         Ok(std::mem::take(&mut self.opened) > 0)
@@ -160,11 +177,21 @@ impl Port {
         self.top_up()
     }
 
-    /// Moves on what waits for room in the kernel.
+    /// Moves on what waits for room in the kernel, if bytes pass that.
     pub(crate) fn top_up(&mut self) -> io::Result<()> {
         let Some(pair) = &self.pair else {
             return Ok(());
         };
+        let in_kernel = self.in_epoll || !pair.settings()?.1.raw;
+        if self.in_kernel && !in_kernel {
+            for byte in pair.take_unread().into_iter().rev() {
+                self.waiting.push_front(byte);
+            }
+        }
+        self.in_kernel = in_kernel;
+        if !in_kernel {
+            return Ok(());
+        }
         let may_drop = pair.may_drop_bytes()?;
         // Such bytes cannot be counted, but a poll of a terminal with nothing to read waits for them.
         while !(self.waiting.is_empty() || may_drop && pair.is_readable()) {
@@ -225,6 +252,7 @@ impl Port {
     /// The last client has left; what it has not read is not for the next.
     pub(crate) fn forget_client(&mut self) {
         self.waiting.clear();
+        self.in_epoll = false;
         self.modem = 0;
         if let Some(pair) = &self.pair {
             // Both cannot fail on a terminal that is there.
@@ -272,15 +300,20 @@ impl Port {
 
     /// Bytes that the client could read at once.
     pub(crate) fn unread(&self) -> usize {
-        let unread = self.pair.as_ref().and_then(|pair| pair.unread().ok());
-        unread.and_then(|n| usize::try_from(n).ok()).unwrap_or(0)
+        match &self.pair {
+            Some(pair) if self.in_kernel => {
+                let unread = pair.unread().ok();
+                unread.and_then(|n| usize::try_from(n).ok()).unwrap_or(0)
+            }
+            _ => self.waiting.len().min(MOST_READ),
+        }
     }
 
     /// Returns whether a read of so many bytes ends at once.
     pub(crate) fn can_be_read(&self, rule: ReadRule, count: usize) -> bool {
         match rule.least {
+            _ if rule.never_waits() => true,
             None => self.is_readable(),
-            Some(0) if rule.patience.is_none() => true,
             Some(least) => self.unread() >= least.min(count).max(1),
         }
     }
@@ -290,15 +323,34 @@ impl Port {
         std::fs::read_link(&self.link).is_ok_and(|node| node.as_os_str() == path)
     }
 
-    /// Returns whether the client would read something, by the terminal's own rules.
-    pub(crate) fn is_readable(&self) -> bool {
-        self.pair.as_ref().is_none_or(Pair::is_readable)
+    /// What a poll says of it.
+    pub(crate) fn readiness(&self) -> PollFlags {
+        let room = PollFlags::OUT | PollFlags::WRNORM;
+        match self.is_readable() {
+            true => room | PollFlags::IN | PollFlags::RDNORM,
+            false => room,
+        }
     }
 
-    /// Takes what the client could read.
-    pub(crate) fn read(&self, most: usize) -> Vec<u8> {
-        let pair = self.pair.as_ref();
-        pair.map_or(Vec::new(), |pair| read(&pair.slave, most.min(4096)))
+    fn is_readable(&self) -> bool {
+        match &self.pair {
+            Some(pair) if self.in_kernel => pair.is_readable(),
+            _ => {
+                let rule = self.read_rule();
+                let least = rule.least.filter(|_| rule.patience.is_none());
+                self.waiting.len() >= least.unwrap_or(1).max(1)
+            }
+        }
+    }
+
+    /// Takes what the client could read; `None` if it would have to wait.
+    pub(crate) fn read(&mut self, most: usize) -> Option<Vec<u8>> {
+        let most = most.min(MOST_READ);
+        match &self.pair {
+            Some(pair) if self.in_kernel => read(&pair.slave, most),
+            _ if self.waiting.is_empty() => None,
+            _ => Some(self.waiting.drain(..most.min(self.waiting.len())).collect()),
+        }
     }
 
     /// Bytes that a terminal makes of those that are written to it.
@@ -320,8 +372,9 @@ impl Port {
 
     /// Bytes that the terminal itself sends back, as an echo of what came.
     pub(crate) fn take_echo(&self) -> Vec<u8> {
-        let pair = self.pair.as_ref();
-        pair.map_or(Vec::new(), |pair| read(&pair.master, 4096))
+        let pair = self.pair.as_ref().filter(|_| self.in_kernel);
+        let echo = pair.and_then(|pair| read(&pair.master, MOST_READ));
+        echo.unwrap_or_default()
     }
 }
 
@@ -331,12 +384,12 @@ impl Drop for Port {
     }
 }
 
-/// Takes what is there; nothing if that fails.
-fn read(from: &OwnedFd, most: usize) -> Vec<u8> {
+/// Takes what is there; `None` if that fails.
+fn read(from: &OwnedFd, most: usize) -> Option<Vec<u8>> {
     let mut bytes = vec![0; most];
-    let count = rustix::io::read(from, &mut bytes[..]).unwrap_or(0);
+    let count = rustix::io::read(from, &mut bytes[..]).ok()?;
     bytes.truncate(count);
-    bytes
+    Some(bytes)
 }
 
 impl Pair {
@@ -390,6 +443,18 @@ impl Pair {
             "the client does not find that its cable has been pulled: another process has the other \
              end of its pseudo-terminal open",
         ))
+    }
+
+    /// Takes all that has passed the terminal, and what is still on its way: a poll of a terminal with
+    /// nothing to read waits for that.
+    fn take_unread(&self) -> Vec<u8> {
+        let mut all = Vec::new();
+        while self.is_readable()
+            && let Some(bytes) = read(&self.slave, MOST_READ).filter(|bytes| !bytes.is_empty())
+        {
+            all.extend(bytes);
+        }
+        all
     }
 
     /// Returns whether the terminal takes bytes for itself: those of a line until it is complete, and

@@ -26,7 +26,8 @@ pub(crate) fn from_termios(termios: &Termios) -> ClientLine {
         | InputModes::IGNCR
         | InputModes::ICRNL
         | InputModes::IUCLC
-        | InputModes::IXON;
+        | InputModes::IXON
+        | InputModes::PARMRK;
     let interpreting = LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
     ClientLine {
         baud: termios.output_speed(),

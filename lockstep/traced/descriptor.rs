@@ -45,6 +45,12 @@ pub(crate) struct Descriptor {
     known_peer: Cell<Option<SocketAddr>>,
 }
 
+/// What a poll finds of files.
+const EVER_READY: PollFlags = PollFlags::IN
+    .union(PollFlags::RDNORM)
+    .union(PollFlags::OUT)
+    .union(PollFlags::WRNORM);
+
 /// The file system of message queues, as `statfs` numbers it.
 const QUEUES: rustix::fs::FsWord = 0x1980_0202;
 
@@ -125,7 +131,8 @@ impl Descriptor {
 }
 
 fn is_any_ready(polls: &mut [PollFd<'_>]) -> bool {
-    rustix::event::poll(polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
+    !polls.is_empty()
+        && rustix::event::poll(polls, Some(&Timespec::default())).is_ok_and(|count| count > 0)
 }
 
 /// Waits until one of them is ready; whether one is.
@@ -222,25 +229,43 @@ impl Tracer<'_> {
         self.ports.iter().position(|port| port.is_device(device))
     }
 
-    /// Returns whether one of these descriptors of a thread is ready, or none at all.
-    pub(crate) fn is_one_ready(&self, tid: Tid, set: &[(i32, PollFlags)]) -> bool {
+    /// What a poll of these descriptors of a thread finds of each.
+    pub(crate) fn readiness(&self, tid: Tid, set: &[(i32, PollFlags)]) -> Vec<PollFlags> {
         let process = self.process_of(tid);
-        let has_input = |(_, flags): &&(i32, PollFlags)| flags.contains(PollFlags::IN);
-        if set
-            .iter()
-            .filter(has_input)
-            .any(|(fd, _)| self.has_signal(tid, *fd))
-        {
-            return true;
-        }
         let files = set.iter().map(|(fd, _)| self.descriptor(process, *fd));
-        let Some(files) = files.collect::<Option<Vec<_>>>() else {
-            // The system says what is wrong with one.
-            return true;
-        };
-        let polls = files.iter().zip(set);
-        let polls = polls.map(|(one, (_, flags))| PollFd::new(&one.file, *flags));
-        is_any_ready(&mut polls.collect::<Vec<_>>())
+        let files: Vec<Option<Rc<Descriptor>>> = files.collect();
+        let mut found = vec![PollFlags::empty(); set.len()];
+        let (mut polls, mut places) = (Vec::new(), Vec::new());
+        for (at, ((fd, flags), file)) in set.iter().zip(&files).enumerate() {
+            // A poll from outside would take an epoll's note of a signal away.
+            if flags.contains(PollFlags::IN) && self.has_signal(tid, *fd) {
+                found[at] = PollFlags::IN;
+                continue;
+            }
+            match file {
+                Some(file) => match self.port_of(file) {
+                    Some(port) => found[at] = self.ports[port].readiness() & *flags,
+                    None => {
+                        polls.push(PollFd::new(&file.file, *flags));
+                        places.push(at);
+                    }
+                },
+                None if *fd < 0 && flags.is_empty() => {}
+                // One that cannot be passed; else there is none.
+                None if path_of(process, *fd).is_some() => found[at] = EVER_READY & *flags,
+                None => found[at] = PollFlags::NVAL,
+            }
+        }
+        if is_any_ready(&mut polls) {
+            for (at, poll) in places.into_iter().zip(&polls) {
+                found[at] = match poll.revents() {
+                    // A duplicate of what never waits may be a path alone.
+                    PollFlags::NVAL => EVER_READY & set[at].1,
+                    revents => revents,
+                };
+            }
+        }
+        found
     }
 
     /// Returns whether a descriptor of a thread is a `signalfd`, or an epoll with one, that has a signal

@@ -65,6 +65,7 @@ impl Tracer<'_> {
             | Call::EpollWait
             | Call::EpollPwait
             | Call::EpollPwait2 => self.poll_call(entry),
+            Call::EpollCtl => self.add_to_epoll(entry),
             Call::Futex => self.futex(entry),
             Call::Pause | Call::Sigsuspend | Call::Sigtimedwait => self.signal_call(entry),
             Call::Wait4 | Call::Waitid => Ok(self.child_call(entry)),

@@ -6,7 +6,7 @@ use crate::traced::descriptor::Files;
 use crate::traced::memory::Memory;
 use crate::traced::sys::{self, Tid};
 use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State, Thread};
+use crate::traced::tree::{AtEnd, Resume, State, Thread, number};
 
 impl Tracer<'_> {
     /// A process has another program.
@@ -36,6 +36,9 @@ impl Tracer<'_> {
         self.timers.forget_posix(tid);
         self.release_parent(tid);
         self.check_program(tid)?;
+        if self.options.seed.is_some() && !has_fixed_addresses(tid) {
+            self.report.random_addresses = true;
+        }
         self.schedule.happened += 1;
         let stack = Registers::of(tid)?.stack();
         let mut bytes = [0; 16];
@@ -74,4 +77,11 @@ impl Tracer<'_> {
         }
         Ok(())
     }
+}
+
+/// Returns whether the system loads a process's programs at the same addresses each time.
+fn has_fixed_addresses(pid: Tid) -> bool {
+    let persona = std::fs::read_to_string(format!("/proc/{pid}/personality")).ok();
+    let persona = persona.and_then(|text| number(text.trim()));
+    persona.is_some_and(|bits| bits & u64::from(libc::ADDR_NO_RANDOMIZE.unsigned_abs()) != 0)
 }

@@ -3,14 +3,13 @@
 use rustix::event::PollFlags;
 
 use crate::traced::arch::Registers;
-use crate::traced::clock::{nanoseconds, parts, parts_micros};
+use crate::traced::clock::nanoseconds;
 use crate::traced::entry::counted;
-use crate::traced::memory::Memory;
-use crate::traced::poll_calls::write_nothing;
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State};
-use crate::traced::wait::{Hold, Late, Wait};
+use crate::traced::tree::{Resume, State};
+use crate::traced::terminal::room;
+use crate::traced::wait::{Hold, Wait};
 
 /// Result of a look at a wait.
 enum Look {
@@ -66,19 +65,15 @@ impl Tracer<'_> {
         // Taken out for the look, and put back if it goes on.
         let mut wait = std::mem::replace(&mut hold.wait, Wait::Forever);
         let is_over = ends.is_some_and(|at| at <= self.now);
-        let mut look = self.look(tid, &mut wait, is_over)?;
         let deadline = self.new_deadline(&mut wait, asked);
-        if matches!(look, Look::Waits) && is_over && deadline == asked {
-            look = self.late(tid, &wait)?;
-        } else if let (Look::Make, Wait::Poll { late, .. }, Some(deadline)) =
-            (&look, &wait, deadline)
-        {
-            self.write_rest(tid, *late, deadline)?;
-            if let Some(changed) = self.without_rest(registers, *late) {
-                changed.set(tid)?;
-                self.look_at_end(tid, AtEnd::Restore(registers));
-            }
-        }
+        let look = match self.look(tid, &mut wait, (deadline, is_over)) {
+            Ok(Look::Waits) if is_over && deadline == asked => self.late(tid, &wait),
+            look => look,
+        };
+        let look = match look {
+            Err(Halt::Make) => Look::Answer(-i64::from(libc::EFAULT)),
+            look => look?,
+        };
         let next = match look {
             Look::Waits => {
                 if let Some(hold) = self.hold_of(tid) {
@@ -107,10 +102,22 @@ impl Tracer<'_> {
     }
 
     /// Returns whether what is waited for is there.
-    fn look(&mut self, tid: Tid, wait: &mut Wait, is_late: bool) -> Result<Look, Halt> {
+    fn look(
+        &mut self,
+        tid: Tid,
+        wait: &mut Wait,
+        (deadline, is_late): (Option<u64>, bool),
+    ) -> Result<Look, Halt> {
         let make_if = |is_there| if is_there { Look::Make } else { Look::Waits };
         Ok(match wait {
-            Wait::Poll { set, .. } => make_if(self.is_one_ready(tid, set)),
+            Wait::Poll { set, result, .. } => {
+                let found = self.readiness(tid, set);
+                if found.iter().all(PollFlags::is_empty) {
+                    return Ok(Look::Waits);
+                }
+                let answer = self.answer_poll(tid, set, &found, result, deadline)?;
+                answer.map_or(Look::Make, Look::Answer)
+            }
             Wait::Descriptor {
                 fd,
                 flags,
@@ -129,11 +136,16 @@ impl Tracer<'_> {
             Wait::PortRead {
                 port,
                 device,
-                count,
                 rule,
+                into,
                 ..
             } => match self.ports.get(*port) {
-                Some(port) if port.is_device(*device) => make_if(port.can_be_read(*rule, *count)),
+                Some(found) if found.is_device(*device) => {
+                    if !found.can_be_read(*rule, room(into)) {
+                        return Ok(Look::Waits);
+                    }
+                    Look::Answer(self.receive(tid, *port, into)?)
+                }
                 // The system says that it is gone.
                 _ => Look::Make,
             },
@@ -192,9 +204,10 @@ impl Tracer<'_> {
         Ok(match wait {
             Wait::BackOff(resume) => Look::Resume(*resume),
             Wait::Sleep { .. } => Look::Answer(0),
-            Wait::Poll { late, .. } => {
-                write_nothing(Memory(tid), *late)?;
-                Look::Answer(0)
+            Wait::Poll { set, result, .. } => {
+                let nothing = vec![PollFlags::empty(); set.len()];
+                let answer = self.answer_poll(tid, set, &nothing, result, None)?;
+                Look::Answer(answer.unwrap_or(0))
             }
             Wait::Descriptor { late, .. } => Look::Answer(*late),
             Wait::Again { late } => {
@@ -204,15 +217,9 @@ impl Tracer<'_> {
                 registers.set(tid)?;
                 Look::Make
             }
-            Wait::PortRead {
-                port, count, into, ..
-            } => match (self.ports.get(*port), into) {
-                (Some(port), Some(into)) if port.unread() > 0 => {
-                    let bytes = port.read(*count);
-                    Memory(tid).write(*into, &bytes)?;
-                    Look::Answer(counted(bytes.len()))
-                }
-                _ => Look::Answer(0),
+            Wait::PortRead { port, into, .. } => match self.ports[*port].unread() {
+                0 => Look::Answer(0),
+                _ => Look::Answer(self.receive(tid, *port, into)?),
             },
             Wait::Futex { .. } => Look::Answer(-i64::from(libc::ETIMEDOUT)),
             Wait::Signal { .. } => Look::Answer(-i64::from(libc::EAGAIN)),
@@ -220,17 +227,5 @@ impl Tracer<'_> {
                 Look::Waits
             }
         })
-    }
-
-    /// `select` tells how much of its time is left.
-    fn write_rest(&self, tid: Tid, late: Late, deadline: u64) -> Result<(), Halt> {
-        if let Late::Sets { time, micros, .. } = late
-            && time != 0
-        {
-            let left = deadline.saturating_sub(self.now);
-            let (seconds, part) = (if micros { parts_micros } else { parts })(left);
-            Memory(tid).write_pair(time, seconds, part)?;
-        }
-        Ok(())
     }
 }

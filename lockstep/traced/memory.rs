@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::traced::sys::{self, Tid};
+use crate::traced::sys::{self, Parts, Tid};
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Memory(pub(crate) Tid);
@@ -13,15 +13,24 @@ fn fault() -> io::Error {
 
 impl Memory {
     pub(crate) fn read(self, address: u64, bytes: &mut [u8]) -> io::Result<()> {
-        if bytes.is_empty() || sys::read_memory(self.0, address, bytes)? == bytes.len() {
+        self.read_all(&[(address, bytes.len() as u64)], bytes)
+    }
+
+    pub(crate) fn write(self, address: u64, bytes: &[u8]) -> io::Result<()> {
+        self.write_all(&[(address, bytes.len() as u64)], bytes)
+    }
+
+    /// Reads several parts, one behind the other.
+    pub(crate) fn read_all(self, parts: &Parts, bytes: &mut [u8]) -> io::Result<()> {
+        if bytes.is_empty() || sys::read_memory(self.0, parts, bytes)? == bytes.len() {
             Ok(())
         } else {
             Err(fault())
         }
     }
 
-    pub(crate) fn write(self, address: u64, bytes: &[u8]) -> io::Result<()> {
-        if bytes.is_empty() || sys::write_memory(self.0, address, bytes)? == bytes.len() {
+    pub(crate) fn write_all(self, parts: &Parts, bytes: &[u8]) -> io::Result<()> {
+        if bytes.is_empty() || sys::write_memory(self.0, parts, bytes)? == bytes.len() {
             Ok(())
         } else {
             Err(fault())
@@ -61,15 +70,17 @@ impl Memory {
     }
 
     /// Writes as many of these bytes into the parts of a read as they have room for; how many.
-    pub(crate) fn write_parts(self, parts: &[(u64, u64)], bytes: &[u8]) -> io::Result<usize> {
-        let mut left = bytes;
-        for (address, length) in parts {
-            let length = usize::try_from(*length).unwrap_or(usize::MAX);
-            let (part, rest) = left.split_at(left.len().min(length));
-            self.write(*address, part)?;
-            left = rest;
-        }
-        Ok(bytes.len() - left.len())
+    pub(crate) fn write_parts(self, parts: &Parts, bytes: &[u8]) -> io::Result<usize> {
+        let mut left = bytes.len() as u64;
+        let filled = parts.iter().map(|(address, length)| {
+            let length = left.min(*length);
+            left -= length;
+            (*address, length)
+        });
+        let filled: Vec<(u64, u64)> = filled.collect();
+        let bytes = &bytes[..bytes.len() - usize::try_from(left).unwrap_or_default()];
+        self.write_all(&filled, bytes)?;
+        Ok(bytes.len())
     }
 
     pub(crate) fn write_pair(self, address: u64, first: i64, second: i64) -> io::Result<()> {
@@ -78,4 +89,10 @@ impl Memory {
         bytes[8..].copy_from_slice(&second.to_ne_bytes());
         self.write(address, &bytes)
     }
+}
+
+/// The length of all parts of a read or write.
+pub(crate) fn whole_length(parts: &Parts) -> u64 {
+    let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
+    parts.iter().fold(0, add)
 }

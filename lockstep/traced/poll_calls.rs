@@ -1,17 +1,26 @@
-//! Calls that wait for one of several descriptors.
+//! Calls that wait for one of several descriptors. All but those on an epoll are answered, since the
+//! kernel has none of the bytes of a port.
 
 use rustix::event::PollFlags;
 
-use crate::traced::arch::{Call, Registers};
-use crate::traced::clock::{span, span_micros};
-use crate::traced::entry::{Entry, int, low};
+use crate::traced::arch::Call;
+use crate::traced::clock::{parts, parts_micros, span, span_micros};
+use crate::traced::entry::{Entry, counted, int, low};
 use crate::traced::memory::Memory;
+use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::AtEnd;
-use crate::traced::wait::{Late, Wait};
+use crate::traced::wait::{PollResult, Wait};
 
 /// Most descriptors in one call; beyond that the system decides.
 const MOST: usize = 4096;
+
+/// What `select` polls for the members of its three sets, and what of that makes one a member of the
+/// result.
+const SETS: [PollFlags; 3] = [
+    PollFlags::IN.union(PollFlags::HUP).union(PollFlags::ERR),
+    PollFlags::OUT.union(PollFlags::ERR),
+    PollFlags::PRI,
+];
 
 /// The deadline of a poll, and the signals that are blocked meanwhile in the place of others.
 type Times = (Option<u64>, Option<u64>);
@@ -67,7 +76,7 @@ impl Tracer<'_> {
                     _ => mask(a[4])?,
                 };
                 let set = vec![(int(a[0]), PollFlags::IN)];
-                self.poll_set(entry, set, Late::Nothing, (deadline, mask))
+                self.poll_set(entry, set, PollResult::Kernel, (deadline, mask))
             }
         }
     }
@@ -78,16 +87,18 @@ impl Tracer<'_> {
             .ok()
             .filter(|n| *n <= MOST)
             .ok_or(Halt::Make)?;
-        let mut bytes = vec![0; 8 * count];
-        Memory(entry.tid).read(address, &mut bytes)?;
-        let set = bytes.chunks_exact(8).filter_map(|one| {
+        let mut entries = vec![0; 8 * count];
+        Memory(entry.tid).read(address, &mut entries)?;
+        let set = entries.chunks_exact(8).filter_map(|one| {
             let fd = i32::from_ne_bytes(one.get(..4)?.try_into().ok()?);
             let events = u16::from_ne_bytes(one.get(4..6)?.try_into().ok()?);
-            (fd >= 0).then_some((fd, PollFlags::from_bits_retain(events)))
+            // One below 0 is skipped.
+            let events = if fd < 0 { 0 } else { events };
+            Some((fd, PollFlags::from_bits_retain(events)))
         });
-        let late = Late::Revents { address, count };
         let set = set.collect();
-        self.poll_set(entry, set, late, times)
+        let result = PollResult::Revents { address, entries };
+        self.poll_set(entry, set, result, times)
     }
 
     fn select(&mut self, entry: Entry, micros: bool, times: Times) -> Result<Handling, Halt> {
@@ -98,100 +109,112 @@ impl Tracer<'_> {
             .filter(|n| *n <= MOST)
             .ok_or(Halt::Make)?;
         let bytes = count.div_ceil(64) * 8;
-        let kinds = [
-            PollFlags::IN | PollFlags::HUP | PollFlags::ERR,
-            PollFlags::OUT | PollFlags::ERR,
-            PollFlags::PRI,
-        ];
+        let mut bits = vec![0; 3 * bytes];
+        let (places, kinds): (Vec<_>, Vec<_>) = places(sets, bytes).unzip();
+        let bits = &mut bits[..places.len() * bytes];
+        Memory(entry.tid).read_all(&places, bits)?;
         let mut set = Vec::new();
-        for (address, flags) in sets.into_iter().zip(kinds) {
-            if address == 0 {
-                continue;
-            }
-            let mut bits = vec![0; bytes];
-            Memory(entry.tid).read(address, &mut bits)?;
-            for fd in 0..count {
-                if bits
-                    .get(fd / 8)
-                    .is_some_and(|byte| byte >> (fd % 8) & 1 != 0)
-                {
-                    set.push((i32::try_from(fd).unwrap_or(-1), flags));
-                }
-            }
+        for (bits, flags) in bits.chunks_exact(bytes.max(1)).zip(kinds) {
+            let is_in = |fd: &usize| bits[fd / 8] >> (fd % 8) & 1 != 0;
+            let members = (0..count).filter(is_in);
+            set.extend(members.map(|fd| (i32::try_from(fd).unwrap_or(-1), flags)));
         }
-        let late = Late::Sets {
+        let result = PollResult::Sets {
             sets,
             bytes,
             time,
             micros,
         };
-        self.poll_set(entry, set, late, times)
+        self.poll_set(entry, set, result, times)
     }
 
     fn poll_set(
         &mut self,
         entry: Entry,
         set: Vec<(i32, PollFlags)>,
-        late: Late,
+        result: PollResult,
         (deadline, mask): Times,
     ) -> Result<Handling, Halt> {
         self.pass_polled(entry.tid, &set)?;
+        for port in &mut *self.ports {
+            port.top_up()?;
+        }
         let only_asks = deadline.is_some_and(|deadline| deadline <= self.now);
-        let ask = only_asks.then(|| self.ask(entry));
-        // A poll that does not wait, and is not one of too many, is answered by the system.
-        if matches!(ask, Some(None)) {
-            return Ok(Handling::Make);
+        let backs_off = only_asks.then(|| self.ask(entry));
+        let found = self.readiness(entry.tid, &set);
+        // A poll that does not wait, and is not one of too many, is answered with what there is.
+        if matches!(backs_off, Some(None)) || !found.iter().all(PollFlags::is_empty) {
+            let answer = self.answer_poll(entry.tid, &set, &found, &result, deadline)?;
+            return Ok(answer.map_or(Handling::Make, Handling::Answer));
         }
-        if self.is_one_ready(entry.tid, &set) {
-            return Ok(
-                match self
-                    .without_rest(entry.registers, late)
-                    .filter(|_| !only_asks)
-                {
-                    Some(changed) => Handling::ToEnd(changed, AtEnd::Restore(entry.registers)),
-                    None => Handling::Make,
-                },
-            );
+        if let Some(Some(backs_off)) = backs_off {
+            return Ok(backs_off);
         }
-        if let Some(Some(creeps)) = ask {
-            return Ok(creeps);
-        }
-        Ok(Handling::Hold(Wait::Poll { set, late, mask }, deadline))
+        Ok(Handling::Hold(Wait::Poll { set, result, mask }, deadline))
     }
 
-    /// The registers with which `select` is made that is ready, where the system would write the rest
-    /// of its time by its own clock: without a time.
-    pub(crate) fn without_rest(&self, mut registers: Registers, late: Late) -> Option<Registers> {
-        let has_time = matches!(late, Late::Sets { time, .. } if time != 0);
-        registers.set_argument(4, 0);
-        (has_time && self.writes_rest).then_some(registers)
+    /// Writes what a poll has found; what it returns, or `None` if that is the kernel's.
+    pub(crate) fn answer_poll(
+        &self,
+        tid: Tid,
+        set: &[(i32, PollFlags)],
+        found: &[PollFlags],
+        result: &PollResult,
+        deadline: Option<u64>,
+    ) -> Result<Option<i64>, Halt> {
+        let memory = Memory(tid);
+        match result {
+            PollResult::Kernel => Ok(None),
+            PollResult::Revents { address, entries } => {
+                let mut entries = entries.clone();
+                for (entry, found) in entries.chunks_exact_mut(8).zip(found) {
+                    entry[6..].copy_from_slice(&found.bits().to_ne_bytes());
+                }
+                memory.write(*address, &entries)?;
+                let ready = found.iter().filter(|found| !found.is_empty());
+                Ok(Some(counted(ready.count())))
+            }
+            PollResult::Sets {
+                sets,
+                bytes,
+                time,
+                micros,
+            } => {
+                if found.contains(&PollFlags::NVAL) {
+                    return Ok(Some(-i64::from(libc::EBADF)));
+                }
+                let (mut written, mut count) = (Vec::new(), 0);
+                let (mut places, kinds): (Vec<_>, Vec<_>) = places(*sets, *bytes).unzip();
+                for kind in kinds {
+                    let from = written.len();
+                    written.resize(from + bytes, 0);
+                    for ((fd, flags), found) in set.iter().zip(found) {
+                        if *flags == kind && found.intersects(kind) {
+                            let fd = usize::try_from(*fd).unwrap_or_default();
+                            written[from + fd / 8] |= 1 << (fd % 8);
+                            count += 1;
+                        }
+                    }
+                }
+                if *time != 0 {
+                    let left = deadline.unwrap_or_default().saturating_sub(self.now);
+                    let (seconds, part) = (if *micros { parts_micros } else { parts })(left);
+                    written.extend([seconds, part].map(i64::to_ne_bytes).as_flattened());
+                    places.push((*time, 16));
+                }
+                memory.write_all(&places, &written)?;
+                Ok(Some(count))
+            }
+        }
     }
 }
 
-/// Writes that nothing has happened.
-pub(crate) fn write_nothing(memory: Memory, late: Late) -> std::io::Result<()> {
-    match late {
-        Late::Nothing => Ok(()),
-        Late::Revents { address, count } => {
-            let mut bytes = vec![0; 8 * count];
-            memory.read(address, &mut bytes)?;
-            for one in bytes.chunks_exact_mut(8) {
-                if let Some(happened) = one.get_mut(6..) {
-                    happened.fill(0);
-                }
-            }
-            memory.write(address, &bytes)
-        }
-        Late::Sets {
-            sets, bytes, time, ..
-        } => {
-            for address in sets.into_iter().filter(|address| *address != 0) {
-                memory.write(address, &vec![0; bytes])?;
-            }
-            if time != 0 {
-                memory.write_pair(time, 0, 0)?;
-            }
-            Ok(())
-        }
-    }
+/// The sets of `select` that there are: where each is, how long, and what it is polled for.
+fn places(
+    sets: [u64; 3],
+    bytes: usize,
+) -> impl Iterator<Item = ((u64, u64), PollFlags)> {
+    let sets = sets.into_iter().zip(SETS);
+    let given = sets.filter(|(address, _)| *address != 0);
+    given.map(move |(address, kind)| ((address, bytes as u64), kind))
 }

@@ -138,6 +138,10 @@ impl Tracer<'_> {
             Wait::PortWrite { sent, .. } if sent > 0 => {
                 registers.answer(tid, counted(sent))?;
             }
+            Wait::PortRead { port, into, .. } if self.ports[port].unread() > 0 => {
+                let received = self.receive(tid, port, &into)?;
+                registers.answer(tid, received)?;
+            }
             Wait::BackOff(resume) => thread.state = State::Ready(resume),
             Wait::Child | Wait::Again { .. } => {
                 // At the end of the call; the system makes it again or not, as the signal has it.

@@ -9,14 +9,12 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 
 use crate::traced::arch;
-use crate::traced::sys::{self, Persona, Tid, child::Image};
+use crate::traced::sys::{self, Tid, child::Image};
 use crate::{Error, Program};
 
 /// A program on its way: traced, and let go.
 pub(crate) struct Starting {
     pub(crate) pid: Tid,
-    /// The system has given it the persona that it should have.
-    pub(crate) has_persona: bool,
     /// Closed when the program begins; before that it tells why it cannot.
     line: UnixStream,
 }
@@ -55,8 +53,7 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     let input = std::fs::File::open("/dev/null").map_err(system("cannot open /dev/null"))?;
     let (mut line, theirs) =
         UnixStream::pair().map_err(system("cannot make a line to the program"))?;
-    let image = Image::new(&file, &words, &environment, arch::filter(random));
-    let persona = Persona::set(random);
+    let image = Image::new(&file, &words, &environment, arch::filter(random), random);
     let ends = (theirs.as_raw_fd(), line.as_raw_fd());
     let streams = (input.as_raw_fd(), program.output.as_raw_fd());
     let pid = sys::child::fork(&image, ends, streams)
@@ -70,12 +67,7 @@ pub(crate) fn start(program: &Program<'_>, random: bool) -> Result<Starting, Err
     }
     line.write_all(b".")
         .map_err(system("cannot let the program begin"))?;
-    let has_persona = persona.is_set();
-    Ok(Starting {
-        pid,
-        has_persona,
-        line,
-    })
+    Ok(Starting { pid, line })
 }
 
 fn unsupported(call: &str, error: &io::Error) -> Error {

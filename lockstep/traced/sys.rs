@@ -127,31 +127,40 @@ pub(crate) fn reap(pid: Tid, soon: bool) {
     unsafe { libc::waitpid(pid, ptr::null_mut(), libc::__WALL | options) };
 }
 
-/// Reads memory of a stopped thread; returns how much of it could be read.
-pub(crate) fn read_memory(tid: Tid, address: u64, bytes: &mut [u8]) -> io::Result<usize> {
-    let [local, remote] = both_ends(bytes.as_mut_ptr(), address, bytes.len());
-    // SAFETY: the local part is a slice that may be written; the system checks the remote one.
-    let count =
-        unsafe { libc::process_vm_readv(tid, &raw const local, 1, &raw const remote, 1, 0) };
+/// Parts of a program's memory: addresses, and how many bytes.
+pub(crate) type Parts = [(u64, u64)];
+
+/// Reads parts of the memory of a stopped thread; returns how much of it could be read.
+pub(crate) fn read_memory(tid: Tid, parts: &Parts, bytes: &mut [u8]) -> io::Result<usize> {
+    let (local, remote) = (vector(bytes.as_mut_ptr(), bytes.len()), vectors(parts));
+    let (from, count) = (remote.as_ptr(), remote.len() as libc::c_ulong);
+    // SAFETY: the local part is a slice that may be written; the system checks the remote ones.
+    let count = unsafe { libc::process_vm_readv(tid, &raw const local, 1, from, count, 0) };
     usize::try_from(count).map_err(|_| io::Error::last_os_error())
 }
 
-/// Writes memory of a stopped thread; returns how much of it could be written.
-pub(crate) fn write_memory(tid: Tid, address: u64, bytes: &[u8]) -> io::Result<usize> {
-    let [local, remote] = both_ends(bytes.as_ptr().cast_mut(), address, bytes.len());
-    // SAFETY: the local part is only read; the system checks the remote one.
-    let count =
-        unsafe { libc::process_vm_writev(tid, &raw const local, 1, &raw const remote, 1, 0) };
+/// Writes parts of the memory of a stopped thread; returns how much of it could be written.
+pub(crate) fn write_memory(tid: Tid, parts: &Parts, bytes: &[u8]) -> io::Result<usize> {
+    let (local, remote) = (vector(bytes.as_ptr().cast_mut(), bytes.len()), vectors(parts));
+    let (to, count) = (remote.as_ptr(), remote.len() as libc::c_ulong);
+    // SAFETY: the local part is only read; the system checks the remote ones.
+    let count = unsafe { libc::process_vm_writev(tid, &raw const local, 1, to, count, 0) };
     usize::try_from(count).map_err(|_| io::Error::last_os_error())
 }
 
-/// As many bytes of this program's memory and of another's.
-fn both_ends(local: *mut u8, remote: u64, length: usize) -> [libc::iovec; 2] {
-    let remote = ptr::without_provenance_mut(usize::try_from(remote).unwrap_or_default());
-    [local.cast(), remote].map(|base| libc::iovec {
-        iov_base: base,
+fn vector(base: *mut u8, length: usize) -> libc::iovec {
+    libc::iovec {
+        iov_base: base.cast(),
         iov_len: length,
-    })
+    }
+}
+
+fn vectors(parts: &Parts) -> Vec<libc::iovec> {
+    let number = |number: u64| usize::try_from(number).unwrap_or_default();
+    let one = |(base, length): &(u64, u64)| {
+        vector(ptr::without_provenance_mut(number(*base)), number(*length))
+    };
+    parts.iter().map(one).collect()
 }
 
 /// Writes memory of a stopped thread that the program itself may not write to. Whole words.
@@ -292,40 +301,6 @@ impl Drop for Ticks {
     }
 }
 
-/// The persona of the programs that this thread starts, until it is dropped.
-pub(crate) struct Persona {
-    /// The one before; `None` if the system has refused another.
-    former: Option<libc::c_ulong>,
-}
-
-impl Persona {
-    /// Keeps the system from writing how much time is left of `select`, which the tracer does; and from
-    /// choosing random addresses, if they are to be `fixed`.
-    pub(crate) fn set(fixed: bool) -> Self {
-        let fixed = if fixed { libc::ADDR_NO_RANDOMIZE } else { 0 };
-        // SAFETY: takes numbers only. This one asks.
-        let former = unsafe { libc::personality(0xFFFF_FFFF) };
-        let wanted = former | libc::STICKY_TIMEOUTS | fixed;
-        // SAFETY: likewise.
-        let is_set = former >= 0 && unsafe { libc::personality(wanted.unsigned_abs().into()) } >= 0;
-        let former = is_set.then(|| former.unsigned_abs().into());
-        Self { former }
-    }
-
-    pub(crate) fn is_set(&self) -> bool {
-        self.former.is_some()
-    }
-}
-
-impl Drop for Persona {
-    fn drop(&mut self) {
-        if let Some(former) = self.former {
-            // SAFETY: takes a number only.
-            unsafe { libc::personality(former) };
-        }
-    }
-}
-
 /// Asks the system for what [`seize`] leaves open: the name of a call that it refuses, if there is one.
 pub(crate) fn refused() -> Option<(&'static str, io::Error)> {
     const GET_ACTION_AVAIL: libc::c_uint = 2;
@@ -334,7 +309,7 @@ pub(crate) fn refused() -> Option<(&'static str, io::Error)> {
     let seccomp =
         unsafe { libc::syscall(libc::SYS_seccomp, GET_ACTION_AVAIL, 0, &raw const action) };
     let from = ptr::from_ref(&action).addr() as u64;
-    let read = read_memory(std::process::id().cast_signed(), from, &mut [0; 4]);
+    let read = read_memory(std::process::id().cast_signed(), &[(from, 4)], &mut [0; 4]);
     check(seccomp)
         .err()
         .map(|error| ("seccomp", error))

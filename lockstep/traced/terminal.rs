@@ -4,7 +4,8 @@ use crate::modem;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{Entry, counted, failure, int};
-use crate::traced::memory::Memory;
+use crate::traced::memory::{Memory, whole_length};
+use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::wait::Wait;
 
@@ -35,26 +36,28 @@ pub(crate) const REQUESTS: &[u64] = &[
 ];
 
 impl Tracer<'_> {
-    /// A read of a port. `into` is where the bytes go if it is one place.
+    /// A read of a port into these parts of the client's memory.
     pub(crate) fn read_port(
         &mut self,
         entry: Entry,
         index: usize,
         descriptor: &Descriptor,
-        (count, into): (usize, Option<u64>),
-    ) -> Handling {
+        into: Vec<(u64, u64)>,
+    ) -> Result<Handling, Halt> {
         let port = &mut self.ports[index];
-        // Room that a former read has made is for what still waits; if that fails, so does the read.
-        let _ = port.top_up();
-        let rule = port.read_rule();
-        let unread = port.unread();
-        let at_once =
-            descriptor.is_nonblocking() || (rule.least == Some(0) && rule.patience.is_none());
-        if unread == 0 && at_once {
-            return self.ask(entry).unwrap_or(Handling::Make);
+        // Room that a former read has made is for what still waits.
+        port.top_up()?;
+        let (rule, unread, count) = (port.read_rule(), port.unread(), room(&into));
+        let is_there = count == 0 || port.can_be_read(rule, count);
+        let at_once = rule.never_waits() || !is_there && descriptor.is_nonblocking();
+        if unread == 0
+            && at_once
+            && let Some(backs_off) = self.ask(entry)
+        {
+            return Ok(backs_off);
         }
-        if count == 0 || at_once || port.can_be_read(rule, count) {
-            return Handling::Make;
+        if is_there || at_once {
+            return self.receive(entry.tid, index, &into).map(Handling::Answer);
         }
         let patience = rule
             .patience
@@ -64,11 +67,25 @@ impl Tracer<'_> {
             port: index,
             device: descriptor.stat.st_rdev,
             seen: unread,
-            count,
             rule,
             into,
         };
-        Handling::Hold(wait, deadline)
+        Ok(Handling::Hold(wait, deadline))
+    }
+
+    /// Hands a client what it can read of a port; what its read returns.
+    pub(crate) fn receive(
+        &mut self,
+        tid: Tid,
+        index: usize,
+        into: &[(u64, u64)],
+    ) -> Result<i64, Halt> {
+        let port = &mut self.ports[index];
+        match port.read(room(into)) {
+            Some(bytes) => Ok(counted(Memory(tid).write_parts(into, &bytes)?)),
+            None if port.read_rule().never_waits() || room(into) == 0 => Ok(0),
+            None => Ok(-i64::from(libc::EAGAIN)),
+        }
     }
 
     /// A write to a port: the line takes the bytes, and not the system.
@@ -134,6 +151,18 @@ impl Tracer<'_> {
         Ok(())
     }
 
+    /// A descriptor is added to an epoll, which polls ports in the kernel.
+    pub(crate) fn add_to_epoll(&mut self, entry: Entry) -> Result<Handling, Halt> {
+        let fd = int(entry.a[2]);
+        self.pass(entry.tid, [fd])?;
+        let descriptor = self.descriptor(entry.process, fd).ok_or(Halt::Make)?;
+        if let Some(index) = self.port_of(&descriptor) {
+            self.ports[index].in_epoll = true;
+            self.ports[index].top_up()?;
+        }
+        Ok(Handling::Make)
+    }
+
     /// A request to a port, or one that only asks.
     pub(crate) fn request(&mut self, entry: Entry) -> Result<Handling, Halt> {
         let [fd, request, argument, ..] = entry.a;
@@ -143,13 +172,20 @@ impl Tracer<'_> {
             .descriptor(entry.process, int(fd))
             .and_then(|descriptor| self.port_of(&descriptor));
         self.look_at_ports()?;
-        if request == libc::FIONREAD {
-            return Ok(self.ask(entry).unwrap_or(Handling::Make));
+        if request == libc::FIONREAD
+            && let Some(backs_off) = self.ask(entry)
+        {
+            return Ok(backs_off);
         }
         let index = port.ok_or(Halt::Make)?;
         let memory = Memory(entry.tid);
         let port = &mut self.ports[index];
         match request {
+            libc::FIONREAD => {
+                port.top_up()?;
+                let unread = u32::try_from(port.unread()).unwrap_or(u32::MAX);
+                memory.write(argument, &unread.to_ne_bytes())?;
+            }
             libc::TCSETS
             | libc::TCSETA
             | libc::TCSETS2
@@ -270,4 +306,9 @@ impl Tracer<'_> {
         }
         Ok(())
     }
+}
+
+/// Bytes for which there is room.
+pub(crate) fn room(parts: &[(u64, u64)]) -> usize {
+    usize::try_from(whole_length(parts)).unwrap_or(usize::MAX)
 }

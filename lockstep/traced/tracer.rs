@@ -48,8 +48,6 @@ pub(crate) struct Tracer<'a> {
     pub(crate) ports_used: Cell<bool>,
     /// Way in which programs pass descriptors, where the system refuses to duplicate them.
     pub(crate) passage: Option<Rc<Passage>>,
-    /// The system writes the time that is left of `select`; [`Handling`] has to prevent that.
-    pub(crate) writes_rest: bool,
     pub(crate) has_signalfd: bool,
     pub(crate) processor: Processor,
     pub(crate) lists: Lists,
@@ -90,6 +88,7 @@ pub(crate) struct Report {
     pub(crate) missing: BTreeSet<String>,
     pub(crate) left: BTreeSet<String>,
     pub(crate) calls: u64,
+    pub(crate) random_addresses: bool,
 }
 
 /// Ends the run early.
@@ -216,7 +215,6 @@ impl<'a> Tracer<'a> {
             outside_sockets: BTreeSet::new(),
             ports_used: Cell::new(true),
             passage,
-            writes_rest: !starting.has_persona,
             has_signalfd: false,
             processor: Processor::new(),
             lists: Lists::new(),
@@ -236,7 +234,7 @@ impl<'a> Tracer<'a> {
             left: self.report.left,
             at: self.now,
             calls: self.report.calls,
-            random_addresses: self.options.seed.is_some() && self.writes_rest,
+            random_addresses: self.report.random_addresses,
         }
     }
 

@@ -7,7 +7,7 @@ use crate::traced::arch::Call;
 use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
 use crate::traced::entry::{Entry, counted, failure, int};
-use crate::traced::memory::Memory;
+use crate::traced::memory::{Memory, whole_length};
 use crate::traced::sys::Tid;
 use crate::traced::tracer::{Halt, Handling, Tracer};
 use crate::traced::tree::AtEnd;
@@ -44,7 +44,11 @@ impl Tracer<'_> {
         // Before anything is done with a port, the world knows which clients have it open.
         self.look_at_ports()?;
         if let Some(index) = self.port_of(&descriptor) {
-            return self.port_transfer(entry, index, &descriptor);
+            return match self.port_transfer(entry, index, &descriptor) {
+                // The kernel has none of a port's bytes.
+                Err(Halt::Make) => Ok(failure(libc::EFAULT)),
+                handling => handling,
+            };
         }
         self.note_destination(entry, &descriptor)?;
         let from = from.and_then(|from| self.descriptor(process, from));
@@ -120,22 +124,16 @@ impl Tracer<'_> {
         descriptor: &Descriptor,
     ) -> Result<Handling, Halt> {
         let a = entry.a;
-        let length = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
-        let parts = || Memory(entry.tid).read_parts(a[1], a[2]);
-        match entry.call {
+        let parts = match entry.call {
+            Call::Read | Call::Write => vec![(a[1], a[2])],
+            Call::Readv | Call::Writev => Memory(entry.tid).read_parts(a[1], a[2])?,
             // Programs fall back to reading and writing.
-            Call::Splice | Call::Sendfile => Ok(failure(libc::EINVAL)),
-            Call::Write => self.write_port(entry, index, descriptor, &[(a[1], a[2])]),
-            Call::Writev => self.write_port(entry, index, descriptor, &parts()?),
-            Call::Read => {
-                let asked = (length(a[2]), Some(a[1]));
-                Ok(self.read_port(entry, index, descriptor, asked))
-            }
-            Call::Readv => {
-                let asked = (length(whole_length(&parts()?)), None);
-                Ok(self.read_port(entry, index, descriptor, asked))
-            }
-            _ => Ok(Handling::Make),
+            Call::Splice | Call::Sendfile => return Ok(failure(libc::EINVAL)),
+            _ => return Ok(Handling::Make),
+        };
+        match entry.call {
+            Call::Write | Call::Writev => self.write_port(entry, index, descriptor, &parts),
+            _ => self.read_port(entry, index, descriptor, parts),
         }
     }
 
@@ -219,12 +217,6 @@ impl Tracer<'_> {
         };
         Ok(Handling::Hold(wait, deadline))
     }
-}
-
-/// The length of all parts of a read or write.
-fn whole_length(parts: &[(u64, u64)]) -> u64 {
-    let add = |sum: u64, part: &(u64, u64)| sum.saturating_add(part.1);
-    parts.iter().fold(0, add)
 }
 
 /// A message queue is a file, too, and one that waits.

@@ -45,7 +45,7 @@ pub(crate) enum Wait {
     /// One of these descriptors, if that is said of it.
     Poll {
         set: Vec<(i32, PollFlags)>,
-        late: Late,
+        result: PollResult,
         mask: Option<u64>,
     },
     /// A descriptor on which a call can then be made; room for so many bytes, if it is a pipe. What
@@ -62,10 +62,9 @@ pub(crate) enum Wait {
         device: u64,
         /// Bytes that have been there.
         seen: usize,
-        count: usize,
         rule: ReadRule,
-        /// Place where they go, if they go to one.
-        into: Option<u64>,
+        /// Places where they go.
+        into: Vec<(u64, u64)>,
     },
     /// Room on the line for the rest of what a client sends.
     PortWrite {
@@ -99,14 +98,10 @@ pub(crate) enum Wait {
     Forever,
 }
 
-/// Result that is written when the time of a poll is over.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Late {
-    /// `revents` of so many descriptors there.
-    Revents {
-        address: u64,
-        count: usize,
-    },
+/// Place of a poll's result.
+pub(crate) enum PollResult {
+    /// `revents` in these descriptions of descriptors, which lie there.
+    Revents { address: u64, entries: Vec<u8> },
     /// Three sets of so many bytes, and the time that is left, in microseconds or nanoseconds.
     Sets {
         sets: [u64; 3],
@@ -114,7 +109,8 @@ pub(crate) enum Late {
         time: u64,
         micros: bool,
     },
-    Nothing,
+    /// The kernel writes it: events of an epoll.
+    Kernel,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

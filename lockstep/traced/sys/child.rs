@@ -12,6 +12,7 @@ pub(crate) struct Image<'a> {
     words: Vec<*const c_char>,
     environment: Vec<*const c_char>,
     filter: Vec<libc::sock_filter>,
+    fixed_addresses: bool,
 }
 
 impl<'a> Image<'a> {
@@ -20,6 +21,7 @@ impl<'a> Image<'a> {
         words: &'a [CString],
         environment: &'a [CString],
         filter: Vec<libc::sock_filter>,
+        fixed_addresses: bool,
     ) -> Self {
         let pointers = |strings: &[CString]| {
             let pointers = strings.iter().map(|string| string.as_ptr());
@@ -30,6 +32,7 @@ impl<'a> Image<'a> {
             words: pointers(words),
             environment: pointers(environment),
             filter,
+            fixed_addresses,
         }
     }
 }
@@ -108,6 +111,11 @@ unsafe fn prepare(image: &Image<'_>, input: RawFd, output: RawFd) -> io::Result<
         let mut none = std::mem::MaybeUninit::<libc::sigset_t>::uninit();
         libc::sigemptyset(none.as_mut_ptr());
         libc::sigprocmask(libc::SIG_SETMASK, none.as_ptr(), ptr::null_mut());
+        if image.fixed_addresses {
+            // Where the system refuses it, addresses are random, which the tracer finds and reports.
+            let persona = libc::personality(0xFFFF_FFFF) | libc::ADDR_NO_RANDOMIZE;
+            libc::personality(persona.unsigned_abs().into());
+        }
         check(libc::prctl(libc::PR_SET_TSC, libc::PR_TSC_SIGSEGV).into())?;
         check(libc::prctl(libc::PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0).into())?;
         let set = libc::SECCOMP_SET_MODE_FILTER;

@@ -50,6 +50,8 @@ calls! {
     EpollWait [libc::SYS_epoll_wait] Rule::Stop;
     EpollPwait [libc::SYS_epoll_pwait] Rule::Stop;
     EpollPwait2 [libc::SYS_epoll_pwait2] Rule::Stop;
+    // EPOLL_CTL_ADD.
+    EpollCtl [libc::SYS_epoll_ctl] Rule::If(1, &[1]);
     Futex [libc::SYS_futex] Rule::Stop;
     Pause [libc::SYS_pause] Rule::Stop;
     Sigsuspend [libc::SYS_rt_sigsuspend] Rule::Stop;
