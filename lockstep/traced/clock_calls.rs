@@ -2,9 +2,9 @@
 
 use crate::traced::arch::Call;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
-use crate::traced::entry::{Entry, failure, int};
 use crate::traced::memory::Memory;
-use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
+use crate::traced::tracer::Tracer;
 use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 

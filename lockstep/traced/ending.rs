@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::Reason;
+use crate::traced::limits::own_processor_time;
 use crate::traced::sys::{self, TICK, Tid};
 use crate::traced::tracer::Tracer;
 
@@ -11,37 +12,6 @@ const GRACE: u64 = 2_000_000_000;
 
 /// Real time in which killed programs must have gone.
 const KILL_PATIENCE: Duration = Duration::from_secs(10);
-
-pub(crate) struct Limits {
-    /// Simulated time at which those who were asked to end are killed.
-    pub(crate) killed_at: Option<u64>,
-    /// Since when a thread waits for the world outside, in real and in simulated time.
-    pub(crate) paced: Option<(Instant, u64)>,
-    /// Processor time of processes that have gone, and real time of waits for the world outside, less
-    /// what this thread had used at the beginning.
-    pub(crate) used: Duration,
-    /// Processor time of this thread at the beginning.
-    begun: Duration,
-    checked: Instant,
-    is_over: bool,
-}
-
-impl Limits {
-    pub(crate) fn new() -> Self {
-        Self {
-            killed_at: None,
-            paced: None,
-            used: Duration::ZERO,
-            begun: own_processor_time(),
-            checked: Instant::now(),
-            is_over: false,
-        }
-    }
-}
-
-fn own_processor_time() -> Duration {
-    sys::processor_time(libc::CLOCK_THREAD_CPUTIME_ID).unwrap_or_default()
-}
 
 impl Tracer<'_> {
     /// Returns whether the time allowed is over, or an end was asked for; notes which.
@@ -69,7 +39,7 @@ impl Tracer<'_> {
     fn used_time(&mut self) -> Duration {
         let own = own_processor_time().saturating_sub(self.limits.begun);
         let mut used = self.limits.used + own;
-        for (pid, process) in &mut self.processes {
+        for (pid, process) in &mut self.tree.processes {
             process.measure(*pid);
             used += process.used;
         }
@@ -80,7 +50,7 @@ impl Tracer<'_> {
     pub(crate) fn ask_to_end(&mut self, reason: Reason) {
         self.report.reason.get_or_insert(reason);
         self.limits.killed_at = Some(self.now + GRACE);
-        for pid in self.processes.keys() {
+        for pid in self.tree.processes.keys() {
             // Who has gone meanwhile need not be asked.
             let _ = sys::kill(*pid, libc::SIGTERM);
         }
@@ -89,7 +59,7 @@ impl Tracer<'_> {
     }
 
     pub(crate) fn is_dying(&mut self, pid: Tid) {
-        if let Some(process) = self.processes.get_mut(&pid) {
+        if let Some(process) = self.tree.processes.get_mut(&pid) {
             process.dying = true;
             process.measure(pid);
         }
@@ -98,8 +68,8 @@ impl Tracer<'_> {
     /// Kills all processes and waits until they have gone.
     pub(crate) fn kill_all(&mut self) {
         let begun = Instant::now();
-        while !self.processes.is_empty() && begun.elapsed() < KILL_PATIENCE {
-            for pid in self.processes.keys() {
+        while !self.tree.processes.is_empty() && begun.elapsed() < KILL_PATIENCE {
+            for pid in self.tree.processes.keys() {
                 let _ = sys::kill(*pid, libc::SIGKILL);
             }
             match sys::wait(None, true) {
@@ -110,14 +80,14 @@ impl Tracer<'_> {
                 }
                 Ok(Some((tid, status))) => self.gone(tid, status),
                 Err(error) if error.raw_os_error() == Some(libc::ECHILD) => {
-                    self.processes.clear();
+                    self.tree.processes.clear();
                 }
                 _ => {}
             }
         }
-        self.threads.clear();
+        self.tree.threads.clear();
         // Those whose parent has ended before them have become children of this program.
-        for pid in std::mem::take(&mut self.ended) {
+        for pid in std::mem::take(&mut self.tree.ended) {
             sys::reap(pid, false);
         }
     }

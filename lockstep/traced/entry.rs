@@ -5,25 +5,13 @@ use crate::traced::clock::{parts, parts_micros};
 use crate::traced::memory::Memory;
 use crate::traced::one_processor::{affinity, current};
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, OwnClocks, Resume, State};
-use crate::traced::wait::Wait;
-use crate::traced::words::call_name;
+use crate::traced::syscall::{Entry, Halt, Handling, call_name, failure, int, low};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{AtEnd, OwnClocks, State};
+use crate::traced::wait::{Resume, Wait};
 
 /// The time of `timex` has nanoseconds.
 const STA_NANO: u32 = libc::STA_NANO.cast_unsigned();
-
-/// A thread at the beginning of a call.
-#[derive(Clone, Copy)]
-pub(crate) struct Entry {
-    pub(crate) tid: Tid,
-    pub(crate) process: Tid,
-    pub(crate) call: Call,
-    pub(crate) registers: Registers,
-    pub(crate) a: [u64; 6],
-    /// It has paid for its asking.
-    pub(crate) crept: bool,
-}
 
 impl Tracer<'_> {
     /// Decides what becomes of a call.
@@ -34,8 +22,8 @@ impl Tracer<'_> {
         crept: bool,
     ) -> Result<Handling, Halt> {
         let call = arch::call(registers.number()).ok_or(Halt::Make)?;
-        let process = self.process_of(tid);
-        if let Some(process) = self.processes.get_mut(&process) {
+        let process = self.tree.process_of(tid);
+        if let Some(process) = self.tree.processes.get_mut(&process) {
             process.gate = Some(registers.gate());
         }
         let a = registers.arguments();
@@ -126,7 +114,7 @@ impl Tracer<'_> {
             Call::Kill | Call::Tgkill | Call::PidfdSendSignal => Ok(Self::kill_call(entry)),
             Call::Sigaction => self.fault_action(entry),
             Call::Signalfd => {
-                self.has_signalfd = true;
+                self.descriptors.has_signalfd = true;
                 Ok(Handling::Make)
             }
             Call::Exit => Ok(self.exit(tid, process)),
@@ -156,8 +144,13 @@ impl Tracer<'_> {
 
     /// A call has come to its end that is looked at.
     pub(crate) fn end_of_call(&mut self, tid: Tid) -> Result<(), Halt> {
-        self.set_state(tid, State::Ready(Resume::Go(0)));
-        let Some(at_end) = self.threads.get_mut(&tid).and_then(|t| t.at_end.take()) else {
+        self.tree.set_state(tid, State::Ready(Resume::Go(0)));
+        let Some(at_end) = self
+            .tree
+            .threads
+            .get_mut(&tid)
+            .and_then(|t| t.at_end.take())
+        else {
             return Ok(());
         };
         let registers = Registers::of(tid)?;
@@ -219,7 +212,7 @@ impl Tracer<'_> {
                 let (number, arguments) = Vdso::page_call();
                 let result = self.inject(tid, number, arguments)?;
                 let page = vdso.replace(tid, result)?;
-                if let Some(process) = self.processes.get_mut(&self.process_of(tid)) {
+                if let Some(process) = self.tree.processes.get_mut(&self.tree.process_of(tid)) {
                     process.clocks = page.map(|page| OwnClocks { page, shown: None });
                 }
             }
@@ -236,38 +229,11 @@ impl Tracer<'_> {
         Ok(())
     }
 
-    pub(crate) fn look_at_end(&mut self, tid: Tid, at_end: AtEnd) {
-        if let Some(thread) = self.threads.get_mut(&tid) {
-            thread.at_end = Some(at_end);
-        }
-    }
-
-    pub(crate) fn process_of(&self, tid: Tid) -> Tid {
-        self.threads.get(&tid).map_or(tid, |thread| thread.process)
-    }
-
     /// A call that had been made again has done something.
     fn has_changed(&mut self, tid: Tid) {
         self.schedule.happened += 1;
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             thread.retries = false;
         }
     }
-}
-
-pub(crate) fn low(number: u64) -> u32 {
-    u32::try_from(number & 0xFFFF_FFFF).unwrap_or_default()
-}
-
-pub(crate) fn int(number: u64) -> i32 {
-    low(number).cast_signed()
-}
-
-pub(crate) fn failure(errno: i32) -> Handling {
-    Handling::Answer(-i64::from(errno))
-}
-
-/// The result of a call that tells how many.
-pub(crate) fn counted(number: usize) -> i64 {
-    i64::try_from(number).unwrap_or(i64::MAX)
 }

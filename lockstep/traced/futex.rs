@@ -3,12 +3,13 @@
 use std::io;
 
 use crate::traced::clock::span;
-use crate::traced::entry::{Entry, failure, low};
 use crate::traced::memory::Memory;
+use crate::traced::proc::{mapping, number};
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State, Thread, mapping, number};
-use crate::traced::wait::{FutexKey, Hold, Wait};
+use crate::traced::syscall::{Entry, Halt, Handling, failure, low};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{AtEnd, State, Thread};
+use crate::traced::wait::{FutexKey, Hold, Resume, Wait};
 
 const ALL_BITS: u32 = u32::MAX;
 
@@ -91,7 +92,7 @@ impl Tracer<'_> {
         let mut deadline = self
             .futex_deadline(tid, a[3], Some(by_date))?
             .ok_or(Halt::Make)?;
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             deadline = thread.again_until.take().or(deadline);
         }
         let private = a[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
@@ -143,11 +144,11 @@ impl Tracer<'_> {
     }
 
     fn wake_one(&mut self, tid: Tid) -> io::Result<()> {
-        if let Some(hold) = self.threads.get(&tid).and_then(|thread| thread.hold()) {
+        if let Some(hold) = self.tree.threads.get(&tid).and_then(|thread| thread.hold()) {
             let registers = hold.registers;
             registers.answer(tid, 0)?;
         }
-        self.set_state(tid, State::Ready(Resume::Go(0)));
+        self.tree.set_state(tid, State::Ready(Resume::Go(0)));
         Ok(())
     }
 
@@ -160,7 +161,7 @@ impl Tracer<'_> {
             } if *key == wanted && bits & with != 0 => Some((*since, *tid)),
             _ => None,
         };
-        let mut waiters: Vec<(u64, Tid)> = self.threads.iter().filter_map(waits).collect();
+        let mut waiters: Vec<(u64, Tid)> = self.tree.threads.iter().filter_map(waits).collect();
         waiters.sort_unstable();
         waiters.into_iter().map(|(_, tid)| tid).collect()
     }
@@ -173,7 +174,7 @@ impl Tracer<'_> {
             }
             // What is there says nothing of how long to wait.
             let word = Memory(tid).read_u32(there).unwrap_or_default();
-            if let Some(hold) = self.hold_of(tid)
+            if let Some(hold) = self.tree.hold_of(tid)
                 && let Wait::Futex { bits, .. } = hold.wait
             {
                 hold.wait = Wait::Futex {
@@ -192,6 +193,7 @@ impl Tracer<'_> {
     /// since none waits in it. To wake one for nothing is allowed.
     pub(crate) fn wake_changed_futexes(&mut self) {
         let changed: Vec<Tid> = self
+            .tree
             .threads
             .iter()
             .filter(|(tid, thread)| match thread.hold().map(|hold| &hold.wait) {
@@ -211,8 +213,12 @@ impl Tracer<'_> {
     }
 
     fn futex_key(&self, tid: Tid, address: u64, private: bool) -> FutexKey {
-        let process = self.process_of(tid);
-        let memory = self.processes.get(&process).map_or(0, |one| one.memory);
+        let process = self.tree.process_of(tid);
+        let memory = self
+            .tree
+            .processes
+            .get(&process)
+            .map_or(0, |one| one.memory);
         let own = FutexKey::Private(memory, address);
         if private {
             return own;

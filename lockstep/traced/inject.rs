@@ -3,11 +3,11 @@
 use rustix::event::PollFlags;
 
 use crate::traced::arch::Registers;
-use crate::traced::descriptor::members_of_epoll;
 use crate::traced::memory::Memory;
+use crate::traced::proc::{members_of_epoll, name_of, path_of};
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{name_of, path_of};
+use crate::traced::syscall::Halt;
+use crate::traced::tracer::Tracer;
 
 impl Tracer<'_> {
     /// Makes a syscall by a stopped thread, and returns its result. Afterwards the thread has the
@@ -21,7 +21,7 @@ impl Tracer<'_> {
         number: i64,
         arguments: [u64; 6],
     ) -> Result<i64, Halt> {
-        let process = self.processes.get(&self.process_of(tid));
+        let process = self.tree.processes.get(&self.tree.process_of(tid));
         let Some(gate) = process.and_then(|process| process.gate) else {
             return Ok(-i64::from(libc::ENOSYS));
         };
@@ -94,10 +94,10 @@ impl Tracer<'_> {
         tid: Tid,
         fds: impl IntoIterator<Item = i32>,
     ) -> Result<(), Halt> {
-        if self.passage.is_none() {
+        if self.descriptors.passage.is_none() {
             return Ok(());
         }
-        let process = self.process_of(tid);
+        let process = self.tree.process_of(tid);
         let mut any = false;
         for fd in fds {
             if self.is_known(process, fd) || path_of(process, fd).is_none() {
@@ -119,10 +119,10 @@ impl Tracer<'_> {
 
     /// The same for descriptors that are polled, and those that are polled through them.
     pub(crate) fn pass_polled(&mut self, tid: Tid, set: &[(i32, PollFlags)]) -> Result<(), Halt> {
-        if self.passage.is_none() {
+        if self.descriptors.passage.is_none() {
             return Ok(());
         }
-        let process = self.process_of(tid);
+        let process = self.tree.process_of(tid);
         let members = set
             .iter()
             .flat_map(|(fd, _)| members_of_epoll(process, *fd));
@@ -139,7 +139,7 @@ impl Tracer<'_> {
         let number = |value: i32| u64::from(value.unsigned_abs());
         let kind = number(libc::SOCK_DGRAM | libc::SOCK_CLOEXEC);
         let make = [number(libc::AF_UNIX), kind, 0, 0, 0, 0];
-        let Some(passage) = self.passage.clone() else {
+        let Some(passage) = self.descriptors.passage.clone() else {
             return Ok(None);
         };
         let Ok(socket) = u64::try_from(self.inject(tid, libc::SYS_socket, make)?) else {

@@ -4,18 +4,22 @@ use crate::Error;
 use crate::traced::arch::{self, Registers};
 use crate::traced::descriptor::Files;
 use crate::traced::memory::Memory;
+use crate::traced::proc::number;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{AtEnd, Resume, State, Thread, number};
+use crate::traced::syscall::Halt;
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{AtEnd, State, Thread};
+use crate::traced::wait::Resume;
 
 impl Tracer<'_> {
     /// A process has another program.
     pub(crate) fn executed(&mut self, tid: Tid) -> Result<(), Halt> {
         let former = sys::event_message(tid)?;
-        let number = self.threads.get(&former).map(|thread| thread.number);
-        self.threads
+        let number = self.tree.threads.get(&former).map(|thread| thread.number);
+        self.tree
+            .threads
             .retain(|other, thread| *other == tid || thread.process != tid);
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             *thread = Thread::new(
                 number.unwrap_or(thread.number),
                 tid,
@@ -25,8 +29,8 @@ impl Tracer<'_> {
         if self.schedule.current == Some(former) {
             self.schedule.current = Some(tid);
         }
-        let memory = self.new_memory();
-        if let Some(process) = self.processes.get_mut(&tid) {
+        let memory = self.tree.new_memory();
+        if let Some(process) = self.tree.processes.get_mut(&tid) {
             process.memory = memory;
             process.clocks = None;
             process.on_fault = None;
@@ -44,10 +48,10 @@ impl Tracer<'_> {
         let mut bytes = [0; 16];
         let random = self.random(&mut bytes).map(|()| bytes);
         let vdso = arch::prepare_image(Memory(tid), stack, random)?;
-        if let Some(process) = self.processes.get_mut(&tid) {
+        if let Some(process) = self.tree.processes.get_mut(&tid) {
             process.gate = vdso.as_ref().map(|vdso| vdso.gate);
         }
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             thread.at_end = vdso.map(AtEnd::Loaded);
         }
         Ok(())

@@ -4,12 +4,12 @@ use rustix::event::PollFlags;
 
 use crate::traced::arch::Registers;
 use crate::traced::clock::nanoseconds;
-use crate::traced::entry::counted;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{Resume, State};
+use crate::traced::syscall::{Halt, counted};
 use crate::traced::terminal::room;
-use crate::traced::wait::{Hold, Wait};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::State;
+use crate::traced::wait::{Resume, Wait};
 
 /// Result of a look at a wait.
 enum Look {
@@ -28,35 +28,18 @@ impl Tracer<'_> {
     pub(crate) fn look_at_waits(&mut self) -> Result<bool, Halt> {
         let mut any = false;
         // Those that have not been looked at since something has happened.
-        for tid in self.waiting(|hold| hold.looked_at < self.schedule.happened) {
+        for tid in self.tree.all(|one| {
+            one.hold()
+                .is_some_and(|hold| hold.looked_at < self.schedule.happened)
+        }) {
             any |= self.look_at(tid)?;
         }
         Ok(any)
     }
 
-    /// The threads that wait so, in order.
-    pub(crate) fn waiting(&self, so: impl Fn(&Hold) -> bool) -> Vec<Tid> {
-        let mut all: Vec<(u64, Tid)> = self
-            .threads
-            .iter()
-            .filter(|(_, thread)| thread.hold().is_some_and(&so))
-            .map(|(tid, thread)| (thread.number, *tid))
-            .collect();
-        all.sort_unstable();
-        all.into_iter().map(|(_, tid)| tid).collect()
-    }
-
-    /// The wait of a thread.
-    pub(crate) fn hold_of(&mut self, tid: Tid) -> Option<&mut Hold> {
-        match &mut self.threads.get_mut(&tid)?.state {
-            State::Held(hold) => Some(hold),
-            _ => None,
-        }
-    }
-
     fn look_at(&mut self, tid: Tid) -> Result<bool, Halt> {
         let happened = self.schedule.happened;
-        let Some(hold) = self.hold_of(tid) else {
+        let Some(hold) = self.tree.hold_of(tid) else {
             return Ok(false);
         };
         hold.looked_at = happened;
@@ -76,7 +59,7 @@ impl Tracer<'_> {
         };
         let next = match look {
             Look::Waits => {
-                if let Some(hold) = self.hold_of(tid) {
+                if let Some(hold) = self.tree.hold_of(tid) {
                     (hold.wait, hold.deadline) = (wait, deadline);
                 }
                 return Ok(false);
@@ -87,7 +70,7 @@ impl Tracer<'_> {
                 Resume::Go(0)
             }
             Look::Again => {
-                if let Some(thread) = self.threads.get_mut(&tid) {
+                if let Some(thread) = self.tree.threads.get_mut(&tid) {
                     thread.retries = true;
                     thread.again_until = deadline;
                 }
@@ -97,7 +80,7 @@ impl Tracer<'_> {
             }
             Look::Resume(resume) => resume,
         };
-        self.set_state(tid, State::Ready(next));
+        self.tree.set_state(tid, State::Ready(next));
         Ok(true)
     }
 
@@ -124,7 +107,7 @@ impl Tracer<'_> {
                 room,
                 has_more,
                 ..
-            } => match self.descriptor(self.process_of(tid), *fd) {
+            } => match self.descriptor(self.tree.process_of(tid), *fd) {
                 Some(_) if self.has_signal(tid, *fd) => Look::Make,
                 Some(descriptor) if flags.contains(PollFlags::OUT) => {
                     make_if(descriptor.has_room(*room))

@@ -6,10 +6,9 @@ use std::io;
 use rustix::fs::SeekFrom;
 
 use crate::traced::descriptor::Descriptor;
-use crate::traced::entry::counted;
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Handling};
+use crate::traced::syscall::{Halt, Handling, counted};
 
 /// Processors on which a thread may run.
 pub(crate) fn affinity(tid: Tid, length: u64, into: u64) -> Result<Handling, Halt> {

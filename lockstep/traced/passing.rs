@@ -3,7 +3,9 @@
 
 use std::time::{Duration, Instant};
 
-use crate::traced::tracer::{Halt, Tracer};
+use crate::traced::outside::{self, Outside};
+use crate::traced::syscall::Halt;
+use crate::traced::tracer::Tracer;
 use crate::traced::tree::{State, Thread};
 use crate::traced::wait::Hold;
 use crate::{Reason, Step};
@@ -14,7 +16,7 @@ const PACE: u64 = 10_000_000;
 impl Tracer<'_> {
     /// No thread can run: time goes on. `false` when the run is over.
     pub(crate) fn let_time_pass(&mut self) -> Result<bool, Halt> {
-        let holds = self.threads.values().filter_map(Thread::hold);
+        let holds = self.tree.threads.values().filter_map(Thread::hold);
         let deadline = holds.filter_map(Hold::ends).min();
         let mut until = [deadline, self.timers.next(), self.limits.killed_at]
             .into_iter()
@@ -57,17 +59,13 @@ impl Tracer<'_> {
     }
 
     fn is_anybody_blocked(&self) -> bool {
-        let mut threads = self.threads.values();
+        let mut threads = self.tree.threads.values();
         threads.any(|thread| matches!(thread.state, State::Blocked))
     }
 
     /// Waits for the world outside, no longer in real time than simulated time may go on; until when
     /// that may then go, or `None` if something has happened there.
-    fn wait_outside(
-        &mut self,
-        waits: &[crate::traced::descriptor::Outside],
-        most: u64,
-    ) -> Result<Option<u64>, Halt> {
+    fn wait_outside(&mut self, waits: &[Outside], most: u64) -> Result<Option<u64>, Halt> {
         for wait in waits {
             self.report.outside.insert(wait.name.clone());
         }
@@ -84,7 +82,7 @@ impl Tracer<'_> {
             self.limits.used += counted.elapsed();
             counted = Instant::now();
             let left = span.saturating_sub(begun.elapsed()).min(slice);
-            let found = crate::traced::descriptor::wait(waits, left)?;
+            let found = outside::wait(waits, left)?;
             let mut any = found;
             while self.take_stop(false)? {
                 any = true;

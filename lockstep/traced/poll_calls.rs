@@ -5,10 +5,10 @@ use rustix::event::PollFlags;
 
 use crate::traced::arch::Call;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
-use crate::traced::entry::{Entry, counted, int, low};
 use crate::traced::memory::Memory;
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::syscall::{Entry, Halt, Handling, counted, int, low};
+use crate::traced::tracer::Tracer;
 use crate::traced::wait::{PollResult, Wait};
 
 /// Most descriptors in one call; beyond that the system decides.
@@ -210,10 +210,7 @@ impl Tracer<'_> {
 }
 
 /// The sets of `select` that there are: where each is, how long, and what it is polled for.
-fn places(
-    sets: [u64; 3],
-    bytes: usize,
-) -> impl Iterator<Item = ((u64, u64), PollFlags)> {
+fn places(sets: [u64; 3], bytes: usize) -> impl Iterator<Item = ((u64, u64), PollFlags)> {
     let sets = sets.into_iter().zip(SETS);
     let given = sets.filter(|(address, _)| *address != 0);
     given.map(move |(address, kind)| ((address, bytes as u64), kind))

@@ -2,11 +2,12 @@
 
 use crate::traced::arch::Call;
 use crate::traced::clock::span;
-use crate::traced::entry::{Entry, int};
 use crate::traced::memory::Memory;
+use crate::traced::proc::kernel_state;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, State, Thread, kernel_state};
+use crate::traced::syscall::{Entry, Halt, Handling, int};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{AtEnd, State, Thread};
 use crate::traced::wait::Wait;
 
 impl Tracer<'_> {
@@ -48,12 +49,12 @@ impl Tracer<'_> {
     /// Marks the processes that SIGKILL has been sent to, which are gone before any other goes on. Their
     /// threads have left the stops in which they were.
     pub(crate) fn find_dying(&mut self) {
-        for thread in &self.threads {
+        for thread in &self.tree.threads {
             let (tid, Thread { process, state, .. }) = thread;
             let is_stopped = || matches!(kernel_state(*process, *tid), Some('t' | 'T'));
             if !matches!(state, State::Running | State::Blocked)
                 && !is_stopped()
-                && let Some(process) = self.processes.get_mut(process)
+                && let Some(process) = self.tree.processes.get_mut(process)
             {
                 process.dying = true;
             }
@@ -61,12 +62,12 @@ impl Tracer<'_> {
     }
 
     pub(crate) fn exit(&mut self, tid: Tid, process: Tid) -> Handling {
-        let threads = self.threads.values();
+        let threads = self.tree.threads.values();
         if threads.filter(|thread| thread.process == process).count() == 1 {
             self.is_dying(process);
         } else if tid == process {
             // The end of the first thread of a process is reported only when the others have ended as well.
-            self.threads.remove(&tid);
+            self.tree.threads.remove(&tid);
             if sys::go_on(tid, 0).is_ok() {
                 while !matches!(kernel_state(process, tid), Some('Z' | 'X') | None) {
                     std::thread::yield_now();

@@ -5,7 +5,7 @@ use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
 use crate::traced::sys::Tid;
-use crate::traced::tracer::Tracer;
+use crate::traced::tree::Threads;
 
 /// After so many turns the system may choose another processor.
 const TURNS: u32 = 1000;
@@ -38,14 +38,14 @@ impl Drop for Processor {
     }
 }
 
-impl Tracer<'_> {
+impl Processor {
     /// A thread is about to run: on the processor of the tracer. Now and then that is where the
     /// system wakes it up when it is free to choose.
-    pub(crate) fn share_processor(&mut self) {
-        let Some(all) = &self.processor.all else {
+    pub(crate) fn share(&mut self, threads: &Threads) {
+        let Some(all) = &self.all else {
             return;
         };
-        match self.processor.turns {
+        match self.turns {
             0 => {
                 let _ = sched_setaffinity(None, all);
             }
@@ -54,31 +54,31 @@ impl Tracer<'_> {
                 let mut one = CpuSet::new();
                 one.set(here);
                 let _ = sched_setaffinity(None, &one);
-                if self.processor.shared != Some(here) {
-                    self.processor.shared = Some(here);
-                    self.place_threads(&one);
+                if self.shared != Some(here) {
+                    self.shared = Some(here);
+                    place(threads, &one);
                 }
             }
             _ => {}
         }
-        self.processor.turns = (self.processor.turns + 1) % TURNS;
+        self.turns = (self.turns + 1) % TURNS;
     }
 
     /// A thread computes for long, and may do so wherever there is time.
-    pub(crate) fn free_processor(&mut self) {
-        if self.processor.shared.take().is_some()
-            && let Some(all) = self.processor.all
+    pub(crate) fn free(&mut self, threads: &Threads) {
+        if self.shared.take().is_some()
+            && let Some(all) = self.all
         {
-            self.place_threads(&all);
-            self.processor.turns = 0;
+            place(threads, &all);
+            self.turns = 0;
         }
     }
+}
 
-    fn place_threads(&self, processors: &CpuSet) {
-        let raw = |tid: &Tid| Pid::from_raw(*tid);
-        for tid in self.threads.keys().filter_map(raw) {
-            // A thread that has gone meanwhile is reported otherwise.
-            let _ = sched_setaffinity(Some(tid), processors);
-        }
+fn place(threads: &Threads, on: &CpuSet) {
+    let raw = |tid: &Tid| Pid::from_raw(*tid);
+    for tid in threads.keys().filter_map(raw) {
+        // A thread that has gone meanwhile is reported otherwise.
+        let _ = sched_setaffinity(Some(tid), on);
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::traced::arch::Call;
 use crate::traced::clock::span;
-use crate::traced::entry::Entry;
 use crate::traced::memory::Memory;
-use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::syscall::{Entry, Halt, Handling};
+use crate::traced::tracer::Tracer;
 use crate::traced::tree::AtEnd;
 
 impl Tracer<'_> {
@@ -79,7 +79,7 @@ impl Tracer<'_> {
             would_wait = &[];
         }
         // A wait that has begun before goes on to its own deadline.
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             deadline = thread.again_until.take().or(deadline);
         }
         let at_end = AtEnd::Again {

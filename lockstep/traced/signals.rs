@@ -2,45 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use crate::traced::entry::{Entry, counted};
 use crate::traced::memory::Memory;
+use crate::traced::proc::Signals;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{Resume, State};
-use crate::traced::wait::Wait;
-
-/// The signals of a thread, as sets with signal 1 in the lowest bit.
-pub(crate) struct Signals {
-    pub(crate) pending: u64,
-    pub(crate) blocked: u64,
-    pub(crate) ignored: u64,
-    pub(crate) caught: u64,
-}
-
-impl Signals {
-    pub(crate) fn of(process: Tid, tid: Tid) -> Option<Self> {
-        let text = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
-        let set = |name: &str| {
-            let line = text.lines().find_map(|line| line.strip_prefix(name));
-            line.and_then(|set| u64::from_str_radix(set.trim(), 16).ok())
-                .unwrap_or(0)
-        };
-        Some(Self {
-            pending: set("SigPnd:") | set("ShdPnd:"),
-            blocked: set("SigBlk:"),
-            ignored: set("SigIgn:"),
-            caught: set("SigCgt:"),
-        })
-    }
-
-    /// Those that would interrupt a wait. `mask` takes the place of what is blocked.
-    pub(crate) fn interrupting(&self, mask: Option<u64>) -> u64 {
-        /// SIGCHLD, SIGCONT, SIGURG and SIGWINCH do nothing unless they are caught.
-        const USUALLY_IGNORED: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
-        let ignored = self.ignored | (USUALLY_IGNORED & !self.caught);
-        self.pending & !mask.unwrap_or(self.blocked) & !ignored
-    }
-}
+use crate::traced::syscall::{Entry, Halt, Handling, counted};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::State;
+use crate::traced::wait::{Resume, Wait};
 
 const FAULT: u64 = 1 << (libc::SIGSEGV - 1);
 
@@ -50,7 +18,7 @@ impl Tracer<'_> {
         let mut action = [0; 32];
         if entry.a[1] != 0 {
             Memory(entry.tid).read(entry.a[1], &mut action)?;
-            if let Some(process) = self.processes.get_mut(&entry.process) {
+            if let Some(process) = self.tree.processes.get_mut(&entry.process) {
                 process.on_fault = Some(action);
             }
         }
@@ -60,8 +28,12 @@ impl Tracer<'_> {
     /// The kernel takes a handler away, and no longer blocks the signal, when an instruction fails
     /// while SIGSEGV is blocked or ignored; reading the time stamp counter is none that fails.
     pub(crate) fn restore_fault_action(&mut self, tid: Tid) -> Result<(), Halt> {
-        let process = self.process_of(tid);
-        let action = self.processes.get(&process).and_then(|one| one.on_fault);
+        let process = self.tree.process_of(tid);
+        let action = self
+            .tree
+            .processes
+            .get(&process)
+            .and_then(|one| one.on_fault);
         let Some(action) = action.filter(|action| action[..8] != [0; 8]) else {
             return Ok(());
         };
@@ -84,8 +56,8 @@ impl Tracer<'_> {
     /// Interrupts waits of threads that a signal has been sent to.
     pub(crate) fn interrupt_waits(&mut self) -> Result<(), Halt> {
         let mut served = BTreeSet::new();
-        for tid in self.waiting(|_| true) {
-            let Some(thread) = self.threads.get(&tid) else {
+        for tid in self.tree.all(|thread| thread.hold().is_some()) {
+            let Some(thread) = self.tree.threads.get(&tid) else {
                 continue;
             };
             let Some(hold) = thread.hold() else {
@@ -114,7 +86,7 @@ impl Tracer<'_> {
     /// Ends a wait because of a signal, which comes when the thread goes on.
     pub(crate) fn interrupt(&mut self, tid: Tid) -> Result<(), Halt> {
         let now = self.now;
-        let Some(thread) = self.threads.get_mut(&tid) else {
+        let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return Ok(());
         };
         let State::Held(hold) = std::mem::replace(&mut thread.state, State::Ready(Resume::Go(0)))

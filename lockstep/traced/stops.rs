@@ -1,17 +1,16 @@
 //! Stops of threads while one of them runs.
 
 use std::io;
-use std::rc::Rc;
 use std::time::Duration;
 
-use rustix::process::{Pid, PidfdFlags};
-
-use crate::traced::arch::{self, Registers, Shared};
+use crate::traced::arch::{self, Registers};
 use crate::traced::memory::Memory;
+use crate::traced::proc::{kernel_state, name_of};
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Tracer};
-use crate::traced::tree::{Process, Resume, State, Thread, kernel_state, name_of};
-use crate::traced::wait::Wait;
+use crate::traced::syscall::Halt;
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{State, Thread};
+use crate::traced::wait::{Resume, Wait};
 use crate::{End, Error, Reason};
 
 /// Processor time in which a thread makes no syscall before it is interrupted.
@@ -29,9 +28,9 @@ impl Tracer<'_> {
             let runs = self
                 .schedule
                 .current
-                .and_then(|tid| self.threads.get(&tid))
+                .and_then(|tid| self.tree.threads.get(&tid))
                 .is_some_and(Thread::is_running);
-            let dying = self.processes.values().any(|process| process.dying);
+            let dying = self.tree.processes.values().any(|process| process.dying);
             if !runs && !dying {
                 return Ok(());
             }
@@ -58,8 +57,8 @@ impl Tracer<'_> {
             Ok(None) => Ok(false),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(false),
             Err(error) if error.raw_os_error() == Some(libc::ECHILD) => {
-                self.threads.clear();
-                self.processes.clear();
+                self.tree.threads.clear();
+                self.tree.processes.clear();
                 Ok(false)
             }
             Err(error) => Err(error.into()),
@@ -72,11 +71,11 @@ impl Tracer<'_> {
             self.kill_all();
             return true;
         }
-        self.free_processor();
+        self.processor.free(&self.tree.threads);
         let Some(tid) = self.schedule.current else {
             return false;
         };
-        let Some(thread) = self.threads.get(&tid).filter(|t| t.is_running()) else {
+        let Some(thread) = self.tree.threads.get(&tid).filter(|t| t.is_running()) else {
             return false;
         };
         if kernel_state(thread.process, tid) != Some('S') {
@@ -90,19 +89,19 @@ impl Tracer<'_> {
         }
         let what = self.what_kernel_waits_for(thread.process, tid);
         self.report.outside.insert(what);
-        self.set_state(tid, State::Blocked);
+        self.tree.set_state(tid, State::Blocked);
         true
     }
 
     /// Interrupts a thread that has computed for long since it was last resumed.
     fn bound_computing(&mut self, tid: Tid) {
         // No other of its process runs.
-        let process = sys::clock_of_process(self.process_of(tid));
+        let process = sys::clock_of_process(self.tree.process_of(tid));
         let Some(used) = sys::processor_time(process) else {
             return;
         };
         let since = *self.schedule.computing.get_or_insert(used);
-        let Some(thread) = self.threads.get_mut(&tid) else {
+        let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return;
         };
         if thread.preempted || used.saturating_sub(since) >= LONG {
@@ -119,21 +118,22 @@ impl Tracer<'_> {
             self.gone(tid, status);
             return Ok(());
         }
-        if !self.threads.contains_key(&tid) {
-            self.early.insert(tid);
+        if !self.tree.threads.contains_key(&tid) {
+            self.tree.early.insert(tid);
             return Ok(());
         }
         let signal = libc::WSTOPSIG(status);
         match status >> 16 {
             libc::PTRACE_EVENT_SECCOMP => {
-                self.set_state(tid, State::Ready(Resume::Call { crept: false }));
+                self.tree
+                    .set_state(tid, State::Ready(Resume::Call { crept: false }));
             }
             libc::PTRACE_EVENT_EXEC => self.executed(tid)?,
             event @ (libc::PTRACE_EVENT_FORK
             | libc::PTRACE_EVENT_VFORK
             | libc::PTRACE_EVENT_CLONE) => self.cloned(tid, event)?,
             libc::PTRACE_EVENT_STOP if signal != libc::SIGTRAP => {
-                self.set_state(tid, State::Stopped);
+                self.tree.set_state(tid, State::Stopped);
                 sys::listen(tid)?;
             }
             libc::PTRACE_EVENT_STOP if self.schedule.interrupted == Some(tid) => {
@@ -142,7 +142,7 @@ impl Tracer<'_> {
             }
             0 if signal == libc::SIGTRAP | 0x80 => self.end_of_call(tid)?,
             0 => self.signal(tid, signal)?,
-            _ => self.set_state(tid, State::Ready(Resume::Go(0))),
+            _ => self.tree.set_state(tid, State::Ready(Resume::Go(0))),
         }
         Ok(())
     }
@@ -155,7 +155,7 @@ impl Tracer<'_> {
                 return self.time_stamp(tid, length);
             }
         }
-        self.set_state(tid, State::Ready(Resume::Go(signal)));
+        self.tree.set_state(tid, State::Ready(Resume::Go(signal)));
         Ok(())
     }
 
@@ -163,9 +163,13 @@ impl Tracer<'_> {
     fn cloned(&mut self, tid: Tid, event: i32) -> Result<(), Halt> {
         let child = sys::event_message(tid)?;
         let registers = Registers::of(tid)?;
-        let parent = self.threads.get(&tid).map_or(tid, |thread| thread.process);
+        let parent = self
+            .tree
+            .threads
+            .get(&tid)
+            .map_or(tid, |thread| thread.process);
         let shared = arch::shared(&registers);
-        if !self.early.remove(&child) {
+        if !self.tree.early.remove(&child) {
             // It is about to stop for the first time.
             loop {
                 match sys::wait(Some(child), true) {
@@ -173,7 +177,7 @@ impl Tracer<'_> {
                     Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                     // Killed before it began.
                     _ => {
-                        self.set_state(tid, State::Ready(Resume::Go(0)));
+                        self.tree.set_state(tid, State::Ready(Resume::Go(0)));
                         return Ok(());
                     }
                 }
@@ -181,52 +185,22 @@ impl Tracer<'_> {
         }
         let ready = State::Ready(Resume::Go(0));
         if shared.process {
-            self.add_thread(child, parent, ready);
+            self.tree.add_thread(child, parent, ready);
         } else {
-            self.add_process(child, Some(parent), shared);
-            self.add_thread(child, child, ready);
+            self.tree.add_process(child, Some(parent), shared);
+            self.tree.add_thread(child, child, ready);
         }
         if event == libc::PTRACE_EVENT_VFORK {
             self.hold(tid, registers, Wait::Vfork { child }, None);
         } else {
-            self.set_state(tid, State::Ready(Resume::Go(0)));
+            self.tree.set_state(tid, State::Ready(Resume::Go(0)));
         }
         Ok(())
     }
 
-    pub(crate) fn add_process(&mut self, pid: Tid, parent: Option<Tid>, shared: Shared) {
-        let new_memory = self.new_memory();
-        let parent = parent.and_then(|parent| self.processes.get(&parent));
-        let memory = parent.filter(|_| shared.memory).map(|one| one.memory);
-        let files = parent.filter(|_| shared.files).map(|one| &one.files);
-        let process = Process {
-            memory: memory.unwrap_or(new_memory),
-            handle: Pid::from_raw(pid)
-                .and_then(|pid| rustix::process::pidfd_open(pid, PidfdFlags::empty()).ok()),
-            files: files.map(Rc::clone).unwrap_or_default(),
-            dying: false,
-            clocks: parent.and_then(|parent| parent.clocks),
-            used: Duration::ZERO,
-            gate: parent.and_then(|parent| parent.gate),
-            on_fault: parent.and_then(|parent| parent.on_fault),
-        };
-        self.processes.insert(pid, process);
-    }
-
-    pub(crate) fn new_memory(&mut self) -> u64 {
-        self.memories += 1;
-        self.memories
-    }
-
-    pub(crate) fn add_thread(&mut self, tid: Tid, process: Tid, state: State) {
-        self.schedule.numbers += 1;
-        let thread = Thread::new(self.schedule.numbers, process, state);
-        self.threads.insert(tid, thread);
-    }
-
     /// A process has a memory of its own now, or has ended: the thread that waits for that goes on.
     pub(crate) fn release_parent(&mut self, pid: Tid) {
-        for thread in self.threads.values_mut() {
+        for thread in self.tree.threads.values_mut() {
             if let Some(hold) = thread.hold()
                 && matches!(hold.wait, Wait::Vfork { child } if child == pid)
             {
@@ -237,12 +211,12 @@ impl Tracer<'_> {
     }
 
     pub(crate) fn gone(&mut self, tid: Tid, status: i32) {
-        self.threads.remove(&tid);
-        self.early.remove(&tid);
+        self.tree.threads.remove(&tid);
+        self.tree.early.remove(&tid);
         self.schedule.happened += 1;
-        if let Some(process) = self.processes.remove(&tid) {
+        if let Some(process) = self.tree.processes.remove(&tid) {
             self.limits.used += process.used;
-            self.threads.retain(|_, thread| thread.process != tid);
+            self.tree.threads.retain(|_, thread| thread.process != tid);
             self.timers.forget(tid);
             self.release_parent(tid);
             if libc::WIFSIGNALED(status) {
@@ -251,19 +225,19 @@ impl Tracer<'_> {
             }
             // Its parent gets a signal.
             self.schedule.signalled = true;
-            if tid == self.main {
+            if tid == self.tree.main {
                 self.report.end = Some(if libc::WIFEXITED(status) {
                     End::Exited(libc::WEXITSTATUS(status))
                 } else {
                     End::Killed(libc::WTERMSIG(status))
                 });
                 if self.limits.killed_at.is_none() {
-                    let others = self.processes.keys().map(|pid| name_of(*pid));
+                    let others = self.tree.processes.keys().map(|pid| name_of(*pid));
                     self.report.left = others.collect();
                     self.ask_to_end(Reason::Itself);
                 }
             } else {
-                self.ended.push(tid);
+                self.tree.ended.push(tid);
             }
         } else {
             self.wake_changed_futexes();

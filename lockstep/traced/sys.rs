@@ -141,7 +141,10 @@ pub(crate) fn read_memory(tid: Tid, parts: &Parts, bytes: &mut [u8]) -> io::Resu
 
 /// Writes parts of the memory of a stopped thread; returns how much of it could be written.
 pub(crate) fn write_memory(tid: Tid, parts: &Parts, bytes: &[u8]) -> io::Result<usize> {
-    let (local, remote) = (vector(bytes.as_ptr().cast_mut(), bytes.len()), vectors(parts));
+    let (local, remote) = (
+        vector(bytes.as_ptr().cast_mut(), bytes.len()),
+        vectors(parts),
+    );
     let (to, count) = (remote.as_ptr(), remote.len() as libc::c_ulong);
     // SAFETY: the local part is only read; the system checks the remote ones.
     let count = unsafe { libc::process_vm_writev(tid, &raw const local, 1, to, count, 0) };

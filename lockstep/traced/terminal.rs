@@ -3,37 +3,14 @@
 use crate::modem;
 use crate::traced::clock::nanoseconds;
 use crate::traced::descriptor::Descriptor;
-use crate::traced::entry::{Entry, counted, failure, int};
 use crate::traced::memory::{Memory, whole_length};
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
+use crate::traced::tracer::Tracer;
 use crate::traced::wait::Wait;
 
 /// Most bytes of one write that are taken; the call then says that it was so many.
 const MOST_WRITTEN: usize = 1 << 20;
-
-/// Requests of `ioctl` that matter for ports. C libraries differ in their type.
-pub(crate) const REQUESTS: &[u64] = &[
-    libc::TCSETS as _,
-    libc::TCSETA as _,
-    libc::TCSETS2 as _,
-    libc::TCSETSW as _,
-    libc::TCSETAW as _,
-    libc::TCSETSW2 as _,
-    libc::TCSETSF as _,
-    libc::TCSETAF as _,
-    libc::TCSETSF2 as _,
-    libc::TCFLSH as _,
-    libc::TIOCMGET as _,
-    libc::TIOCMBIS as _,
-    libc::TIOCMBIC as _,
-    libc::TIOCMSET as _,
-    libc::FIONREAD as _,
-    libc::TIOCGSERIAL as _,
-    libc::TIOCSSERIAL as _,
-    libc::TIOCMIWAIT as _,
-    libc::TIOCGICOUNT as _,
-];
 
 impl Tracer<'_> {
     /// A read of a port into these parts of the client's memory.
@@ -107,7 +84,7 @@ impl Tracer<'_> {
         bytes = self.ports[index].cooked(&bytes);
         let sent = self.send(index, &bytes)?;
         if sent == bytes.len() {
-            if let Some(thread) = self.threads.get_mut(&entry.tid) {
+            if let Some(thread) = self.tree.threads.get_mut(&entry.tid) {
                 thread.asks = 0;
             }
             return Ok(Handling::Answer(counted(count)));
@@ -241,7 +218,7 @@ impl Tracer<'_> {
 
     /// Reports to the world which ports have been opened and closed, if any may have been.
     pub(crate) fn look_at_ports(&mut self) -> Result<(), Halt> {
-        if !self.ports_used.take() {
+        if !self.descriptors.ports_used.take() {
             return Ok(());
         }
         for index in 0..self.ports.len() {
@@ -272,7 +249,7 @@ impl Tracer<'_> {
     /// No thread is left, so that none has a port open. The system may say so later: a process that
     /// another thread of this program starts has our duplicates until it has become another program.
     pub(crate) fn close_ports(&mut self) -> Result<(), Halt> {
-        self.ports_used.set(true);
+        self.descriptors.ports_used.set(true);
         self.look_at_ports()?;
         for index in 0..self.ports.len() {
             self.ports[index].opened = self.ports[index].opened.min(1);

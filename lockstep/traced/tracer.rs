@@ -1,8 +1,7 @@
 //! The tracer of a run: what it knows, and its steps.
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, BTreeSet};
-use std::io;
+use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -10,38 +9,36 @@ use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng as _, SeedableRng as _};
 
 use crate::port::Port;
-use crate::traced::arch::{Registers, Shared};
 use crate::traced::clock::Clocks;
-use crate::traced::ending::Limits;
+use crate::traced::limits::Limits;
 use crate::traced::one_processor::Lists;
 use crate::traced::passage::Passage;
 use crate::traced::processor::Processor;
 use crate::traced::spawn::{self, Starting};
 use crate::traced::sys::{TICK, Ticks, Tid};
-use crate::traced::timer::Timers;
-use crate::traced::tree::{AtEnd, Process, State, Threads};
-use crate::traced::wait::Wait;
-use crate::{Broken, End, Ending, Error, Options, Program, Reason, World};
+use crate::traced::syscall::Halt;
+use crate::traced::timers::Timers;
+use crate::traced::tree::Tree;
+use crate::{End, Ending, Error, Options, Program, Reason, World};
 
 pub(crate) struct Tracer<'a> {
     pub(crate) options: &'a Options<'a>,
     pub(crate) ports: &'a mut [Port],
     pub(crate) world: &'a mut dyn World,
-    pub(crate) threads: Threads,
-    pub(crate) processes: BTreeMap<Tid, Process>,
+    pub(crate) tree: Tree,
+    pub(crate) descriptors: Descriptors,
     pub(crate) now: u64,
     pub(crate) clocks: Clocks,
     pub(crate) timers: Timers,
     pub(crate) random: Option<Pcg64>,
-    pub(crate) main: Tid,
     pub(crate) schedule: Schedule,
     pub(crate) report: Report,
     pub(crate) limits: Limits,
-    /// Threads that have stopped for the first time before their parent has stopped for them.
-    pub(crate) early: BTreeSet<Tid>,
-    /// Processes that have ended and may be left for this program to reap.
-    pub(crate) ended: Vec<Tid>,
-    pub(crate) memories: u64,
+    pub(crate) processor: Processor,
+}
+
+/// What descriptors of programs lead to, beside those that each process has.
+pub(crate) struct Descriptors {
     /// Sockets that have sent to other machines, by device and inode.
     pub(crate) outside_sockets: BTreeSet<(u64, u64)>,
     /// A port may have been opened or closed since the ports were looked at.
@@ -49,7 +46,6 @@ pub(crate) struct Tracer<'a> {
     /// Way in which programs pass descriptors, where the system refuses to duplicate them.
     pub(crate) passage: Option<Rc<Passage>>,
     pub(crate) has_signalfd: bool,
-    pub(crate) processor: Processor,
     pub(crate) lists: Lists,
 }
 
@@ -59,8 +55,6 @@ pub(crate) struct Schedule {
     pub(crate) current: Option<Tid>,
     /// Chooses which thread runs next, if it is chosen at random.
     pub(crate) choices: Option<Pcg64>,
-    /// Threads that have begun.
-    pub(crate) numbers: u64,
     /// Threads that have let others go first.
     pub(crate) turns: u64,
     /// Waits that have begun.
@@ -89,55 +83,6 @@ pub(crate) struct Report {
     pub(crate) left: BTreeSet<String>,
     pub(crate) calls: u64,
     pub(crate) random_addresses: bool,
-}
-
-/// Ends the run early.
-pub(crate) enum Halt {
-    Failed(Error),
-    /// The system has lost the thread at hand, which has been killed; its end will be reported.
-    Gone,
-    /// The syscall is made: the system answers it, as one with a wrong address.
-    Make,
-    /// The thread at hand has made other syscalls at its syscall, which has to be made again.
-    Again,
-}
-
-impl From<io::Error> for Halt {
-    fn from(error: io::Error) -> Self {
-        if error.raw_os_error() == Some(libc::ESRCH) {
-            return Self::Gone;
-        }
-        if error.raw_os_error() == Some(libc::EFAULT) {
-            return Self::Make;
-        }
-        Self::Failed(Error::System {
-            what: "cannot trace the program",
-            error,
-        })
-    }
-}
-
-impl From<Broken> for Halt {
-    fn from(error: Broken) -> Self {
-        Self::Failed(Error::World(error))
-    }
-}
-
-/// Handling of a call.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "it is looked at once, where it is made"
-)]
-pub(crate) enum Handling {
-    Make,
-    /// The thread is no longer at it, and comes back to it.
-    Again,
-    /// It is not made, and returns this.
-    Answer(i64),
-    /// It waits until then at most.
-    Hold(Wait, Option<u64>),
-    /// It is made, with these registers, and its end is looked at.
-    ToEnd(Registers, AtEnd),
 }
 
 /// Runs a program to its end; no process that it has started is left then, nor if this thread ends
@@ -174,7 +119,6 @@ impl<'a> Tracer<'a> {
         world: &'a mut dyn World,
         starting: &Starting,
     ) -> Result<Self, Error> {
-        let main = starting.pid;
         let passage = Passage::if_needed().map_err(|error| Error::System {
             what: "cannot make a socket for the program's descriptors",
             error,
@@ -190,38 +134,32 @@ impl<'a> Tracer<'a> {
         let choices = options
             .schedule
             .map(|seed| stream(seed, b"client's threads"));
-        let mut tracer = Self {
+        Ok(Self {
             options,
             ports,
             world,
-            threads: Threads::new(),
-            processes: BTreeMap::new(),
+            tree: Tree::new(starting.pid),
+            descriptors: Descriptors {
+                outside_sockets: BTreeSet::new(),
+                ports_used: Cell::new(true),
+                passage,
+                has_signalfd: false,
+                lists: Lists::new(),
+            },
             now: 0,
             clocks: Clocks::new(options.date),
             timers: Timers::default(),
             random,
-            main,
             schedule: Schedule {
-                current: Some(main),
+                current: Some(starting.pid),
                 happened: 1,
                 choices,
                 ..Schedule::default()
             },
             report: Report::default(),
             limits: Limits::new(),
-            early: BTreeSet::new(),
-            ended: Vec::new(),
-            memories: 0,
-            outside_sockets: BTreeSet::new(),
-            ports_used: Cell::new(true),
-            passage,
-            has_signalfd: false,
             processor: Processor::new(),
-            lists: Lists::new(),
-        };
-        tracer.add_process(main, None, Shared::default());
-        tracer.add_thread(main, main, State::Running);
-        Ok(tracer)
+        })
     }
 
     fn ending(self) -> Ending {
@@ -271,14 +209,14 @@ impl<'a> Tracer<'a> {
             return Ok(true);
         }
         self.schedule.current = None;
-        if self.threads.is_empty() {
+        if self.tree.threads.is_empty() {
             self.close_ports()?;
             return Ok(false);
         }
         if self.is_over_time() {
             return Ok(false);
         }
-        self.ports_used.set(true);
+        self.descriptors.ports_used.set(true);
         self.look_at_ports()?;
         for port in &mut *self.ports {
             port.top_up()?;

@@ -6,10 +6,10 @@ use rustix::net::sockopt::{Timeout, set_tcp_nodelay, socket_timeout};
 use crate::traced::arch::Call;
 use crate::traced::clock::{nanoseconds, span};
 use crate::traced::descriptor::Descriptor;
-use crate::traced::entry::{Entry, counted, failure, int};
 use crate::traced::memory::{Memory, whole_length};
 use crate::traced::sys::Tid;
-use crate::traced::tracer::{Halt, Handling, Tracer};
+use crate::traced::syscall::{Entry, Halt, Handling, counted, failure, int};
+use crate::traced::tracer::Tracer;
 use crate::traced::tree::AtEnd;
 use crate::traced::wait::Wait;
 
@@ -90,7 +90,7 @@ impl Tracer<'_> {
     ) -> Result<Option<Handling>, Halt> {
         let Entry { tid, call, a, .. } = entry;
         if from.is_some_and(|from| {
-            from.is_random() || self.lists.has(from) || self.port_of(from).is_some()
+            from.is_random() || self.descriptors.lists.has(from) || self.port_of(from).is_some()
         }) {
             // Programs fall back to reading and writing.
             return Ok(Some(failure(libc::EINVAL)));
@@ -103,7 +103,7 @@ impl Tracer<'_> {
             _ => return Ok(None),
         };
         let is_random = descriptor.is_random();
-        if !is_random && !self.lists.has(descriptor) {
+        if !is_random && !self.descriptors.lists.has(descriptor) {
             return Ok(None);
         }
         let parts = match is_one_part {
@@ -113,7 +113,7 @@ impl Tracer<'_> {
         if is_random {
             return self.random_bytes(tid, &parts).map(Some);
         }
-        self.lists.read(tid, descriptor, &parts, place)
+        self.descriptors.lists.read(tid, descriptor, &parts, place)
     }
 
     /// The same on a port.

@@ -1,14 +1,17 @@
 //! The processes and threads of a run, and what each of them is at.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::os::fd::OwnedFd;
-use std::path::PathBuf;
+use std::rc::Rc;
 use std::time::Duration;
 
-use crate::traced::arch::{Registers, Vdso};
+use rustix::process::{Pid, PidfdFlags};
+
+use crate::traced::arch::{Registers, Shared, Vdso};
 use crate::traced::descriptor::Files;
 use crate::traced::sys::{self, Tid};
-use crate::traced::wait::Hold;
+use crate::traced::wait::{Hold, Resume};
 
 pub(crate) struct Process {
     /// Memory that it has: a child of `vfork` has its parent's.
@@ -78,20 +81,6 @@ pub(crate) enum State {
     Stopped,
     /// It waits in the kernel for something that is not known, outside of what is simulated.
     Blocked,
-}
-
-/// Way in which a thread goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Resume {
-    Go(i32),
-    /// Its call is still to be looked at. `crept` says that it has paid for its asking.
-    Call {
-        crept: bool,
-    },
-    /// It is at an instruction that reads the time stamp counter.
-    TimeStamp {
-        length: u64,
-    },
 }
 
 /// Thing to do at the end of a call.
@@ -167,46 +156,104 @@ impl Thread {
 
 pub(crate) type Threads = BTreeMap<Tid, Thread>;
 
-pub(crate) fn name_of(tid: Tid) -> String {
-    let name = std::fs::read_to_string(format!("/proc/{tid}/comm")).unwrap_or_default();
-    name.trim_end().to_owned()
+/// All processes and threads of a run.
+pub(crate) struct Tree {
+    /// The first process, whose end is that of the run.
+    pub(crate) main: Tid,
+    pub(crate) threads: Threads,
+    pub(crate) processes: BTreeMap<Tid, Process>,
+    /// Threads that have stopped for the first time before their parent has stopped for them.
+    pub(crate) early: BTreeSet<Tid>,
+    /// Processes that have ended and may be left for this program to reap.
+    pub(crate) ended: Vec<Tid>,
+    /// Threads and memories that have begun.
+    threads_begun: u64,
+    memories_begun: u64,
 }
 
-/// The number of a thread in the namespace that its process is in.
-pub(crate) fn own_number_of(process: Tid, tid: Tid) -> Option<Tid> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/status")).ok()?;
-    let numbers = status
-        .lines()
-        .find_map(|line| line.strip_prefix("NSpid:"))?;
-    numbers.split_whitespace().last()?.parse().ok()
+impl Tree {
+    /// A process with one thread, which runs.
+    pub(crate) fn new(main: Tid) -> Self {
+        let mut tree = Self {
+            main,
+            threads: Threads::new(),
+            processes: BTreeMap::new(),
+            early: BTreeSet::new(),
+            ended: Vec::new(),
+            threads_begun: 0,
+            memories_begun: 0,
+        };
+        tree.add_process(main, None, Shared::default());
+        tree.add_thread(main, main, State::Running);
+        tree
+    }
+
+    /// A thread, or the error that the system has for one that has gone.
+    pub(crate) fn thread(&mut self, tid: Tid) -> io::Result<&mut Thread> {
+        self.threads.get_mut(&tid).ok_or_else(gone)
+    }
+
+    pub(crate) fn process(&mut self, pid: Tid) -> io::Result<&mut Process> {
+        self.processes.get_mut(&pid).ok_or_else(gone)
+    }
+
+    pub(crate) fn process_of(&self, tid: Tid) -> Tid {
+        self.threads.get(&tid).map_or(tid, |thread| thread.process)
+    }
+
+    pub(crate) fn add_process(&mut self, pid: Tid, parent: Option<Tid>, shared: Shared) {
+        let new_memory = self.new_memory();
+        let parent = parent.and_then(|parent| self.processes.get(&parent));
+        let memory = parent.filter(|_| shared.memory).map(|one| one.memory);
+        let files = parent.filter(|_| shared.files).map(|one| &one.files);
+        let process = Process {
+            memory: memory.unwrap_or(new_memory),
+            handle: Pid::from_raw(pid)
+                .and_then(|pid| rustix::process::pidfd_open(pid, PidfdFlags::empty()).ok()),
+            files: files.map(Rc::clone).unwrap_or_default(),
+            dying: false,
+            clocks: parent.and_then(|parent| parent.clocks),
+            used: Duration::ZERO,
+            gate: parent.and_then(|parent| parent.gate),
+            on_fault: parent.and_then(|parent| parent.on_fault),
+        };
+        self.processes.insert(pid, process);
+    }
+
+    pub(crate) fn new_memory(&mut self) -> u64 {
+        self.memories_begun += 1;
+        self.memories_begun
+    }
+
+    pub(crate) fn add_thread(&mut self, tid: Tid, process: Tid, state: State) {
+        self.threads_begun += 1;
+        let thread = Thread::new(self.threads_begun, process, state);
+        self.threads.insert(tid, thread);
+    }
+
+    pub(crate) fn set_state(&mut self, tid: Tid, state: State) {
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.state = state;
+        }
+    }
+
+    /// The threads of which that holds, in the order in which they began.
+    pub(crate) fn all(&self, so: impl Fn(&Thread) -> bool) -> Vec<Tid> {
+        let all = self.threads.iter().filter(|(_, thread)| so(thread));
+        let mut all: Vec<(u64, Tid)> = all.map(|(tid, one)| (one.number, *tid)).collect();
+        all.sort_unstable();
+        all.into_iter().map(|(_, tid)| tid).collect()
+    }
+
+    /// The wait of a thread.
+    pub(crate) fn hold_of(&mut self, tid: Tid) -> Option<&mut Hold> {
+        match &mut self.threads.get_mut(&tid)?.state {
+            State::Held(hold) => Some(hold),
+            _ => None,
+        }
+    }
 }
 
-/// The letter that says what the kernel has a thread do.
-pub(crate) fn kernel_state(process: Tid, tid: Tid) -> Option<char> {
-    let stat = std::fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?;
-    // The name before it is in parentheses, and may hold any character.
-    stat.rsplit_once(')')?.1.trim_start().chars().next()
-}
-
-/// The part of a process's memory that holds an address: where it begins, and what the system says of
-/// it (`proc_pid_maps(5)`) from its rights on.
-pub(crate) fn mapping(process: Tid, address: u64) -> Option<(u64, String)> {
-    let maps = std::fs::read_to_string(format!("/proc/{process}/maps")).ok()?;
-    maps.lines().find_map(|line| {
-        let (ends, rest) = line.split_once(' ')?;
-        let (from, to) = ends.split_once('-')?;
-        let (from, to) = (number(from)?, number(to)?);
-        (from..to)
-            .contains(&address)
-            .then(|| (from, rest.to_owned()))
-    })
-}
-
-/// A number as the system writes addresses.
-pub(crate) fn number(text: &str) -> Option<u64> {
-    u64::from_str_radix(text, 16).ok()
-}
-
-pub(crate) fn path_of(process: Tid, fd: i32) -> Option<PathBuf> {
-    std::fs::read_link(format!("/proc/{process}/fd/{fd}")).ok()
+fn gone() -> io::Error {
+    io::Error::from_raw_os_error(libc::ESRCH)
 }

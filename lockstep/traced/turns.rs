@@ -3,12 +3,13 @@
 use rand_pcg::rand_core::Rng as _;
 
 use crate::traced::arch::{self, Registers};
-use crate::traced::entry::Entry;
 use crate::traced::memory::Memory;
+use crate::traced::proc::name_of;
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{Resume, Shown, State, Thread, name_of};
-use crate::traced::wait::{Hold, Wait};
+use crate::traced::syscall::{Entry, Halt, Handling};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{Shown, State, Thread};
+use crate::traced::wait::{Hold, Resume, Wait};
 
 /// Time that one ask costs a thread that does nothing but ask.
 const CREEP: u64 = 20_000;
@@ -23,7 +24,11 @@ impl Tracer<'_> {
     /// Thread to go on: the one that ran last, or the first of those that can, or any of them.
     pub(crate) fn next(&mut self) -> Option<Tid> {
         if let Some(choices) = &mut self.schedule.choices {
-            let ready = self.threads.iter().filter(|(_, thread)| thread.is_ready());
+            let ready = self
+                .tree
+                .threads
+                .iter()
+                .filter(|(_, thread)| thread.is_ready());
             let mut ready: Vec<_> = ready.map(|(tid, one)| (one.number, *tid)).collect();
             ready.sort_unstable();
             // Where there is a choice.
@@ -35,17 +40,21 @@ impl Tracer<'_> {
             return chosen.map(|(_, tid)| *tid);
         }
         if let Some(tid) = self.schedule.current
-            && self.threads.get(&tid).is_some_and(Thread::is_ready)
+            && self.tree.threads.get(&tid).is_some_and(Thread::is_ready)
         {
             return Some(tid);
         }
-        let ready = self.threads.iter().filter(|(_, thread)| thread.is_ready());
+        let ready = self
+            .tree
+            .threads
+            .iter()
+            .filter(|(_, thread)| thread.is_ready());
         let first = ready.min_by_key(|(_, thread)| (thread.turn, thread.number));
         first.map(|(tid, _)| *tid)
     }
 
     pub(crate) fn resume(&mut self, tid: Tid) -> Result<(), Halt> {
-        let Some(thread) = self.threads.get_mut(&tid) else {
+        let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return Ok(());
         };
         let State::Ready(resume) = thread.state else {
@@ -57,7 +66,7 @@ impl Tracer<'_> {
             self.schedule.happened += 1;
         }
         let has_end = thread.at_end.is_some();
-        self.share_processor();
+        self.processor.share(&self.tree.threads);
         match resume {
             Resume::Go(signal) if has_end => {
                 sys::go_on_to_end_of_call(tid, signal)?;
@@ -75,7 +84,7 @@ impl Tracer<'_> {
             }
             Resume::Call { crept } => {
                 self.report.calls += 1;
-                if let Some(thread) = self.threads.get_mut(&tid) {
+                if let Some(thread) = self.tree.threads.get_mut(&tid) {
                     thread.preempted = false;
                 }
                 let registers = Registers::of(tid)?;
@@ -104,12 +113,12 @@ impl Tracer<'_> {
             }
             Handling::Answer(result) => {
                 registers.answer(tid, result)?;
-                self.set_state(tid, State::Ready(Resume::Go(0)));
+                self.tree.set_state(tid, State::Ready(Resume::Go(0)));
             }
             Handling::Hold(wait, deadline) => self.hold(tid, registers, wait, deadline),
             Handling::ToEnd(changed, at_end) => {
                 changed.set(tid)?;
-                self.look_at_end(tid, at_end);
+                self.tree.thread(tid)?.at_end = Some(at_end);
                 sys::go_on_to_end_of_call(tid, 0)?;
             }
         }
@@ -134,19 +143,13 @@ impl Tracer<'_> {
             looked_at: self.schedule.happened,
         };
         let backs_off = matches!(hold.wait, Wait::BackOff(_));
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             if queries {
                 thread.asks = thread.asks.saturating_add(1);
             } else if !backs_off {
                 thread.asks = 0;
             }
             thread.state = State::Held(Box::new(hold));
-        }
-    }
-
-    pub(crate) fn set_state(&mut self, tid: Tid, state: State) {
-        if let Some(thread) = self.threads.get_mut(&tid) {
-            thread.state = state;
         }
     }
 
@@ -160,7 +163,7 @@ impl Tracer<'_> {
 
     /// Counts that a thread asks and waits for nothing; whether it has done so very often.
     fn asks_much(&mut self, tid: Tid) -> bool {
-        let Some(thread) = self.threads.get_mut(&tid) else {
+        let Some(thread) = self.tree.threads.get_mut(&tid) else {
             return false;
         };
         thread.asks = thread.asks.saturating_add(1);
@@ -175,7 +178,8 @@ impl Tracer<'_> {
             let again = Wait::BackOff(Resume::TimeStamp { length });
             self.hold(tid, registers, again, Some(self.now + CREEP));
         } else {
-            self.set_state(tid, State::Ready(Resume::TimeStamp { length }));
+            self.tree
+                .set_state(tid, State::Ready(Resume::TimeStamp { length }));
         }
         Ok(())
     }
@@ -194,7 +198,7 @@ impl Tracer<'_> {
     pub(crate) fn give_way(&mut self, tid: Tid) {
         self.schedule.turns += 1;
         let turn = self.schedule.turns;
-        if let Some(thread) = self.threads.get_mut(&tid) {
+        if let Some(thread) = self.tree.threads.get_mut(&tid) {
             thread.turn = turn;
         }
         self.schedule.current = None;
@@ -202,10 +206,10 @@ impl Tracer<'_> {
 
     /// Writes the clocks in a program's own memory, before it goes on.
     fn show_clocks(&mut self, tid: Tid) -> Result<(), Halt> {
-        let Some(thread) = self.threads.get(&tid) else {
+        let Some(thread) = self.tree.threads.get(&tid) else {
             return Ok(());
         };
-        let process = self.processes.get_mut(&thread.process);
+        let process = self.tree.processes.get_mut(&thread.process);
         let Some(clocks) = process.and_then(|process| process.clocks.as_mut()) else {
             return Ok(());
         };

@@ -4,7 +4,6 @@ use rustix::event::PollFlags;
 
 use crate::port::ReadRule;
 use crate::traced::arch::Registers;
-use crate::traced::tree::Resume;
 
 pub(crate) struct Hold {
     /// As they were at the call.
@@ -32,6 +31,20 @@ impl Hold {
         };
         self.deadline.map(|deadline| deadline.saturating_add(slack))
     }
+}
+
+/// Way in which a thread goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Resume {
+    Go(i32),
+    /// Its call is still to be looked at. `crept` says that it has paid for its asking.
+    Call {
+        crept: bool,
+    },
+    /// It is at an instruction that reads the time stamp counter.
+    TimeStamp {
+        length: u64,
+    },
 }
 
 /// Event that ends a wait, beside its deadline and signals.

@@ -1,26 +1,18 @@
 //! Words for what programs do and wait for.
 
-use syscalls::Sysno;
-
 use crate::traced::arch::Registers;
+use crate::traced::proc::{mapping, name_of, path_of};
 use crate::traced::sys::{self, Tid};
+use crate::traced::syscall::call_name;
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{Resume, State, mapping, name_of, path_of};
-use crate::traced::wait::Wait;
-
-pub(crate) fn call_name(number: i64) -> String {
-    let call = usize::try_from(number).ok().and_then(Sysno::new);
-    call.map_or_else(
-        || format!("syscall {number}"),
-        |call| call.name().to_owned(),
-    )
-}
+use crate::traced::tree::State;
+use crate::traced::wait::{Resume, Wait};
 
 impl Tracer<'_> {
     /// Says what the programs are doing, for people.
     pub(crate) fn doing(&self) -> String {
         let running = self.schedule.current.and_then(|tid| {
-            let thread = self.threads.get(&tid)?;
+            let thread = self.tree.threads.get(&tid)?;
             thread.is_running().then_some((tid, thread.process))
         });
         let Some((tid, process)) = running else {
@@ -32,7 +24,7 @@ impl Tracer<'_> {
     /// Says what everybody waits for, for people.
     pub(crate) fn waits_text(&self) -> String {
         let mut waits: Vec<String> = Vec::new();
-        for (tid, thread) in &self.threads {
+        for (tid, thread) in &self.tree.threads {
             let what = match &thread.state {
                 State::Held(hold) if matches!(hold.wait, Wait::BackOff(Resume::Go(_))) => {
                     waits.push(computing(*tid, place_of(thread.process, *tid)));

@@ -2,9 +2,30 @@
 
 use libc::{BPF_ABS, BPF_JEQ, BPF_JMP, BPF_JSET, BPF_K, BPF_LD, BPF_RET, BPF_W, sock_filter};
 
-use crate::traced::terminal::REQUESTS;
-
 const ENOSYS: u32 = libc::ENOSYS.cast_unsigned();
+
+/// Requests of `ioctl` that matter for ports. C libraries differ in their type.
+const REQUESTS: &[u64] = &[
+    libc::TCSETS as _,
+    libc::TCSETA as _,
+    libc::TCSETS2 as _,
+    libc::TCSETSW as _,
+    libc::TCSETAW as _,
+    libc::TCSETSW2 as _,
+    libc::TCSETSF as _,
+    libc::TCSETAF as _,
+    libc::TCSETSF2 as _,
+    libc::TCFLSH as _,
+    libc::TIOCMGET as _,
+    libc::TIOCMBIS as _,
+    libc::TIOCMBIC as _,
+    libc::TIOCMSET as _,
+    libc::FIONREAD as _,
+    libc::TIOCGSERIAL as _,
+    libc::TIOCSSERIAL as _,
+    libc::TIOCMIWAIT as _,
+    libc::TIOCGICOUNT as _,
+];
 
 /// Action of the filter on a call that matters; all others are let through.
 #[derive(Debug, Clone, Copy)]

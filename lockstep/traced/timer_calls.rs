@@ -1,4 +1,4 @@
-//! Timers that programs set: alarms, POSIX timers, timer descriptors.
+//! Calls on timers, and what is done when one runs out: alarms, POSIX timers, timer descriptors.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -10,12 +10,14 @@ use rustix::time::{Itimerspec, TimerfdTimerFlags, Timespec};
 
 use crate::traced::arch::Registers;
 use crate::traced::clock::{parts, parts_micros, span, span_micros};
-use crate::traced::descriptor::{Descriptor, files_of, info_of};
-use crate::traced::entry::{Entry, failure, int};
+use crate::traced::descriptor::Descriptor;
 use crate::traced::memory::Memory;
+use crate::traced::proc::{files_of, info_of, own_number_of};
 use crate::traced::sys::{self, Tid};
-use crate::traced::tracer::{Halt, Handling, Tracer};
-use crate::traced::tree::{AtEnd, Thread, TimerEvent, own_number_of};
+use crate::traced::syscall::{Entry, Halt, Handling, failure, int};
+use crate::traced::timers::{Kind, Timer, has_mark};
+use crate::traced::tracer::Tracer;
+use crate::traced::tree::{AtEnd, Thread, TimerEvent};
 
 /// Most timers of a run; a program that makes more gets an error.
 const MOST: usize = 4096;
@@ -23,92 +25,11 @@ const MOST: usize = 4096;
 /// A hundred years, of which the system's clocks can show three times as much.
 const NEVER_S: i64 = 1 << 32;
 
-#[derive(Default)]
-pub(crate) struct Timers {
-    all: Vec<Timer>,
-    marks: i64,
-}
-
-struct Timer {
-    process: Tid,
-    kind: Kind,
-    next: Option<u64>,
-    /// Interval after that; 0 for never again.
-    interval: u64,
-}
-
-#[derive(Clone, Copy)]
-enum Kind {
-    Alarm,
-    Posix {
-        id: i32,
-        event: TimerEvent,
-        clock: i32,
-    },
-    /// A timer descriptor: the mark by which its file is known again, one of the descriptors, and
-    /// how often it has run out since it was read.
-    Descriptor {
-        mark: i64,
-        fd: i32,
-        count: u64,
-    },
-}
-
-impl Timers {
-    /// Time at which the first runs out.
-    pub(crate) fn next(&self) -> Option<u64> {
-        self.all.iter().filter_map(|timer| timer.next).min()
-    }
-
-    /// A process has another program, which ends its POSIX timers.
-    pub(crate) fn forget_posix(&mut self, process: Tid) {
-        self.all
-            .retain(|timer| timer.process != process || !matches!(timer.kind, Kind::Posix { .. }));
-    }
-
-    /// A process has ended; others may hold its timer descriptors.
-    pub(crate) fn forget(&mut self, process: Tid) {
-        self.all.retain(|timer| {
-            timer.process != process || matches!(timer.kind, Kind::Descriptor { .. })
-        });
-    }
-
-    /// Adds one that is not set; gives its index.
-    fn add(&mut self, process: Tid, kind: Kind) -> usize {
-        self.all.push(Timer {
-            process,
-            kind,
-            next: None,
-            interval: 0,
-        });
-        self.all.len() - 1
-    }
-
-    fn find(&mut self, is: impl Fn(&Timer) -> bool) -> Option<&mut Timer> {
-        self.all.iter_mut().find(|timer| is(timer))
-    }
-}
-
-impl Timer {
-    /// Time that is left of it, and its interval.
-    fn setting(&self, now: u64) -> (u64, u64) {
-        let left = self.next.map_or(0, |next| next.saturating_sub(now).max(1));
-        (left, self.interval)
-    }
-}
-
 impl Tracer<'_> {
-    fn alarm_of(&mut self, process: Tid) -> &mut Timer {
-        let is_it = |timer: &Timer| timer.process == process && matches!(timer.kind, Kind::Alarm);
-        let at = self.timers.all.iter().position(is_it);
-        let at = at.unwrap_or_else(|| self.timers.add(process, Kind::Alarm));
-        &mut self.timers.all[at]
-    }
-
     /// `alarm`: the seconds that were left.
     pub(crate) fn alarm(&mut self, process: Tid, seconds: u64) -> Handling {
         let now = self.now;
-        let timer = self.alarm_of(process);
+        let timer = self.timers.alarm_of(process);
         let left = timer.setting(now).0.div_ceil(1_000_000_000);
         let seconds = seconds & 0xFFFF_FFFF;
         timer.next = (seconds > 0).then(|| now.saturating_add(seconds * 1_000_000_000));
@@ -131,7 +52,7 @@ impl Tracer<'_> {
                 return Ok(Handling::Make);
             }
         }
-        let timer = self.alarm_of(entry.process);
+        let timer = self.timers.alarm_of(entry.process);
         let before = timer.setting(now);
         match (new, setting) {
             (_, Some((interval, value))) => {
@@ -188,9 +109,9 @@ impl Tracer<'_> {
             return Ok(());
         }
         let id = Memory(tid).read_u32(address)?.cast_signed();
-        let process = self.process_of(tid);
+        let process = self.tree.process_of(tid);
         let named = event.thread.and_then(|named| {
-            let mut threads = self.threads.iter();
+            let mut threads = self.tree.threads.iter();
             let is_it = |(tid, thread): &(&Tid, &Thread)| {
                 thread.process == process && own_number_of(process, **tid) == Some(named)
             };
@@ -380,7 +301,7 @@ impl Tracer<'_> {
         };
         let found = self.descriptor(process, fd).filter(is_it).or_else(|| {
             // It has another number, or another process has it.
-            let mut others = self.processes.keys().flat_map(|pid| {
+            let mut others = self.tree.processes.keys().flat_map(|pid| {
                 files_of(*pid)
                     .filter_map(|path| path.file_name()?.to_str()?.parse::<i32>().ok())
                     .map(|fd| (*pid, fd))
@@ -402,10 +323,6 @@ impl Tracer<'_> {
         }
         Err(io::Error::other("a timer of the system does not run out").into())
     }
-}
-
-fn has_mark(wanted: i64) -> impl Fn(&Timer) -> bool {
-    move |timer| matches!(timer.kind, Kind::Descriptor { mark, .. } if mark == wanted)
 }
 
 /// The POSIX timer of a process that a call is about.

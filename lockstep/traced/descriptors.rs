@@ -1,0 +1,163 @@
+//! What the descriptors of programs lead to, and what a poll of them finds.
+
+use std::ops::RangeInclusive;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt as _;
+use std::rc::Rc;
+
+use rustix::event::{PollFd, PollFlags};
+use rustix::fs::{Mode, OFlags};
+use rustix::process::PidfdGetfdFlags;
+
+use crate::traced::descriptor::{Descriptor, EVER_READY, QUEUES, is_any_ready};
+use crate::traced::proc::{Signals, files_of, info_of, members_of_epoll, number, path_of};
+use crate::traced::sys::Tid;
+use crate::traced::syscall::Handling;
+use crate::traced::tracer::Tracer;
+
+/// Most descriptors of a run of which there are duplicates; beyond that all are made again.
+const MOST_KEPT: usize = 64;
+
+impl Tracer<'_> {
+    /// Finds what a descriptor of a process leads to; `None` if there is none.
+    pub(crate) fn descriptor(&self, process: Tid, fd: i32) -> Option<Rc<Descriptor>> {
+        let owner = self.tree.processes.get(&process)?;
+        if let Some(known) = owner.files.borrow().get(&fd) {
+            return known.clone();
+        }
+        let file = self.duplicate(process, owner.handle.as_ref()?, fd)?;
+        self.keep(process, fd, Some(file))
+    }
+
+    /// Returns whether it is known what a descriptor leads to, or that it cannot be.
+    pub(crate) fn is_known(&self, process: Tid, fd: i32) -> bool {
+        let owner = self.tree.processes.get(&process);
+        self.descriptor(process, fd).is_some()
+            || owner.is_none_or(|owner| owner.files.borrow().contains_key(&fd))
+    }
+
+    /// Keeps a duplicate of a descriptor until the process closes that.
+    pub(crate) fn keep(
+        &self,
+        process: Tid,
+        fd: i32,
+        file: Option<OwnedFd>,
+    ) -> Option<Rc<Descriptor>> {
+        let tables = || self.tree.processes.values().map(|process| &process.files);
+        // Those that are passed cost much, and are bounded by the system.
+        let kept: usize = tables().map(|files| files.borrow().len()).sum();
+        if kept >= MOST_KEPT && self.descriptors.passage.is_none() {
+            tables().for_each(|files| files.borrow_mut().clear());
+        }
+        let stat = file.as_ref().and_then(|file| rustix::fs::fstat(file).ok());
+        let descriptor = file
+            .zip(stat)
+            .map(|(file, stat)| Descriptor::new(file, stat));
+        let descriptor = descriptor.map(Rc::new);
+        let is_device = |one: &Rc<Descriptor>| one.kind().is_char_device();
+        if descriptor.as_ref().is_some_and(is_device) {
+            self.descriptors.ports_used.set(true);
+        }
+        let files = &self.tree.processes.get(&process)?.files;
+        files.borrow_mut().insert(fd, descriptor.clone());
+        descriptor
+    }
+
+    /// Our own descriptor of what one of a process leads to. Programs may name any number.
+    fn duplicate(&self, process: Tid, handle: &OwnedFd, fd: i32) -> Option<OwnedFd> {
+        if fd < 0 {
+            return None;
+        }
+        if self.descriptors.passage.is_none() {
+            return rustix::process::pidfd_getfd(handle, fd, PidfdGetfdFlags::empty()).ok();
+        }
+        // What never waits need not be passed: its path says enough.
+        let path = format!("/proc/{process}/fd/{fd}");
+        let file = rustix::fs::open(path, OFlags::PATH | OFlags::CLOEXEC, Mode::empty()).ok()?;
+        let stat = rustix::fs::fstat(&file).ok()?;
+        let is_queue = rustix::fs::fstatfs(&file).is_ok_and(|one| one.f_type == QUEUES);
+        let one = Descriptor::new(file, stat);
+        (one.never_waits() && !is_queue && !self.descriptors.lists.has(&one)).then_some(one.file)
+    }
+
+    /// Descriptors of a process are about to be closed, or to lead elsewhere.
+    pub(crate) fn close(&mut self, process: Tid, fds: RangeInclusive<i32>) -> Handling {
+        if let Some(process) = self.tree.processes.get(&process) {
+            let mut files = process.files.borrow_mut();
+            files.retain(|fd, _| !fds.contains(fd));
+        }
+        self.descriptors.ports_used.set(true);
+        Handling::Make
+    }
+
+    pub(crate) fn port_of(&self, descriptor: &Descriptor) -> Option<usize> {
+        if !descriptor.kind().is_char_device() {
+            return None;
+        }
+        let device = descriptor.stat.st_rdev;
+        self.ports.iter().position(|port| port.is_device(device))
+    }
+
+    /// What a poll of these descriptors of a thread finds of each.
+    pub(crate) fn readiness(&self, tid: Tid, set: &[(i32, PollFlags)]) -> Vec<PollFlags> {
+        let process = self.tree.process_of(tid);
+        let files = set.iter().map(|(fd, _)| self.descriptor(process, *fd));
+        let files: Vec<Option<Rc<Descriptor>>> = files.collect();
+        let mut found = vec![PollFlags::empty(); set.len()];
+        let (mut polls, mut places) = (Vec::new(), Vec::new());
+        for (at, ((fd, flags), file)) in set.iter().zip(&files).enumerate() {
+            // A poll from outside would take an epoll's note of a signal away.
+            if flags.contains(PollFlags::IN) && self.has_signal(tid, *fd) {
+                found[at] = PollFlags::IN;
+                continue;
+            }
+            match file {
+                Some(file) => match self.port_of(file) {
+                    Some(port) => found[at] = self.ports[port].readiness() & *flags,
+                    None => {
+                        polls.push(PollFd::new(&file.file, *flags));
+                        places.push(at);
+                    }
+                },
+                None if *fd < 0 && flags.is_empty() => {}
+                // One that cannot be passed; else there is none.
+                None if path_of(process, *fd).is_some() => found[at] = EVER_READY & *flags,
+                None => found[at] = PollFlags::NVAL,
+            }
+        }
+        if is_any_ready(&mut polls) {
+            for (at, poll) in places.into_iter().zip(&polls) {
+                found[at] = match poll.revents() {
+                    // A duplicate of what never waits may be a path alone.
+                    PollFlags::NVAL => EVER_READY & set[at].1,
+                    revents => revents,
+                };
+            }
+        }
+        found
+    }
+
+    /// Returns whether a descriptor of a thread is a `signalfd`, or an epoll with one, that has a signal
+    /// for it. The system would answer a poll of our duplicate for this program's own signals.
+    pub(crate) fn has_signal(&self, tid: Tid, fd: i32) -> bool {
+        let process = self.tree.process_of(tid);
+        if !self.descriptors.has_signalfd {
+            return false;
+        }
+        match info_of(process, fd, "sigmask:").and_then(|mask| number(&mask)) {
+            Some(mask) => Signals::of(process, tid).is_some_and(|all| all.pending & mask != 0),
+            None => members_of_epoll(process, fd)
+                .into_iter()
+                .any(|(member, _)| self.has_signal(tid, member)),
+        }
+    }
+
+    /// Returns whether a process of the run has a port open.
+    pub(crate) fn holds_port(&self, index: usize) -> bool {
+        let port = &self.ports[index];
+        self.tree.processes.keys().any(|pid| {
+            files_of(*pid)
+                .any(|path| std::fs::metadata(path).is_ok_and(|file| port.is_device(file.rdev())))
+        })
+    }
+}

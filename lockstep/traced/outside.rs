@@ -1,0 +1,199 @@
+//! Waits for what is outside of the run: whether they are, and for how long.
+
+use std::io;
+use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::rc::Rc;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec};
+
+use crate::traced::arch::Call;
+use crate::traced::descriptor::Descriptor;
+use crate::traced::memory::Memory;
+use crate::traced::proc::{files_of, members_of_epoll, path_of};
+use crate::traced::sys::Tid;
+use crate::traced::syscall::{Entry, Halt, low};
+use crate::traced::tracer::Tracer;
+use crate::traced::wait::Wait;
+
+/// A descriptor that leads outside, and is waited for.
+pub(crate) struct Outside {
+    descriptor: Rc<Descriptor>,
+    flags: PollFlags,
+    pub(crate) name: String,
+}
+
+/// Waits until one of them is ready; whether one is.
+pub(crate) fn wait(all: &[Outside], most: Duration) -> io::Result<bool> {
+    let mut polls: Vec<PollFd<'_>> = all
+        .iter()
+        .map(|one| PollFd::new(&one.descriptor.file, one.flags))
+        .collect();
+    let most = Timespec::try_from(most).map_err(io::Error::other)?;
+    match rustix::event::poll(&mut polls, Some(&most)) {
+        Ok(count) => Ok(count > 0),
+        Err(rustix::io::Errno::INTR) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+impl Tracer<'_> {
+    /// Lists what is waited for that no process of the run can bring about.
+    pub(crate) fn outside_waits(&self) -> Vec<Outside> {
+        let mut all = Vec::new();
+        for thread in self.tree.threads.values() {
+            let set = match thread.hold().map(|hold| &hold.wait) {
+                Some(Wait::Descriptor { fd, flags, .. }) => vec![(*fd, *flags)],
+                Some(Wait::Poll { set, .. }) => set.clone(),
+                _ => continue,
+            };
+            let find = |fd| self.descriptor(thread.process, fd);
+            // One epoll in another is polled as one descriptor.
+            let members = set.into_iter().flat_map(|(fd, flags)| match find(fd) {
+                Some(one) if one.is_anonymous() => members_of_epoll(thread.process, fd),
+                _ => vec![(fd, flags)],
+            });
+            all.extend(members.filter_map(|(fd, flags)| {
+                let descriptor = find(fd)?;
+                let name = self.outside_name(thread.process, fd, &descriptor)?;
+                Some(Outside {
+                    descriptor,
+                    flags,
+                    name,
+                })
+            }));
+        }
+        all
+    }
+
+    fn outside_name(&self, process: Tid, fd: i32, descriptor: &Descriptor) -> Option<String> {
+        if descriptor.is_socket() {
+            return self.peer(process, fd);
+        }
+        if !descriptor.kind().is_char_device()
+            || descriptor.never_waits()
+            || self.port_of(descriptor).is_some()
+        {
+            return None;
+        }
+        // A port whose cable has been pulled is still one, and says so at once.
+        let path = path_of(process, fd)?;
+        let path = path.to_string_lossy();
+        (!path.ends_with(" (deleted)")).then(|| path.into_owned())
+    }
+
+    /// Notes a socket that sends to an address of another machine, and so may get an answer.
+    pub(crate) fn note_destination(
+        &mut self,
+        entry: Entry,
+        descriptor: &Descriptor,
+    ) -> Result<(), Halt> {
+        let Entry { tid, call, a, .. } = entry;
+        let memory = Memory(tid);
+        let (address, length) = match call {
+            Call::Sendto => (a[4], low(a[5])),
+            // Of several messages, the first.
+            Call::Sendmsg | Call::Sendmmsg if a[1] != 0 => {
+                (memory.read_u64(a[1])?, memory.read_u32(a[1] + 8)?)
+            }
+            _ => return Ok(()),
+        };
+        let mut bytes = [0; 24];
+        let length = usize::try_from(length).unwrap_or(0).min(bytes.len());
+        if address == 0 || !descriptor.is_socket() || length < 8 {
+            return Ok(());
+        }
+        memory.read(address, bytes.get_mut(..length).unwrap_or_default())?;
+        let [_, _, _, _, a, b, c, d, v6 @ ..] = bytes;
+        let ip = match i32::from(u16::from_ne_bytes([bytes[0], bytes[1]])) {
+            libc::AF_INET => IpAddr::from([a, b, c, d]),
+            libc::AF_INET6 => IpAddr::from(v6).to_canonical(),
+            _ => return Ok(()),
+        };
+        let is_group = ip.is_multicast() || ip == IpAddr::from([255; 4]) || ip.is_unspecified();
+        // Only an address of this machine can be bound to.
+        if !is_group && !ip.is_loopback() && UdpSocket::bind((ip, 0)).is_err() {
+            self.descriptors.outside_sockets.insert(descriptor.inode());
+        }
+        Ok(())
+    }
+
+    /// Returns the name of the other end of a socket, unless that is of the run.
+    pub(crate) fn peer(&self, process: Tid, fd: i32) -> Option<String> {
+        let descriptor = self.descriptor(process, fd)?;
+        let file = &descriptor.file;
+        let is_stream = rustix::net::sockopt::socket_type(file)
+            .is_ok_and(|kind| kind == rustix::net::SocketType::STREAM);
+        let word = if is_stream { "tcp" } else { "udp" };
+        let own = rustix::net::getsockname(file).ok()?;
+        let family = own.address_family();
+        if family == rustix::net::AddressFamily::UNIX {
+            let peer = rustix::net::sockopt::socket_peercred(file).ok()?;
+            let pid = peer.pid.as_raw_nonzero().get();
+            let is_ours = self.tree.processes.contains_key(&pid) || pid == own_pid();
+            return (!is_ours).then(|| format!("a unix socket of process {pid}"));
+        }
+        let own = SocketAddr::try_from(own).ok()?;
+        match rustix::net::getpeername(file).ok().flatten() {
+            Some(peer) => {
+                let peer = SocketAddr::try_from(peer).ok()?;
+                // The tables of the system take long to read.
+                let is_ours = descriptor.known_peer.get() == Some(peer)
+                    || peer.ip().to_canonical().is_loopback()
+                        && self.is_of_run(is_stream, peer, own);
+                descriptor.known_peer.set(Some(peer).filter(|_| is_ours));
+                (!is_ours).then(|| format!("{word} {peer}"))
+            }
+            // A socket that listens waits for those of the run: no other program knows of it.
+            None if is_stream || own.ip().to_canonical().is_loopback() => None,
+            // Who has sent to others, and to none of them alone, as groups do, may be answered by them.
+            None => {
+                let is_known = self
+                    .descriptors
+                    .outside_sockets
+                    .contains(&descriptor.inode());
+                is_known.then(|| format!("{word} {own}"))
+            }
+        }
+    }
+
+    /// Returns whether a socket of the run, or of this program, has this address and this peer, or
+    /// listens there.
+    fn is_of_run(&self, is_stream: bool, address: SocketAddr, peer: SocketAddr) -> bool {
+        let kind = if is_stream { "tcp" } else { "udp" };
+        let tables = [kind.to_owned(), format!("{kind}6")];
+        let inodes: Vec<String> = tables
+            .iter()
+            .filter_map(|table| std::fs::read_to_string(format!("/proc/net/{table}")).ok())
+            .flat_map(|text| {
+                let lines: Vec<String> = text
+                    .lines()
+                    .skip(1)
+                    .filter_map(|line| {
+                        let words: Vec<&str> = line.split_whitespace().collect();
+                        let port = |at: usize| {
+                            let (_, port) = words.get(at)?.rsplit_once(':')?;
+                            u16::from_str_radix(port, 16).ok()
+                        };
+                        // 0A is a socket that listens.
+                        let fits = port(1)? == address.port()
+                            && (port(2)? == peer.port() || words.get(3) == Some(&"0A"));
+                        fits.then(|| words.get(9).map(|inode| format!("socket:[{inode}]")))?
+                    })
+                    .collect();
+                lines
+            })
+            .collect();
+        let mut processes = self.tree.processes.keys().copied().chain([own_pid()]);
+        processes.any(|pid| {
+            files_of(pid).any(|path| {
+                std::fs::read_link(path)
+                    .is_ok_and(|to| inodes.iter().any(|inode| to.as_os_str() == inode.as_str()))
+            })
+        })
+    }
+}
+
+fn own_pid() -> i32 {
+    rustix::process::getpid().as_raw_nonzero().get()
+}
