@@ -13,18 +13,16 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, WatchFlags};
 use rustix::fs::{CWD, Mode, OFlags};
 use rustix::io::Errno;
-use rustix::termios::{
-    InputModes, LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios,
-};
+use rustix::termios::{LocalModes, OutputModes, QueueSelector, SpecialCodeIndex, Termios};
 
-/// Most bytes in the kernel, whose own limit is 4095; more would be moved up when it pleases.
-const MOST_IN_KERNEL: u64 = 3072;
+/// Most bytes that go to the kernel at once, whose own limit is 4095.
+const MOST_IN_KERNEL: usize = 3072;
 /// Most bytes that a client can read at once, as the kernel has it for terminals.
 const MOST_READ: usize = 4095;
 /// Most bytes that wait for the client to read; what is beyond is lost, as with a real port.
 const MOST_WAITING: usize = 20_480;
-/// Time that bytes and hang-ups may take through the kernel. It is a matter of microseconds, unless
-/// the machine has no time for this program.
+/// Time that a hang-up may take through the kernel. It is a matter of microseconds, unless the machine
+/// has no time for this program.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Modem lines, as `TIOCM_*` has them.
@@ -60,10 +58,12 @@ pub struct Port {
     pair: Option<Pair>,
     /// Bytes that the client has not read, but for those that are in the kernel.
     waiting: VecDeque<u8>,
-    /// Bytes reach the client through the kernel, which waits for them or changes them.
+    /// Bytes go through the kernel, since the terminal is not raw.
     in_kernel: bool,
-    /// A client polls it through an epoll, which is the kernel's.
+    /// A client polls it by an epoll, and the kernel has to know whether there are bytes.
     pub(crate) in_epoll: bool,
+    /// The kernel has bytes that stand for those that wait.
+    has_sign: bool,
     lost: u64,
     /// Open descriptions of it that clients hold.
     pub(crate) opened: usize,
@@ -93,6 +93,7 @@ impl Port {
             waiting: VecDeque::new(),
             in_kernel: false,
             in_epoll: false,
+            has_sign: false,
             lost: 0,
             opened: 0,
             modem: 0,
@@ -148,7 +149,7 @@ impl Port {
             return Ok(false);
         };
         self.waiting.clear();
-        (self.in_kernel, self.in_epoll) = (false, false);
+        (self.in_kernel, self.in_epoll, self.has_sign) = (false, false, false);
         self.modem = 0;
         pair.hang_up()?;
         Ok(std::mem::take(&mut self.opened) > 0)
@@ -177,40 +178,39 @@ impl Port {
         self.top_up()
     }
 
-    /// Moves on what waits for room in the kernel, if bytes pass that.
+    /// Brings the kernel's end to what waits: bytes, if the terminal is not raw; else whether there are
+    /// any, for an epoll. A poll of a terminal with nothing to read waits until it has what was written.
     pub(crate) fn top_up(&mut self) -> io::Result<()> {
         let Some(pair) = &self.pair else {
             return Ok(());
         };
-        let in_kernel = self.in_epoll || !pair.settings()?.1.raw;
-        if self.in_kernel && !in_kernel {
+        let raw = pair.settings()?.1.raw;
+        if self.in_kernel && raw {
             for byte in pair.take_unread().into_iter().rev() {
                 self.waiting.push_front(byte);
             }
         }
-        self.in_kernel = in_kernel;
-        if !in_kernel {
-            return Ok(());
+        self.in_kernel = !raw;
+        let wants_sign = raw && self.in_epoll && self.is_readable();
+        if self.has_sign && !wants_sign {
+            self.take_sign();
+        } else if wants_sign && !self.has_sign {
+            self.has_sign = true;
+            let least = self.read_rule().least.unwrap_or(1).max(1);
+            rustix::io::write(&pair.master, &vec![0; least])?;
+            pair.is_readable();
         }
-        let may_drop = pair.may_drop_bytes()?;
-        // Such bytes cannot be counted, but a poll of a terminal with nothing to read waits for them.
-        while !(self.waiting.is_empty() || may_drop && pair.is_readable()) {
-            let unread = pair.unread()?;
-            let room = usize::try_from(MOST_IN_KERNEL.saturating_sub(unread)).unwrap_or(0);
-            if room == 0 {
-                return Ok(());
-            }
+        let Some(pair) = self.pair.as_ref().filter(|_| !raw) else {
+            return Ok(());
+        };
+        while !(self.waiting.is_empty() || pair.is_readable()) {
             let (first, _) = self.waiting.as_slices();
-            let chunk = first.get(..first.len().min(room)).unwrap_or(first);
-            let count = match rustix::io::write(&pair.master, chunk) {
-                Ok(count) => count,
-                Err(Errno::AGAIN) => return Ok(()),
-                Err(Errno::INTR) => continue,
+            let chunk = first.get(..MOST_IN_KERNEL).unwrap_or(first);
+            match rustix::io::write(&pair.master, chunk) {
+                Ok(count) => drop(self.waiting.drain(..count)),
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => break,
                 Err(error) => return Err(error.into()),
-            };
-            self.waiting.drain(..count);
-            if !may_drop {
-                pair.wait_until_there(unread + count as u64)?;
             }
         }
         Ok(())
@@ -252,7 +252,7 @@ impl Port {
     /// The last client has left; what it has not read is not for the next.
     pub(crate) fn forget_client(&mut self) {
         self.waiting.clear();
-        self.in_epoll = false;
+        (self.in_epoll, self.has_sign) = (false, false);
         self.modem = 0;
         if let Some(pair) = &self.pair {
             // Both cannot fail on a terminal that is there.
@@ -264,12 +264,23 @@ impl Port {
     /// The client throws away what it has not read.
     pub(crate) fn flush_input(&mut self) {
         self.waiting.clear();
+        self.take_sign();
     }
 
     /// The client changes the settings.
     pub(crate) fn forget_settings(&mut self) {
+        self.take_sign();
         if let Some(pair) = &mut self.pair {
             pair.settings.take();
+        }
+    }
+
+    fn take_sign(&mut self) {
+        if let Some(pair) = &self.pair
+            && std::mem::take(&mut self.has_sign)
+        {
+            // It cannot fail on a terminal that is there.
+            let _ = rustix::termios::tcflush(&pair.slave, QueueSelector::IFlush);
         }
     }
 
@@ -457,35 +468,10 @@ impl Pair {
         all
     }
 
-    /// Returns whether the terminal takes bytes for itself: those of a line until it is complete, and
-    /// characters that edit, send signals, or stop and start.
-    fn may_drop_bytes(&self) -> io::Result<bool> {
-        let (termios, _) = self.settings()?;
-        let local = LocalModes::ICANON | LocalModes::ISIG;
-        let input = InputModes::IGNCR | InputModes::IXON;
-        Ok(termios.local_modes.intersects(local) || termios.input_modes.intersects(input))
-    }
-
     /// Returns whether a read would return something, by the terminal's own rules. If it would not,
     /// all that has been written to the other end has been dealt with.
     fn is_readable(&self) -> bool {
         let mut poll = [PollFd::new(&self.slave, PollFlags::IN)];
         rustix::event::poll(&mut poll, Some(&Timespec::default())).is_ok_and(|n| n > 0)
-    }
-
-    /// Waits for bytes to pass through the kernel, which it does when it pleases.
-    fn wait_until_there(&self, unread: u64) -> io::Result<()> {
-        let begun = Instant::now();
-        while self.unread()? < unread {
-            // With nothing in it, this waits for them; else it is asked again.
-            let _ = self.is_readable();
-            if self.unread()? < unread && begun.elapsed() > PATIENCE {
-                return Err(io::Error::other(
-                    "bytes do not arrive in the pseudo-terminal",
-                ));
-            }
-            std::thread::yield_now();
-        }
-        Ok(())
     }
 }

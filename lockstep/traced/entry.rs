@@ -23,9 +23,7 @@ impl Tracer<'_> {
     ) -> Result<Handling, Halt> {
         let call = arch::call(registers.number()).ok_or(Halt::Make)?;
         let process = self.tree.process_of(tid);
-        if let Some(process) = self.tree.processes.get_mut(&process) {
-            process.gate = Some(registers.gate());
-        }
+        self.tree.process(process)?.gate = Some(registers.gate());
         let a = registers.arguments();
         let entry = Entry {
             tid,
@@ -145,12 +143,7 @@ impl Tracer<'_> {
     /// A call has come to its end that is looked at.
     pub(crate) fn end_of_call(&mut self, tid: Tid) -> Result<(), Halt> {
         self.tree.set_state(tid, State::Ready(Resume::Go(0)));
-        let Some(at_end) = self
-            .tree
-            .threads
-            .get_mut(&tid)
-            .and_then(|t| t.at_end.take())
-        else {
+        let Some(at_end) = self.tree.thread(tid)?.at_end.take() else {
             return Ok(());
         };
         let registers = Registers::of(tid)?;
@@ -175,24 +168,19 @@ impl Tracer<'_> {
                 if waits {
                     self.hold(tid, before, Wait::Child, None);
                 } else {
-                    self.has_changed(tid);
+                    self.has_changed(tid)?;
                 }
             }
-            AtEnd::Again {
-                before,
-                would_wait,
-                restore,
-                deadline,
-                late,
-            } => {
-                if let Some((address, bytes)) = restore {
+            AtEnd::Again(before, end) => {
+                if let Some((address, bytes)) = end.restore {
                     Memory(tid).write(address, &bytes)?;
                 }
                 back(before)?;
-                if would_wait.iter().any(|errno| result == -i64::from(*errno)) {
-                    self.hold(tid, before, Wait::Again { late }, deadline);
+                let is_waiting = |errno: &i32| result == -i64::from(*errno);
+                if end.would_wait.iter().any(is_waiting) {
+                    self.hold(tid, before, Wait::Again { late: end.late }, end.deadline);
                 } else {
-                    self.has_changed(tid);
+                    self.has_changed(tid)?;
                 }
             }
             AtEnd::Uptime(address) if result >= 0 => {
@@ -212,9 +200,9 @@ impl Tracer<'_> {
                 let (number, arguments) = Vdso::page_call();
                 let result = self.inject(tid, number, arguments)?;
                 let page = vdso.replace(tid, result)?;
-                if let Some(process) = self.tree.processes.get_mut(&self.tree.process_of(tid)) {
-                    process.clocks = page.map(|page| OwnClocks { page, shown: None });
-                }
+                let process = self.tree.process_of(tid);
+                let clocks = page.map(|page| OwnClocks { page, shown: None });
+                self.tree.process(process)?.clocks = clocks;
             }
             AtEnd::TimerCreate { address, event } => {
                 self.timer_created(tid, registers, address, event)?;
@@ -230,10 +218,9 @@ impl Tracer<'_> {
     }
 
     /// A call that had been made again has done something.
-    fn has_changed(&mut self, tid: Tid) {
+    fn has_changed(&mut self, tid: Tid) -> Result<(), Halt> {
         self.schedule.happened += 1;
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
-            thread.retries = false;
-        }
+        self.tree.thread(tid)?.retries = false;
+        Ok(())
     }
 }

@@ -8,7 +8,7 @@ use crate::traced::proc::{mapping, number};
 use crate::traced::sys::Tid;
 use crate::traced::syscall::{Entry, Halt, Handling, failure, low};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::{AtEnd, State, Thread};
+use crate::traced::tree::{Retried, State, Thread};
 use crate::traced::wait::{FutexKey, Hold, Resume, Wait};
 
 const ALL_BITS: u32 = u32::MAX;
@@ -88,27 +88,19 @@ impl Tracer<'_> {
 
     /// A lock with priority inheritance: tried, and tried again whenever another thread has run.
     fn lock_with_inheritance(&mut self, entry: Entry, by_date: bool) -> Result<Handling, Halt> {
-        let (tid, registers, a) = (entry.tid, entry.registers, entry.a);
-        let mut deadline = self
-            .futex_deadline(tid, a[3], Some(by_date))?
-            .ok_or(Halt::Make)?;
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
-            deadline = thread.again_until.take().or(deadline);
-        }
-        let private = a[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
-        let mut tried = registers;
-        tried.set_argument(
-            1,
-            private | u64::from(libc::FUTEX_TRYLOCK_PI.unsigned_abs()),
-        );
-        let at_end = AtEnd::Again {
-            before: registers,
+        let deadline = self.futex_deadline(entry.tid, entry.a[3], Some(by_date))?;
+        let deadline = deadline.ok_or(Halt::Make)?;
+        let private = entry.a[1] & u64::from(libc::FUTEX_PRIVATE_FLAG.unsigned_abs());
+        let operation = private | u64::from(libc::FUTEX_TRYLOCK_PI.unsigned_abs());
+        let mut tried = entry.registers;
+        tried.set_argument(1, operation);
+        let end = Retried {
             would_wait: &[libc::EAGAIN],
             restore: None,
             deadline,
             late: -i64::from(libc::ETIMEDOUT),
         };
-        Ok(Handling::ToEnd(tried, at_end))
+        self.try_call(entry, tried, end)
     }
 
     /// When a wait ends whose time is at this address: so long from now, or when the clock shows it,

@@ -19,24 +19,19 @@ impl Tracer<'_> {
         self.tree
             .threads
             .retain(|other, thread| *other == tid || thread.process != tid);
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
-            *thread = Thread::new(
-                number.unwrap_or(thread.number),
-                tid,
-                State::Ready(Resume::Go(0)),
-            );
-        }
+        let thread = self.tree.thread(tid)?;
+        let number = number.unwrap_or(thread.number);
+        *thread = Thread::new(number, tid, State::Ready(Resume::Go(0)));
         if self.schedule.current == Some(former) {
             self.schedule.current = Some(tid);
         }
         let memory = self.tree.new_memory();
-        if let Some(process) = self.tree.processes.get_mut(&tid) {
-            process.memory = memory;
-            process.clocks = None;
-            process.on_fault = None;
-            // Those that are closed with it, and another table if it was shared.
-            process.files = Files::default();
-        }
+        let process = self.tree.process(tid)?;
+        process.memory = memory;
+        process.clocks = None;
+        process.on_fault = None;
+        // Those that are closed with it, and another table if it was shared.
+        process.files = Files::default();
         self.timers.forget_posix(tid);
         self.release_parent(tid);
         self.check_program(tid)?;
@@ -48,12 +43,8 @@ impl Tracer<'_> {
         let mut bytes = [0; 16];
         let random = self.random(&mut bytes).map(|()| bytes);
         let vdso = arch::prepare_image(Memory(tid), stack, random)?;
-        if let Some(process) = self.tree.processes.get_mut(&tid) {
-            process.gate = vdso.as_ref().map(|vdso| vdso.gate);
-        }
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
-            thread.at_end = vdso.map(AtEnd::Loaded);
-        }
+        self.tree.process(tid)?.gate = vdso.as_ref().map(|vdso| vdso.gate);
+        self.tree.thread(tid)?.at_end = vdso.map(AtEnd::Loaded);
         Ok(())
     }
 

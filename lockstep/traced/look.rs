@@ -70,10 +70,9 @@ impl Tracer<'_> {
                 Resume::Go(0)
             }
             Look::Again => {
-                if let Some(thread) = self.tree.threads.get_mut(&tid) {
-                    thread.retries = true;
-                    thread.again_until = deadline;
-                }
+                let thread = self.tree.thread(tid)?;
+                thread.retries = true;
+                thread.again_until = deadline;
                 registers.make_again();
                 registers.set(tid)?;
                 Resume::Go(0)

@@ -1,11 +1,11 @@
 //! Calls that are made without waiting, and again when something has happened: children, locks, queues.
 
-use crate::traced::arch::Call;
+use crate::traced::arch::{Call, Registers};
 use crate::traced::clock::span;
 use crate::traced::memory::Memory;
 use crate::traced::syscall::{Entry, Halt, Handling};
 use crate::traced::tracer::Tracer;
-use crate::traced::tree::AtEnd;
+use crate::traced::tree::{AtEnd, Retried};
 
 impl Tracer<'_> {
     /// A wait for a child is made without waiting, and again when something has happened.
@@ -78,17 +78,25 @@ impl Tracer<'_> {
         if asked_not_to_wait {
             would_wait = &[];
         }
-        // A wait that has begun before goes on to its own deadline.
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
-            deadline = thread.again_until.take().or(deadline);
-        }
-        let at_end = AtEnd::Again {
-            before: registers,
+        let end = Retried {
             would_wait,
             restore,
             deadline,
             late: -i64::from(libc::EAGAIN),
         };
-        Ok(Handling::ToEnd(tried, at_end))
+        self.try_call(entry, tried, end)
+    }
+
+    /// Makes a call with these registers, by which it does not wait, and again when something has happened.
+    pub(crate) fn try_call(
+        &mut self,
+        entry: Entry,
+        tried: Registers,
+        mut end: Retried,
+    ) -> Result<Handling, Halt> {
+        // A wait that has begun before goes on to its own deadline.
+        let before = self.tree.thread(entry.tid)?.again_until.take();
+        end.deadline = before.or(end.deadline);
+        Ok(Handling::ToEnd(tried, AtEnd::Again(entry.registers, end)))
     }
 }

@@ -87,15 +87,8 @@ pub(crate) enum State {
 pub(crate) enum AtEnd {
     /// A wait for a child, made without waiting; as its registers were.
     Child(Registers),
-    /// Some other call, made without waiting, which says with one of these that it would have to;
-    /// and memory to put back.
-    Again {
-        before: Registers,
-        would_wait: &'static [i32],
-        restore: Option<(u64, Vec<u8>)>,
-        deadline: Option<u64>,
-        late: i64,
-    },
+    /// Some other call, made without waiting; as its registers were.
+    Again(Registers, Retried),
     /// An argument has been changed for the call alone; as its registers were.
     Restore(Registers),
     /// A new program has been loaded, whose clocks have to have a page.
@@ -112,6 +105,17 @@ pub(crate) enum AtEnd {
     Kill {
         signal: i32,
     },
+}
+
+/// A call that was made without waiting.
+pub(crate) struct Retried {
+    /// Errors by which it says that it would have to wait.
+    pub(crate) would_wait: &'static [i32],
+    /// Memory to put back.
+    pub(crate) restore: Option<(u64, Vec<u8>)>,
+    pub(crate) deadline: Option<u64>,
+    /// What it returns at the deadline.
+    pub(crate) late: i64,
 }
 
 /// Signal of a POSIX timer whose time has come.

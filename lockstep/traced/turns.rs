@@ -84,9 +84,7 @@ impl Tracer<'_> {
             }
             Resume::Call { crept } => {
                 self.report.calls += 1;
-                if let Some(thread) = self.tree.threads.get_mut(&tid) {
-                    thread.preempted = false;
-                }
+                self.tree.thread(tid)?.preempted = false;
                 let registers = Registers::of(tid)?;
                 let action = match self.call(tid, registers, crept) {
                     Err(Halt::Make) => Handling::Make,
@@ -198,7 +196,7 @@ impl Tracer<'_> {
     pub(crate) fn give_way(&mut self, tid: Tid) {
         self.schedule.turns += 1;
         let turn = self.schedule.turns;
-        if let Some(thread) = self.tree.threads.get_mut(&tid) {
+        if let Ok(thread) = self.tree.thread(tid) {
             thread.turn = turn;
         }
         self.schedule.current = None;
