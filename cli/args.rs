@@ -29,7 +29,7 @@ use crate::log::LogFormat;
 
 use crate::visible;
 
-pub(crate) use hunt::HuntArgs;
+pub(crate) use hunt::{HuntArgs, StageArg};
 pub(crate) use merge::MergeArgs;
 pub(crate) use run::{ExitArg, GivenArgs, RandomArg, RunArgs, ScheduleArg, TimeArg};
 pub(crate) use serve::ServeArgs;

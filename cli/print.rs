@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::backtrace::{Backtrace, BacktraceStatus};
-use std::io::{ErrorKind, Write as _};
+use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
@@ -29,6 +29,18 @@ pub(crate) fn written(written: std::io::Result<()>) -> Result<Exit, Failure> {
 /// Prints a line to standard error; nothing is left to do if that is closed.
 pub(crate) fn complain(text: &str) {
     let _ = writeln!(anstream::stderr(), "{}", visible::lines(text));
+}
+
+/// A bar of this form on a terminal, and nothing elsewhere.
+pub(crate) fn progress(count: u64, form: &str) -> indicatif::ProgressBar {
+    if !std::io::stderr().is_terminal() || count < 2 {
+        return indicatif::ProgressBar::hidden();
+    }
+    let bar = indicatif::ProgressBar::new(count);
+    if let Ok(style) = indicatif::ProgressStyle::with_template(form) {
+        bar.set_style(style);
+    }
+    bar
 }
 
 /// A file of results that a flag names. It can be written, as was found out before anything was played.

@@ -18,7 +18,6 @@ use std::collections::BTreeMap;
 use std::collections::hash_map::RandomState;
 use std::fs;
 use std::hash::{BuildHasher as _, Hasher as _};
-use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
@@ -30,7 +29,7 @@ use rigsim_runner::Scenario;
 use crate::args::{ExitArg, GivenArgs, RunArgs, Shard, TimeArg};
 use crate::config;
 use crate::exit::{Exit, Failure};
-use crate::print::{complain, print};
+use crate::print::{complain, print, progress};
 use crate::scenario_files::{Given, Loaded, find, load_all};
 use crate::supervise::adopt_orphans;
 use crate::visible;
@@ -44,7 +43,7 @@ pub(crate) use campaign::{merge, signature};
 pub(crate) use case::{Case, CaseResult, Played, Verdict};
 pub(crate) use json::verdict as verdict_json;
 pub(crate) use live::NO_PORT_OPENED;
-pub(crate) use page::{MARKS as REPORT_MARKS, document as report_page};
+pub(crate) use page::{MARKS as REPORT_MARKS, case_in_full, document as report_page};
 pub(crate) use pool::{play_quietly, stop_by_signals};
 
 /// The `run` subcommand.
@@ -98,7 +97,10 @@ pub(crate) fn run(devices: Devices, args: &RunArgs) -> Result<Exit, Failure> {
     let mut audience = Audience {
         cases: &cases,
         counts: Counts::default(),
-        progress: progress(cases.len()),
+        progress: progress(
+            cases.len() as u64,
+            "{bar:30} {pos}/{len} scenarios, {elapsed}",
+        ),
         junit: junit.map(|path| Junit::begin(path, &cases)).transpose()?,
         page: page.as_ref(),
         results,
@@ -330,20 +332,6 @@ fn prepare(args: &RunArgs) -> Result<(), Failure> {
         .with_context(|| format!("cannot write into the folder {}", visible::name(output)))
         .map_err(Failure::usage)?;
     Ok(())
-}
-
-/// A bar on a terminal, and nothing elsewhere.
-fn progress(count: usize) -> indicatif::ProgressBar {
-    if !std::io::stderr().is_terminal() || count < 2 {
-        return indicatif::ProgressBar::hidden();
-    }
-    let bar = indicatif::ProgressBar::new(count as u64);
-    if let Ok(style) =
-        indicatif::ProgressStyle::with_template("{bar:30} {pos}/{len} scenarios, {elapsed}")
-    {
-        bar.set_style(style);
-    }
-    bar
 }
 
 /// Number of results of each kind.

@@ -55,6 +55,16 @@ for = "2 s"
 host = { send = { set_motors = { right = 300, left = 300 } } }
 "#;
 
+const CAR: &str = r#"
+schema = 1
+title = "A car that stands"
+good_client = "Waits."
+limit = "2 s"
+
+[[device]]
+kind = "mecanum"
+"#;
+
 const RULES: &str = r#"
 [[never]]
 that = "mode.locked && firmware.motor_right != 0"
@@ -75,14 +85,11 @@ fn folder() -> Folder {
 }
 
 fn hunt(folder: &Folder, more: &[&str]) -> Finished {
-    let all = [
-        "hunt",
-        "job.toml",
-        "--rules",
-        "rules.toml",
-        "--shrink-runs",
-        "40",
-    ];
+    hunt_in(folder, "job.toml", more)
+}
+
+fn hunt_in(folder: &Folder, job: &str, more: &[&str]) -> Finished {
+    let all = ["hunt", job, "--rules", "rules.toml", "--shrink-runs", "40"];
     let output = command()
         .args([&all, more, &["--", "python3", "client.py"]].concat())
         .current_dir(folder.path())
@@ -116,6 +123,7 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     let written = folder.read(&format!("one/{file}"));
     for part in [
         "# Found by sim hunt in run ",
+        "# Fails also where \"hunted 1\" begins up to ",
         "base = \"../job.toml\"",
         "operator = \"lock\"",
     ] {
@@ -135,10 +143,10 @@ fn a_bug_is_found_made_small_written_and_the_same_for_every_number_of_threads() 
     let resumed = hunt(&folder, &[&kinds[..], &["--output", "one"]].concat());
     assert_eq!(resumed.code(), Some(1));
     assert_eq!(text, folder.read("one/hunt.json"));
-    // Only what is always played again is added: twice without faults, and twice what was found.
+    // Only what is always played again is added: twice what was found.
     assert_eq!(
         folder.read("one/journal.jsonl").lines().count(),
-        journal + 4
+        journal + 2
     );
 }
 
@@ -172,8 +180,93 @@ fn what_no_client_can_help_is_counted_and_not_written() {
 }
 
 #[test]
+fn several_jobs_are_searched_and_a_reference_is_played_too() {
+    let careful = CLIENT.replace("tick < 20", "tick < 4");
+    let folder = Folder::with(&[
+        ("job.toml", JOB),
+        ("other.toml", JOB),
+        ("rules.toml", RULES),
+        ("client.py", CLIENT),
+        ("careful.py", &careful),
+    ]);
+    let lock = ["other.toml", "--faults", "lock", "--runs", "24"];
+    let with = |reference, output| {
+        let more = [
+            "--reference",
+            reference,
+            "--output",
+            output,
+            "--report",
+            "page.html",
+        ];
+        hunt(&folder, &[&lock[..], &more].concat())
+    };
+    let both = with("python3 careful.py", "both");
+    assert_eq!(both.code(), Some(1), "{}", both.err);
+    let report: serde_json::Value = serde_json::from_str(&folder.read("both/hunt.json")).unwrap();
+    for (index, job) in report["jobs"].as_array().unwrap().iter().enumerate() {
+        let found = &job["findings"][0];
+        assert_eq!(found["reference_fails"], false, "{report}");
+        let file = found["file"].as_str().unwrap();
+        let written = folder.read(&format!("both/job-{}/{file}", index + 1));
+        assert!(
+            written.contains("# The reference client passes."),
+            "{written}"
+        );
+    }
+    assert_eq!(report["jobs"].as_array().unwrap().len(), 2);
+    // The page has the map, and each finding as a report of a run shows it.
+    let page = folder.read("page.html");
+    assert!(page.contains("<svg") && page.contains("lock"), "{page}");
+    // What a client that is trusted cannot help is attributed to no client.
+    let same = with("python3 client.py", "same");
+    assert_eq!(same.code(), Some(0), "{}", same.out);
+    assert!(same.out.contains("unavoidable"), "{}", same.out);
+    // The first finding is enough.
+    let more = ["--fail-fast", "--output", "fast"];
+    let fast = hunt(&folder, &[&lock[..], &more].concat());
+    assert_eq!(fast.code(), Some(1), "{}", fast.err);
+    assert!(folder.path().join("fast/job-1").exists());
+    assert!(!folder.path().join("fast/job-2").exists());
+}
+
+#[test]
+fn a_fault_that_a_device_cannot_have_is_left_out() {
+    let folder = folder();
+    folder.write("car.toml", CAR);
+    folder.write("rules.toml", "");
+    folder.write(
+        "client.py",
+        "import os, time\nos.open(os.environ['SIM_MECANUM_PORT'], os.O_RDWR)\ntime.sleep(1)\n",
+    );
+    // Its `link_timeout` is off, so it has no watchdog.
+    let more = ["--faults", "watchdog-off", "--runs", "4"];
+    let none = hunt_in(&folder, "car.toml", &more);
+    none.expect_refusal(2, &["none of these kinds of faults"]);
+    let other = [
+        "--faults",
+        "watchdog-off,reset",
+        "--runs",
+        "4",
+        "--stages",
+        "single",
+    ];
+    let reset = hunt_in(&folder, "car.toml", &other);
+    assert_eq!(reset.code(), Some(0), "{}", reset.err);
+    assert!(
+        reset.out.contains("4 single faults of 1 kinds"),
+        "{}",
+        reset.out
+    );
+}
+
+#[test]
 fn what_cannot_be_searched_is_refused() {
     let folder = folder();
+    let strict = "[[never]]\nthat = \"truth.distance_m > 0.1\"\nmessage = \"it drives\"\n";
+    folder.write("strict.toml", strict);
+    let fails = hunt(&folder, &["--rules", "strict.toml"]);
+    fails.expect_refusal(2, &["fails without any fault", "it drives"]);
     let real = hunt(&folder, &["--time", "real"]);
     real.expect_refusal(2, &["real time"]);
     let unknown = hunt(&folder, &["--faults", "gremlins"]);

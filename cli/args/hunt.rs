@@ -3,7 +3,8 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{ArgAction, Args, value_parser};
+use clap::{ArgAction, Args, ValueEnum, value_parser};
+use serde::Serialize;
 
 use super::{SettingsArgs, TimeArg};
 
@@ -21,6 +22,20 @@ Exit codes:
   1  found: at least one file was written
   2  usage or configuration: a flag or a file is wrong, or the client is not repeatable
   3  simulator or system";
+
+/// Part of a search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum StageArg {
+    /// Single faults: every kind once before any kind twice.
+    Single,
+    /// Those that came nearest to a rule or were new to the client, by halving.
+    Refined,
+    /// Further faults while the client reacts to those before.
+    Further,
+    /// Random schedules.
+    Random,
+}
 
 /// Budget and space of a search.
 #[derive(Debug, Args)]
@@ -47,13 +62,19 @@ pub(crate) struct HuntArgs {
     /// Try only these kinds of faults and actions.
     #[arg(long, value_name = "KINDS", value_delimiter = ',')]
     pub(crate) faults: Vec<String>,
+    /// Play only these stages, as for a comparison with a random search [default: all].
+    #[arg(long, value_name = "STAGES", value_enum, value_delimiter = ',')]
+    pub(crate) stages: Vec<StageArg>,
+    /// End the search with the first finding.
+    #[arg(long)]
+    pub(crate) fail_fast: bool,
     /// Seed of the runs and of the choices of the search.
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) seed: u64,
     /// Number of runs at a time; the result does not depend on it [default: one for each core].
     #[arg(short = 'j', long = "jobs", value_name = "N", value_parser = value_parser!(u32).range(1..=64))]
     pub(crate) threads: Option<u32>,
-    /// A client that is known to be good, as a command of the shell: each finding is played with it too.
+    /// A client that is trusted, as a command of the shell: what it breaks as well is unavoidable.
     #[arg(long, value_name = "COMMAND")]
     pub(crate) reference: Option<String>,
     /// Write findings, `hunt.json` and the journal into this folder. A hunt that was aborted goes on

@@ -31,7 +31,7 @@ enum Then {
     Silence,
 }
 
-/// Returns whether both an ideal operator and silence break the rule, so that it is attributed to no client
+/// Returns whether both an ideal operator and silence break the rule, so that it is attributed to no client.
 ///
 /// # Errors
 /// When the simulation cannot go on.

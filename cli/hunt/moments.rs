@@ -10,79 +10,91 @@ use rigsim_runner::condition::Reading;
 use rigsim_runner::run::Probe;
 use rigsim_runner::trace::Onlooker;
 
+use super::space::Trigger;
+
 /// Most moments of a job.
 pub(super) const MOST: usize = 12;
 /// How often the time between two changes is halved.
 const HALVINGS: usize = 3;
-/// A trigger may be off by so much, s.
-const CLOSE: f64 = 0.03;
+/// A trigger may be off by so much, ms.
+const CLOSE: u64 = 30;
 /// Time between two samples.
 const EVERY: Duration = Duration::from_millis(20);
+/// Ranks of triggers.
+const STATE: usize = 0;
+const COUNT: usize = 1;
+const DISTANCE: usize = 2;
 /// Most samples.
 const MOST_SAMPLES: usize = 100_000;
 
 /// A moment of a job.
 #[derive(Debug, Clone)]
 pub(super) struct Moment {
-    /// Time of it without faults, s.
-    pub(super) at: f64,
-    /// Line of a step.
-    pub(super) trigger: String,
+    /// Time of it without faults, ms.
+    pub(super) at: u64,
+    /// The most robust trigger that reproduces it.
+    pub(super) trigger: Trigger,
 }
 
 /// States of the devices over time.
 pub(super) struct Samples {
     probes: Vec<Probe>,
+    /// Device and id of the message that a probe counts.
+    messages: Vec<Option<(usize, u8)>>,
+    ranks: Vec<usize>,
     next: SimTime,
-    times: Vec<f64>,
+    /// In milliseconds.
+    times: Vec<u64>,
     values: Vec<Vec<f64>>,
     /// Largest value of each name.
     most: Vec<f64>,
 }
 
-/// How robust a name is as a trigger; lower is better.
-fn rank(probe: &Probe) -> Option<usize> {
+/// How robust a name is as a trigger, lower is better; and the message that it counts.
+fn rank(run: &Run, probe: &Probe) -> Option<(usize, Option<(usize, u8)>)> {
     let name = probe.name.split_once('.').map_or("", |(_, name)| name);
-    let is_flag = probe.unit == Unit::Flag;
+    let index = probe.device?;
+    let plan = run.scenario().rig.devices.get(index)?;
+    let counted = plan
+        .device
+        .all_messages()
+        .find(|message| message.count == name);
     match name {
         "truth.touching" | "client.attached" => None,
-        "truth.distance_m" => Some(2),
-        _ if is_flag && !name.starts_with("reported.") => Some(0),
-        _ if name.starts_with("count.") && !is_event_of_device(name) => Some(1),
-        _ => None,
+        "truth.distance_m" => Some((DISTANCE, None)),
+        "count.client_attached" => Some((COUNT, None)),
+        _ if probe.unit == Unit::Flag && !name.starts_with("reported.") => Some((STATE, None)),
+        // Counts that are no act of a client shift.
+        _ => counted.map(|message| (COUNT, Some((index, message.id)))),
     }
-}
-
-/// Counts that are no act of a client.
-fn is_event_of_device(name: &str) -> bool {
-    ["count.requests", "count.replies", "count.actions"].contains(&name)
 }
 
 impl Samples {
     pub(super) fn new(run: &Run) -> Self {
-        let devices = &run.scenario().rig.devices;
-        let sent = |probe: &Probe| {
-            let own = probe.device.and_then(|index| devices.get(index));
-            let name = probe.name.split_once('.').map_or("", |(_, name)| name);
-            name == "count.client_attached"
-                || own.is_some_and(|plan| {
-                    plan.device
-                        .all_messages()
-                        .any(|message| message.count == name)
-                })
-        };
-        let useful = |probe: &Probe| match rank(probe) {
-            Some(1) => sent(probe),
-            rank => rank.is_some(),
-        };
-        let probes: Vec<Probe> = run.probes().into_iter().filter(useful).collect();
+        let probes = run.probes().into_iter();
+        let useful = probes.filter_map(|probe| Some((rank(run, &probe)?, probe)));
+        let (ranks, probes): (Vec<_>, Vec<Probe>) = useful.unzip();
+        let (ranks, messages) = ranks.into_iter().unzip();
         Self {
             most: vec![1.0; probes.len()],
             probes,
+            ranks,
+            messages,
             next: SimTime::ZERO,
             times: Vec::new(),
             values: Vec::new(),
         }
+    }
+
+    /// Devices and ids of the messages that were sent.
+    pub(super) fn sent(&self) -> Vec<(usize, u8)> {
+        let last = self.values.last().into_iter().flatten();
+        let sent = self
+            .messages
+            .iter()
+            .zip(last)
+            .filter(|(_, count)| **count > 0.0);
+        sent.filter_map(|(message, _)| *message).collect()
     }
 
     fn sample(&mut self, run: &Run) {
@@ -96,7 +108,8 @@ impl Samples {
             for (most, value) in self.most.iter_mut().zip(&values) {
                 *most = most.max(*value);
             }
-            self.times.push(run.rig().now().as_secs_f64());
+            self.times
+                .push((run.rig().now().as_nanos() + 500_000) / 1_000_000);
             self.values.push(values);
         }
     }
@@ -104,11 +117,11 @@ impl Samples {
     /// The moments, in the order of time.
     pub(super) fn moments(&self) -> Vec<Moment> {
         let mut indices: Vec<usize> = Vec::new();
-        for (column, probe) in self.probes.iter().enumerate() {
+        for (column, rank) in self.ranks.iter().enumerate() {
             let value = |row: usize| self.values[row][column];
             let changes = (1..self.values.len()).filter(|row| value(*row) != value(*row - 1));
             let changes: Vec<usize> = changes.collect();
-            if rank(probe) == Some(0) {
+            if *rank == STATE {
                 indices.extend(&changes);
             } else {
                 indices.extend(changes.first());
@@ -143,6 +156,10 @@ impl Samples {
         chosen.sort_unstable();
         let mut moments: Vec<Moment> = chosen.into_iter().map(|row| self.moment(row)).collect();
         moments.dedup_by(|one, other| one.trigger == other.trigger);
+        if moments.is_empty() {
+            let trigger = Trigger::At(0);
+            moments.push(Moment { at: 0, trigger });
+        }
         moments
     }
 
@@ -151,46 +168,38 @@ impl Samples {
         let pairs = self.values[one].iter().zip(&self.values[other]);
         let columns = pairs.zip(&self.most);
         let columns = columns.map(|((one, other), most)| (one - other).abs() / most);
-        let whole = self.times.last().copied().unwrap_or(1.0).max(1.0);
-        let time = (self.times[one] - self.times[other]).abs();
+        let whole = self.times.last().copied().unwrap_or_default().max(1);
+        let time = self.times[one].abs_diff(self.times[other]);
         match time > CLOSE {
-            true => columns.sum::<f64>() + time / whole,
+            true => columns.sum::<f64>() + share(time, whole),
             false => 0.0,
         }
     }
 
     fn moment(&self, row: usize) -> Moment {
         let at = self.times[row];
-        let mut best = (3, format!("at = \"{} ms\"", (at * 1e3).round()));
+        let mut best = (usize::MAX, Trigger::At(at));
         for (column, probe) in self.probes.iter().enumerate() {
-            let rank = rank(probe).unwrap_or(usize::MAX);
+            let (rank, name) = (self.ranks[column], &probe.name);
             let value = self.values[row][column];
             let begin = self.values[0][column];
             let (condition, holds): (String, Box<dyn Fn(f64) -> bool>) = match rank {
-                0 if value != begin => {
+                STATE if value != begin => {
                     let not = if value == 0.0 { "!" } else { "" };
-                    (
-                        format!("{not}{}", probe.name),
-                        Box::new(move |found| found == value),
-                    )
+                    let holds = move |found| found == value;
+                    (format!("{not}{name}"), Box::new(holds))
                 }
-                1 if value > 0.0 => (
-                    format!("{} >= {value}", probe.name),
-                    Box::new(move |found| found >= value),
-                ),
-                2 if value > 0.05 => {
+                COUNT | DISTANCE if value > 0.05 => {
                     let least = (value * 100.0).floor() / 100.0;
-                    (
-                        format!("{} >= {least}", probe.name),
-                        Box::new(move |found| found >= least),
-                    )
+                    let holds = move |found| found >= least;
+                    (format!("{name} >= {least}"), Box::new(holds))
                 }
                 _ => continue,
             };
             let first = self.values.iter().position(|values| holds(values[column]));
-            let is_close = first.is_some_and(|first| (self.times[first] - at).abs() < CLOSE);
+            let is_close = first.is_some_and(|first| self.times[first].abs_diff(at) < CLOSE);
             if rank < best.0 && is_close {
-                best = (rank, format!("when = \"{condition}\""));
+                best = (rank, Trigger::When(condition));
             }
         }
         Moment {
@@ -198,6 +207,11 @@ impl Samples {
             trigger: best.1,
         }
     }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "no run takes 2^53 ms")]
+fn share(part: u64, whole: u64) -> f64 {
+    part as f64 / whole as f64
 }
 
 impl Onlooker for Samples {

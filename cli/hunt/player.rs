@@ -17,16 +17,20 @@ use siphasher::sip::SipHasher13;
 
 use crate::args::RunArgs;
 use crate::exit::Failure;
-use crate::run::{Case, Verdict, play_quietly, signature, stop_by_signals};
+use crate::run::{Case, CaseResult, Verdict, play_quietly, signature, stop_by_signals};
 use crate::scenario_files::{Given, Loaded, load_text};
 use crate::visible;
 
 use super::space::step_name;
 
 /// Most moments of reaction of a run.
-const MOST_REACTIONS: usize = 3;
+const MOST_REACTIONS: usize = 8;
 /// Most faults of a schedule.
 const MOST_FAULTS: usize = 4;
+/// Most transitions that tell how a client reacted.
+const MOST_TRANSITIONS: usize = 64;
+/// Bytes by which messages with other values are known as of one kind.
+const MOST_HEAD: usize = 4;
 
 /// What is known of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -37,26 +41,36 @@ pub(super) struct Seen {
     pub(super) margins: BTreeMap<String, f64>,
     /// Digest of what the client sent.
     pub(super) sent: u64,
+    /// Digest of what it sent behind what, however often.
+    pub(super) class: u64,
     /// Digest of the trace.
     pub(super) trace: String,
-    /// Faults that hit something, and when each began, s.
-    pub(super) begun: Vec<Option<f64>>,
+    /// Faults that hit something, and when each began, ms.
+    pub(super) begun: Vec<Option<u64>>,
     pub(super) hit: Vec<bool>,
-    /// Times at which the client did something else than without faults, s.
-    pub(super) reactions: Vec<f64>,
-    pub(super) ended: f64,
+    /// From the first time on at which the client did something else than without faults: when it did one
+    /// thing behind another for the first time, ms.
+    pub(super) reactions: Vec<u64>,
+    /// When the client did something for the last time, ms.
+    pub(super) ended: u64,
     /// Why there is no verdict, if there is none.
     pub(super) error: Option<String>,
 }
 
 impl Seen {
-    /// The rule that came nearest to being broken.
-    pub(super) fn nearest(&self) -> Option<(&str, f64)> {
-        let all = self
-            .margins
-            .iter()
-            .map(|(rule, margin)| (rule.as_str(), *margin));
-        all.min_by(|one, other| one.1.total_cmp(&other.1))
+    /// Smallest margin of a rule, infinite if none was judged.
+    pub(super) fn nearest(&self) -> f64 {
+        let broken = if self.broken.is_empty() {
+            f64::INFINITY
+        } else {
+            0.0
+        };
+        self.margins.values().copied().fold(broken, f64::min)
+    }
+
+    /// Returns whether a fault of the schedule did something.
+    pub(super) fn hits(&self) -> bool {
+        self.hit.contains(&true)
     }
 }
 
@@ -64,54 +78,44 @@ impl Seen {
 #[derive(Serialize, Deserialize)]
 struct Entry {
     run: u64,
-    seen: Option<Seen>,
+    seen: Seen,
 }
 
-/// What a client does: when, and what.
-type Act = (f64, u64);
+/// Something that a client does.
+struct Act {
+    /// In milliseconds.
+    at: u64,
+    /// Digest of it, and of how it begins.
+    what: u64,
+    head: u64,
+}
 
 /// Plays files that exist in memory.
 pub(super) struct Player<'a> {
     args: RunArgs,
     given: &'a Given<'a>,
-    folder: PathBuf,
+    pub(super) folder: PathBuf,
     scratch: tempfile::TempDir,
     stop: Arc<AtomicBool>,
     threads: usize,
-    seed: u64,
-    journal: File,
-    /// Runs that are known, by their files and seeds; `None` for a file that is not valid.
-    known: BTreeMap<u64, Option<Seen>>,
+    pub(super) seed: u64,
+    journal: Option<File>,
+    /// Runs that are known, by their files and seeds.
+    known: BTreeMap<u64, Seen>,
     usual: Vec<Act>,
+    words: BTreeSet<u64>,
     /// Runs that were asked for, known ones included, so that a resumed hunt counts the same.
     pub(super) asked: u64,
 }
 
 impl<'a> Player<'a> {
-    /// A player that goes on with the journal in the folder if it is one of the same hunt.
+    /// A player of files as if they were in this folder.
     pub(super) fn new(
         args: RunArgs,
         given: &'a Given<'a>,
         folder: &Path,
         threads: usize,
-        hunt: u64,
     ) -> Result<Self, Failure> {
-        let path = folder.join("journal.jsonl");
-        let known = read_journal(&path, hunt);
-        let cannot = || format!("cannot write {}", visible::name(&path));
-        let mut journal = File::options()
-            .create(true)
-            .append(true)
-            .open(&path)
-            .with_context(cannot)
-            .map_err(Failure::usage)?;
-        if known.is_empty() {
-            journal
-                .set_len(0)
-                .and_then(|()| writeln!(journal, "{{\"hunt\":\"{hunt:016x}\"}}"))
-                .with_context(cannot)
-                .map_err(Failure::usage)?;
-        }
         Ok(Self {
             seed: args.seed.unwrap_or(1),
             args,
@@ -120,74 +124,98 @@ impl<'a> Player<'a> {
             scratch: tempfile::tempdir().map_err(Failure::system)?,
             stop: stop_by_signals()?,
             threads,
-            journal,
-            known,
+            journal: None,
+            known: BTreeMap::new(),
             usual: Vec::new(),
+            words: BTreeSet::new(),
             asked: 0,
         })
     }
 
-    /// Reads a file; `None` if it is not valid, as one whose fault this vehicle cannot have.
-    pub(super) fn load(&self, text: &str) -> Option<Loaded> {
-        let path = self
-            .folder
-            .join(format!("hunt-{:016x}.toml", digest(text.as_bytes())));
-        load_text(&path, text, self.given).ok()
+    /// Makes the folder, and goes on with the journal in it if it is one of the same hunt.
+    pub(super) fn keep_journal(&mut self, hunt: u64) -> Result<(), Failure> {
+        let path = self.folder.join("journal.jsonl");
+        let head = format!("{{\"hunt\":\"{hunt:016x}\"}}");
+        self.known = read_journal(&path, &head);
+        let open = || {
+            fs::create_dir_all(&self.folder)?;
+            let mut journal = File::options().create(true).append(true).open(&path)?;
+            if self.known.is_empty() {
+                journal.set_len(0)?;
+                writeln!(journal, "{head}")?;
+            }
+            Ok::<_, std::io::Error>(journal)
+        };
+        let journal = open().with_context(|| format!("cannot write {}", visible::name(&path)));
+        self.journal = Some(journal.map_err(Failure::usage)?);
+        Ok(())
     }
 
-    /// Files are read as if they were in this folder.
-    pub(super) fn see_from(&mut self, folder: &Path) {
-        folder.clone_into(&mut self.folder);
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it is not valid, as one whose fault this vehicle cannot have.
+    pub(super) fn load(&self, text: &str) -> Result<Loaded, Failure> {
+        let name = format!("hunt-{:016x}.toml", digest(text.as_bytes()));
+        load_text(&self.folder.join(name), text, self.given)
     }
 
-    pub(super) fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    /// Plays files with the seed of the hunt; results are in the order of the files. What was played
-    /// before is known, unless it is to be played `again`.
-    pub(super) fn play(&mut self, texts: &[String]) -> Result<Vec<Option<Seen>>, Failure> {
-        let seed = self.seed;
-        let all: Vec<(String, u64)> = texts.iter().map(|text| (text.clone(), seed)).collect();
+    /// Plays files with the seed of the hunt; results are in the order of the files.
+    pub(super) fn play(&mut self, texts: &[String]) -> Result<Vec<Seen>, Failure> {
+        let all: Vec<(&str, u64)> = texts
+            .iter()
+            .map(|text| (text.as_str(), self.seed))
+            .collect();
         self.play_seeds(&all, false)
     }
 
+    /// Plays a file also where it was played before.
+    pub(super) fn play_again(&mut self, text: &str) -> Result<Seen, Failure> {
+        Ok(self.play_seeds(&[(text, self.seed)], true)?.remove(0))
+    }
+
+    /// Plays files with seeds. What was played before is known, unless it is to be played `again`.
     pub(super) fn play_seeds(
         &mut self,
-        all: &[(String, u64)],
+        all: &[(&str, u64)],
         again: bool,
-    ) -> Result<Vec<Option<Seen>>, Failure> {
+    ) -> Result<Vec<Seen>, Failure> {
         self.asked += all.len() as u64;
-        let runs: Vec<u64> = all.iter().map(|(text, seed)| run_id(text, *seed)).collect();
+        let runs = all
+            .iter()
+            .map(|(text, seed)| digest(format!("{seed}\n{text}").as_bytes()));
+        let runs: Vec<u64> = runs.collect();
         let mut new = Vec::new();
         let mut taken = BTreeSet::new();
         for ((text, seed), run) in all.iter().zip(&runs) {
-            if (again || !self.known.contains_key(run)) && taken.insert(*run) {
-                match self.load(text) {
-                    Some(loaded) => new.push((*run, *seed, loaded)),
-                    None => {
-                        self.known.insert(*run, None);
-                    }
+            if (!again && self.known.contains_key(run)) || !taken.insert(*run) {
+                continue;
+            }
+            match self.load(text) {
+                Ok(loaded) => {
+                    // The same file with two seeds has the same name.
+                    let folder = self.scratch.path().join(format!("{run:016x}"));
+                    fs::create_dir_all(&folder).map_err(Failure::system)?;
+                    new.push((*run, *seed, loaded, folder));
+                }
+                Err(failure) => {
+                    let error = Some(format!("{:#}", failure.error));
+                    let seen = Seen {
+                        error,
+                        ..Seen::default()
+                    };
+                    self.known.insert(*run, seen);
                 }
             }
         }
-        // The same file with two seeds has the same name.
-        let folders = new.iter().map(|(run, ..)| {
-            let folder = self.scratch.path().join(format!("{run:016x}"));
-            fs::create_dir_all(&folder).map(|()| folder)
+        let cases = new.iter().map(|(_, seed, loaded, folder)| Case {
+            seed: *seed,
+            scratch: Some(folder),
+            ..Case::new(&self.args, loaded, 0, *seed)
         });
-        let folders: Vec<PathBuf> = folders.collect::<Result<_, _>>().map_err(Failure::system)?;
-        let cases = new
-            .iter()
-            .zip(&folders)
-            .map(|((_, seed, loaded), folder)| Case {
-                seed: *seed,
-                scratch: Some(folder),
-                ..Case::new(&self.args, loaded, 0, *seed)
-            });
         let cases: Vec<Case<'_>> = cases.collect();
         let results = play_quietly(&cases, self.threads, &self.stop)?;
-        for ((case, (run, ..)), result) in cases.iter().zip(&new).zip(results) {
+        for ((case, (run, .., folder)), result) in cases.iter().zip(&new).zip(results) {
             let Some(played) = result.played else {
                 return Err(Failure::system(anyhow!(
                     "{}; the journal in {} lets the same command go on",
@@ -195,21 +223,22 @@ impl<'a> Player<'a> {
                     visible::name(&self.folder)
                 )));
             };
-            let mut seen = seen(&played.outcome, case.recording(), &self.usual);
+            let mut seen = self.seen(&played.outcome, case);
             if result.verdict == Verdict::Error {
                 // It says nothing about the client.
                 seen.broken.clear();
                 seen.error = result.why;
             }
             seen.trace = played.trace.unwrap_or_default();
-            let entry = Entry {
-                run: *run,
-                seen: Some(seen),
-            };
-            let line = serde_json::to_string(&entry).map_err(Failure::system)?;
-            writeln!(self.journal, "{line}")
-                .context("cannot write the journal")
-                .map_err(Failure::system)?;
+            // All of it goes with the hunt.
+            let _ = fs::remove_dir_all(folder);
+            let entry = Entry { run: *run, seen };
+            if let Some(journal) = &mut self.journal {
+                let line = serde_json::to_string(&entry).map_err(Failure::system)?;
+                writeln!(journal, "{line}")
+                    .context("cannot write the journal")
+                    .map_err(Failure::system)?;
+            }
             self.known.insert(*run, entry.seen);
         }
         Ok(runs.iter().map(|run| self.known[run].clone()).collect())
@@ -219,39 +248,88 @@ impl<'a> Player<'a> {
     pub(super) fn trace<T>(
         &self,
         text: &str,
-        read: impl FnOnce(&Path, &Loaded) -> Result<T, Failure>,
+        read: impl FnOnce(&Case<'_>, &CaseResult, &AtomicBool) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
-        let Some(loaded) = self.load(text) else {
-            return Err(Failure::system(anyhow!(
-                "a file of the hunt cannot be read"
-            )));
-        };
+        let loaded = self.load(text)?;
         let scratch = tempfile::tempdir_in(self.scratch.path()).map_err(Failure::system)?;
         let case = Case {
             scratch: Some(scratch.path()),
             ..Case::new(&self.args, &loaded, 0, self.seed)
         };
-        play_quietly(std::slice::from_ref(&case), 1, &self.stop)?;
-        read(&case.recording().unwrap_or_default(), &loaded)
+        let result = play_quietly(std::slice::from_ref(&case), 1, &self.stop)?.remove(0);
+        read(&case, &result, &self.stop)
     }
 
     /// Takes what the client does without faults for usual.
     pub(super) fn learn(&mut self, text: &str) -> Result<(), Failure> {
-        self.usual = self.trace(text, |path, _| Ok(acts(&records(path))))?;
+        self.usual = self.trace(text, |case, _, _| Ok(acts(&records(case))))?;
+        self.words = self.usual.iter().map(|act| act.what).collect();
         Ok(())
+    }
+
+    fn seen(&self, outcome: &Outcome, case: &Case<'_>) -> Seen {
+        let records = records(case);
+        let acts = acts(&records);
+        let begun = |index| {
+            let name = step_name(index);
+            let fault = outcome.faults.iter().find(|fault| fault.step == name);
+            let at = records.iter().find_map(|record| match record {
+                Record::Step { t, step, what } if *step == name && what == "begun" => {
+                    Some(millis(*t))
+                }
+                _ => None,
+            });
+            (at, fault.map_or(at.is_some(), |fault| fault.hits > 0))
+        };
+        let (begun, hit): (Vec<_>, Vec<_>) = (0..MOST_FAULTS).map(begun).unzip();
+        let first = begun.iter().flatten().min().copied().unwrap_or(u64::MAX);
+        let pairs = acts.iter().zip(&self.usual);
+        let same = pairs
+            .take_while(|(one, other)| one.what == other.what)
+            .count();
+        let (mut sent, mut class) = (SipHasher13::new(), SipHasher13::new());
+        let (mut transitions, mut reactions) = (BTreeSet::new(), Vec::new());
+        let mut before = 0;
+        for (index, act) in acts.iter().enumerate() {
+            sent.write_u64(act.what);
+            // Values that vary are one word.
+            let is_usual = self.words.contains(&act.what);
+            let word = if is_usual { act.what } else { act.head };
+            if index >= same && act.at >= first && transitions.insert((before, word)) {
+                reactions.push(act.at);
+            }
+            before = word;
+        }
+        reactions.truncate(MOST_REACTIONS);
+        for (before, word) in transitions.into_iter().take(MOST_TRANSITIONS) {
+            class.write_u64(before);
+            class.write_u64(word);
+        }
+        let margins = outcome.margins.iter();
+        Seen {
+            broken: keys(outcome),
+            margins: margins
+                .map(|rule| (rule.what.clone(), rule.margin))
+                .collect(),
+            sent: sent.finish(),
+            class: class.finish(),
+            trace: String::new(),
+            begun,
+            hit,
+            reactions,
+            ended: acts.last().map_or(0, |act| act.at),
+            error: None,
+        }
     }
 }
 
 /// The runs in a journal; none if it is one of another hunt. What comes behind a torn line is lost.
-fn read_journal(path: &Path, hunt: u64) -> BTreeMap<u64, Option<Seen>> {
+fn read_journal(path: &Path, head: &str) -> BTreeMap<u64, Seen> {
     let Ok(file) = File::open(path) else {
         return BTreeMap::new();
     };
     let mut lines = BufReader::new(file).lines().map_while(Result::ok);
-    if lines
-        .next()
-        .is_none_or(|head| !head.contains(&format!("{hunt:016x}")))
-    {
+    if lines.next().is_none_or(|line| line != head) {
         return BTreeMap::new();
     }
     let entries = lines.map_while(|line| serde_json::from_str::<Entry>(&line).ok());
@@ -262,10 +340,6 @@ pub(super) fn digest(bytes: &[u8]) -> u64 {
     let mut hasher = SipHasher13::new();
     hasher.write(bytes);
     hasher.finish()
-}
-
-fn run_id(text: &str, seed: u64) -> u64 {
-    digest(format!("{seed}\n{text}").as_bytes())
 }
 
 /// The key of a failure: the same for the same failure of two runs.
@@ -289,89 +363,35 @@ pub(super) fn keys(outcome: &Outcome) -> BTreeMap<String, String> {
     keys
 }
 
-pub(super) fn records(path: &Path) -> Vec<Record> {
-    let text = fs::read_to_string(path).unwrap_or_default();
-    text.lines()
-        .skip(1)
+/// The trace of a case that was played.
+pub(super) fn records(case: &Case<'_>) -> Vec<Record> {
+    let text = case
+        .recording()
+        .and_then(|path| fs::read_to_string(path).ok());
+    let lines = text.as_deref().unwrap_or_default().lines().skip(1);
+    lines
         .filter_map(|line| serde_json::from_str(line).ok())
         .collect()
 }
 
-#[expect(clippy::cast_precision_loss, reason = "no run takes 2^53 ns")]
-fn seconds(nanos: u64) -> f64 {
-    nanos as f64 / 1e9
+/// Nanoseconds in milliseconds.
+fn millis(nanos: u64) -> u64 {
+    (nanos + 500_000) / 1_000_000
 }
 
 fn acts(records: &[Record]) -> Vec<Act> {
     let act = |record: &Record| {
-        let (t, what) = match record {
-            Record::Attach { t, .. } => (*t, 1),
-            Record::Detach { t, .. } => (*t, 2),
-            Record::In { t, bytes, .. } => (*t, digest(&bytes.0)),
+        let (t, what, head) = match record {
+            Record::Attach { t, .. } => (*t, 1, 1),
+            Record::Detach { t, .. } => (*t, 2, 2),
+            Record::In { t, bytes, .. } => {
+                let head = bytes.0.get(..MOST_HEAD).unwrap_or(&bytes.0);
+                (*t, digest(&bytes.0), digest(head))
+            }
             _ => return None,
         };
-        Some((seconds(t), what))
+        let at = millis(t);
+        Some(Act { at, what, head })
     };
     records.iter().filter_map(act).collect()
-}
-
-fn seen(outcome: &Outcome, trace: Option<PathBuf>, usual: &[Act]) -> Seen {
-    let records = trace.as_deref().map(records).unwrap_or_default();
-    if let Some(trace) = trace {
-        // It is in a folder that goes with the hunt.
-        let _ = fs::remove_file(trace);
-    }
-    let acts = acts(&records);
-    let mut sent = SipHasher13::new();
-    for (_, what) in &acts {
-        sent.write_u64(*what);
-    }
-    let begun = |index| {
-        let name = step_name(index);
-        let fault = outcome.faults.iter().find(|fault| fault.step == name);
-        let at = records.iter().find_map(|record| match record {
-            Record::Step { t, step, what } if *step == name && what == "begun" => Some(seconds(*t)),
-            _ => None,
-        });
-        (at, fault.map_or(at.is_some(), |fault| fault.hits > 0))
-    };
-    let (begun, hit): (Vec<_>, Vec<_>) = (0..MOST_FAULTS).map(begun).unzip();
-    let first = begun
-        .iter()
-        .flatten()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
-    let same = acts
-        .iter()
-        .zip(usual)
-        .take_while(|(one, other)| one.1 == other.1)
-        .count();
-    let differs = acts.get(same).map(|(at, _)| *at);
-    let opened = records.iter().filter_map(|record| match record {
-        Record::Attach { t, .. } => Some(seconds(*t)),
-        _ => None,
-    });
-    let mut reactions: Vec<f64> = differs
-        .into_iter()
-        .chain(opened)
-        .filter(|at| *at > first)
-        .collect();
-    reactions.sort_by(f64::total_cmp);
-    reactions.dedup();
-    reactions.truncate(MOST_REACTIONS);
-    let margins = outcome
-        .margins
-        .iter()
-        .map(|rule| (rule.what.clone(), rule.margin));
-    Seen {
-        broken: keys(outcome),
-        margins: margins.collect(),
-        sent: sent.finish(),
-        trace: String::new(),
-        begun,
-        hit,
-        reactions,
-        ended: outcome.ended_at.as_secs_f64(),
-        error: None,
-    }
 }

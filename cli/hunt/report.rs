@@ -1,20 +1,22 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
 use maud::{Markup, html};
+use rigsim_core::device::Devices;
 use serde_json::{Value, json};
 
-use crate::args::HuntArgs;
+use crate::args::{HuntArgs, StageArg};
 use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
 use crate::run::{REPORT_MARKS, report_page};
 use crate::visible::{self, lines as readable};
 
-use super::Hunt;
+use super::finding::SEEDS;
+use super::search::{Hunt, Tried};
+use super::space::duration;
 
 /// Longest name of a file of a finding.
 const MOST_NAME: usize = 60;
@@ -24,7 +26,7 @@ pub(super) struct Summary {
     output: PathBuf,
     report: Option<PathBuf>,
     jobs: Vec<Value>,
-    maps: Vec<Markup>,
+    pages: Vec<Markup>,
     lines: Vec<String>,
     found: usize,
 }
@@ -35,38 +37,42 @@ impl Summary {
             output: args.output.clone(),
             report: args.report.clone(),
             jobs: Vec::new(),
-            maps: Vec::new(),
+            pages: Vec::new(),
             lines: Vec::new(),
             found: 0,
         }
     }
 
     /// The search of a job is over.
-    pub(super) fn add(&mut self, hunt: &Hunt<'_>) -> Result<(), Failure> {
-        let cells = cells(hunt);
-        let map = cells.iter().map(|((kind, moment), cell)| {
+    pub(super) fn add(&mut self, devices: Devices, hunt: &Hunt<'_>) -> Result<(), Failure> {
+        let state = &hunt.state;
+        let moments = state.moments.iter();
+        let moments =
+            moments.map(|one| json!({ "at_ms": one.at, "trigger": one.trigger.to_string() }));
+        let tried = state.tried.iter().map(|tried| {
+            let words = tried.planned.schedule.iter().map(|fault| fault.words());
             json!({
-                "kind": hunt.kinds[*kind].id,
-                "device": hunt.kinds[*kind].device,
-                "moment": hunt.moments[*moment].trigger,
-                "moment_s": hunt.moments[*moment].at,
-                "runs": cell.runs,
-                "hits": cell.hits,
-                "margin": cell.margin,
+                "faults": words.collect::<Vec<_>>(),
+                "moment": tried.planned.cell.map(|(.., moment)| moment),
+                "hit": tried.seen.hits(),
+                "margin": tried.seen.nearest(),
             })
         });
         self.jobs.push(json!({
             "job": visible::path_value(&hunt.job.path),
-            "seed": hunt.player.seed(),
-            "runs": hunt.spent,
-            "counts": hunt.counts,
-            "findings": hunt.found,
-            "unavoidable": hunt.unavoidable,
-            "moments": hunt.moments.iter().map(|one| json!({ "at_s": one.at, "trigger": one.trigger })).collect::<Vec<_>>(),
-            "map": map.collect::<Vec<_>>(),
+            "seed": hunt.player.seed,
+            "runs": state.spent,
+            "stages": state.counts,
+            "reactions": hunt.reactions(),
+            "findings": state.found,
+            "unavoidable": state.unavoidable,
+            "moments": moments.collect::<Vec<_>>(),
+            "tried": tried.collect::<Vec<_>>(),
         }));
-        self.maps.push(page_of(hunt, &cells));
-        self.found += hunt
+        if self.report.is_some() {
+            self.pages.push(page_of(devices, hunt)?);
+        }
+        self.found += state
             .found
             .iter()
             .filter(|found| found.file.is_some())
@@ -81,7 +87,7 @@ impl Summary {
     /// Prints all, and writes the page.
     pub(super) fn finish(self) -> Result<Exit, Failure> {
         if let Some(path) = &self.report {
-            let body = html! { @for map in &self.maps { (map) } };
+            let body = html! { @for page in &self.pages { (page) } };
             let page = report_page(&format!("{} found", self.found), &[], &body);
             OutputFile::find(path, REPORT_MARKS)?.write(&page.into_string())?;
         }
@@ -93,114 +99,103 @@ impl Summary {
     }
 }
 
-/// What was tried of a kind at a moment.
-struct Cell {
-    runs: u64,
-    hits: u64,
-    margin: Option<f64>,
-}
-
-fn cells(hunt: &Hunt<'_>) -> BTreeMap<(usize, usize), Cell> {
-    let mut cells = BTreeMap::new();
-    for tried in &hunt.tried {
-        let Some(at) = tried.cell else {
-            continue;
-        };
-        let cell = cells.entry(at).or_insert(Cell {
-            runs: 0,
-            hits: 0,
-            margin: None,
-        });
-        cell.runs += 1;
-        cell.hits += u64::from(tried.seen.hit.first().is_some_and(|hit| *hit));
-        let broken = (!tried.seen.broken.is_empty()).then_some(0.0);
-        let margin = broken.or(tried.seen.nearest().map(|(_, margin)| margin));
-        cell.margin = match (cell.margin, margin) {
-            (Some(one), Some(other)) => Some(f64::min(one, other)),
-            (one, other) => one.or(other),
-        };
-    }
-    cells
-}
-
 /// What came of a job, in words.
 fn text_of(hunt: &Hunt<'_>) -> String {
-    let counts = &hunt.counts;
+    let state = &hunt.state;
+    let count = |stage| state.counts.get(&stage).copied().unwrap_or_default();
+    let (single, random) = (count(StageArg::Single), count(StageArg::Random));
     let mut text = format!(
-        "{}: {} single faults of {} kinds at {} moments ({} hit nothing); {} refined; {} second faults in {} \
+        "{}: {} single faults of {} kinds at {} moments ({} hit nothing); {} refined; {} further faults in {} \
          reactions; {} random schedules",
         hunt.job.name(),
-        counts.single,
-        hunt.kinds.len(),
-        hunt.moments.len(),
-        counts.single_without_hit,
-        counts.refined,
-        counts.second,
-        counts.reactions,
-        counts.random,
+        single.runs,
+        state.kinds.len(),
+        state.moments.len(),
+        single.without_hit,
+        count(StageArg::Refined).runs,
+        count(StageArg::Further).runs,
+        hunt.reactions(),
+        random.runs,
     );
-    match (counts.random, counts.random_failed) {
+    match (random.runs, random.failed) {
         (0, _) => {}
         // The rule of three: the bound that holds with a confidence of 95 %.
-        (random, 0) => {
-            let most = 300_u64.div_ceil(random).min(100);
+        (runs, 0) => {
+            let most = 300_u64.div_ceil(runs).min(100);
             text += &format!(" without failure: fewer than {most} % of them fail (95 %)");
         }
         (_, failed) => text += &format!(", {failed} with a failure"),
     }
-    for found in &hunt.found {
-        let place = match &found.file {
-            Some(file) => visible::name(&hunt.folder.join(file)),
-            None => "not repeatable".to_owned(),
-        };
-        text += &format!(
-            "\nfound: {}\n  {}\n  {place}",
-            found.rule,
-            found.faults.join("; ")
-        );
+    for found in &state.found {
+        let place = found
+            .file
+            .as_ref()
+            .map(|file| visible::name(&hunt.player.folder.join(file)));
+        let place = place.unwrap_or("not repeatable".to_owned());
+        let faults = found.faults.join("; ");
+        text += &format!("\nfound: {}\n  {faults}\n  {place}", found.rule);
     }
-    for (rule, times) in &hunt.unavoidable {
+    for (rule, times) in &state.unavoidable {
         text += &format!("\nunavoidable for any client, {times} times: {rule}");
     }
-    if hunt.found.is_empty() {
+    if state.found.is_empty() {
         text += "\nnothing found";
     }
     text
 }
 
-/// The map of a job: kinds by moments, coloured by margin.
-fn page_of(hunt: &Hunt<'_>, cells: &BTreeMap<(usize, usize), Cell>) -> Markup {
-    let colour = |margin: f64| {
-        format!(
-            "background:hsl({:.0} 70% 75%)",
-            120.0 * margin.clamp(0.0, 1.0)
-        )
+/// The findings of a job with their pictures, and the map: kinds by moments, coloured by margin.
+fn page_of(devices: Devices, hunt: &Hunt<'_>) -> Result<Markup, Failure> {
+    let state = &hunt.state;
+    let pictures = state.found.iter().map(|found| hunt.picture(devices, found));
+    let pictures: Vec<Markup> = pictures.collect::<Result<_, _>>()?;
+    let has_several = hunt.job.scenario.rig.devices.len() > 1;
+    // The smallest margin of single faults that hit something; none if none did.
+    let margin = |kind: usize, moment: usize| {
+        let is_it = |tried: &&Tried| {
+            tried
+                .planned
+                .cell
+                .is_some_and(|(of, _, at)| (of, at) == (kind, moment))
+        };
+        let mut all = state.tried.iter().filter(is_it).peekable();
+        all.peek()?;
+        let margins = all
+            .filter(|tried| tried.seen.hits())
+            .map(|tried| tried.seen.nearest());
+        Some(margins.fold(f64::INFINITY, f64::min))
     };
-    html! {
+    Ok(html! {
         h2 { (readable(&hunt.job.name())) }
         p { (readable(&text_of(hunt))) }
-        @for found in &hunt.found {
+        @for (found, picture) in state.found.iter().zip(&pictures) {
             h3 { (readable(&found.rule)) }
             p { (readable(&found.failure)) }
             ul { @for fault in &found.faults { li { (readable(fault)) } } }
-            p.about { "Fails with " (found.seeds) " of 20 seeds. " @if let Some(file) = &found.file { code { (readable(file)) } } }
+            p.about {
+                "Fails with " (found.seeds) " of " (SEEDS) " seeds. "
+                @if let Some(file) = &found.file { code { (readable(file)) } }
+            }
+            (picture)
         }
         table {
             thead {
                 tr {
                     th { "fault" }
-                    @for moment in &hunt.moments {
-                        th title=(readable(&moment.trigger)) { (format!("{:.1} s", moment.at)) }
+                    @for moment in &state.moments {
+                        th title=(readable(&moment.trigger.to_string())) { (duration(moment.at)) }
                     }
                 }
             }
-            @for (row, kind) in hunt.kinds.iter().enumerate() {
+            @for (row, kind) in state.kinds.iter().enumerate() {
                 tr {
-                    td { (kind.id) @if hunt.job.scenario.rig.devices.len() > 1 { " of " (readable(&kind.device)) } }
-                    @for column in 0..hunt.moments.len() {
-                        @match cells.get(&(row, column)) {
-                            Some(Cell { margin: Some(margin), hits, .. }) if *hits > 0 => {
-                                td.number style=(colour(*margin)) { (format!("{margin:.2}")) }
+                    td { (kind.info.id) @if has_several { " of " (readable(&kind.device)) } }
+                    @for column in 0..state.moments.len() {
+                        @match margin(row, column) {
+                            Some(margin) if margin.is_finite() => {
+                                td.number style=(format!("background:hsl({:.0} 70% 75%)", 120.0 * margin.min(1.0))) {
+                                    (format!("{margin:.2}"))
+                                }
                             }
                             Some(_) => { td.number { "–" } }
                             None => { td {} }
@@ -209,19 +204,17 @@ fn page_of(hunt: &Hunt<'_>, cells: &BTreeMap<(usize, usize), Cell>) -> Markup {
                 }
             }
         }
-    }
+    })
 }
 
 /// A rule as part of the name of a file.
 pub(super) fn slug(rule: &str) -> String {
-    let mut slug = String::new();
-    for letter in rule.chars() {
-        if letter.is_ascii_alphanumeric() {
-            slug.push(letter.to_ascii_lowercase());
-        } else if !slug.ends_with('-') {
-            slug.push('-');
-        }
-    }
+    let words = rule.split(|letter: char| !letter.is_ascii_alphanumeric());
+    let words: Vec<String> = words
+        .filter(|word| !word.is_empty())
+        .map(str::to_ascii_lowercase)
+        .collect();
+    let mut slug = words.join("-");
     slug.truncate(MOST_NAME);
-    slug.trim_matches('-').to_owned()
+    slug.trim_end_matches('-').to_owned()
 }

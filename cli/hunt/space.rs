@@ -1,49 +1,73 @@
 //! The space of a search: kinds of faults with parameters and durations, schedules of them, and the
 //! scenario files that schedules are.
 
-use std::fmt::Write as _;
+use std::fmt;
 use std::path::{Component, Path, PathBuf};
 
 use rigsim_core::device::EffectInfo;
 use rigsim_core::effect;
 use rigsim_runner::Scenario;
-use schemars::SchemaGenerator;
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Most sets of parameters of a kind.
-const MOST_SETS: usize = 5;
-/// Durations to try, the shortest first; `None` is for good.
-pub(super) const DURATIONS: [Option<u64>; 4] = [Some(50), Some(300), Some(2000), None];
+/// Durations to try unless a kind declares others, ms; 0 is for good.
+const LASTS: &[u64] = &[50, 300, 2000, 0];
+/// Duration of what does not end, ms.
+pub(super) const FOR_GOOD: u64 = u64::MAX;
 
-/// A kind of fault or action on a device, with the values to try, the mildest last.
+/// A kind of fault or action on a device, with the forms of it to try.
 #[derive(Debug, Clone)]
 pub(super) struct Kind {
-    pub(super) id: &'static str,
-    pub(super) key: &'static str,
+    pub(super) info: &'static EffectInfo,
     pub(super) device: String,
-    pub(super) values: Vec<String>,
+    /// The usual or strongest one first.
+    pub(super) forms: Vec<Form>,
+}
+
+/// A set of parameters of a kind, with the durations to try.
+#[derive(Debug, Clone)]
+pub(super) struct Form {
+    /// Line of the step that says what it does.
+    pub(super) action: String,
+    /// In milliseconds.
+    pub(super) lasts: Vec<u64>,
+}
+
+/// When a fault begins.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Trigger {
+    /// After so many milliseconds.
+    At(u64),
+    /// When a condition becomes true.
+    When(String),
+}
+
+impl fmt::Display for Trigger {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::At(millis) => write!(f, "at = \"{}\"", duration(*millis)),
+            Self::When(condition) => write!(f, "when = {}", quoted(condition)),
+        }
+    }
 }
 
 /// A fault of a schedule.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Fault {
-    pub(super) kind: String,
+    pub(super) kind: &'static str,
     pub(super) device: String,
-    /// The line of the step that says what it does.
     pub(super) action: String,
-    /// The line of the step that says when it begins.
-    pub(super) trigger: String,
-    /// Duration in milliseconds; `None` is for good.
-    pub(super) lasts: Option<u64>,
+    pub(super) trigger: Trigger,
+    /// In milliseconds.
+    pub(super) lasts: u64,
 }
 
 impl Fault {
     /// The fault in words.
     pub(super) fn words(&self) -> String {
-        let lasts = self.lasts.map_or("for good".to_owned(), |millis| {
-            format!("for {}", duration(millis))
-        });
+        let lasts = match self.lasts {
+            FOR_GOOD => "for good".to_owned(),
+            millis => format!("for {}", duration(millis)),
+        };
         format!("{} {lasts}, {}", self.kind, self.trigger)
     }
 }
@@ -56,173 +80,153 @@ pub(super) fn duration(millis: u64) -> String {
 }
 
 impl Kind {
-    pub(super) fn fault(&self, value: usize, trigger: &str, lasts: Option<u64>) -> Fault {
+    pub(super) fn fault(&self, form: usize, trigger: Trigger, lasts: u64) -> Fault {
         Fault {
-            kind: self.id.to_owned(),
+            kind: self.info.id,
             device: self.device.clone(),
-            action: format!("{} = {}", self.key, self.values[value]),
-            trigger: trigger.to_owned(),
+            action: self.forms[form].action.clone(),
+            trigger,
             lasts,
         }
     }
+
+    /// Keeps the forms and durations of which this holds.
+    pub(super) fn retain(&mut self, holds: impl Fn(Fault) -> bool) {
+        let before = self.clone();
+        for (index, form) in self.forms.iter_mut().enumerate() {
+            let fault = |lasts: &u64| before.fault(index, Trigger::At(0), *lasts);
+            form.lasts.retain(|lasts| holds(fault(lasts)));
+        }
+        self.forms.retain(|form| !form.lasts.is_empty());
+    }
+
+    pub(super) fn is_of(&self, fault: &Fault) -> bool {
+        self.info.id == fault.kind && self.device == fault.device
+    }
 }
 
-/// Every kind of fault, and of action of a person, that the devices of a scenario have.
-pub(super) fn kinds(scenario: &Scenario, only: &[String]) -> Vec<Kind> {
+/// Every kind of fault, and of action of a person, that the devices of a scenario may have. `sent` are
+/// the devices and ids of the messages that the client sends without faults.
+pub(super) fn kinds(scenario: &Scenario, only: &[String], sent: &[(usize, u8)]) -> Vec<Kind> {
     let mut kinds = Vec::new();
-    for plan in &scenario.rig.devices {
-        for effects in effect::of(plan.device) {
-            let mut generator = SchemaGenerator::default();
-            let schema = (effects.schema)(&mut generator).to_value();
-            let definitions = Value::Object(generator.take_definitions(true));
-            for info in effects.kinds {
-                let key = info.level.key();
-                let wanted = only.is_empty() || only.iter().any(|id| id == info.id);
-                if key == "world" || !wanted {
-                    continue;
-                }
-                let values = values(info, &schema, &definitions);
-                if !values.is_empty() {
-                    kinds.push(Kind {
-                        id: info.id,
-                        key,
-                        device: plan.name.clone(),
-                        values,
-                    });
-                }
+    for (index, plan) in scenario.rig.devices.iter().enumerate() {
+        let links = plan.device.links.iter().skip(1);
+        let links = links.map(|link| ("link", format!("link = \"{}\"", link.id)));
+        let ids = sent.iter().filter(|(device, _)| *device == index);
+        let ids = ids.map(|(_, id)| ("command", format!("command = {id}")));
+        let targets: Vec<_> = links.chain(ids).collect();
+        for info in effect::of(plan.device).flat_map(|effects| effects.kinds) {
+            let is_asked = only.is_empty() || only.iter().any(|id| id == info.id);
+            if is_asked && info.level.key() != "world" {
+                kinds.push(Kind {
+                    info,
+                    device: plan.name.clone(),
+                    forms: forms(info, &targets),
+                });
             }
         }
     }
     kinds
 }
 
-/// The values of a kind that are worth trying, as its declaration has them: what must be given takes each
-/// of its words; what may be limited is tried once, too; and each direction.
-fn values(info: &EffectInfo, schema: &Value, definitions: &Value) -> Vec<String> {
-    let Some(form) = form_of(info, schema) else {
-        return Vec::new();
+/// What a declaration says is worth trying, and the usual one of it on each target.
+fn forms(info: &EffectInfo, targets: &[(&str, String)]) -> Vec<Form> {
+    let (id, key) = (info.id, info.level.key());
+    let lasts = if info.lasts.is_empty() {
+        LASTS
+    } else {
+        info.lasts
     };
-    if !info.is_fault() {
-        return match form.get("const") {
-            Some(word) => vec![word.to_string()],
-            None if form["properties"][info.id]["type"] == "boolean" => {
-                vec![format!("{{ {} = true }}", info.id)]
-            }
-            None => Vec::new(),
-        };
+    let usual = info.tries.first().copied().unwrap_or_default();
+    let mut sets: Vec<String> = info.tries.iter().map(|set| (*set).to_owned()).collect();
+    if sets.is_empty() {
+        sets.push(String::new());
     }
-    let required = info.parameters.iter().filter(|one| one.required);
-    let mut sets = vec![format!("kind = \"{}\"", info.id)];
-    for parameter in required {
-        let of = &form["properties"][parameter.name];
-        let choices = choices(of, definitions);
-        let with = |set: &String| {
-            let all = choices.iter();
-            all.map(|choice| format!("{set}, {} = {choice}", parameter.name))
-                .collect::<Vec<_>>()
-        };
-        sets = sets.iter().flat_map(with).collect();
+    for (name, target) in targets {
+        if info.parameters.iter().any(|one| one.name == *name) {
+            sets.push(format!("{target}, {usual}"));
+        }
     }
-    let Some(usual) = sets.first().cloned() else {
-        return Vec::new();
+    let form = |set: String| Form {
+        // What is counted ends by itself.
+        lasts: match set.contains("count = ") {
+            true => vec![FOR_GOOD],
+            false => lasts
+                .iter()
+                .map(|millis| if *millis == 0 { FOR_GOOD } else { *millis })
+                .collect(),
+        },
+        action: match set.trim_end_matches([',', ' ']) {
+            "" if info.is_fault() => format!("{key} = {{ kind = \"{id}\" }}"),
+            "" => format!("{key} = \"{id}\""),
+            set if info.is_fault() => format!("{key} = {{ kind = \"{id}\", {set} }}"),
+            value => format!("{key} = {{ {id} = {value} }}"),
+        },
     };
-    let has = |name| info.parameters.iter().any(|one| one.name == name);
-    sets.truncate(MOST_SETS - 2);
-    if has("direction") {
-        sets.push(format!("{usual}, direction = \"to-device\""));
-    }
-    if has("count") {
-        let chance = if has("probability") {
-            ", probability = 1.0"
-        } else {
-            ""
-        };
-        sets.push(format!("{usual}, count = 1{chance}"));
-    }
-    sets.iter().map(|set| format!("{{ {set} }}")).collect()
-}
-
-/// The alternative of a schema that is this kind.
-fn form_of<'a>(info: &EffectInfo, schema: &'a Value) -> Option<&'a Value> {
-    let alternatives = ["oneOf", "anyOf"]
-        .iter()
-        .find_map(|key| schema.get(key)?.as_array());
-    alternatives?.iter().find(|form| {
-        form["properties"]["kind"]["const"] == info.id
-            || form.get("const").is_some_and(|word| word == info.id)
-            || !info.is_fault() && form["properties"].get(info.id).is_some()
-    })
-}
-
-/// The words that a parameter can be, or a number of its range.
-fn choices(of: &Value, definitions: &Value) -> Vec<String> {
-    let name = of["$ref"].as_str().and_then(|name| name.rsplit('/').next());
-    let of = name.map_or(of, |name| &definitions[name]);
-    let words = of["enum"].as_array().cloned().unwrap_or_else(|| {
-        let all = of["oneOf"].as_array().into_iter().flatten();
-        all.filter_map(|one| one.get("const").cloned()).collect()
-    });
-    if !words.is_empty() {
-        return words.iter().map(ToString::to_string).collect();
-    }
-    let example = of["examples"].get(0).cloned();
-    let number = (of["type"] == "integer" || of["type"] == "number").then(|| Value::from(1));
-    example.or(number).iter().map(ToString::to_string).collect()
+    sets.into_iter().map(form).collect()
 }
 
 /// What all files of a search have in common.
 #[derive(Debug, Clone)]
 pub(super) struct Frame {
-    /// Path of the job as the files write it.
-    base: String,
+    job: PathBuf,
     title: String,
     /// Further rules, as tables of a file.
     rules: String,
 }
 
 impl Frame {
-    pub(super) fn new(job: &Path, title: &str, folder: &Path, rules: String) -> Self {
+    pub(super) fn new(job: &Path, title: &str, rules: &str) -> Self {
         Self {
-            base: relative(job, folder).display().to_string(),
+            job: real(job),
             title: title.to_owned(),
-            rules,
+            rules: rules.to_owned(),
         }
     }
 
-    /// The scenario file of a schedule. Comments, title and description are for people.
-    pub(super) fn document(
+    /// The scenario file of a schedule, to be played and not to be kept.
+    pub(super) fn document(&self, schedule: &[Fault]) -> String {
+        self.file(
+            schedule,
+            "",
+            (&self.title, "A schedule of a hunt."),
+            &self.job,
+        )
+    }
+
+    /// The scenario file of a finding for this folder, with comments, title and description for people.
+    pub(super) fn finding(
         &self,
         schedule: &[Fault],
         head: &str,
-        about: Option<(&str, &str)>,
+        about: (&str, &str),
+        folder: &Path,
     ) -> String {
-        let (title, description) = about.unwrap_or((&self.title, "A schedule of a hunt."));
-        let quoted = |text: &str| Value::from(text).to_string();
-        let mut text = format!(
-            "{head}schema = 1\ntitle = {}\ndescription = {}\nbase = {}\ntags = [\"hunt\"]\nmission_may_fail = true\n",
-            quoted(title),
-            quoted(description),
-            quoted(&self.base)
-        );
-        // Writing to a string cannot fail.
-        for (index, fault) in schedule.iter().enumerate() {
-            let _ = write!(
-                text,
-                "\n[[step]]\nname = {}\ndevice = {}\n{}\n",
-                quoted(&step_name(index)),
-                quoted(&fault.device),
-                fault.trigger
-            );
-            if let Some(millis) = fault.lasts {
-                let _ = writeln!(text, "for = \"{}\"", duration(millis));
-            }
-            let _ = writeln!(text, "{}\noptional = true", fault.action);
-        }
-        if !self.rules.is_empty() {
-            let _ = write!(text, "\n{}", self.rules);
-        }
-        text
+        self.file(schedule, head, about, &relative(&self.job, &real(folder)))
     }
+
+    fn file(&self, schedule: &[Fault], head: &str, about: (&str, &str), base: &Path) -> String {
+        let base = quoted(&base.display().to_string());
+        let (title, description) = (quoted(about.0), quoted(about.1));
+        let mut text = format!(
+            "{head}schema = 1\ntitle = {title}\ndescription = {description}\nbase = {base}\n\
+             tags = [\"hunt\"]\nmission_may_fail = true\n"
+        );
+        for (index, fault) in schedule.iter().enumerate() {
+            let (name, device) = (quoted(&step_name(index)), quoted(&fault.device));
+            let (trigger, action) = (&fault.trigger, &fault.action);
+            text += &format!("\n[[step]]\nname = {name}\ndevice = {device}\n{trigger}\n");
+            if fault.lasts != FOR_GOOD {
+                text += &format!("for = \"{}\"\n", duration(fault.lasts));
+            }
+            text += &format!("{action}\noptional = true\n");
+        }
+        text + "\n" + &self.rules
+    }
+}
+
+fn quoted(text: &str) -> String {
+    Value::from(text).to_string()
 }
 
 /// Name of the step of a fault.
@@ -230,16 +234,31 @@ pub(super) fn step_name(index: usize) -> String {
     format!("hunted {}", index + 1)
 }
 
+/// The absolute path without links, also of what is not there yet.
+fn real(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    let known = absolute
+        .ancestors()
+        .find_map(|above| Some((above, real(above)?)));
+    known.map_or(absolute.clone(), |(above, real)| {
+        match absolute.strip_prefix(above) {
+            Ok(rest) if rest.as_os_str().is_empty() => real,
+            Ok(rest) => real.join(rest),
+            Err(_) => absolute.clone(),
+        }
+    })
+}
+
 /// A path as it is seen from a folder.
 fn relative(path: &Path, folder: &Path) -> PathBuf {
-    let absolute = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let (path, folder) = (absolute(path), absolute(folder));
-    let (to, from): (Vec<Component<'_>>, Vec<Component<'_>>) =
-        (path.components().collect(), folder.components().collect());
-    let shared = to.iter().zip(&from).take_while(|(one, other)| one == other);
-    let shared = shared.count();
-    let up = from[shared..].iter().map(|_| Component::ParentDir);
-    up.chain(to[shared..].iter().copied()).collect()
+    let pairs = path.components().zip(folder.components());
+    let shared = pairs.take_while(|(one, other)| one == other).count();
+    let up = folder
+        .components()
+        .skip(shared)
+        .map(|_| Component::ParentDir);
+    up.chain(path.components().skip(shared)).collect()
 }
 
 /// The rules and responses of a file, as tables of another one.

@@ -223,6 +223,17 @@ fn page(about: &[(&str, String)], rows: &[Row], cases: &BTreeMap<String, String>
     document(&title, about, &body)
 }
 
+/// Everything of a case whose recording is there, if it has begun.
+pub(crate) fn case_in_full(
+    devices: Devices,
+    case: &Case<'_>,
+    result: &CaseResult,
+    stop: &AtomicBool,
+) -> Option<Markup> {
+    let played = result.played.as_ref()?;
+    Some(shown(devices, case, result, played, Detail::Full, stop))
+}
+
 /// A page of results, with what they are about.
 pub(crate) fn document(title: &str, about: &[(&str, String)], body: &Markup) -> Markup {
     html! {

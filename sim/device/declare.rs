@@ -26,6 +26,9 @@ macro_rules! second {
 /// to some command, `chance`, `most` times, `way` and link (`on`). Together they are its
 /// [`Scope`](crate::device::parameters::Scope). The crate needs `serde` and `schemars`.
 ///
+/// After `counts` stands what a search takes from it, where that is not the usual: parameters that it
+/// `tries`, how long the fault `lasts`, and `weaker` kinds; see [`EffectInfo`].
+///
 /// ```
 /// rigsim_core::faults! {
 ///     /// Faults of a lamp.
@@ -50,6 +53,9 @@ macro_rules! faults {
             $variant:ident = $id:literal, $level:ident,
             sees $sees:literal,
             counts $counts:literal,
+            $(tries [$($try:literal),+])?
+            $(lasts [$($lasts:literal),+])?
+            $(weaker [$($weaker:literal),+])?
             $(motors $motors:literal $(or $usual_motors:literal)?)?
             { $(
                 $(#[doc = $about:literal])+
@@ -138,6 +144,9 @@ macro_rules! faults {
                 ],
                 client_sees: $sees,
                 counts: $counts,
+                tries: &[$($($try),+)?],
+                lasts: &[$($($lasts),+)?],
+                weaker: &[$($($weaker),+)?],
                 summary: concat!($($summary),+).trim_ascii_start(),
             } ),+];
         }
@@ -196,7 +205,9 @@ macro_rules! actions {
         $vis:vis enum $of:ident: $level:ident { $(
             $(#[doc = $summary:literal])+
             $(#[schemars($($schemars:tt)*)])?
-            $variant:ident $(($type:ty))? = $id:literal;
+            $variant:ident $(($type:ty))? = $id:literal
+            $(tries [$($try:literal),+])?
+            $(weaker [$($weaker:literal),+])?;
         )+ }
     ) => {
         $(#[doc = $of_all])+
@@ -215,6 +226,9 @@ macro_rules! actions {
                 parameters: &[],
                 client_sees: "",
                 counts: "It changed something.",
+                tries: &[$($($try),+)?],
+                lasts: &[],
+                weaker: &[$($($weaker),+)?],
                 summary: concat!($($summary),+).trim_ascii_start(),
             } ),+];
         }

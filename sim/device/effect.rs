@@ -73,6 +73,13 @@ pub struct EffectInfo {
     pub client_sees: &'static str,
     /// What counts as a hit.
     pub counts: &'static str,
+    /// Parameters that a search tries, as in files, the usual or strongest first; the values of an
+    /// action. If empty: a fault or an action without any.
+    pub tries: &'static [&'static str],
+    /// Durations that a search tries, in ms, and 0 for good. If empty: the usual ones.
+    pub lasts: &'static [u64],
+    /// Kinds that are milder, by their names. A search shrinks a finding to them.
+    pub weaker: &'static [&'static str],
     /// Summary in a sentence.
     pub summary: &'static str,
 }

@@ -16,6 +16,7 @@ crate::faults! {
         Ice = "ice", Mechanical,
         sees "Speeds of wheels that spin; the vehicle itself lags behind and slides.",
         counts "The vehicle was driven or moved.",
+        lasts [300, 2000, 0]
         {
             /// Friction at most; default 0.05.
             #[serde(default = "defaults::ice")]
@@ -25,6 +26,8 @@ crate::faults! {
         Payload = "payload", Mechanical,
         sees "Slower starts and longer stops; more current.",
         counts "The vehicle was driven or moved.",
+        tries ["mass = \"5 kg\""]
+        lasts [2000, 0]
         {
             /// Mass of the payload.
             mass: Mass,
@@ -33,6 +36,8 @@ crate::faults! {
         Push = "push", Mechanical,
         sees "Speeds that it did not command; none if the brakes hold.",
         counts "The push acted.",
+        tries ["ahead = \"20 N\"", "left = \"20 N\""]
+        lasts [300, 2000, 0]
         {
             /// Force ahead; default 0.
             #[serde(default = "defaults::no_force")]

@@ -13,6 +13,8 @@ crate::faults! {
         Reset = "reset", Firmware,
         sees "Silence for the boot time; then rails and PWM off, control with the app, motions forgotten.",
         counts "The firmware ran and was reset.",
+        tries ["boot = \"2 s\"", ""]
+        lasts [50]
         {
             /// Time until it is up again; default 500 ms. It takes that long even if the fault ends.
             #[serde(default = "defaults::boot")]
@@ -22,11 +24,13 @@ crate::faults! {
         Hang = "hang", Firmware,
         sees "Silence, while the vehicle continues what it last did.",
         counts "A byte was ignored, or a packet not sent.",
+        weaker ["slow-replies", "mute"]
         {}
         /// The firmware replies late; a car sends its packets late.
         SlowReplies = "slow-replies", Firmware,
         sees "Late replies; fewer status packets.",
         counts "A frame was late.",
+        tries ["by = \"600 ms\"", ""]
         {
             /// Delay; default 200 ms.
             #[serde(default = "defaults::slow")]
@@ -46,6 +50,7 @@ crate::faults! {
         WatchdogOff = "watchdog-off", Firmware,
         sees "A vehicle that continues although the client sends nothing.",
         counts "The watchdog should have stopped it.",
+        lasts [2000, 0]
         {}
     }
 }

@@ -33,6 +33,7 @@ crate::faults! {
         WrongCommand = "wrong-command", Protocol,
         sees "A well-formed reply to a request that it did not send.",
         counts "A frame was changed.",
+        tries ["", "count = 1"]
         {
             /// The byte to send; default the right one with its lowest bit flipped.
             #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -46,6 +47,7 @@ crate::faults! {
         WrongLength = "wrong-length", Protocol,
         sees "A well-formed frame with missing or extra parameters, or one whose length field is wrong.",
         counts "A frame was changed.",
+        tries ["", "what = \"field\", count = 1", "count = 1"]
         {
             /// By how many bytes; default −1.
             #[serde(default = "defaults::one_less")]
@@ -62,6 +64,8 @@ crate::faults! {
         TornReply = "torn-reply", Protocol,
         sees "A frame that never ends; the next frame seems to be its end.",
         counts "A frame was cut.",
+        tries ["", "count = 1"]
+        weaker ["missing-reply"]
         {}
         only "Only replies to this command, or packets of this type; default all."
         chance "Probability for each frame; default 1." "defaults::always"
@@ -71,6 +75,7 @@ crate::faults! {
         LateReply = "late-reply", Protocol,
         sees "No reply in time, and later a reply that it no longer expects.",
         counts "A frame was delayed.",
+        tries ["", "count = 1"]
         {
             /// Delay; default 500 ms.
             #[serde(default = "defaults::late")]
@@ -84,6 +89,7 @@ crate::faults! {
         ReplyTwice = "reply-twice", Protocol,
         sees "The same frame again at once, which it may take for the reply to its next request.",
         counts "A frame was sent twice.",
+        tries ["", "count = 1"]
         {}
         only "Only replies to this command, or packets of this type; default all."
         chance "Probability for each frame; default 1." "defaults::always"
@@ -93,6 +99,8 @@ crate::faults! {
         MissingReply = "missing-reply", Protocol,
         sees "No reply, although the command took effect.",
         counts "A frame was not sent.",
+        tries ["", "count = 1"]
+        weaker ["late-reply"]
         {}
         only "Only replies to this command, or packets of this type; default all."
         chance "Probability for each frame; default 1." "defaults::always"
@@ -102,6 +110,7 @@ crate::faults! {
         PreviousReply = "previous-reply", Protocol,
         sees "An old reply: other values than requested, or the reply to another command.",
         counts "An old frame was sent. The first frame after the start has no previous one.",
+        tries ["", "count = 1"]
         {}
         only "Only replaces replies to this command, or packets of this type; default all."
         chance "Probability for each frame; default 1." "defaults::always"
@@ -111,6 +120,7 @@ crate::faults! {
         UnsolicitedFrame = "unsolicited-frame", Protocol,
         sees "A heartbeat reply, a status packet of zeros, or a line that it did not request.",
         counts "The frame was sent.",
+        tries ["every = \"50 ms\"", ""]
         {
             /// Repeated at this interval; default once.
             #[serde(default, skip_serializing_if = "Option::is_none")]

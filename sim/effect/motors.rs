@@ -16,12 +16,16 @@ crate::faults! {
         Blocked = "blocked", Mechanical,
         sees "Speed 0 of these wheels although driven; an R150's bus voltage falls and fuses may blow; a car's motion does not end.",
         counts "A blocked wheel was driven.",
+        tries ["motors = \"all\"", "motors = \"left\"", "motors = \"left-front\""]
+        weaker ["dragging"]
         motors "Motors, or wheels of a car."
         {}
         /// Something drags on wheels.
         Dragging = "dragging", Mechanical,
         sees "Less speed, and a vehicle that pulls to one side.",
         counts "A dragged wheel was driven or turned.",
+        tries ["motors = \"all\"", "motors = \"left\"", "motors = \"left-front\""]
+        lasts [300, 2000, 0]
         motors "Motors, or wheels of a car."
         {
             /// Torque at the wheels of a side, or at one wheel of a car; default 100 N*m for an R150
@@ -33,36 +37,47 @@ crate::faults! {
         FreeWheeling = "free-wheeling", Mechanical,
         sees "Less speed, and wheels that turn only because the others drag them.",
         counts "A motor without effect was driven.",
+        tries ["motors = \"all\"", "motors = \"left\"", "motors = \"left-front\""]
+        weaker ["dragging"]
         motors "Motors, or wheels of a car."
         {}
         /// The cables of encoders are unplugged.
         EncoderLost = "encoder-lost", Mechanical,
         sees "Speed 0 while driving; a car's motion does not end.",
         counts "A wheel turned without being measured.",
+        tries ["motors = \"all\"", "motors = \"left\"", "motors = \"left-front\""]
+        weaker ["encoder-stuck"]
         motors "Motors, or wheels of a car."
         {}
         /// Encoders repeat their last reading.
         EncoderStuck = "encoder-stuck", Mechanical,
         sees "A speed that does not change; a car's pulses come all at once at the end.",
         counts "A wheel turned at another speed than its encoder reported.",
+        tries ["motors = \"all\"", "motors = \"left\"", "motors = \"left-front\""]
         motors "Motors, or wheels of a car."
         {}
         /// Motors are wired backwards; their encoders are not.
         WiredBackwards = "wired-backwards", Mechanical,
         sees "An R150's speed with the wrong sign; a car that turns away while its packets report the expected motion.",
         counts "Such a motor was driven.",
+        tries ["motors = \"all\"", "motors = \"left\"", "motors = \"left-front\""]
+        lasts [2000, 0]
         motors "Motors, or wheels of a car."
         {}
         /// Brakes do not release: the R150's parking brake, or the motor brakes of the car.
         BrakeStuckOn = "brake-stuck-on", Mechanical,
         sees "Little or no speed although driven.",
         counts "A braked wheel was driven.",
+        tries ["", "motors = \"left\""]
+        lasts [300, 2000, 0]
+        weaker ["dragging"]
         motors "Motors, or wheels of a car; default all." or "defaults::all_motors"
         {}
         /// Brakes do not hold: the R150's parking brake, or the motor brakes of the car.
         BrakeStuckOpen = "brake-stuck-open", Mechanical,
         sees "A parked vehicle that rolls on a slope or when pushed.",
         counts "The brake should have held.",
+        lasts [2000, 0]
         motors "Motors, or wheels of a car; default all." or "defaults::all_motors"
         {}
     }

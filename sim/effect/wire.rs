@@ -17,6 +17,7 @@ crate::faults! {
         BitFlips = "bit-flips", Wire,
         sees "Frames with a wrong CRC, or packets with wrong values; no reply to its own requests.",
         counts "A bit was flipped.",
+        tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability for each byte; default 0.01." "defaults::rarely"
         most "Maximum number of hits; default no limit."
@@ -26,6 +27,7 @@ crate::faults! {
         DroppedBytes = "dropped-bytes", Wire,
         sees "Frames that are too short; the next frame seems to be their end.",
         counts "A byte was lost.",
+        tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability for each byte; default 0.01." "defaults::rarely"
         most "Maximum number of hits; default no limit."
@@ -35,6 +37,7 @@ crate::faults! {
         DuplicatedBytes = "duplicated-bytes", Wire,
         sees "Frames with one byte too many.",
         counts "A byte was doubled.",
+        tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability for each byte; default 0.01." "defaults::rarely"
         most "Maximum number of hits; default no limit."
@@ -44,6 +47,7 @@ crate::faults! {
         InsertedBytes = "inserted-bytes", Wire,
         sees "Frames with a foreign byte in or before them.",
         counts "A byte was inserted.",
+        tries ["probability = 0.1", "probability = 1.0, count = 1"]
         {}
         chance "Probability before each byte; default 0.01." "defaults::rarely"
         most "Maximum number of hits; default no limit."
@@ -53,6 +57,8 @@ crate::faults! {
         Burst = "burst", Wire,
         sees "Runs of garbage inside frames and across them.",
         counts "A burst began.",
+        tries ["probability = 0.1", "probability = 1.0, count = 1"]
+        weaker ["bit-flips"]
         {
             /// Bytes of a burst; default 8.
             #[serde(default = "defaults::burst_length")]
@@ -66,6 +72,8 @@ crate::faults! {
         Delay = "delay", Wire,
         sees "Late replies; with jitter, frames with pauses inside.",
         counts "A byte came late.",
+        tries ["by = \"300 ms\"", ""]
+        weaker ["fragmentation"]
         {
             /// Delay of every byte; default 50 ms.
             #[serde(default = "defaults::delay")]
@@ -80,6 +88,7 @@ crate::faults! {
         Fragmentation = "fragmentation", Wire,
         sees "A reply in pieces, over several reads.",
         counts "A pause was put between two bytes.",
+        tries ["pause = \"30 ms\"", ""]
         {
             /// Bytes of a piece; default 3.
             #[serde(default = "defaults::piece")]
@@ -94,6 +103,8 @@ crate::faults! {
         Stall = "stall", Wire,
         sees "Silence, then everything at once, old replies first.",
         counts "A byte was stalled.",
+        tries ["", "direction = \"to-client\""]
+        weaker ["delay"]
         {}
         way "Direction; default both." "defaults::both"
         on "Link; default main."
@@ -101,6 +112,8 @@ crate::faults! {
         Mute = "mute", Wire,
         sees "No replies; with `to-device`, a vehicle that does nothing and whose watchdog fires.",
         counts "A byte was lost.",
+        tries ["", "direction = \"to-device\""]
+        weaker ["stall", "missing-reply"]
         {}
         way "Direction; default to-client." "defaults::to_client"
         on "Link; default main."
@@ -108,6 +121,7 @@ crate::faults! {
         WrongBaud = "wrong-baud", Wire,
         sees "Garbage instead of replies, and no reply to its requests.",
         counts "Something was sent at different baud rates.",
+        weaker ["burst"]
         {
             /// Baud rate of the device's end; default 9600.
             #[serde(default = "defaults::wrong_baud")]
@@ -118,6 +132,8 @@ crate::faults! {
         OtherAdapter = "other-adapter", Wire,
         sees "Replies in other pieces, as with `bytes` one byte after another; with `ftdi` late ones.",
         counts "A byte came through it.",
+        tries ["adapter = \"ftdi\"", ""]
+        lasts [2000, 0]
         {
             /// The adapter; default `bytes`.
             #[serde(default = "defaults::no_adapter")]
@@ -128,6 +144,7 @@ crate::faults! {
         IdleNoise = "idle-noise", Wire,
         sees "Bytes between replies that belong to no frame.",
         counts "A byte appeared.",
+        tries ["every = \"10 ms\"", "", "count = 1"]
         {
             /// Mean time between two bytes; default 100 ms.
             #[serde(default = "defaults::noise_every")]
@@ -140,6 +157,7 @@ crate::faults! {
         CablePulled = "cable-pulled", Wire,
         sees "Its port hangs up, as with a pulled USB adapter, and can be opened again afterwards.",
         counts "A client had the port open, or something was sent.",
+        weaker ["mute"]
         {}
         on "Link; default main."
     }

@@ -12,7 +12,7 @@ crate::actions! {
     /// What an operator does.
     pub enum Operator: Operator {
         /// Mecanum car: a motion key of the remote control goes down.
-        Press(CarKey) = "press";
+        Press(CarKey) = "press" tries ["\"forward\"", "\"turn-left\""];
         /// The motion key goes up.
         Release = "release";
     }

@@ -98,11 +98,15 @@ crate::faults! {
         SupplyLost = "supply-lost", Electrical,
         sees "Silence, then a board that has forgotten motions and position.",
         counts "The board was powered.",
+        lasts [300, 2000, 0]
+        weaker ["reset"]
         {}
         /// Two motors are plugged into each other's ports.
         PortsSwapped = "ports-swapped", Mechanical,
         sees "A car that moves differently from its packets.",
         counts "One of the two ports was driven.",
+        tries ["port = \"x\", with = \"y\"", "port = \"e0\", with = \"e1\""]
+        lasts [2000, 0]
         {
             /// One port.
             port: Port,
@@ -113,6 +117,7 @@ crate::faults! {
         EncoderNoisy = "encoder-noisy", Mechanical,
         sees "Pulses without motion: the car reports more distance than it drove, even while standing.",
         counts "A reading was disturbed.",
+        tries ["motors = \"all\", pulses_per_second = 200", "motors = \"all\"", "motors = \"left\""]
         motors "Motors, or wheels."
         {
             /// Additional pulses per second; default 20.
@@ -123,6 +128,7 @@ crate::faults! {
         UltrasonicMissing = "ultrasonic-missing", Sensor,
         sees "4500 mm at any distance.",
         counts "An echo was not heard.",
+        tries ["", "sensor = \"front\"", "sensor = \"rear\""]
         {
             /// Sensors; default all.
             #[serde(default)]
@@ -132,6 +138,7 @@ crate::faults! {
         UltrasonicStuck = "ultrasonic-stuck", Sensor,
         sees "A distance that does not change.",
         counts "The true distance differed.",
+        tries ["", "sensor = \"front\"", "sensor = \"rear\""]
         {
             /// Sensors; default all.
             #[serde(default)]
@@ -141,6 +148,7 @@ crate::faults! {
         UltrasonicGhost = "ultrasonic-ghost", Sensor,
         sees "An obstacle where there is none.",
         counts "The false echo was nearer than any real one.",
+        tries ["", "sensor = \"front\"", "sensor = \"front-1\""]
         {
             /// Sensors; default all.
             #[serde(default)]
@@ -153,6 +161,7 @@ crate::faults! {
         TagMisread = "tag-misread", Sensor,
         sees "A wrong number in `rfid`, or none.",
         counts "A tag was misread.",
+        tries ["", "reads_as = 1"]
         {
             /// Number that any tag is read as; default 0, which is no tag.
             #[serde(default)]
@@ -167,6 +176,7 @@ crate::faults! {
         InfraredStuck = "infrared-stuck", Sensor,
         sees "`infra` that does not change.",
         counts "The true value differed.",
+        tries ["", "sees = false"]
         {
             /// The constant output: true for an obstacle, false for none; default true.
             #[serde(default = "defaults::yes")]

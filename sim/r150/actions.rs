@@ -24,17 +24,17 @@ crate::actions! {
         /// R150: long press of the middle button.
         Autonomous = "autonomous";
         /// R150: a motion key of the remote control goes down; the vehicle is in remote mode.
-        Press(Key) = "press";
+        Press(Key) = "press" tries ["\"forward\"", "\"left\""];
         /// The motion key goes up.
         Release = "release";
         /// R150: the remote control takes over, without a key held down: the vehicle rolls freely.
-        TakeOver = "take_over";
+        TakeOver = "take_over" weaker ["park"];
         /// R150: the emergency stop goes in (true) or out.
-        EmergencyStop(bool) = "emergency_stop";
+        EmergencyStop(bool) = "emergency_stop" tries ["true"] weaker ["lock", "park"];
         /// R150: the app takes or leaves control.
-        AppHolds(AppHoldsText) = "app_holds";
+        AppHolds(AppHoldsText) = "app_holds" tries ["{ power = true }", "{ pwm = true }"];
         /// R150: set-points of the app for the outputs.
-        AppSets(AppSetsText) = "app_sets";
+        AppSets(AppSetsText) = "app_sets" tries ["{}"];
     }
 }
 

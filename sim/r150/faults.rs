@@ -51,6 +51,7 @@ crate::faults! {
         BadCrc = "bad-crc", Protocol,
         sees "A reply that it must discard.",
         counts "The CRC of a reply was changed.",
+        tries ["", "count = 1"]
         {}
         only "Only replies to this command; default all."
         chance "Probability for each reply; default 1." "defaults::always"
@@ -59,6 +60,7 @@ crate::faults! {
         RailLoad = "rail-load", Electrical,
         sees "Another current in 0x06; above the limit the output trips and `sysStatus` says so.",
         counts "The output was on.",
+        tries ["rail = \"12v-a\", power = \"300 W\"", "rail = \"48v\", power = \"1000 W\"", "rail = \"5v\", power = \"100 W\""]
         {
             /// Output.
             rail: Rail,
@@ -73,6 +75,8 @@ crate::faults! {
         RailShort = "rail-short", Electrical,
         sees "The output trips within a millisecond and `sysStatus` says so; 0x02 may answer false.",
         counts "The output was on.",
+        tries ["rail = \"12v-a\"", "rail = \"48v\"", "rail = \"5v\""]
+        weaker ["rail-load"]
         {
             /// Output.
             rail: Rail,
@@ -81,6 +85,7 @@ crate::faults! {
         SupplySag = "supply-sag", Electrical,
         sees "A lower `voltage_48v` and speed; under 39 V the power module fault and all outputs off.",
         counts "The supply was lower by 0.1 V or more.",
+        tries ["by = \"15 V\"", ""]
         {
             /// Voltage drop at any current; default 10 V.
             #[serde(default = "defaults::sag")]
@@ -93,6 +98,8 @@ crate::faults! {
         OverTemperature = "over-temperature", Electrical,
         sees "A high `temp_12v`; above 85 °C the pair goes off and `sysStatus` says so.",
         counts "The sensor read more than without the fault.",
+        tries ["pair = \"ab\"", "pair = \"cd\""]
+        lasts [2000, 0]
         {
             /// Pair of outputs.
             pair: Pair,
@@ -104,11 +111,13 @@ crate::faults! {
         PowerModuleFault = "power-module-fault", Electrical,
         sees "Bit 6 of `sysStatus`, and all outputs off.",
         counts "The module was powered.",
+        weaker ["rail-short"]
         {}
         /// The battery suddenly has less charge, as with a bad cell; at the end the charge returns.
         ChargeDrop = "charge-drop", Electrical,
         sees "`soc` falls at once, and the voltage with it.",
         counts "The battery had charge.",
+        tries ["by = \"75 %\"", ""]
         {
             /// Part of the full charge that is lost; default 50 %.
             #[serde(default = "defaults::half")]
@@ -118,6 +127,9 @@ crate::faults! {
         FuseBlown = "fuse-blown", Electrical,
         sees "A side that the other side drags along; without the tail supply, a silent module.",
         counts "Current would have flowed through it.",
+        tries ["fuse = \"tail\"", "fuse = \"motor-left\"", "fuse = \"small-modules\""]
+        lasts [300, 2000, 0]
+        weaker ["free-wheeling"]
         {
             /// Fuse.
             fuse: FuseId,
@@ -126,6 +138,7 @@ crate::faults! {
         CanFailing = "can-failing", Electrical,
         sees "Normal replies, but speeds that do not follow commands, or follow late; after some time 0.",
         counts "The vehicle had received another command than the module sent.",
+        tries ["", "delay = \"300 ms\""]
         {
             /// Delay of commands to the vehicle; default they never arrive.
             #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -135,11 +148,13 @@ crate::faults! {
         SidesSwapped = "sides-swapped", Mechanical,
         sees "Left turns become right turns, although the reported speeds are as expected.",
         counts "The sides were driven differently.",
+        lasts [2000, 0]
         {}
         /// Interference disturbs encoders.
         EncoderNoisy = "encoder-noisy", Mechanical,
         sees "Speeds that jump.",
         counts "A reading was disturbed.",
+        tries ["motors = \"all\", spread_rpm = 200", "motors = \"all\"", "motors = \"left\""]
         motors "Motors."
         {
             /// Spread of the readings, in r/min of the motor; default 50.

@@ -171,3 +171,52 @@ fn an_action_hits_when_it_changes_something() {
     let [first, again] = [(); 2].map(|()| inject(&mut rig, "operator = \"lock\""));
     assert_eq!([rig.hits(first), rig.hits(again)], [1, 0]);
 }
+
+#[test]
+fn what_a_search_tries_exists() {
+    let all = catalogue(crate::SHIPPED);
+    for info in all.iter().filter(|info| info.is_fault()) {
+        let tries = if info.tries.is_empty() {
+            &[""]
+        } else {
+            info.tries
+        };
+        let can_have = |device: &DeviceSpec, set: &str| {
+            let links = device.links.len();
+            let set = set.replace(", ", "\n");
+            checked(device, links, &format!("kind = \"{}\"\n{set}", info.id)).is_ok()
+        };
+        for set in tries {
+            let fits = crate::SHIPPED.iter().any(|device| can_have(device, set));
+            assert!(fits, "{}: {set}", info.id);
+        }
+        let with_it = crate::SHIPPED.iter().filter(|device| has(device, info));
+        for device in with_it {
+            assert!(
+                tries.iter().any(|set| can_have(device, set)),
+                "{} {}",
+                info.id,
+                device.id
+            );
+        }
+    }
+    // From each kind, weaker ones lead to an end.
+    for info in &all {
+        let mut these = vec![info.id];
+        for _ in 0..all.len() {
+            let weaker = |id: &&str| {
+                let known = all.iter().filter(|one| one.id == *id);
+                let weaker: Vec<&str> = known.flat_map(|one| one.weaker).copied().collect();
+                weaker
+            };
+            these = these.iter().flat_map(weaker).collect();
+            these.sort_unstable();
+            these.dedup();
+            assert!(
+                these.iter().all(|id| all.iter().any(|one| one.id == *id)),
+                "{these:?}"
+            );
+        }
+        assert!(these.is_empty(), "{}", info.id);
+    }
+}

@@ -1,0 +1,333 @@
+//! Findings: attributed to the client, made smaller while they break the same rule, and written.
+
+use std::fs;
+
+use anyhow::{Context as _, anyhow};
+use maud::Markup;
+use rigsim_core::device::Devices;
+use serde::Serialize;
+
+use crate::exit::Failure;
+use crate::print::complain;
+use crate::run::case_in_full;
+use crate::visible;
+
+use super::attribution;
+use super::player::records;
+use super::report::slug;
+use super::search::Hunt;
+use super::space::{FOR_GOOD, Fault, Form, Kind, Trigger, duration, step_name};
+
+/// Candidates that are played at a time.
+const AT_ONCE: usize = 8;
+/// Most files of one rule.
+const MOST_OF_RULE: usize = 3;
+/// Seeds with which a finding is played.
+pub(super) const SEEDS: u64 = 20;
+/// How a client's end with a code begins. It may give up so where a fault lasts longer than this, in ms.
+const GAVE_UP: &str = "the client ended with exit code";
+const GIVE_UP: u64 = 300;
+/// How failures begin that are the client's in any case.
+const OWN: [&str; 2] = ["the client", "it was still"];
+/// Durations that a finding is shortened to, and times by which it is moved, ms.
+const SHORTER: [u64; 8] = [10, 20, 50, 100, 200, 500, 1000, 2000];
+const MOVED: [u64; 7] = [20, 50, 100, 200, 500, 1000, 2000];
+/// Times are rounded to these, ms.
+const ROUND: [u64; 5] = [1000, 500, 100, 50, 10];
+
+/// A finding that was written, or could not be shown to be one.
+#[derive(Debug, Serialize)]
+pub(super) struct Found {
+    pub(super) rule: String,
+    pub(super) failure: String,
+    pub(super) faults: Vec<String>,
+    pub(super) file: Option<String>,
+    run: u64,
+    shrink_runs: u64,
+    pub(super) seeds: u64,
+    /// For each fault, in ms: how much earlier and later it may begin.
+    window_ms: Vec<[u64; 2]>,
+    reference_fails: Option<bool>,
+    #[serde(skip)]
+    schedule: Vec<Fault>,
+}
+
+impl Hunt<'_> {
+    /// Attributes a broken rule, makes the schedule smaller, and writes it.
+    pub(super) fn look_into(
+        &mut self,
+        run: u64,
+        schedule: &[Fault],
+        key: &str,
+        failure: &str,
+    ) -> Result<(), Failure> {
+        let of = ids(schedule);
+        let known = self.state.per_rule.entry(key.to_owned()).or_default();
+        let contains = |one: &Vec<String>| one.iter().all(|id| of.contains(id));
+        if known.len() >= MOST_OF_RULE || known.iter().any(contains) {
+            return Ok(());
+        }
+        if self.is_unavoidable(schedule, key)? {
+            *self.state.unavoidable.entry(key.to_owned()).or_default() += 1;
+            return Ok(());
+        }
+        let words: Vec<String> = schedule.iter().map(Fault::words).collect();
+        let words = words.join("\n  ");
+        complain(&format!("found in run {run}: {failure}\n  {words}"));
+        let before = self.player.asked;
+        let (schedule, is_cut) = self.shrink(schedule, key)?;
+        let mut found = Found {
+            rule: key.to_owned(),
+            failure: failure.to_owned(),
+            faults: schedule.iter().map(Fault::words).collect(),
+            file: None,
+            run,
+            shrink_runs: self.player.asked - before,
+            seeds: 0,
+            window_ms: self.windows(&schedule, key)?,
+            reference_fails: self.reference_fails(&self.frame.document(&schedule), key)?,
+            schedule,
+        };
+        let known = self.state.per_rule.entry(key.to_owned()).or_default();
+        known.push(ids(&found.schedule));
+        let file = format!("{}-{}.toml", slug(key), known.len());
+        self.write(&mut found, file, is_cut)?;
+        self.state.found.push(found);
+        Ok(())
+    }
+
+    /// Returns whether the rule is attributed to the fault, and not to the client: an ideal operator and
+    /// silence break it as well, or the reference does.
+    fn is_unavoidable(&mut self, schedule: &[Fault], key: &str) -> Result<bool, Failure> {
+        let is_long = schedule.iter().any(|fault| fault.lasts > GIVE_UP);
+        if is_long && key.starts_with(GAVE_UP) {
+            return Ok(true);
+        }
+        let text = self.frame.document(schedule);
+        if self.reference_fails(&text, key)? == Some(true) {
+            return Ok(true);
+        }
+        if OWN.iter().any(|own| key.starts_with(own)) {
+            return Ok(false);
+        }
+        let (count, seed) = (schedule.len(), self.player.seed);
+        self.player.trace(&text, |case, _, _| {
+            attribution::is_unavoidable(case.loaded, &records(case), count, seed, key)
+        })
+    }
+
+    /// Returns whether the reference client breaks the rule as well, if there is one.
+    fn reference_fails(&mut self, text: &str, key: &str) -> Result<Option<bool>, Failure> {
+        let Some(reference) = &mut self.reference else {
+            return Ok(None);
+        };
+        let seen = reference.play(&[text.to_owned()])?;
+        Ok(Some(seen[0].broken.contains_key(key)))
+    }
+
+    /// Plays schedules, and returns which of them break the rule.
+    fn which_break(&mut self, all: &[Vec<Fault>], key: &str) -> Result<Vec<bool>, Failure> {
+        let texts = all.iter().map(|one| self.frame.document(one));
+        let seen = self.player.play(&texts.collect::<Vec<_>>())?;
+        let breaks = seen.iter().map(|seen| seen.broken.contains_key(key));
+        Ok(breaks.collect())
+    }
+
+    /// Makes a schedule smaller until no candidate breaks the rule any more; and says whether the budget
+    /// was used up before.
+    fn shrink(&mut self, schedule: &[Fault], key: &str) -> Result<(Vec<Fault>, bool), Failure> {
+        let until = self.player.asked + u64::from(self.args.shrink_runs);
+        let mut best = schedule.to_vec();
+        'smaller: loop {
+            for candidates in self.candidates(&best)?.chunks(AT_ONCE) {
+                if self.player.asked >= until {
+                    return Ok((best, true));
+                }
+                let breaks = self.which_break(candidates, key)?;
+                if let Some(index) = breaks.iter().position(|breaks| *breaks) {
+                    best.clone_from(&candidates[index]);
+                    continue 'smaller;
+                }
+            }
+            return Ok((best, false));
+        }
+    }
+
+    /// Smaller schedules, the smallest first. Each is smaller by an order that has an end: fewer faults,
+    /// weaker kinds, milder forms, shorter, a more robust trigger, a rounder time.
+    fn candidates(&mut self, schedule: &[Fault]) -> Result<Vec<Vec<Fault>>, Failure> {
+        let begun = self
+            .player
+            .play(&[self.frame.document(schedule)])?
+            .remove(0)
+            .begun;
+        let mut all = Vec::new();
+        for index in (0..schedule.len()).filter(|_| schedule.len() > 1) {
+            let mut fewer = schedule.to_vec();
+            fewer.remove(index);
+            all.push(fewer);
+        }
+        let kinds = &self.state.kinds;
+        for (index, fault) in schedule.iter().enumerate() {
+            let mut add = |changed: Fault| {
+                let mut smaller = schedule.to_vec();
+                smaller[index] = changed;
+                all.push(smaller);
+            };
+            let Some(kind) = kinds.iter().find(|kind| kind.is_of(fault)) else {
+                continue;
+            };
+            let ends_itself = |form: &Form| form.lasts == [FOR_GOOD];
+            let like = |form: &Form| match ends_itself(form) {
+                true => FOR_GOOD,
+                false => fault.lasts,
+            };
+            for id in kind.info.weaker {
+                let is_it = |one: &&Kind| one.info.id == *id && one.device == fault.device;
+                for weaker in kinds.iter().filter(is_it) {
+                    for (form, of) in weaker.forms.iter().enumerate() {
+                        add(weaker.fault(form, fault.trigger.clone(), like(of)));
+                    }
+                }
+            }
+            let milder = kind.forms.iter().rev();
+            for form in milder.take_while(|form| form.action != fault.action) {
+                add(Fault {
+                    action: form.action.clone(),
+                    lasts: like(form),
+                    ..fault.clone()
+                });
+            }
+            let form = kind.forms.iter().find(|form| form.action == fault.action);
+            if !form.is_some_and(ends_itself) {
+                let shorter = SHORTER.into_iter().filter(|lasts| *lasts < fault.lasts);
+                shorter.for_each(|lasts| {
+                    add(Fault {
+                        lasts,
+                        ..fault.clone()
+                    })
+                });
+            }
+            let Trigger::At(at) = fault.trigger else {
+                continue;
+            };
+            let begun = begun[index].unwrap_or(at);
+            let mut near: Vec<_> = self.state.moments.iter().collect();
+            near.sort_by_key(|moment| moment.at.abs_diff(begun));
+            let near = near.iter().map(|moment| moment.trigger.clone());
+            let robust = near
+                .filter(|trigger| matches!(trigger, Trigger::When(_)))
+                .take(2);
+            let round = ROUND
+                .into_iter()
+                .take_while(|step| !at.is_multiple_of(*step));
+            let round = round.map(|step| Trigger::At((at + step / 2) / step * step));
+            robust.chain(round).for_each(|trigger| {
+                add(Fault {
+                    trigger,
+                    ..fault.clone()
+                })
+            });
+        }
+        Ok(all)
+    }
+
+    /// How much earlier and later each fault may begin so that the rule is still broken, ms: the last of
+    /// the times tried before one at which it is kept.
+    fn windows(&mut self, schedule: &[Fault], key: &str) -> Result<Vec<[u64; 2]>, Failure> {
+        let begun = self
+            .player
+            .play(&[self.frame.document(schedule)])?
+            .remove(0)
+            .begun;
+        let mut windows = vec![[0; 2]; schedule.len()];
+        for (index, window) in windows.iter_mut().enumerate() {
+            let begun = begun[index].unwrap_or_default();
+            for (side, widest) in window.iter_mut().enumerate() {
+                let moved = MOVED.iter().filter_map(|by| match side {
+                    0 => begun.checked_sub(*by),
+                    _ => begun.checked_add(*by),
+                });
+                let moved = moved.map(|at| {
+                    let mut all = schedule.to_vec();
+                    all[index].trigger = Trigger::At(at);
+                    all
+                });
+                let breaks = self.which_break(&moved.collect::<Vec<_>>(), key)?;
+                let pairs = MOVED.iter().zip(breaks).take_while(|(_, breaks)| *breaks);
+                *widest = pairs.last().map_or(0, |(by, _)| *by);
+            }
+        }
+        Ok(windows)
+    }
+
+    /// Writes a finding if two runs of it are the same.
+    fn write(&mut self, found: &mut Found, file: String, is_cut: bool) -> Result<(), Failure> {
+        let (key, seed) = (&found.rule, self.player.seed);
+        let plain = self.frame.document(&found.schedule);
+        let first = self.player.play_again(&plain)?;
+        let again = self.player.play_again(&plain)?;
+        if !first.broken.contains_key(key) || first.trace != again.trace {
+            complain("  it could not be played twice with the same result, and is not written");
+            return Ok(());
+        }
+        let all = (0..SEEDS).map(|more| (plain.as_str(), seed.wrapping_add(more)));
+        let all = self.player.play_seeds(&all.collect::<Vec<_>>(), false)?;
+        let fails = all.iter().filter(|seen| seen.broken.contains_key(key));
+        found.seeds = fails.count() as u64;
+        let Found {
+            run,
+            shrink_runs,
+            seeds,
+            ..
+        } = found;
+        let cut = if is_cut {
+            "; the budget of --shrink-runs ended before"
+        } else {
+            ""
+        };
+        let mut head = format!(
+            "# Found by sim hunt in run {run}, made smaller in {shrink_runs} runs{cut}.\n\
+             # Fails with {seeds} of {SEEDS} seeds from {seed} on.\n"
+        );
+        for (index, by) in found.window_ms.iter().enumerate() {
+            let (name, [earlier, later]) = (step_name(index), by.map(duration));
+            head += &format!(
+                "# Fails also where \"{name}\" begins up to {earlier} earlier or {later} later.\n"
+            );
+        }
+        if let Some(fails) = found.reference_fails {
+            let what = if fails { "fails, too" } else { "passes" };
+            head += &format!("# The reference client {what}.\n");
+        }
+        let words = found.faults.join("; ");
+        let title = format!("{} breaks a rule", ids(&found.schedule).join(" and "));
+        let about = (title.as_str(), &*format!("{words}. Then {key}."));
+        let folder = &self.player.folder;
+        let path = folder.join(&file);
+        fs::write(
+            &path,
+            self.frame.finding(&found.schedule, &head, about, folder),
+        )
+        .with_context(|| format!("cannot write {}", visible::name(&path)))
+        .map_err(Failure::usage)?;
+        complain(&format!("  {}: {words}", visible::name(&path)));
+        found.file = Some(file);
+        Ok(())
+    }
+
+    /// The run of a finding, as a report of `sim run` shows it.
+    pub(super) fn picture(&self, devices: Devices, found: &Found) -> Result<Markup, Failure> {
+        let text = self.frame.document(&found.schedule);
+        self.player.trace(&text, |case, result, stop| {
+            let shown = case_in_full(devices, case, result, stop);
+            shown.ok_or_else(|| Failure::system(anyhow!("a finding could not be played again")))
+        })
+    }
+}
+
+fn ids(schedule: &[Fault]) -> Vec<String> {
+    let mut ids: Vec<String> = schedule.iter().map(|fault| fault.kind.to_owned()).collect();
+    ids.sort();
+    ids
+}

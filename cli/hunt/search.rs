@@ -1,0 +1,534 @@
+//! The search: stages propose schedules, and one loop plays them.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use anyhow::anyhow;
+use rigsim_core::SimTime;
+use rigsim_core::device::Devices;
+use rigsim_core::line::Wire;
+use rigsim_core::noise::Noise;
+use rigsim_runner::RunOptions;
+use serde::Serialize;
+
+use crate::args::{HuntArgs, StageArg};
+use crate::exit::Failure;
+use crate::print::{complain, progress};
+use crate::recording;
+use crate::scenario_files::Loaded;
+
+use super::finding::Found;
+use super::moments::{Moment, Samples};
+use super::player::{Player, Seen, digest};
+use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
+
+/// Runs of a round. What is played next depends on whole rounds only.
+const ROUND: usize = 16;
+/// The stages with their shares of the runs, in percent.
+const STAGES: [(StageArg, u64); 4] = [
+    (StageArg::Single, 40),
+    (StageArg::Refined, 15),
+    (StageArg::Further, 30),
+    (StageArg::Random, 15),
+];
+/// How often a schedule is refined, each time by half the step.
+const MOST_LEVELS: u32 = 4;
+/// What is proposed may have been played; so often another is asked for.
+const MOST_REPEATS: usize = 20;
+/// A moment that is not beside another one, ms.
+const CLOSE: u64 = 50;
+/// Weight of what has led to nothing new, beside one that always does.
+const LEAST_WEIGHT: f64 = 0.5;
+
+/// A schedule to be played.
+#[derive(Default)]
+pub(super) struct Planned {
+    pub(super) schedule: Vec<Fault>,
+    /// Kind, form and moment of a single fault.
+    pub(super) cell: Option<(usize, usize, usize)>,
+    /// How often it was refined, and those before that it came from.
+    level: u32,
+    /// The class of the reactions that it follows up, and the kind of the last fault.
+    follows: Option<(u64, usize)>,
+}
+
+/// A schedule that was played.
+pub(super) struct Tried {
+    pub(super) planned: Planned,
+    pub(super) seen: Seen,
+    /// The client did something that it had not done before.
+    is_new: bool,
+}
+
+/// How often something was tried, and how often that led to something new.
+#[derive(Clone, Copy, Default)]
+struct Arm {
+    plays: f64,
+    gains: f64,
+}
+
+impl Arm {
+    fn weight(self) -> f64 {
+        LEAST_WEIGHT + self.gains / self.plays.max(1.0)
+    }
+
+    /// The one with the lowest is next, so that each is tried in proportion to its weight.
+    fn turn(self) -> f64 {
+        self.plays / self.weight()
+    }
+}
+
+/// Single faults of a kind that are left to try, and what came of those before.
+#[derive(Default)]
+struct Column {
+    left: Vec<Planned>,
+    arm: Arm,
+    /// Form, moment and duration of those that hit nothing.
+    idle: Vec<(usize, usize, u64)>,
+    /// As a further fault.
+    further: Arm,
+}
+
+/// How many runs a stage has had.
+#[derive(Clone, Copy, Default, Serialize)]
+pub(super) struct Count {
+    pub(super) runs: u64,
+    pub(super) without_hit: u64,
+    pub(super) failed: u64,
+}
+
+/// What is known of a job and a client.
+#[derive(Default)]
+pub(super) struct State {
+    pub(super) kinds: Vec<Kind>,
+    pub(super) moments: Vec<Moment>,
+    pub(super) spent: u64,
+    pub(super) tried: Vec<Tried>,
+    /// Without faults.
+    usual: Seen,
+    /// Digests of what was played, and of what the client sent.
+    planned: BTreeSet<u64>,
+    sent: BTreeSet<u64>,
+    columns: Vec<Column>,
+    /// What is left of the last refinement, and which rule is next.
+    neighbours: VecDeque<Planned>,
+    turn: usize,
+    /// Schedules whose reactions may be followed up, by the class of the reaction.
+    firsts: BTreeMap<u64, (Vec<usize>, Arm)>,
+    pub(super) found: Vec<Found>,
+    /// Kinds of the findings of each rule.
+    pub(super) per_rule: BTreeMap<String, Vec<Vec<String>>>,
+    pub(super) unavoidable: BTreeMap<String, u64>,
+    pub(super) counts: BTreeMap<StageArg, Count>,
+}
+
+pub(super) struct Hunt<'a> {
+    pub(super) args: &'a HuntArgs,
+    pub(super) job: &'a Loaded,
+    pub(super) frame: Frame,
+    pub(super) player: Player<'a>,
+    pub(super) reference: Option<Player<'a>>,
+    pub(super) budget: u64,
+    pub(super) noise: Noise,
+    pub(super) state: State,
+}
+
+impl Hunt<'_> {
+    /// Plays the job twice without faults, finds its moments, and the faults that its devices can have.
+    pub(super) fn begin(&mut self, devices: Devices, identity: u64) -> Result<(), Failure> {
+        let usage = |why| Err(Failure::usage(why));
+        let text = self.frame.document(&[]);
+        if let Err(failure) = self.player.load(&text) {
+            return usage(failure.error.context("the job with these rules"));
+        }
+        let first = self.player.play_again(&text)?;
+        let again = self.player.play_again(&text)?;
+        if let Some(why) = first.error {
+            return Err(Failure::system(anyhow!(why)));
+        }
+        if first.trace != again.trace {
+            return usage(anyhow!(
+                "the client did not do the same in two runs without faults, so no search is possible; \
+                 `sim run --twice` shows the first difference"
+            ));
+        }
+        if let Some(failure) = first.broken.values().next() {
+            return usage(anyhow!(
+                "the client fails without any fault, which has to be mended first: {failure}"
+            ));
+        }
+        self.player.learn(&text)?;
+        let samples = self.player.trace(&text, |case, _, _| {
+            let path = case.recording().unwrap_or_default();
+            Ok(recording::view(devices, &path, |run| Ok(Samples::new(run)))?.0)
+        })?;
+        let mut all = kinds(&self.job.scenario, &self.args.faults, &samples.sent());
+        for kind in &mut all {
+            kind.retain(|fault| self.can_have(fault));
+        }
+        all.retain(|kind| !kind.forms.is_empty());
+        let name = self.job.name();
+        if all.is_empty() {
+            return usage(anyhow!(
+                "{name} has none of these kinds of faults; `sim faults` lists them"
+            ));
+        }
+        self.player.keep_journal(identity)?;
+        let state = &mut self.state;
+        state.sent.insert(first.sent);
+        state.usual = first;
+        state.kinds = all;
+        state.moments = samples.moments();
+        let (kinds, moments) = (state.kinds.len(), state.moments.len());
+        self.state.columns = (0..kinds).map(|kind| self.column(kind)).collect();
+        complain(&format!(
+            "{name}: {kinds} kinds of faults at {moments} moments"
+        ));
+        Ok(())
+    }
+
+    /// Returns whether the devices of the job can have a fault, also those that only the running device
+    /// refuses.
+    fn can_have(&self, fault: Fault) -> bool {
+        let options = RunOptions {
+            seed: self.player.seed,
+            wire: Wire::Paced,
+            live: true,
+            trace: false,
+        };
+        let text = self.frame.document(&[fault]);
+        let run = self
+            .player
+            .load(&text)
+            .and_then(|loaded| loaded.run(options));
+        run.is_ok_and(|mut run| {
+            let begins = run.step(SimTime::from_nanos(1)).is_ok();
+            let own = Some(step_name(0));
+            begins && run.end().failures.iter().all(|failure| failure.step != own)
+        })
+    }
+
+    /// The single faults of a kind, the next one last: all moments once before any twice.
+    fn column(&mut self, kind: usize) -> Column {
+        let forms = self.state.kinds[kind].forms.iter().enumerate();
+        let ways = forms.flat_map(|(form, of)| of.lasts.iter().map(move |lasts| (form, *lasts)));
+        let mut ways: Vec<_> = ways.collect();
+        let mut moments: Vec<_> = self.state.moments.iter().enumerate().collect();
+        shuffle(&mut self.noise, &mut ways);
+        shuffle(&mut self.noise, &mut moments);
+        let mut left = Vec::new();
+        for shift in 0..ways.len() {
+            for (index, (at, moment)) in moments.iter().enumerate() {
+                let (form, lasts) = ways[(index + shift) % ways.len()];
+                let trigger = moment.trigger.clone();
+                left.push(Planned {
+                    schedule: vec![self.state.kinds[kind].fault(form, trigger, lasts)],
+                    cell: Some((kind, form, *at)),
+                    ..Planned::default()
+                });
+            }
+        }
+        left.reverse();
+        Column {
+            left,
+            ..Column::default()
+        }
+    }
+
+    /// Number of reactions that may be followed up.
+    pub(super) fn reactions(&self) -> usize {
+        let members = self.state.firsts.values().flat_map(|(members, _)| members);
+        let reactions = members.map(|index| &self.state.tried[*index].seen.reactions);
+        reactions.map(Vec::len).sum()
+    }
+
+    /// Plays rounds of the stages until the budget is spent or nothing is left.
+    pub(super) fn search(&mut self) -> Result<(), Failure> {
+        let form = "{bar:30} {pos}/{len} runs, {msg}, {eta} left";
+        let bar = progress(self.budget, form);
+        let asked = &self.args.stages;
+        let mut stages = STAGES.to_vec();
+        stages.retain(|(stage, _)| asked.is_empty() || asked.contains(stage));
+        while self.state.spent < self.budget && !self.is_enough() {
+            let left = usize::try_from(self.budget - self.state.spent).unwrap_or(ROUND);
+            // Every kind once before anything else; then each stage in proportion to its share.
+            let columns = &self.state.columns;
+            let is_first = columns.iter().any(|column| column.arm.plays == 0.0);
+            let counts = &self.state.counts;
+            let runs = |stage: &StageArg| counts.get(stage).map_or(0, |count| count.runs);
+            stages.sort_by_key(|(stage, share)| {
+                let waits = is_first && *stage != StageArg::Single;
+                (waits, runs(stage) * 100 / share)
+            });
+            let mut round = Vec::new();
+            let next = stages.iter().find(|(stage, _)| {
+                round = self.propose(*stage, left);
+                !round.is_empty()
+            });
+            let Some((stage, _)) = next else { break };
+            self.round(*stage, round)?;
+            let nearest = self.state.tried.iter().map(|tried| tried.seen.nearest());
+            let nearest = nearest.fold(f64::INFINITY, f64::min);
+            let found = self.state.found.len();
+            bar.set_position(self.state.spent);
+            bar.set_message(format!("{found} found, nearest margin {nearest:.3}"));
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Returns whether a finding ends the search.
+    pub(super) fn is_enough(&self) -> bool {
+        self.args.fail_fast && !self.state.found.is_empty()
+    }
+
+    /// The next schedules of a stage that were not played before.
+    fn propose(&mut self, stage: StageArg, most: usize) -> Vec<Planned> {
+        let mut round = Vec::new();
+        let mut repeats = 0;
+        while round.len() < most.min(ROUND) && repeats < MOST_REPEATS {
+            let next = match stage {
+                StageArg::Single => self.single_fault(),
+                StageArg::Refined => self.refinement(),
+                StageArg::Further => self.further_fault(),
+                StageArg::Random => Some(self.random_schedule()),
+            };
+            let Some(next) = next else { break };
+            let text = self.frame.document(&next.schedule);
+            if self.state.planned.insert(digest(text.as_bytes())) {
+                round.push(next);
+            } else {
+                repeats += 1;
+            }
+        }
+        round
+    }
+
+    /// Plays a round, learns from it, and looks into what was found.
+    fn round(&mut self, stage: StageArg, round: Vec<Planned>) -> Result<(), Failure> {
+        let texts = round.iter().map(|one| self.frame.document(&one.schedule));
+        let results = self.player.play(&texts.collect::<Vec<_>>())?;
+        for (planned, seen) in round.into_iter().zip(results) {
+            let state = &mut self.state;
+            state.spent += 1;
+            let run = state.spent;
+            let count = state.counts.entry(stage).or_default();
+            count.runs += 1;
+            count.without_hit += u64::from(!seen.hits());
+            count.failed += u64::from(!seen.broken.is_empty());
+            let (broken, schedule) = (seen.broken.clone(), planned.schedule.clone());
+            self.learn(planned, seen);
+            for (key, failure) in broken {
+                self.look_into(run, &schedule, &key, &failure)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn learn(&mut self, planned: Planned, seen: Seen) {
+        let state = &mut self.state;
+        let usual = &state.usual.margins;
+        let is_new = state.sent.insert(seen.sent) && seen.hits();
+        let is_nearer = seen
+            .margins
+            .iter()
+            .any(|(rule, margin)| usual.get(rule) > Some(margin));
+        let gain = f64::from(u8::from(is_new || is_nearer));
+        if let Some((kind, form, moment)) = planned.cell {
+            let column = &mut state.columns[kind];
+            column.arm.gains += gain;
+            if !seen.hits() {
+                column.idle.push((form, moment, planned.schedule[0].lasts));
+            }
+        }
+        if let Some((class, kind)) = planned.follows {
+            state.columns[kind].further.gains += gain;
+            state.firsts.entry(class).or_default().1.gains += gain;
+        }
+        let may_follow = planned.schedule.len() < self.args.max_faults as usize;
+        if is_new && may_follow && seen.broken.is_empty() && !seen.reactions.is_empty() {
+            let (members, _) = state.firsts.entry(seen.class).or_default();
+            members.push(state.tried.len());
+        }
+        state.tried.push(Tried {
+            planned,
+            seen,
+            is_new,
+        });
+    }
+
+    /// The next single fault of the kind whose turn it is, but for those that cannot hit anything.
+    fn single_fault(&mut self) -> Option<Planned> {
+        loop {
+            let columns = self.state.columns.iter_mut();
+            let columns = columns.filter(|column| !column.left.is_empty());
+            let turn = |column: &Column| column.arm.turn();
+            let column = columns.min_by(|one, other| turn(one).total_cmp(&turn(other)))?;
+            let next = column.left.pop()?;
+            let (_, form, moment) = next.cell?;
+            let lasts = next.schedule[0].lasts;
+            let covers = |(of, at, longer): &(usize, usize, u64)| {
+                let from_before = *at <= moment && *longer == FOR_GOOD;
+                *of == form && (from_before || *at == moment && *longer >= lasts)
+            };
+            if !column.idle.iter().any(covers) {
+                column.arm.plays += 1.0;
+                return Some(next);
+            }
+        }
+    }
+
+    /// A step of a search by halving: from the schedule that came nearest to each rule in turn, and from
+    /// those that made the client do something new.
+    fn refinement(&mut self) -> Option<Planned> {
+        let state = &mut self.state;
+        let rules: Vec<(&String, &f64)> = state.usual.margins.iter().collect();
+        for _ in 0..=rules.len() {
+            if !state.neighbours.is_empty() {
+                break;
+            }
+            let rule = rules.get(state.turn % (rules.len() + 1));
+            state.turn += 1;
+            let margin = |tried: &Tried| match rule {
+                None => tried.is_new.then_some(0.0),
+                Some((rule, usual)) => {
+                    let margin = tried.seen.margins.get(*rule)?;
+                    (margin < *usual).then_some(*margin)
+                }
+            };
+            let is_open = |tried: &Tried| {
+                tried.planned.level < MOST_LEVELS
+                    && tried.seen.broken.is_empty()
+                    && tried.seen.hits()
+            };
+            let open = state
+                .tried
+                .iter()
+                .enumerate()
+                .filter(|(_, tried)| is_open(tried));
+            let near = open
+                .filter_map(|(index, tried)| Some((margin(tried)?, tried.planned.level, index)));
+            let nearest = near.min_by(|one, other| {
+                let by_margin = one.0.total_cmp(&other.0);
+                by_margin
+                    .then(one.1.cmp(&other.1))
+                    .then(one.2.cmp(&other.2))
+            });
+            if let Some((.., index)) = nearest {
+                let tried = &mut state.tried[index];
+                tried.planned.level += 1;
+                state.neighbours = neighbours(tried, &state.moments);
+            }
+        }
+        state.neighbours.pop_front()
+    }
+
+    /// A further fault while the client reacts to those before, or between two things that it does then.
+    fn further_fault(&mut self) -> Option<Planned> {
+        let state = &mut self.state;
+        let turn = |(_, (_, arm)): &(&u64, &mut (Vec<usize>, Arm))| arm.turn();
+        let firsts = state
+            .firsts
+            .iter_mut()
+            .filter(|(_, (members, _))| !members.is_empty());
+        let next = firsts.min_by(|one, other| turn(one).total_cmp(&turn(other)))?;
+        let (class, (members, arm)) = next;
+        arm.plays += 1.0;
+        let first = &state.tried[members[below(&mut self.noise, members.len())]];
+        let times = &first.seen.reactions;
+        let reaction = below(&mut self.noise, times.len());
+        let mut at = times[reaction];
+        if self.noise.uniform() < 0.5 {
+            at = at.midpoint(times.get(reaction + 1).copied().unwrap_or(at + 1000));
+        }
+        let mut best = (f64::INFINITY, 0);
+        for (kind, column) in state.columns.iter().enumerate() {
+            let chance = 0.5 + self.noise.uniform();
+            let weight = column.arm.weight() + column.further.weight();
+            let turn = column.further.plays * chance / weight;
+            best = if turn < best.0 { (turn, kind) } else { best };
+        }
+        let kind = best.1;
+        state.columns[kind].further.plays += 1.0;
+        let mut schedule = first.planned.schedule.clone();
+        let follows = Some((*class, kind));
+        schedule.push(any_of(&mut self.noise, &state.kinds[kind], at));
+        Some(Planned {
+            schedule,
+            follows,
+            ..Planned::default()
+        })
+    }
+
+    /// Some faults of a random half of the kinds, at random times.
+    fn random_schedule(&mut self) -> Planned {
+        let (state, noise) = (&self.state, &mut self.noise);
+        let mut half: Vec<&Kind> = state.kinds.iter().collect();
+        shuffle(noise, &mut half);
+        half.truncate(half.len().div_ceil(2));
+        let count = 1 + below(noise, self.args.max_faults as usize);
+        let schedule = (0..count).map(|_| {
+            let kind = half[below(noise, half.len())];
+            let at = noise.below(u32::try_from(state.usual.ended).unwrap_or(u32::MAX));
+            any_of(noise, kind, at.into())
+        });
+        Planned {
+            schedule: schedule.collect(),
+            ..Planned::default()
+        }
+    }
+}
+
+/// The same schedule with one of its faults earlier, later, longer or shorter, by a step that is half as
+/// long each time.
+fn neighbours(tried: &Tried, moments: &[Moment]) -> VecDeque<Planned> {
+    let Tried { planned, seen, .. } = tried;
+    let level = planned.level;
+    let mut all = VecDeque::new();
+    for (place, fault) in planned.schedule.iter().enumerate() {
+        let begun = seen.begun[place].unwrap_or_default();
+        let times = moments.iter().map(|moment| moment.at);
+        let before = times.clone().rfind(|at| at + CLOSE < begun);
+        let behind = times.clone().find(|at| *at > begun + CLOSE);
+        let earlier = before.map(|before| begun - ((begun - before) >> level));
+        let later = behind.map(|behind| begun + ((behind - begun) >> level));
+        let moved = earlier.into_iter().chain(later).map(|at| Fault {
+            trigger: Trigger::At(at),
+            ..fault.clone()
+        });
+        // Twice as long, or half as long; then by half as much.
+        let lasts = Some(fault.lasts).filter(|lasts| *lasts != FOR_GOOD);
+        let longer = lasts.map(|lasts| lasts + (lasts >> (level - 1)));
+        let shorter = lasts.map(|lasts| lasts - (lasts >> level));
+        let stretched = longer.into_iter().chain(shorter).map(|lasts| Fault {
+            lasts,
+            ..fault.clone()
+        });
+        for fault in moved.chain(stretched) {
+            let mut schedule = planned.schedule.clone();
+            schedule[place] = fault;
+            all.push_back(Planned {
+                schedule,
+                level,
+                ..Planned::default()
+            });
+        }
+    }
+    all
+}
+
+fn any_of(noise: &mut Noise, kind: &Kind, at: u64) -> Fault {
+    let form = below(noise, kind.forms.len());
+    let lasts = &kind.forms[form].lasts;
+    kind.fault(form, Trigger::At(at), lasts[below(noise, lasts.len())])
+}
+
+/// A whole number below `end`.
+fn below(noise: &mut Noise, end: usize) -> usize {
+    noise.below(u32::try_from(end).unwrap_or(u32::MAX).max(1)) as usize
+}
+
+fn shuffle<T>(noise: &mut Noise, all: &mut [T]) {
+    for last in (1..all.len()).rev() {
+        all.swap(last, below(noise, last + 1));
+    }
+}
