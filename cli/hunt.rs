@@ -61,7 +61,7 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
     let threads = args.threads.map_or_else(cores, |threads| threads as usize);
     let shell = |command: &String| ["sh", "-c", command].map(OsString::from).to_vec();
     let reference = args.reference.as_ref().map(shell);
-    let mut summary = report::Summary::new(args);
+    let mut summary = report::Summary::default();
     for (number, job) in jobs.iter().enumerate() {
         let folder = match jobs.len() {
             1 => args.output.clone(),
@@ -90,7 +90,7 @@ pub(crate) fn hunt(devices: Devices, args: &HuntArgs) -> Result<Exit, Failure> {
             break;
         }
     }
-    summary.finish()
+    summary.finish(args.report.as_deref())
 }
 
 /// What a hunt depends on.

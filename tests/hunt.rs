@@ -84,6 +84,10 @@ fn folder() -> Folder {
     ])
 }
 
+fn write(folder: &Folder, name: &str, text: &str) {
+    std::fs::write(folder.path().join(name), text).unwrap();
+}
+
 fn hunt(folder: &Folder, more: &[&str]) -> Finished {
     hunt_in(folder, "job.toml", more)
 }
@@ -233,9 +237,10 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
 #[test]
 fn a_fault_that_a_device_cannot_have_is_left_out() {
     let folder = folder();
-    folder.write("car.toml", CAR);
-    folder.write("rules.toml", "");
-    folder.write(
+    write(&folder, "car.toml", CAR);
+    write(&folder, "rules.toml", "");
+    write(
+        &folder,
         "client.py",
         "import os, time\nos.open(os.environ['SIM_MECANUM_PORT'], os.O_RDWR)\ntime.sleep(1)\n",
     );
@@ -264,7 +269,7 @@ fn a_fault_that_a_device_cannot_have_is_left_out() {
 fn what_cannot_be_searched_is_refused() {
     let folder = folder();
     let strict = "[[never]]\nthat = \"truth.distance_m > 0.1\"\nmessage = \"it drives\"\n";
-    folder.write("strict.toml", strict);
+    write(&folder, "strict.toml", strict);
     let fails = hunt(&folder, &["--rules", "strict.toml"]);
     fails.expect_refusal(2, &["fails without any fault", "it drives"]);
     let real = hunt(&folder, &["--time", "real"]);

@@ -22,7 +22,7 @@ use super::space::step_name;
 /// Time between two stops of the ideal operator.
 const EVERY: Duration = Duration::from_millis(100);
 
-/// What becomes of the vehicle after the client's bytes up to the first fault.
+/// What becomes of the vehicle after what the client did until the first fault began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Then {
     /// An operator stops it again and again, and opens the port when it is there.
@@ -73,18 +73,18 @@ fn play(run: &mut Run, records: &[Record], begun: u64, then: Then) -> Result<Out
     let mut lines: Vec<(PortId, ClientLine)> = Vec::new();
     for record in records {
         match record {
-            Record::Attach { t, port } if *t < begun => {
+            Record::Attach { t, port } if *t <= begun => {
                 open.insert(PortId::from(*port));
                 run.attach((*port).into(), SimTime::from_nanos(*t))?;
             }
-            Record::Detach { t, port } if *t < begun => {
+            Record::Detach { t, port } if *t <= begun => {
                 open.remove(&PortId::from(*port));
                 run.detach((*port).into(), SimTime::from_nanos(*t))?;
             }
-            Record::In { t, port, bytes } if *t < begun => {
+            Record::In { t, port, bytes } if *t <= begun => {
                 run.send((*port).into(), SimTime::from_nanos(*t), &bytes.0)?;
             }
-            Record::Line { t, port, line } if *t < begun => {
+            Record::Line { t, port, line } if *t <= begun => {
                 run.advance(SimTime::from_nanos(*t))?;
                 run.set_line((*port).into(), *line);
                 lines.push(((*port).into(), *line));

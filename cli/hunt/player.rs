@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, anyhow};
 use rigsim_runner::Outcome;
-use rigsim_runner::run::FailureKind;
+use rigsim_runner::run::{FailureKind, Margin};
 use rigsim_runner::trace::Record;
 use serde::{Deserialize, Serialize};
 use siphasher::sip::SipHasher13;
@@ -72,13 +72,6 @@ impl Seen {
     pub(super) fn hits(&self) -> bool {
         self.hit.contains(&true)
     }
-}
-
-/// A line of the journal.
-#[derive(Serialize, Deserialize)]
-struct Entry {
-    run: u64,
-    seen: Seen,
 }
 
 /// Something that a client does.
@@ -214,7 +207,13 @@ impl<'a> Player<'a> {
             ..Case::new(&self.args, loaded, 0, *seed)
         });
         let cases: Vec<Case<'_>> = cases.collect();
-        let results = play_quietly(&cases, self.threads, &self.stop)?;
+        let mut results = play_quietly(&cases, self.threads, &self.stop)?;
+        for (case, result) in cases.iter().zip(&mut results) {
+            if result.verdict == Verdict::Error {
+                // By itself, for what the machine did when it had much to do.
+                *result = play_quietly(std::slice::from_ref(case), 1, &self.stop)?.remove(0);
+            }
+        }
         for ((case, (run, .., folder)), result) in cases.iter().zip(&new).zip(results) {
             let Some(played) = result.played else {
                 return Err(Failure::system(anyhow!(
@@ -232,14 +231,12 @@ impl<'a> Player<'a> {
             seen.trace = played.trace.unwrap_or_default();
             // All of it goes with the hunt.
             let _ = fs::remove_dir_all(folder);
-            let entry = Entry { run: *run, seen };
             if let Some(journal) = &mut self.journal {
-                let line = serde_json::to_string(&entry).map_err(Failure::system)?;
-                writeln!(journal, "{line}")
-                    .context("cannot write the journal")
-                    .map_err(Failure::system)?;
+                let line = serde_json::to_string(&(run, &seen)).map_err(Failure::system)?;
+                let written = writeln!(journal, "{line}").context("cannot write the journal");
+                written.map_err(Failure::system)?;
             }
-            self.known.insert(*run, entry.seen);
+            self.known.insert(*run, seen);
         }
         Ok(runs.iter().map(|run| self.known[run].clone()).collect())
     }
@@ -305,12 +302,10 @@ impl<'a> Player<'a> {
             class.write_u64(before);
             class.write_u64(word);
         }
-        let margins = outcome.margins.iter();
+        let margin = |rule: &Margin| (rule.what.clone(), rule.margin);
         Seen {
             broken: keys(outcome),
-            margins: margins
-                .map(|rule| (rule.what.clone(), rule.margin))
-                .collect(),
+            margins: outcome.margins.iter().map(margin).collect(),
             sent: sent.finish(),
             class: class.finish(),
             trace: String::new(),
@@ -332,8 +327,8 @@ fn read_journal(path: &Path, head: &str) -> BTreeMap<u64, Seen> {
     if lines.next().is_none_or(|line| line != head) {
         return BTreeMap::new();
     }
-    let entries = lines.map_while(|line| serde_json::from_str::<Entry>(&line).ok());
-    entries.map(|entry| (entry.run, entry.seen)).collect()
+    let entries = lines.map_while(|line| serde_json::from_str(&line).ok());
+    entries.collect()
 }
 
 pub(super) fn digest(bytes: &[u8]) -> u64 {
@@ -344,34 +339,24 @@ pub(super) fn digest(bytes: &[u8]) -> u64 {
 
 /// The key of a failure: the same for the same failure of two runs.
 pub(super) fn keys(outcome: &Outcome) -> BTreeMap<String, String> {
-    let counts = |kind| kind < FailureKind::Consequence;
-    let failures = outcome
-        .failures
-        .iter()
-        .filter(|failure| counts(failure.kind));
     let mut keys = BTreeMap::new();
-    for failure in failures {
-        let key = signature(&failure.what);
-        let key = key
-            .split([',', '×'])
-            .next()
-            .unwrap_or(&key)
-            .trim()
-            .to_owned();
-        keys.entry(key).or_insert_with(|| failure.to_string());
+    for failure in &outcome.failures {
+        if failure.kind < FailureKind::Consequence {
+            let key = signature(&failure.what);
+            let key = key.split([',', '×']).next().unwrap_or(&key).trim();
+            keys.entry(key.to_owned())
+                .or_insert_with(|| failure.to_string());
+        }
     }
     keys
 }
 
 /// The trace of a case that was played.
 pub(super) fn records(case: &Case<'_>) -> Vec<Record> {
-    let text = case
-        .recording()
-        .and_then(|path| fs::read_to_string(path).ok());
-    let lines = text.as_deref().unwrap_or_default().lines().skip(1);
-    lines
-        .filter_map(|line| serde_json::from_str(line).ok())
-        .collect()
+    let path = case.recording().unwrap_or_default();
+    let text = fs::read_to_string(path).unwrap_or_default();
+    let records = text.lines().skip(1).map(serde_json::from_str);
+    records.filter_map(Result::ok).collect()
 }
 
 /// Nanoseconds in milliseconds.

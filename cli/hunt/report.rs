@@ -1,14 +1,14 @@
 //! What a hunt says: the summary, `hunt.json` and the page.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 
 use anyhow::Context as _;
 use maud::{Markup, html};
 use rigsim_core::device::Devices;
 use serde_json::{Value, json};
 
-use crate::args::{HuntArgs, StageArg};
+use crate::args::StageArg;
 use crate::exit::{Exit, Failure};
 use crate::print::{OutputFile, print};
 use crate::run::{REPORT_MARKS, report_page};
@@ -22,9 +22,8 @@ use super::space::duration;
 const MOST_NAME: usize = 60;
 
 /// What all jobs of a hunt came to.
+#[derive(Default)]
 pub(super) struct Summary {
-    output: PathBuf,
-    report: Option<PathBuf>,
     jobs: Vec<Value>,
     pages: Vec<Markup>,
     lines: Vec<String>,
@@ -32,17 +31,6 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    pub(super) fn new(args: &HuntArgs) -> Self {
-        Self {
-            output: args.output.clone(),
-            report: args.report.clone(),
-            jobs: Vec::new(),
-            pages: Vec::new(),
-            lines: Vec::new(),
-            found: 0,
-        }
-    }
-
     /// The search of a job is over.
     pub(super) fn add(&mut self, devices: Devices, hunt: &Hunt<'_>) -> Result<(), Failure> {
         let state = &hunt.state;
@@ -69,7 +57,7 @@ impl Summary {
             "moments": moments.collect::<Vec<_>>(),
             "tried": tried.collect::<Vec<_>>(),
         }));
-        if self.report.is_some() {
+        if hunt.args.report.is_some() {
             self.pages.push(page_of(devices, hunt)?);
         }
         self.found += state
@@ -78,15 +66,15 @@ impl Summary {
             .filter(|found| found.file.is_some())
             .count();
         self.lines.push(text_of(hunt));
-        let path = self.output.join("hunt.json");
+        let path = hunt.args.output.join("hunt.json");
         fs::write(&path, format!("{:#}\n", json!({ "jobs": self.jobs })))
             .with_context(|| format!("cannot write {}", visible::name(&path)))
             .map_err(Failure::usage)
     }
 
     /// Prints all, and writes the page.
-    pub(super) fn finish(self) -> Result<Exit, Failure> {
-        if let Some(path) = &self.report {
+    pub(super) fn finish(self, report: Option<&Path>) -> Result<Exit, Failure> {
+        if let Some(path) = report {
             let body = html! { @for page in &self.pages { (page) } };
             let page = report_page(&format!("{} found", self.found), &[], &body);
             OutputFile::find(path, REPORT_MARKS)?.write(&page.into_string())?;
