@@ -193,7 +193,7 @@ fn several_jobs_are_searched_and_a_reference_is_played_too() {
         ("client.py", CLIENT),
         ("careful.py", &careful),
     ]);
-    let lock = ["other.toml", "--faults", "lock", "--runs", "24"];
+    let lock = ["other.toml", "--faults", "lock", "--runs", "64"];
     let with = |reference, output| {
         let more = [
             "--reference",

@@ -62,9 +62,11 @@ impl Hunt<'_> {
         failure: &str,
     ) -> Result<(), Failure> {
         let of = ids(schedule);
+        let earlier = self.state.found.iter().filter(|found| found.rule == key);
+        let number = earlier.count() + 1;
         let known = self.state.per_rule.entry(key.to_owned()).or_default();
         let contains = |one: &Vec<String>| one.iter().all(|id| of.contains(id));
-        if known.len() >= MOST_OF_RULE || known.iter().any(contains) {
+        if number > MOST_OF_RULE || known.iter().any(contains) {
             return Ok(());
         }
         if self.is_unavoidable(schedule, key)? {
@@ -76,6 +78,14 @@ impl Hunt<'_> {
         complain(&format!("found in run {run}: {failure}\n  {words}"));
         let before = self.player.asked;
         let (schedule, is_cut) = self.shrink(schedule, key)?;
+        let known = self.state.per_rule.entry(key.to_owned()).or_default();
+        let shrunk = ids(&schedule);
+        if known.contains(&shrunk) {
+            complain("  it shrinks to a finding before");
+            known.push(of);
+            return Ok(());
+        }
+        known.extend([of, shrunk]);
         let mut found = Found {
             rule: key.to_owned(),
             failure: failure.to_owned(),
@@ -88,9 +98,7 @@ impl Hunt<'_> {
             reference_fails: self.reference_fails(&self.frame.document(&schedule), key)?,
             schedule,
         };
-        let known = self.state.per_rule.entry(key.to_owned()).or_default();
-        known.push(ids(&found.schedule));
-        let file = format!("{}-{}.toml", slug(key), known.len());
+        let file = format!("{}-{number}.toml", slug(key));
         self.write(&mut found, file, is_cut)?;
         self.state.found.push(found);
         Ok(())

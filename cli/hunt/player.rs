@@ -302,7 +302,9 @@ impl<'a> Player<'a> {
             class.write_u64(before);
             class.write_u64(word);
         }
-        let margin = |rule: &Margin| (rule.what.clone(), rule.margin);
+        // Rounded so that it is the same when it is read from the journal.
+        let rounded = |margin: f64| (margin * 1e4).round() / 1e4;
+        let margin = |rule: &Margin| (rule.what.clone(), rounded(rule.margin));
         Seen {
             broken: keys(outcome),
             margins: outcome.margins.iter().map(margin).collect(),

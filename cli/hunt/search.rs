@@ -21,8 +21,8 @@ use super::moments::{Moment, Samples};
 use super::player::{Player, Seen, digest};
 use super::space::{FOR_GOOD, Fault, Frame, Kind, Trigger, kinds, step_name};
 
-/// Runs of a round. What is played next depends on whole rounds only.
-const ROUND: usize = 16;
+/// Most runs of a round. What is played next depends on whole rounds only.
+const ROUND: u64 = 16;
 /// The stages with their shares of the runs, in percent.
 const STAGES: [(StageArg, u64); 4] = [
     (StageArg::Single, 40),
@@ -115,7 +115,7 @@ pub(super) struct State {
     /// Schedules whose reactions may be followed up, by the class of the reaction.
     firsts: BTreeMap<u64, (Vec<usize>, Arm)>,
     pub(super) found: Vec<Found>,
-    /// Kinds of the findings of each rule.
+    /// Kinds that broke each rule, as they were found and made smaller.
     pub(super) per_rule: BTreeMap<String, Vec<Vec<String>>>,
     pub(super) unavoidable: BTreeMap<String, u64>,
     pub(super) counts: BTreeMap<StageArg, Count>,
@@ -249,7 +249,9 @@ impl Hunt<'_> {
         let mut stages = STAGES.to_vec();
         stages.retain(|(stage, _)| asked.is_empty() || asked.contains(stage));
         while self.state.spent < self.budget && !self.is_enough() {
-            let left = usize::try_from(self.budget - self.state.spent).unwrap_or(ROUND);
+            // Of a small budget, each stage has a share, too.
+            let most = (self.budget / 8).clamp(1, ROUND);
+            let most = most.min(self.budget - self.state.spent);
             // Every kind once before anything else; then each stage in proportion to its share.
             let columns = &self.state.columns;
             let is_first = columns.iter().any(|column| column.arm.plays == 0.0);
@@ -261,7 +263,7 @@ impl Hunt<'_> {
             });
             let mut round = Vec::new();
             let next = stages.iter().find(|(stage, _)| {
-                round = self.propose(*stage, left);
+                round = self.propose(*stage, most);
                 !round.is_empty()
             });
             let Some((stage, _)) = next else { break };
@@ -282,10 +284,10 @@ impl Hunt<'_> {
     }
 
     /// The next schedules of a stage that were not played before.
-    fn propose(&mut self, stage: StageArg, most: usize) -> Vec<Planned> {
+    fn propose(&mut self, stage: StageArg, most: u64) -> Vec<Planned> {
         let mut round = Vec::new();
         let mut repeats = 0;
-        while round.len() < most.min(ROUND) && repeats < MOST_REPEATS {
+        while (round.len() as u64) < most && repeats < MOST_REPEATS {
             let next = match stage {
                 StageArg::Single => self.single_fault(),
                 StageArg::Refined => self.refinement(),
