@@ -244,6 +244,16 @@ fn careful_clients_pass_or_skip_every_file_of_their_device() {
     }
 }
 
+#[test]
+fn a_client_is_judged_by_what_it_causes_and_not_by_how_another_would_do_it() {
+    let Some(python) = python() else { return };
+    let files = ["front-sensors-deaf", "ghost-echo", "main-link-cut"]
+        .map(|name| format!("scenarios/mecanum/{name}.toml"));
+    let names: Vec<&str> = files.iter().map(String::as_str).collect();
+    let client = root().join("tests/clients/goes_around.py");
+    all_pass(&verdicts(python, &names, client.to_str().unwrap()), 3);
+}
+
 /// The scenario files in a folder.
 fn files(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
