@@ -44,7 +44,7 @@ pub(crate) struct RunArgs {
     #[arg(required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// The client to test, with its arguments. Its environment has the path of each port, in
-    /// SIM_R150_PORT for the device `r150`, the seed in SIM_SEED, and in SIM_PUBLISH the path of a file
+    /// SIM_R150_PORT or SIM_MECANUM_PORT, the seed in SIM_SEED, and in SIM_PUBLISH the path of a file
     /// that takes what it believes.
     #[arg(last = true, value_name = "CLIENT")]
     pub(crate) client: Vec<OsString>,
